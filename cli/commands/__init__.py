@@ -1,0 +1,1 @@
+"""One module a command, of the name of the command."""

@@ -1,0 +1,69 @@
+"""Files appear whole or not at all: written beside their place, then renamed."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from texbake.errors import FileError
+
+PathLike = str | os.PathLike[str]
+
+
+@contextmanager
+def replacing(path: PathLike) -> Iterator[Path]:
+    """Yield a path beside `path` to write to; move it into place if the block ends well.
+
+    If the block raises, or is interrupted, what it wrote is removed and a file that already stood
+    at `path` is left as it was. The path yielded has the suffix of `path`, because many writers
+    choose the format by it. Through a symbolic link the file it points to is replaced.
+
+    Raises
+    ------
+    FileError
+        The folder is missing or cannot be written, the disk is full, or `path` is a folder.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise FileError(f"{path}: it is a folder; give the name of a file in it")
+    if not target.parent.is_dir():
+        raise FileError(f"{path}: there is no folder {target.parent}; make it first")
+    temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}{target.suffix}")
+    try:
+        # Made here, so that an unwritable folder is found before the work and not after it.
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))
+        yield temporary
+        temporary.replace(target)
+    except OSError as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(
+            f"{path}: cannot be written: {error.strerror or error}; nothing was changed"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _mode_for(target: Path) -> int:
+    """Permissions for a new file: those of the file it replaces, else what the umask leaves."""
+    try:
+        return target.stat().st_mode & 0o777
+    except OSError:
+        return 0o666
+
+
+def check_writable(path: PathLike) -> None:
+    """Raise `FileError` now if a file at `path` could not be written later.
+
+    Long work calls this first, so that an hour is not spent on a result that has no place to go.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise FileError(f"{path}: it is a folder; give the name of a file in it")
+    if not target.parent.is_dir():
+        raise FileError(f"{path}: there is no folder {target.parent}; make it first")
+    if not os.access(target.parent, os.W_OK):
+        raise FileError(f"{path}: the folder {target.parent} cannot be written to")

@@ -1,0 +1,1 @@
+"""A mesh to the same mesh with texture coordinates."""

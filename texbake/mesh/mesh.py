@@ -1,0 +1,215 @@
+"""The mesh: triangles as arrays, in the indexed form of OBJ, never changed in place.
+
+Positions, texture coordinates and normals are separate lists, each with its own corner indices, so
+that giving a mesh texture coordinates adds two arrays and touches nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import MeshError, UvError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles in space, with whatever a file says of their texture coordinates and normals.
+
+    Arrays are converted to the types below and made read-only; a float64 or int32 array that is
+    already contiguous is shared, not copied.
+
+    Attributes
+    ----------
+    positions : (V, 3) float64
+        Points in model units.
+    faces : (F, 3) int32
+        Indices into `positions`, counter-clockwise seen from outside.
+    uvs : (T, 2) float64, optional
+        Texture coordinates, v up, (0, 0) at the lower left.
+    uv_faces : (F, 3) int32, optional
+        Indices into `uvs`, given if and only if `uvs` is.
+    normals : (N, 3) float64, optional
+        Shading normals, normalized on the way in; a zero vector stays zero.
+    normal_faces : (F, 3) int32, optional
+        Indices into `normals`, given if and only if `normals` is.
+    tangents : (F, 3, 4) float32, optional
+        Corner tangents that came with the file; w is the bitangent sign.
+    colors : (V, 3) or (V, 4) float32, optional
+        Vertex colors in [0, 1], as the file has them.
+    face_groups : (F,) int32, optional
+        Index into `group_names` of each face.
+    group_names : tuple of str
+        Names of the groups (OBJ groups and objects, glTF primitives).
+    name : str
+        What messages call the mesh: the name of its file.
+
+    Raises
+    ------
+    MeshError
+        A coordinate is not finite, an index is out of range, shapes do not fit together, or there
+        is no face.
+    """
+
+    positions: FloatArray
+    faces: IntArray
+    uvs: FloatArray | None = None
+    uv_faces: IntArray | None = None
+    normals: FloatArray | None = None
+    normal_faces: IntArray | None = None
+    tangents: npt.NDArray[np.float32] | None = None
+    colors: npt.NDArray[np.float32] | None = None
+    face_groups: IntArray | None = None
+    group_names: tuple[str, ...] = ()
+    name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        positions = self._adopt("positions", np.float64, (None, 3))
+        faces = self._adopt("faces", np.int32, (None, 3))
+        if positions is None or faces is None or len(faces) == 0:
+            raise MeshError(f"{self.name}: it has no faces; a mesh needs at least one triangle")
+        self._check_finite("positions", "a position")
+        self._check_indices("faces", len(positions), "position")
+        for values, corners, width, noun in (
+            ("uvs", "uv_faces", 2, "texture coordinate"),
+            ("normals", "normal_faces", 3, "normal"),
+        ):
+            self._check_pair(values, corners, width, noun)
+        if self.normals is not None:
+            object.__setattr__(self, "normals", _frozen(_normalized(self.normals)))
+        self._adopt("tangents", np.float32, (len(faces), 3, 4))
+        self._check_finite("tangents", "a tangent")
+        self._adopt("colors", np.float32, (len(positions), None))
+        self._adopt("face_groups", np.int32, (len(faces),))
+        self._check_indices("face_groups", len(self.group_names), "group")
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of positions."""
+        return len(self.positions)
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) float64: least and greatest coordinates of the positions that faces use."""
+        used = self.positions[self._used_vertices()]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the diagonal of the bounding box, in model units."""
+        low, high = self.bounds
+        return float(np.linalg.norm(high - low))
+
+    def corner_uvs(self) -> FloatArray:
+        """(F, 3, 2) float64: the texture coordinates of each face's corners.
+
+        Raises `UvError` where the mesh has none.
+        """
+        if self.uvs is None or self.uv_faces is None:
+            raise UvError(
+                f"{self.name}: it has no texture coordinates; "
+                f"make some with: texbake unwrap {self.name} -o OUT"
+            )
+        return self.uvs[self.uv_faces]
+
+    def replace(self, **changes: Any) -> Mesh:
+        """Return a mesh with some fields changed and the others shared."""
+        return replace(self, **changes)
+
+    def _used_vertices(self) -> npt.NDArray[np.bool_]:
+        used = np.zeros(len(self.positions), dtype=bool)
+        used[self.faces.ravel()] = True
+        return used
+
+    def _adopt(self, field: str, dtype: type, shape: tuple[int | None, ...]) -> Any:
+        """Convert a field to a read-only array of the given type and shape (None: any length)."""
+        value = getattr(self, field)
+        if value is None:
+            return None
+        try:
+            array = np.asarray(value)
+            if np.issubdtype(dtype, np.integer) and array.size and array.dtype.kind not in "iu":
+                raise MeshError(f"{self.name}: {field} must be integers, not {array.dtype}")
+            if np.issubdtype(dtype, np.integer) and array.dtype.itemsize >= 4 and array.size:
+                limits = np.iinfo(dtype)
+                if array.max() > limits.max or array.min() < limits.min:
+                    raise MeshError(f"{self.name}: {field} has an index out of range")
+            array = np.ascontiguousarray(array, dtype=dtype)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, MeshError):
+                raise
+            raise MeshError(f"{self.name}: {field} is not an array of numbers") from error
+        if array.ndim != len(shape) or any(
+            want is not None and want != have for want, have in zip(shape, array.shape, strict=True)
+        ):
+            wanted = tuple("n" if want is None else want for want in shape)
+            raise MeshError(
+                f"{self.name}: {field} has the shape {array.shape}, not {wanted}".replace("'", "")
+            )
+        object.__setattr__(self, field, _frozen(array))
+        return array
+
+    def _check_pair(self, values: str, corners: str, width: int, noun: str) -> None:
+        if (getattr(self, values) is None) != (getattr(self, corners) is None):
+            raise MeshError(f"{self.name}: {values} and {corners} belong together; one is missing")
+        if getattr(self, values) is None:
+            return
+        n_values = len(self._adopt(values, np.float64, (None, width)))
+        self._adopt(corners, np.int32, (len(self.faces), 3))
+        self._check_finite(values, f"a {noun}")
+        self._check_indices(corners, n_values, noun)
+
+    def _check_finite(self, field: str, noun: str) -> None:
+        array = getattr(self, field)
+        if array is None:
+            return
+        with np.errstate(over="ignore", invalid="ignore"):
+            if np.isfinite(array.sum()):  # a finite sum has only finite terms
+                return
+        bad = ~np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        if bad.any():
+            raise MeshError(
+                f"{self.name}: {noun} is not finite "
+                f"({int(bad.sum())} of {len(array)}, the first at index {int(bad.argmax())})"
+            )
+
+    def _check_indices(self, field: str, n_values: int, noun: str) -> None:
+        indices = getattr(self, field)
+        if indices is None or len(indices) == 0:
+            return
+        if indices.min() < 0 or indices.max() >= n_values:
+            bad = ((indices < 0) | (indices >= n_values)).reshape(len(indices), -1).any(axis=1)
+            raise MeshError(
+                f"{self.name}: a {noun} index is out of range "
+                f"(face {int(bad.argmax())}; there are {n_values})"
+            )
+
+
+def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _normalized(vectors: FloatArray) -> FloatArray:
+    """Unit vectors, left bit-equal where they are unit already to float32 precision."""
+    squares = np.einsum("ij,ij->i", vectors, vectors)
+    # 1e-6 relative: what float32 files leave of a unit vector.
+    off = (np.abs(squares - 1.0) > 1e-6) & (squares > 0.0)
+    if not off.any():
+        return vectors
+    unit = vectors.copy()
+    scaled = vectors[off] / np.abs(vectors[off]).max(axis=1, keepdims=True)
+    unit[off] = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    return unit

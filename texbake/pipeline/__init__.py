@@ -1,0 +1,1 @@
+"""The whole job: simplify, unwrap, bake, export, preview, compare."""

@@ -1,0 +1,1 @@
+"""Values over texture coordinates: images, their coding and their lookup."""
