@@ -1,0 +1,17 @@
+"""What tests of every room share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Folder of the real meshes; the test is skipped where it is absent."""
+    folder = Path(
+        os.environ.get("TEXBAKE_DATA", Path(__file__).parents[2] / "shared" / "data")
+    ).resolve()
+    if not (folder / "INDEX.md").is_file():
+        pytest.skip(f"the real meshes are not here ({folder}); name their folder in TEXBAKE_DATA")
+    return folder
