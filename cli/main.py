@@ -1,1 +1,53 @@
 """The `texbake` command."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+import texbake as package
+
+from .failures import end_cleanly_on_signals
+from .lazy import LazyGroup
+
+
+@click.group(
+    cls=LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="""
+    \b
+    Example:
+      texbake run scan.ply -o asset --faces 500
+    """,
+)
+@click.version_option(package.__version__, prog_name="texbake")
+@click.pass_context
+def texbake(ctx: click.Context) -> None:
+    """Carry the detail of a dense mesh over to a light one.
+
+    Makes a mesh lighter, gives it texture coordinates, bakes normal and displacement maps onto it
+    and shows the result, without a GPU or a display.
+    """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+        ctx.exit(2)
+
+
+def main() -> None:
+    """Run the command line and end the process with its exit code."""
+    end_cleanly_on_signals()
+    try:
+        texbake(prog_name="texbake")
+    finally:
+        _close_stdout()
+
+
+def _close_stdout() -> None:
+    """Flush what is left; say nothing where the reader of a pipe has gone (`texbake ... | head`)."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

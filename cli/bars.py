@@ -1,0 +1,96 @@
+"""Progress bars on a terminal: one for each stage that runs, one line for each that has run."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+
+class Bars:
+    """A `ProgressSink` that draws.
+
+    A stage that has ended leaves one line with what it took, so that the bars drawn at one time are
+    only those of stages that run, and fit on any terminal.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._progress = Progress(
+            SpinnerColumn("line"),
+            TextColumn("{task.description:<24}", markup=False),
+            BarColumn(bar_width=28),
+            RateColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console or Console(stderr=True, highlight=False),
+            transient=True,
+        )
+        self._tasks: dict[str, TaskID] = {}
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def started(self, stage: str, total: int | None, unit: str) -> None:
+        """Draw a bar, or one that only moves where the amount of work is unknown."""
+        self._tasks[stage] = self._progress.add_task(stage, total=total, unit=unit)
+
+    def advanced(self, stage: str, done: int) -> None:
+        """Move a bar."""
+        self._progress.update(self._tasks[stage], completed=done)
+
+    def finished(self, stage: str, seconds: float) -> None:
+        """Put a line in the bar's place."""
+        task_id = self._tasks.pop(stage)
+        task = next(task for task in self._progress.tasks if task.id == task_id)
+        self._progress.remove_task(task_id)
+        line = f"  {stage:<24} {seconds:7.2f} s"
+        if task.completed and seconds > 0:
+            line += f"   {rate_text(task.completed / seconds, task.fields['unit'])}"
+        self._progress.console.print(line, style="dim", markup=False, soft_wrap=True)
+
+
+class RateColumn(ProgressColumn):
+    """Units a second, such as `4.1 M rays/s`."""
+
+    def render(self, task: Task) -> Text:
+        """Return the rate since the stage began, or nothing where nothing is counted yet."""
+        if not task.completed or not task.elapsed:
+            return Text("")
+        return Text(rate_text(task.completed / task.elapsed, task.fields["unit"]))
+
+
+def rate_text(rate: float, unit: str) -> str:
+    """Write units a second with three digits at most.
+
+    >>> rate_text(4_130_000.0, "rays")
+    '4.1 M rays/s'
+    """
+    prefix = ""
+    for prefix in "", "k", "M", "G":
+        if rate < 999.5 or prefix == "G":
+            break
+        rate /= 1000
+    number = f"{rate:.1f}" if rate < 9.95 else f"{rate:.0f}"
+    return f"{number} {prefix}{' ' if prefix and unit else ''}{unit}/s"

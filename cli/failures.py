@@ -1,0 +1,86 @@
+"""How a command ends that does not end well: one line on stderr and an exit code.
+
+======================================  ====
+a file, a mesh, a disk: a user's error     1
+wrong usage                                2
+Ctrl-C                                   130
+another signal                   128 + its number
+======================================  ====
+
+Anything else is a bug and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import IO, Any, NoReturn
+
+import click
+
+from texbake.errors import OptionError, TexbakeError
+
+
+class Failure(click.ClickException):
+    """The end of a command, told in one line."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(" ".join(line.strip() for line in message.splitlines()))
+        self.exit_code = exit_code
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        """Print the line on stderr."""
+        click.echo(self.message, file=file, err=file is None)
+
+
+class Terminated(KeyboardInterrupt):
+    """A signal asks the process to end; what cleans up after Ctrl-C cleans up after it as well."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__()
+        self.signal_number = signal_number
+
+
+def end_cleanly_on_signals() -> None:
+    """Let SIGTERM, and a terminal that goes away, end the work as Ctrl-C does."""
+    for name in "SIGTERM", "SIGHUP":
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        # Whoever started the process with `nohup` wants the signal ignored.
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _terminate)
+
+
+def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
+    signal.signal(signal_number, signal.SIG_IGN)  # a second one must not disturb the cleaning up
+    raise Terminated(signal_number)
+
+
+@contextmanager
+def told_in_one_line(ctx: click.Context | None = None) -> Iterator[None]:
+    """Turn what a user can run into into a `Failure`."""
+    try:
+        yield
+    except click.UsageError as error:
+        raise _wrong_usage(error.format_message(), error.ctx or ctx) from error
+    except OptionError as error:
+        raise _wrong_usage(str(error), ctx) from error
+    except TexbakeError as error:
+        raise Failure(f"texbake: {error}", 1) from error
+    except MemoryError as error:
+        raise Failure(
+            "texbake: out of memory; try a smaller --size, fewer --samples or fewer --threads", 1
+        ) from error
+    except Terminated as error:
+        raise Failure("texbake: terminated", 128 + error.signal_number) from error
+    except KeyboardInterrupt as error:
+        raise Failure("texbake: interrupted", 130) from error
+
+
+def _wrong_usage(message: str, ctx: click.Context | None) -> Failure:
+    path = ctx.command_path if ctx is not None else "texbake"
+    if ctx is not None and ctx.invoked_subcommand is not None:
+        path = f"{path} {ctx.invoked_subcommand}"
+    message = message.strip().rstrip(".")
+    return Failure(f"{path}: {message[:1].lower()}{message[1:]} (see: {path} --help)", 2)

@@ -1,0 +1,201 @@
+"""Options that several commands share; every default is read from the API's options."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from texbake.bake.options import CONVENTIONS, FILLS, RAYS, SHADINGS, SPACES, BakeOptions
+
+from .types import FileOf, Size
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+Decorator = Callable[[Command], Command]
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
+IMAGE_SUFFIXES = (".bmp", ".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
+
+
+def mesh_argument(name: str) -> Decorator[Any]:
+    """Add an argument that names a mesh file to read."""
+    return click.argument(name, type=FileOf(MESH_SUFFIXES))
+
+
+def mesh_option(flag: str, text: str) -> Decorator[Any]:
+    """Add an option that names a mesh file to read."""
+    return click.option(flag, type=FileOf(MESH_SUFFIXES), metavar="MESH", help=text)
+
+
+def image_option(flag: str, text: str) -> Decorator[Any]:
+    """Add an option that names an image file to read."""
+    return click.option(flag, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE", help=text)
+
+
+def output_file(text: str, suffixes: Sequence[str]) -> Decorator[Any]:
+    """Add `-o FILE`, which must be given."""
+    return click.option(
+        "-o", "--output", type=FileOf(suffixes), required=True, metavar="FILE", help=text
+    )
+
+
+def output_folder(text: str, **extra: Any) -> Decorator[Any]:
+    """Add `-o DIR`."""
+    folder = click.Path(path_type=Path, file_okay=False)
+    return click.option("-o", "--output", type=folder, metavar="DIR", help=text, **extra)
+
+
+def picture_option(flag: str, text: str) -> Decorator[Any]:
+    """Add an option that names a picture to write as well."""
+    return click.option(flag, type=FileOf((".png",)), metavar="FILE.png", help=text)
+
+
+report_option = click.option(
+    "--report",
+    type=FileOf((".json",)),
+    metavar="FILE.json",
+    help="Also write what was done, with every setting and figure, as JSON.",
+)
+
+threads_option = click.option(
+    "--threads", type=int, metavar="N", help="Threads to work with.  [default: every processor]"
+)
+
+
+def size_option(default: Any, text: str) -> Decorator[Any]:
+    """Add `--size PX|WxH`."""
+    return click.option("--size", type=Size(), default=default, show_default=True, help=text)
+
+
+def choice_option(
+    flag: str, choices: Sequence[str], default: str | None, text: str
+) -> Decorator[Any]:
+    """Add an option that takes one word of a few."""
+    return click.option(
+        flag, type=click.Choice(choices), default=default, show_default=True, help=text
+    )
+
+
+def number_option(flag: str, kind: type, default: Any, metavar: str, text: str) -> Decorator[Any]:
+    """Add an option that takes a number; its range is the options' own to check."""
+    return click.option(
+        flag, type=kind, default=default, show_default=True, metavar=metavar, help=text
+    )
+
+
+_MEASURED = "[default: measured from the meshes]"
+
+_BAKE_OPTIONS = (
+    size_option(BakeOptions.size, "Texels of the maps."),
+    number_option(
+        "--samples",
+        int,
+        BakeOptions.samples,
+        "1|4|16|64",
+        "Rays a texel, averaged as directions and not as colors.",
+    ),
+    choice_option("--space", SPACES, BakeOptions.space, "Space of the normals."),
+    choice_option(
+        "--convention",
+        CONVENTIONS,
+        BakeOptions.convention,
+        "Green channel: opengl is +Y up, directx +Y down.",
+    ),
+    number_option(
+        "--bits",
+        int,
+        BakeOptions.bits,
+        "8|16|32",
+        "Bits a channel; 32 is float.  [default: 16 where the format has them, float in EXR]",
+    ),
+    number_option(
+        "--front",
+        float,
+        BakeOptions.front,
+        "D",
+        f"How far outside the light mesh rays start, in model units.  {_MEASURED}",
+    ),
+    number_option(
+        "--back",
+        float,
+        BakeOptions.back,
+        "D",
+        f"How far inside the light mesh rays end, in model units.  {_MEASURED}",
+    ),
+    mesh_option(
+        "--cage", "Start rays on this mesh, which has the light mesh's faces moved outwards."
+    ),
+    choice_option(
+        "--rays",
+        RAYS,
+        BakeOptions.rays,
+        "Direction of rays: smooth normals without gaps, the light mesh's own at its vertices, "
+        "or each face's.",
+    ),
+    choice_option(
+        "--high-shading",
+        SHADINGS,
+        BakeOptions.high_shading,
+        "Normals of the dense mesh: its own or averaged, or one a face.",
+    ),
+    click.option(
+        "--cull-back-faces/--hit-back-faces",
+        default=BakeOptions.cull_back_faces,
+        show_default=True,
+        help="Let rays pass through surfaces seen from behind, or not.",
+    ),
+    number_option(
+        "--padding",
+        int,
+        BakeOptions.padding,
+        "PX",
+        "Texels around each chart that repeat its edge.",
+    ),
+    choice_option("--fill", FILLS, BakeOptions.fill, "What fills the rest of a map."),
+    number_option(
+        "--fail-on-miss",
+        float,
+        BakeOptions.fail_on_miss,
+        "PERCENT",
+        "Write nothing and fail if more of the texels missed the dense mesh.",
+    ),
+    picture_option("--miss-map", "Also draw where rays missed."),
+    report_option,
+    threads_option,
+)
+
+_HEIGHT_OPTIONS = (
+    number_option(
+        "--mid",
+        float,
+        BakeOptions.mid,
+        "M",
+        "Value of height 0 in an integer file, in [0, 1].  [default: 0.5]",
+    ),
+    number_option(
+        "--scale",
+        float,
+        BakeOptions.scale,
+        "S",
+        "Height that a change of 1 in an integer file stands for, in model units.  "
+        "[default: the least that holds every height]",
+    ),
+)
+
+
+def bake_options(command: Command) -> Command:
+    """Add what every bake takes."""
+    return _all_of(_BAKE_OPTIONS, command)
+
+
+def height_options(command: Command) -> Command:
+    """Add how heights are coded."""
+    return _all_of(_HEIGHT_OPTIONS, command)
+
+
+def _all_of(options: Sequence[Decorator[Any]], command: Command) -> Command:
+    for option in reversed(options):
+        command = option(command)
+    return command

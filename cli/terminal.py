@@ -1,0 +1,145 @@
+"""What a command says: progress on stderr, results on stdout."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from texbake.progress import ProgressSink
+
+PROGRESS = ("auto", "json", "none")
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """Where a command's words go.
+
+    Attributes
+    ----------
+    kind : str
+        `auto` (bars if stderr is a terminal), `json` (one object a line on stderr) or `none`.
+    quiet : bool
+        Leave out progress and summaries; warnings and errors are still told.
+    """
+
+    kind: str = "auto"
+    quiet: bool = False
+
+    @contextmanager
+    def progress(self) -> Iterator[ProgressSink | None]:
+        """Show the progress of the work within the block; yields None where nobody listens."""
+        if self.quiet or self.kind == "none":
+            yield None
+        elif self.kind == "json":
+            yield JsonLines(sys.stderr)
+        elif sys.stderr.isatty():
+            from .bars import Bars
+
+            with Bars() as bars:
+                yield bars
+        else:
+            yield None
+
+    def summary(self, rows: Sequence[tuple[str, str]]) -> None:
+        """Print a table that `--quiet` leaves out."""
+        if not self.quiet:
+            table(rows)
+
+    def wrote(self, paths: Iterable[Path]) -> None:
+        """Tell which files there are now."""
+        if not self.quiet:
+            for path in paths:
+                click.echo(f"wrote {path}")
+
+    def warn(self, text: str) -> None:
+        """Print a warning on stderr."""
+        click.echo(f"texbake: warning: {text}", err=True)
+
+
+def table(rows: Sequence[tuple[str, str]]) -> None:
+    """Print labels and values on stdout, the values aligned; a row without value is a heading."""
+    width = max((len(label) for label, value in rows if value), default=0)
+    for label, value in rows:
+        if value:
+            click.echo(f"{label:<{width}}  {value}")
+        else:
+            click.echo(click.style(label, bold=True))
+
+
+def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command `--quiet` and `--progress`; it receives both as `terminal`."""
+
+    @click.option("-q", "--quiet", is_flag=True, help="Show no progress and no summary.")
+    @click.option(
+        "--progress",
+        "kind",
+        type=click.Choice(PROGRESS),
+        default="auto",
+        show_default=True,
+        help="auto: bars where stderr is a terminal; json: one object a line on stderr.",
+    )
+    @functools.wraps(command)
+    def with_terminal(*args: Any, kind: str, quiet: bool, **options: Any) -> None:
+        command(*args, terminal=Terminal(kind, quiet), **options)
+
+    return with_terminal
+
+
+class JsonLines:
+    """Progress as JSON, one object a line, for a program that watches.
+
+    Every object has `event` (`started`, `advanced` or `finished`), `stage`, `done`, `total` (null
+    where the amount of work is unknown), `unit` and `seconds` since the stage began. `advanced`
+    comes at most ten times a second; `finished` carries the last count.
+    """
+
+    INTERVAL = 0.1  # seconds
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream = stream
+        self._stages: dict[str, tuple[int | None, str, float]] = {}
+        self._done: dict[str, int] = {}
+        self._told = 0.0
+
+    def started(self, stage: str, total: int | None, unit: str) -> None:
+        """Tell that a stage has begun."""
+        self._stages[stage] = total, unit, time.perf_counter()
+        self._done[stage] = 0
+        self._tell("started", stage, 0.0)
+
+    def advanced(self, stage: str, done: int) -> None:
+        """Tell how far a stage is, unless that was told just before."""
+        self._done[stage] = done
+        now = time.perf_counter()
+        if now - self._told >= self.INTERVAL:
+            self._told = now
+            self._tell("advanced", stage, now - self._stages[stage][2])
+
+    def finished(self, stage: str, seconds: float) -> None:
+        """Tell that a stage has ended."""
+        self._tell("finished", stage, seconds)
+        del self._stages[stage], self._done[stage]
+
+    def _tell(self, event: str, stage: str, seconds: float) -> None:
+        total, unit, _ = self._stages[stage]
+        line = {
+            "event": event,
+            "stage": stage,
+            "done": self._done[stage],
+            "total": total,
+            "unit": unit,
+            "seconds": round(seconds, 3),
+        }
+        self._stream.write(json.dumps(line) + "\n")
+        self._stream.flush()

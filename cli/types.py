@@ -1,0 +1,131 @@
+"""What values of options look like on the command line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+
+class Size(click.ParamType):
+    """`1024` or `1024x512`, in pixels; an int or (width, height)."""
+
+    name = "size"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Show both forms."""
+        return "PX|WxH"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | tuple[int, int]:
+        """Parse; the range is the options' own to check."""
+        if not isinstance(value, str):
+            return value  # type: ignore[no-any-return]  # a default
+        try:
+            sides = [int(side) for side in value.lower().split("x")]
+        except ValueError:
+            sides = []
+        if len(sides) == 1:
+            return sides[0]
+        if len(sides) == 2:
+            return sides[0], sides[1]
+        self.fail(f"{value!r} is not a size such as 1024 or 1024x512", param, ctx)
+
+
+class View(click.ParamType):
+    """`az,el` or `az,el,dist`: degrees, and the distance in model units."""
+
+    name = "view"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Show the form."""
+        return "AZ,EL[,DIST]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Parse into two or three numbers."""
+        if not isinstance(value, str):
+            return value  # type: ignore[no-any-return]  # a default
+        try:
+            numbers = tuple(float(number) for number in value.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in (2, 3):
+            self.fail(f"{value!r} is not a view such as 30,20 or 30,20,2.5", param, ctx)
+        return numbers
+
+
+class Names(click.ParamType):
+    """Names with commas between them, out of a list of known ones."""
+
+    name = "names"
+
+    def __init__(self, known: Sequence[str]) -> None:
+        self.known = tuple(known)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Show the form."""
+        return "NAME,..."
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """Split, and check each name."""
+        if not isinstance(value, str):
+            return tuple(value)
+        names = tuple(dict.fromkeys(name.strip() for name in value.split(",") if name.strip()))
+        unknown = [name for name in names if name not in self.known]
+        if unknown or not names:
+            wrong = ", ".join(unknown) or "nothing"
+            self.fail(f"{wrong} is not among {', '.join(self.known)}", param, ctx)
+        return names
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the name after the last comma."""
+        before, comma, start = incomplete.rpartition(",")
+        taken = before.split(",")
+        return [
+            CompletionItem(f"{before}{comma}{name}")
+            for name in self.known
+            if name.startswith(start) and name not in taken
+        ]
+
+
+class FileOf(click.Path):
+    """A file whose name ends as one of some suffixes.
+
+    Whether it is there is for the reader to say, in the same words as the Python API.
+    """
+
+    def __init__(self, suffixes: Sequence[str]) -> None:
+        super().__init__(path_type=Path)
+        self.suffixes = tuple(suffixes)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Offer files of these suffixes, and folders on the way to them."""
+        folder, start = os.path.split(incomplete)
+        try:
+            with os.scandir(Path(folder or ".").expanduser()) as entries:
+                found = [entry for entry in entries if entry.name.startswith(start)]
+        except OSError:
+            return []
+        files = [entry.name for entry in found if entry.name.lower().endswith(self.suffixes)]
+        if not files:
+            return [CompletionItem(incomplete, type="file")]  # the shell knows its way to folders
+        folders = [entry.name + os.sep for entry in found if entry.is_dir()]
+        hidden = () if start.startswith(".") else (".",)
+        return [
+            CompletionItem(str(Path(folder) / name) + name[len(name.rstrip(os.sep)) :])
+            for name in sorted(files + folders)
+            if not name.startswith(tuple(hidden))
+        ]

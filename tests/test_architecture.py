@@ -1,0 +1,200 @@
+"""The walls between the rooms, held up by reading the imports, also those inside functions."""
+
+import ast
+import sys
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# A room imports from itself and from those before it.
+ROOMS = ("", "mesh", "mapping", "texture", "bake", "render", "pipeline")
+# ... and these know nothing of each other.
+STRANGERS = {("bake", "render"), ("render", "bake")}
+# What stands in texbake/ itself, besides __init__.py, which points into every room.
+FOUNDATION = {"texbake", "texbake.errors", "texbake.files", "texbake.parallel", "texbake.progress"}
+
+MAX_MODULE_LINES = 400
+MAX_BODY_LINES = 60
+
+
+def name_of(path: Path) -> str:
+    """Name of a module as an import statement has it."""
+    parts = list(path.relative_to(ROOT).with_suffix("").parts)
+    if parts[0] == "cli":
+        parts[0] = "texbake_cli"
+    if parts[-1] == "__init__":
+        parts.pop()
+    return ".".join(parts)
+
+
+@cache
+def modules() -> dict[str, Path]:
+    paths = [*ROOT.glob("texbake/**/*.py"), *ROOT.glob("cli/**/*.py")]
+    return {name_of(path): path for path in sorted(paths)}
+
+
+@cache
+def tree_of(module: str) -> ast.Module:
+    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+
+
+def for_type_checkers(tree: ast.Module) -> set[ast.AST]:
+    """Every node below an `if TYPE_CHECKING:`."""
+    return {
+        below
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for statement in node.body
+        for below in ast.walk(statement)
+    }
+
+
+def imports_of(module: str, *, when_run: bool = False) -> Iterator[str]:
+    """Full names of what a module imports; `when_run` leaves out what only type checkers see."""
+    tree = tree_of(module)
+    skipped = for_type_checkers(tree) if when_run else set()
+    is_package = modules()[module].name == "__init__.py"
+    for node in ast.walk(tree):
+        if node in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parts = module.split(".")
+                kept = parts[: len(parts) - node.level + is_package]
+                base = ".".join([*kept, base]) if base else ".".join(kept)
+            for alias in node.names:
+                # `from package import module` and `from module import name` look alike.
+                full = f"{base}.{alias.name}"
+                yield full if full in modules() else base
+
+
+def room_of(module: str) -> str:
+    if module in FOUNDATION:
+        return ""
+    return module.split(".")[1]
+
+
+def in_texbake(module: str) -> bool:
+    return module.split(".")[0] == "texbake"
+
+
+def test_the_reader_of_imports_sees_them_all() -> None:
+    # What the other tests stand on: an import at the top, in a function, and a relative one.
+    assert "texbake.errors" in imports_of("texbake.files")
+    assert "resource" in imports_of("texbake.progress")
+    assert "texbake_cli.failures" in imports_of("texbake_cli.lazy")
+    assert "texbake.mesh.mesh" in imports_of("texbake")
+    assert "texbake.mesh.mesh" not in set(imports_of("texbake", when_run=True))
+
+
+def test_every_module_stands_in_a_known_room() -> None:
+    assert {room_of(module) for module in modules() if in_texbake(module)} <= set(ROOMS)
+
+
+def test_a_room_imports_only_from_rooms_above_it() -> None:
+    wrong = []
+    for module in filter(in_texbake, modules()):
+        if module == "texbake":
+            continue
+        here = room_of(module)
+        for imported in filter(in_texbake, imports_of(module)):
+            there = room_of(imported)
+            below = ROOMS.index(there) > ROOMS.index(here)
+            if below or (here, there) in STRANGERS:
+                wrong.append(f"{module} imports {imported}")
+    assert not wrong
+
+
+def test_texbake_does_not_know_the_command_line() -> None:
+    wrong = [
+        f"{module} imports {imported}"
+        for module in filter(in_texbake, modules())
+        for imported in imports_of(module)
+        if imported.split(".")[0] in {"texbake_cli", "click", "rich"}
+    ]
+    assert not wrong
+
+
+def test_the_command_line_imports_only_texbake() -> None:
+    allowed = {"texbake", "texbake_cli", "click", "rich"} | sys.stdlib_module_names
+    wrong = [
+        f"{module} imports {imported}"
+        for module in modules()
+        if not in_texbake(module)
+        for imported in imports_of(module)
+        if imported.split(".")[0] not in allowed
+    ]
+    assert not wrong
+
+
+def test_no_module_imports_itself_by_a_detour() -> None:
+    graph = {
+        module: {name for name in imports_of(module, when_run=True) if name in modules()} - {module}
+        for module in modules()
+    }
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_every_module_reads_in_one_sitting() -> None:
+    lengths = {
+        module: len(path.read_text(encoding="utf-8").splitlines())
+        for module, path in modules().items()
+    }
+    assert {m: n for m, n in lengths.items() if n > MAX_MODULE_LINES} == {}
+
+
+def functions_of(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node
+
+
+def test_every_function_fits_on_one_screen() -> None:
+    too_long = []
+    for module in modules():
+        for function in functions_of(tree_of(module)):
+            body = function.body[1:] if ast.get_docstring(function) else function.body
+            lines = (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+            if lines > MAX_BODY_LINES:
+                too_long.append(f"{module}.{function.name}: {lines} lines")
+    assert not too_long
+
+
+def public_definitions(module: str) -> Iterator[tuple[str, ast.AST]]:
+    """Public functions and classes of a module, and the public methods of those classes."""
+    for node in tree_of(module).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name, node
+            for member in node.body if isinstance(node, ast.ClassDef) else ():
+                if isinstance(member, ast.FunctionDef) and not member.name.startswith("_"):
+                    yield f"{node.name}.{member.name}", member
+
+
+def test_everything_public_has_a_docstring() -> None:
+    silent = [module for module in modules() if not ast.get_docstring(tree_of(module))]
+    for module in modules():
+        for name, node in public_definitions(module):
+            assert isinstance(node, ast.FunctionDef | ast.ClassDef)
+            if not ast.get_docstring(node):
+                silent.append(f"{module}.{name}")
+    assert not silent
+
+
+def test_every_package_is_installed() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    packages = {module for module, path in modules().items() if path.name == "__init__.py"}
+    assert set(project["tool"]["setuptools"]["packages"]) == packages
+    # A folder of modules without an __init__.py would be left out of the wheel.
+    assert {module.rpartition(".")[0] for module in modules()} - {""} <= packages

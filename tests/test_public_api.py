@@ -1,0 +1,90 @@
+"""What a script imports, and what importing it costs."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import texbake
+
+# Each takes 0.1 s or more to import; none may be paid for before it is used.
+HEAVY = {
+    "embreex",
+    "meshoptimizer",
+    "numba",
+    "numpy",
+    "OpenImageIO",
+    "pymeshlab",
+    "rich",
+    "scipy",
+    "skimage",
+    "trimesh",
+    "xatlas",
+}
+
+
+def modules_after(statement: str) -> set[str]:
+    """Top-level names of the modules that a fresh process has loaded after a statement."""
+    code = f"{statement}\nimport sys\nprint(*sorted({{name.split('.')[0] for name in sys.modules}}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    return set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize("name", texbake.__all__)
+def test_name_resolves(name: str) -> None:
+    assert getattr(texbake, name) is not None
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    tree = ast.parse(Path(texbake.__file__).read_text(encoding="utf-8"))
+    seen = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("texbake")
+        for alias in node.names
+    }
+    assert seen | {"__version__"} == set(texbake.__all__)
+
+
+def test_dir_lists_the_public_names() -> None:
+    assert dir(texbake) == sorted(texbake.__all__)
+
+
+def test_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no_such_name"):
+        texbake.no_such_name  # noqa: B018
+
+
+def test_errors_form_one_tree() -> None:
+    errors = [
+        value
+        for name in texbake.__all__
+        if isinstance(value := getattr(texbake, name), type) and issubclass(value, Exception)
+    ]
+    assert len(errors) > 5
+    assert all(issubclass(error, texbake.TexbakeError) for error in errors)
+
+
+def test_import_loads_nothing_heavy() -> None:
+    assert not modules_after("import texbake") & HEAVY
+
+
+def test_options_load_nothing_heavy() -> None:
+    loaded = modules_after("from texbake import BakeOptions, RenderOptions, RunOptions")
+    assert not loaded & HEAVY
+
+
+def test_every_help_page_loads_nothing_heavy() -> None:
+    statement = (
+        "from click.testing import CliRunner\n"
+        "from texbake_cli.lazy import COMMANDS\n"
+        "from texbake_cli.main import texbake\n"
+        "for words in [], *([name] for name in COMMANDS):\n"
+        "    result = CliRunner().invoke(texbake, [*words, '--help'])\n"
+        "    assert result.exit_code == 0, result.output\n"
+    )
+    assert not modules_after(statement) & HEAVY

@@ -1,0 +1,229 @@
+"""The Embree library that the embreex wheel carries, called straight from compiled kernels.
+
+embreex's own mesh constructor copies the mesh index by index, and its `run` returns arrays for all
+rays at once. Called through ctypes with shared buffers, the same library builds a scene of millions
+of triangles several times faster, and a numba kernel can hand it packets of 16 rays without Python.
+
+Based on: Wald, Woop, Benthin, Johnson, Ernst, "Embree: A Kernel Framework for Efficient CPU Ray
+Tracing", 2014; the Embree 4 API manual for the layout of its structures.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir
+from numba import carray, cfunc, types
+from numba.extending import intrinsic
+
+from texbake.errors import DependencyError
+
+PACKET = 16  # rays a call
+# Places of the fields of RTCRay and RTCHit, in words of 4 bytes; in a packet each is PACKET wide.
+ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, FLAGS = 0, 3, 4, 7, 8, 9, 11
+NORMAL, HIT_U, HIT_V, FACE_ID, GEOMETRY_ID, INSTANCE_ID = 12, 15, 16, 17, 18, 19
+RAY_WORDS = 21
+
+_FLAG_COMPACT, _FLAG_ROBUST = 2, 4
+_QUALITY_MEDIUM = 1
+_GEOMETRY_TRIANGLES = 0
+_BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
+_FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
+_QUERY_COHERENT = 1 << 16
+_QUERY_ARGUMENT_FILTER = 1 << 1
+_ALL_FEATURES = 0xFFFFFFFF
+
+_SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
+    "rtcNewDevice": (ctypes.c_void_p, [ctypes.c_char_p]),
+    "rtcReleaseDevice": (None, [ctypes.c_void_p]),
+    "rtcGetDeviceError": (ctypes.c_int, [ctypes.c_void_p]),
+    "rtcNewScene": (ctypes.c_void_p, [ctypes.c_void_p]),
+    "rtcReleaseScene": (None, [ctypes.c_void_p]),
+    "rtcSetSceneFlags": (None, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcSetSceneBuildQuality": (None, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcNewGeometry": (ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcReleaseGeometry": (None, [ctypes.c_void_p]),
+    "rtcSetSharedGeometryBuffer": (
+        None,
+        [
+            ctypes.c_void_p,
+            ctypes.c_int,
+            ctypes.c_uint,
+            ctypes.c_int,
+            ctypes.c_void_p,
+            ctypes.c_size_t,
+            ctypes.c_size_t,
+            ctypes.c_size_t,
+        ],
+    ),
+    "rtcSetGeometryEnableFilterFunctionFromArguments": (None, [ctypes.c_void_p, ctypes.c_bool]),
+    "rtcCommitGeometry": (None, [ctypes.c_void_p]),
+    "rtcAttachGeometry": (ctypes.c_uint, [ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcCommitScene": (None, [ctypes.c_void_p]),
+    "rtcIntersect1": (None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcIntersect16": (None, [ctypes.c_void_p] * 4),
+}
+
+
+class _IntersectArguments(ctypes.Structure):
+    """RTCIntersectArguments."""
+
+    _fields_ = (
+        ("flags", ctypes.c_uint),
+        ("feature_mask", ctypes.c_uint),
+        ("context", ctypes.c_void_p),
+        ("filter", ctypes.c_void_p),
+        ("intersect", ctypes.c_void_p),
+        ("min_width_distance_factor", ctypes.c_float),
+    )
+
+
+@cache
+def load_library() -> ctypes.CDLL:
+    """Load the Embree library beside the embreex package.
+
+    Raises
+    ------
+    DependencyError
+        It is not where the wheels put it, or lacks a function; cast through embreex then.
+    """
+    import embreex
+    import embreex.rtcore_scene  # loads the libraries that Embree itself needs  # noqa: F401
+
+    folder = Path(embreex.__file__).parent
+    pattern = {"win32": "embree4*.dll", "darwin": "libembree4*.dylib"}.get(
+        sys.platform, "libembree4*.so*"
+    )
+    places = [folder.parent / "embreex.libs", folder, folder / ".dylibs"]
+    found = sorted(path for place in places for path in place.glob(pattern))
+    if not found:
+        raise DependencyError("embreex: no Embree library lies beside the package")
+    try:
+        library = ctypes.CDLL(str(found[0]))
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise DependencyError(f"embreex: its Embree library does not load: {error}") from error
+    return library
+
+
+class EmbreeScene:
+    """A ray tree over triangles, and the addresses that a kernel needs to cast rays at it.
+
+    Parameters
+    ----------
+    positions : (V, 3) float32
+        Local coordinates.
+    faces : (F, 3) int32
+        Shared with the library, not copied.
+    threads : int
+        Threads that build the tree.
+    """
+
+    def __init__(
+        self, positions: npt.NDArray[np.float32], faces: npt.NDArray[np.int32], threads: int
+    ) -> None:
+        self._library = library = load_library()
+        # The library reads 16 bytes at a vertex of 12, so the buffer needs some after its end.
+        self._vertices = np.zeros((len(positions) + 2, 3), dtype=np.float32)
+        self._vertices[: len(positions)] = positions
+        self._faces = faces
+        self._device = library.rtcNewDevice(f"threads={threads}".encode())
+        self._scene = library.rtcNewScene(self._device)
+        library.rtcSetSceneFlags(self._scene, _FLAG_COMPACT | _FLAG_ROBUST)
+        library.rtcSetSceneBuildQuality(self._scene, _QUALITY_MEDIUM)
+        geometry = library.rtcNewGeometry(self._device, _GEOMETRY_TRIANGLES)
+        for slot, layout, array, count in (
+            (_BUFFER_INDEX, _FORMAT_UINT3, faces, len(faces)),
+            (_BUFFER_VERTEX, _FORMAT_FLOAT3, self._vertices, len(positions)),
+        ):
+            library.rtcSetSharedGeometryBuffer(
+                geometry, slot, 0, layout, array.ctypes.data, 0, 12, count
+            )
+        library.rtcSetGeometryEnableFilterFunctionFromArguments(geometry, True)
+        library.rtcCommitGeometry(geometry)
+        library.rtcAttachGeometry(self._scene, geometry)
+        library.rtcReleaseGeometry(geometry)
+        library.rtcCommitScene(self._scene)
+        error = library.rtcGetDeviceError(self._device)
+        if error:
+            self.close()
+            raise DependencyError(f"embreex: Embree could not build its tree (error {error})")
+        self._packet_arguments = _IntersectArguments(_QUERY_COHERENT, _ALL_FEATURES)
+        self._front_arguments = _IntersectArguments(
+            _QUERY_ARGUMENT_FILTER, _ALL_FEATURES, None, _skip_back_faces.address
+        )
+
+    @property
+    def addresses(self) -> tuple[int, int, int, int, int]:
+        """Of the scene, the packet and the single query, and the arguments of the two."""
+        return (
+            self._scene,
+            _address(self._library.rtcIntersect16),
+            _address(self._library.rtcIntersect1),
+            ctypes.addressof(self._packet_arguments),
+            ctypes.addressof(self._front_arguments),
+        )
+
+    def close(self) -> None:
+        """Free the tree. The scene must not be used afterwards."""
+        if self._scene is not None:
+            self._library.rtcReleaseScene(self._scene)
+            self._library.rtcReleaseDevice(self._device)
+            self._scene = self._device = None
+
+
+def _address(function: Any) -> int:
+    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
+
+
+@intrinsic
+def call_native(typing_context, function, first, second, third, fourth):  # type: ignore[no-untyped-def]
+    """Call a C function that takes four pointers and returns nothing, by its address."""
+    del typing_context, function, first, second, third, fourth
+    signature = types.void(*[types.uintp] * 5)
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        del signature
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer] * 4).as_pointer()
+        values = [builder.inttoptr(argument, pointer) for argument in arguments[1:]]
+        builder.call(builder.inttoptr(arguments[0], kind), values)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def _pointer_to(typing_context, address):  # type: ignore[no-untyped-def]
+    """Turn an address into a pointer that `carray` takes."""
+    del typing_context, address
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        del context, signature
+        return builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
+
+    return types.voidptr(types.uintp), generate
+
+
+@cfunc(types.void(types.CPointer(types.uintp)), cache=True)
+def _skip_back_faces(arguments):  # type: ignore[no-untyped-def]
+    """Refuse a hit whose surface does not face the ray's start (RTCFilterFunctionN, one ray)."""
+    fields = carray(arguments, 5)
+    valid = carray(_pointer_to(fields[0]), 1, np.int32)
+    ray = carray(_pointer_to(fields[3]), 12, np.float32)
+    normal = carray(_pointer_to(fields[4]), 3, np.float32)
+    facing = (
+        normal[0] * ray[DIRECTION]
+        + normal[1] * ray[DIRECTION + 1]
+        + normal[2] * ray[DIRECTION + 2]
+    )
+    if facing >= 0.0:
+        valid[0] = 0

@@ -1,0 +1,55 @@
+"""What the rays found: one row a sample, enough to make any map from without a second trace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+NO_HIT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """The trace of a bake; n is the number of samples that a face of the light mesh owns.
+
+    Attributes
+    ----------
+    texel_ids : (n,) int32
+        Row times width plus column of the sample's texel, row 0 at the top.
+    low_faces : (n,) int32
+        Face of the light mesh.
+    low_barycentrics : (n, 2) float32
+        Weights of that face's second and third corner.
+    high_faces : (n,) int32
+        Face of the dense mesh, `NO_HIT` for a miss.
+    high_barycentrics : (n, 2) float32
+        Weights of that face's second and third corner.
+    offsets : (n, 3) float32
+        From the sample on the light mesh to the point hit, in model units; 0 for a miss.
+    """
+
+    texel_ids: npt.NDArray[np.int32]
+    low_faces: npt.NDArray[np.int32]
+    low_barycentrics: npt.NDArray[np.float32]
+    high_faces: npt.NDArray[np.int32]
+    high_barycentrics: npt.NDArray[np.float32]
+    offsets: npt.NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.texel_ids)
+
+    def where(self, chosen: npt.NDArray[np.bool_]) -> Hits:
+        """Return the rows that a mask chooses."""
+        return Hits(*(getattr(self, field.name)[chosen] for field in fields(Hits)))
+
+    @staticmethod
+    def joined(parts: list[Hits]) -> Hits:
+        """Put several traces of one bake together, in their order."""
+        return Hits(
+            *(
+                np.concatenate([getattr(part, field.name) for part in parts])
+                for field in fields(Hits)
+            )
+        )

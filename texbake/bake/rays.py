@@ -1,0 +1,183 @@
+"""Where the ray of a sample starts, which way it goes, and how far: a texel becomes a ray.
+
+A ray starts outside the light mesh, at the sample's point moved along the direction of its corners,
+and goes inward through the light surface: first the front distance, then the back distance. With a
+cage it starts at the point of the cage that has the sample's barycentrics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from texbake.bake.texels import Samples
+from texbake.errors import CageError
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals, shading_normals, smooth_normals
+from texbake.parallel import run_bands
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays in the local frame, one a sample.
+
+    Attributes
+    ----------
+    origins, directions : (n, 3) float64
+        Directions are unit vectors, or zero where the light mesh gives none: such a ray has no
+        length and misses.
+    lengths, fronts : (n,) float64
+        How far the ray goes, and how far along it the light surface lies.
+    """
+
+    origins: FloatArray
+    directions: FloatArray
+    lengths: FloatArray
+    fronts: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+
+class RayField:
+    """The rays of a light mesh: everything that a sample needs to become one.
+
+    Parameters
+    ----------
+    low : Mesh
+        The light mesh.
+    frame : LocalFrame
+        Of both meshes.
+    kind : str
+        `smooth`, `vertex` or `face`; a direction that cancels to zero falls back to the face's.
+    front, back : float
+        In model units.
+    cage : Mesh, optional
+        The light mesh's faces with other positions; it takes the place of `kind` and `front`.
+
+    Raises
+    ------
+    CageError
+        The cage has other faces than the light mesh.
+    """
+
+    def __init__(
+        self,
+        low: Mesh,
+        frame: LocalFrame,
+        *,
+        kind: str,
+        front: float,
+        back: float,
+        cage: Mesh | None = None,
+        threads: int | None = None,
+    ) -> None:
+        self.front = float(frame.length_to_local(front))
+        self.back = float(frame.length_to_local(back))
+        self.positions = frame.to_local(low.positions)
+        self.faces = low.faces
+        self.face_normals = face_normals(low)
+        if cage is not None:
+            check_cage(cage, low)
+        self.starts = self.positions if cage is None else frame.to_local(cage.positions)
+        self._has_cage = cage is not None
+        self.normals, self.normal_faces = ray_normals(low, kind)
+        self._threads = threads
+
+    def rays(self, samples: Samples) -> Rays:
+        """Rays of some samples, in their order."""
+        n = len(samples)
+        rays = Rays(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n))
+
+        def fill(start: int, stop: int) -> None:
+            _rays_kernel(
+                samples.faces[start:stop],
+                samples.barycentrics[start:stop],
+                (self.positions, self.starts, self.faces),
+                (np.asarray(self.normals), self.normal_faces, self.face_normals),
+                (self.front, self.back, self._has_cage),
+                rays.origins[start:stop],
+                rays.directions[start:stop],
+                rays.lengths[start:stop],
+                rays.fronts[start:stop],
+            )
+
+        run_bands(fill, n, band=1 << 15, threads=self._threads)
+        return rays
+
+
+def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:
+    """Outward directions of rays at the corners of a mesh: (N, 3) unit vectors and (F, 3) indices."""
+    if kind == "smooth":
+        return smooth_normals(low), low.faces
+    if kind == "vertex":
+        return shading_normals(low)
+    corners = np.repeat(np.arange(low.n_faces, dtype=np.int32)[:, np.newaxis], 3, axis=1)
+    return face_normals(low), corners
+
+
+def check_cage(cage: Mesh, low: Mesh) -> None:
+    """Raise `CageError` unless a cage has the faces of the light mesh, in the same order."""
+    if cage.n_vertices != low.n_vertices or not np.array_equal(cage.faces, low.faces):
+        raise CageError(
+            f"{cage.name}: a cage has the faces of the light mesh with other positions, and this "
+            f"one has {cage.n_faces} faces on {cage.n_vertices} vertices where {low.name} has "
+            f"{low.n_faces} on {low.n_vertices}, or others; make it by moving the vertices of "
+            f"{low.name}"
+        )
+
+
+@njit(nogil=True, cache=True)
+def _rays_kernel(  # type: ignore[no-untyped-def]
+    faces, barycentrics, surface, field, reach, origins, directions, lengths, fronts
+):
+    positions, starts, corners = surface
+    normals, normal_corners, face_normals = field
+    front, back, has_cage = reach
+    point = np.empty(3)
+    outward = np.empty(3)
+    for i in range(len(faces)):
+        face = faces[i]
+        b, c = barycentrics[i, 0], barycentrics[i, 1]
+        a = 1.0 - b - c
+        square = 0.0
+        for axis in range(3):
+            point[axis] = (
+                a * positions[corners[face, 0], axis]
+                + b * positions[corners[face, 1], axis]
+                + c * positions[corners[face, 2], axis]
+            )
+            if has_cage:
+                outward[axis] = (
+                    a * starts[corners[face, 0], axis]
+                    + b * starts[corners[face, 1], axis]
+                    + c * starts[corners[face, 2], axis]
+                    - point[axis]
+                )
+            else:
+                outward[axis] = (
+                    a * normals[normal_corners[face, 0], axis]
+                    + b * normals[normal_corners[face, 1], axis]
+                    + c * normals[normal_corners[face, 2], axis]
+                )
+            square += outward[axis] * outward[axis]
+        length = np.sqrt(square)
+        # A cage that touches the surface, or unit normals that cancel to rounding: no direction.
+        if length < 1e-12:
+            length = 0.0
+            for axis in range(3):
+                outward[axis] = face_normals[face, axis]
+                length += abs(outward[axis])
+            length = 1.0 if length > 0.0 else 0.0
+            fronts[i] = 0.0 if has_cage else front
+        else:
+            fronts[i] = length if has_cage else front
+        lengths[i] = fronts[i] + back if length > 0.0 else 0.0
+        for axis in range(3):
+            unit = outward[axis] / length if length > 0.0 else 0.0
+            origins[i, axis] = point[axis] + fronts[i] * unit
+            directions[i, axis] = -unit

@@ -1,0 +1,69 @@
+"""A mesh file's bytes, mapped into memory instead of read."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileError, FileFormatError
+from texbake.files import PathLike
+
+ByteArray = npt.NDArray[np.uint8]
+
+
+def map_file(path: PathLike) -> ByteArray:
+    """Bytes of a file, read-only; pages come in as they are touched, and none is copied.
+
+    Raises
+    ------
+    FileError
+        There is no such file, it is no regular file, or it cannot be read.
+    FileFormatError
+        It is empty.
+    """
+    try:
+        # Asked before opening, because opening a pipe that nobody writes to would wait for ever.
+        mode = Path(path).stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise FileError(f"{path}: it is a folder; give the name of a file in it")
+        if not stat.S_ISREG(mode):
+            raise FileError(f"{path}: it is not a regular file; copy its content to one")
+        with Path(path).open("rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise FileFormatError(f"{path}: the file is empty; write it again")
+            return np.frombuffer(
+                mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8
+            )
+    except FileNotFoundError as error:
+        raise FileError(f"{path}: there is no such file; check its name") from error
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{path}: cannot be read: {reason}") from error
+
+
+def require_text(path: PathLike, data: ByteArray, kind: str) -> None:
+    """Raise `FileFormatError` where bytes that no text has show that a file is not of this kind."""
+    if (data[: 1 << 16] == 0).any():
+        raise FileFormatError(f"{path}: it is not {kind}; it holds binary data")
+
+
+def line_number(data: ByteArray, at: int) -> int:
+    """Number, from 1, of the line that holds the byte at an offset."""
+    before = data[:at]
+    ends = np.count_nonzero(before == 10) or np.count_nonzero(before == 13)
+    return int(ends) + 1
+
+
+def decode_name(word: bytes) -> str:
+    """Text of a name, UTF-8 where it is valid, else Latin-1, which any bytes are."""
+    try:
+        return word.decode("utf-8")
+    except UnicodeDecodeError:
+        return word.decode("latin-1")

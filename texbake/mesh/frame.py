@@ -1,0 +1,93 @@
+"""The local frame: meshes moved and scaled together into the unit cube about the origin.
+
+Whatever works in float32 (ray casting) or with absolute thresholds works in it, so that the size and
+place of a model change nothing.
+
+The scale is a power of two. So scaling changes no bits of a coordinate, only the move to the center
+rounds (by half a unit in the last place), lengths convert exactly both ways, and a model scaled by
+a power of two has bit-equal local coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import MeshError
+from texbake.mesh.mesh import FloatArray, Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class LocalFrame:
+    """A move and a uniform scale: ``local = (model - center) * scale``.
+
+    Attributes
+    ----------
+    center : (3,) float64
+        The point in model space that is the local origin; read-only.
+    scale : float
+        Local units a model unit; a power of two in the frames that `around` makes.
+    """
+
+    center: FloatArray
+    scale: float
+
+    @classmethod
+    def around(cls, *meshes: Mesh) -> LocalFrame:
+        """Frame in which the joint bounding box of meshes is centered and has unit size.
+
+        The longest side of the box is more than 0.5 and at most 1 local unit long, so that all
+        points that faces use lie in [-0.5, 0.5]³ (to rounding). Where all points are equal, the
+        scale is 1.
+
+        Raises
+        ------
+        MeshError
+            No mesh is given.
+        """
+        if not meshes:
+            raise MeshError("local frame: there is no mesh to put it around; give at least one")
+        corners = np.concatenate([mesh.bounds for mesh in meshes])
+        # Halved first: the sum or difference of coordinates near the largest float64 overflows.
+        low, high = corners.min(axis=0) / 2.0, corners.max(axis=0) / 2.0
+        center = low + high
+        center.flags.writeable = False
+        half_size = float((high - low).max())
+        return cls(center, unit_scale(half_size) / 2.0 if half_size > 0.0 else 1.0)
+
+    def to_local(self, points: npt.ArrayLike) -> FloatArray:
+        """(..., 3) float64: points of model space in local coordinates."""
+        return np.asarray((np.asarray(points, dtype=np.float64) - self.center) * self.scale)
+
+    def to_model(self, points: npt.ArrayLike) -> FloatArray:
+        """(..., 3) float64: local points in model coordinates."""
+        return np.asarray(np.asarray(points, dtype=np.float64) / self.scale + self.center)
+
+    def length_to_local(self, lengths: npt.ArrayLike) -> FloatArray:
+        """Lengths in model units as local ones, of the same shape."""
+        return np.asarray(np.asarray(lengths, dtype=np.float64) * self.scale)
+
+    def length_to_model(self, lengths: npt.ArrayLike) -> FloatArray:
+        """Local lengths in model units, of the same shape."""
+        return np.asarray(np.asarray(lengths, dtype=np.float64) / self.scale)
+
+
+def unit_scale(size: float) -> float:
+    """Greatest power of two that scales a size to at most 1, as far as float64 has such powers.
+
+    Multiplying by it changes no bits but the exponent. The scale of size 0 is 1.
+
+    Examples
+    --------
+    >>> unit_scale(1.0), unit_scale(1.5), unit_scale(0.125)
+    (1.0, 0.5, 8.0)
+    """
+    if size == 0.0:
+        return 1.0
+    mantissa, exponent = math.frexp(size)  # size = mantissa * 2^exponent, mantissa in [0.5, 1)
+    if mantissa == 0.5:
+        exponent -= 1
+    return math.ldexp(1.0, min(-exponent, 1023))

@@ -1,0 +1,138 @@
+"""The camera: where it stands, and the matrix that takes world space to clip space.
+
+World and camera space are right-handed. The camera looks along its own -z, with +x to the right and
++y up in the picture. Depth is reversed and has no far plane: 1 at the near plane, falling to 0 at
+infinity, which spreads the precision of a float32 evenly over distances.
+
+Based on: Upchurch and Desbrun, "Tightening the precision of perspective rendering", Journal of
+Graphics Tools 16(1), 2012, for the infinite projection; reversed as in Reed, "Depth precision
+visualized", 2015.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.errors import MeshError
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.render.options import RenderOptions
+
+# The near plane, in radii of what is framed: near enough to go into the mesh, and with reversed
+# depth it costs no precision.
+_NEAR = 1e-3
+# Room left about the bounding sphere.
+_MARGIN = 1.03
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Camera:
+    """A perspective camera in world space.
+
+    Attributes
+    ----------
+    eye : (3,) float64
+        Where it stands.
+    axes : (3, 3) float64
+        Rows: the unit vectors right, up and back (against the view) of the picture.
+    fov : float
+        Vertical field of view in radians.
+    near : float
+        Distance of the near plane in model units.
+    """
+
+    eye: FloatArray
+    axes: FloatArray
+    fov: float
+    near: float
+
+    @classmethod
+    def framing(cls, *meshes: Mesh, options: RenderOptions | None = None) -> Camera:
+        """Return a camera that has the common bounding sphere of the meshes in its picture.
+
+        The sphere stands about the center of the joint bounding box. A mesh without any extent is
+        looked at as though it had the radius 1.
+
+        Parameters
+        ----------
+        meshes
+            At least one; what several pictures are compared of is framed together.
+        options
+            `view`, `up`, `fov` and the picture's shape are taken from it.
+
+        Raises
+        ------
+        MeshError
+            The size of the meshes is beyond what float64 can square.
+        """
+        options = options or RenderOptions()
+        center, radius = _bounding_sphere(meshes)
+        tangent = math.tan(math.radians(options.fov) / 2)
+        narrow = math.atan(tangent * min(1.0, options.width / options.height))
+        distance = options.distance or _MARGIN * radius / math.sin(narrow)
+        axes = _axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
+        return cls(
+            eye=center + distance * axes[2],
+            axes=axes,
+            fov=math.radians(options.fov),
+            near=min(_NEAR * radius, 0.5 * distance),
+        )
+
+    def clip_from_world(self, aspect: float) -> FloatArray:
+        """(4, 4) float64: world space to clip space; `aspect` is width / height."""
+        focal = 1.0 / math.tan(self.fov / 2)
+        view = np.eye(4)
+        view[:3, :3] = self.axes
+        view[:3, 3] = -self.axes @ self.eye
+        projection = np.array(
+            [
+                [focal / aspect, 0.0, 0.0, 0.0],
+                [0.0, focal, 0.0, 0.0],
+                [0.0, 0.0, 0.0, self.near],
+                [0.0, 0.0, -1.0, 0.0],
+            ]
+        )
+        return projection @ view
+
+    def view_rays(self, width: int, height: int) -> FloatArray:
+        """(3, 3) float64: rows o, x, y, where o + i x + j y looks through column i, row j.
+
+        i and j are continuous, (0, 0) at the upper left corner of the picture; the directions are
+        in world space and one unit deep along the view.
+        """
+        tall = 2.0 * math.tan(self.fov / 2) / height
+        right, up, back = self.axes
+        corner = -back - 0.5 * width * tall * right + 0.5 * height * tall * up
+        return np.stack([corner, tall * right, -tall * up])
+
+
+def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
+    """Rows right, up, back of a camera that looks at the origin; defined at the poles too."""
+    sin_a, cos_a = math.sin(azimuth), math.cos(azimuth)
+    sin_e, cos_e = math.sin(elevation), math.cos(elevation)
+    right = np.array([cos_a, 0.0, -sin_a])
+    back = np.array([sin_a * cos_e, sin_e, cos_a * cos_e])
+    axes = np.stack([right, np.cross(back, right), back])
+    if up == "z":
+        axes = np.stack([axes[:, 0], -axes[:, 2], axes[:, 1]], axis=1)
+    return axes
+
+
+def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
+    bounds = np.stack([mesh.bounds for mesh in meshes])
+    center = 0.5 * bounds[:, 0].min(axis=0) + 0.5 * bounds[:, 1].max(axis=0)
+    with np.errstate(over="ignore"):
+        radius = max(_farthest(mesh, center) for mesh in meshes)
+    if not math.isfinite(radius):
+        raise MeshError(f"{meshes[0].name}: it is too large to look at; scale it down")
+    return center, radius if radius > 0.0 else 1.0
+
+
+def _farthest(mesh: Mesh, center: FloatArray) -> float:
+    """Greatest distance of a position from `center`, of positions that faces use."""
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.faces.ravel()] = True
+    offsets = mesh.positions[used] - center
+    return math.sqrt(float(np.einsum("ij,ij->i", offsets, offsets).max()))

@@ -1,0 +1,175 @@
+"""World space to clip space to the fixed-point grid of the screen.
+
+Samples lie at the centers of the cells of a screen of width x height samples, rows down from the
+top. Positions on it are whole numbers of 1/256 of a sample, so that what a triangle covers is
+decided exactly. Corners in front of the near plane and within the guard band go straight to the
+grid; a triangle with any other corner is cut in homogeneous coordinates first.
+
+Based on: Sutherland and Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974; Blinn and Newell,
+"Clipping using homogeneous coordinates", SIGGRAPH 1978. The guard band lies so far out that hardly
+a triangle reaches it, and an edge is cut at the same point for both triangles that share it, for it
+is always cut starting from the end inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from texbake.mesh.mesh import FloatArray
+from texbake.parallel import run_bands
+
+SUBPIXEL_BITS = 8
+SUBPIXELS = 1 << SUBPIXEL_BITS
+HALF = SUBPIXELS // 2
+# Samples on either side of the screen's center. With the 2^18 samples of the largest screen, grid
+# coordinates stay below 2^28 and edge functions below 2^60.
+GUARD = 2.0**19
+# Column of a vertex that is not on the grid.
+OFF_GRID = np.iinfo(np.int32).min
+# Corners of a triangle cut by five planes.
+MAX_CORNERS = 8
+
+# Vertices a band: about a millisecond of work.
+_BAND = 65536
+
+
+@njit(nogil=True, cache=True)
+def to_grid(x, y, w, width, height):  # type: ignore[no-untyped-def]
+    """Snap a point of clip space, w above 0, to the grid: column and row in 1/256 of a sample."""
+    column = (0.5 + 0.5 * x / w) * width
+    row = (0.5 - 0.5 * y / w) * height
+    return np.int64(np.floor(column * SUBPIXELS + 0.5)), np.int64(np.floor(row * SUBPIXELS + 0.5))
+
+
+@njit(nogil=True, cache=True)
+def to_clip(matrix, position, out):  # type: ignore[no-untyped-def]
+    """Homogeneous clip coordinates x, y, z, w of a position, written to `out`."""
+    for i in range(4):
+        out[i] = (
+            matrix[i, 0] * position[0]
+            + matrix[i, 1] * position[1]
+            + matrix[i, 2] * position[2]
+            + matrix[i, 3]
+        )
+
+
+@njit(nogil=True, cache=True)
+def _project_kernel(positions, matrix, width, height, grid, depths, start, stop):  # type: ignore[no-untyped-def]
+    clip = np.empty(4)
+    guard_x = 2.0 * GUARD / width
+    guard_y = 2.0 * GUARD / height
+    for v in range(start, stop):
+        to_clip(matrix, positions[v], clip)
+        x, y, z, w = clip[0], clip[1], clip[2], clip[3]
+        if z <= w and abs(x) <= guard_x * w and abs(y) <= guard_y * w and 0.0 < w < np.inf:
+            column, row = to_grid(x, y, w, width, height)
+            grid[v, 0] = column
+            grid[v, 1] = row
+            depths[v] = z / w
+        else:
+            grid[v, 0] = OFF_GRID
+
+
+def project(
+    positions: FloatArray,
+    clip_from_world: FloatArray,
+    width: int,
+    height: int,
+    *,
+    threads: int | None = None,
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+    """Snap vertices to the grid of the screen.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+        World space.
+    clip_from_world : (4, 4) float64
+        Clip space keeps z from 0 (infinity) to w (the near plane).
+    width, height
+        Of the screen, in samples.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    grid : (V, 2) int32
+        Column and row in 1/256 of a sample; the column is `OFF_GRID` behind the near plane and
+        outside the guard band.
+    depths : (V,) float32
+        z / w where the vertex is on the grid.
+    """
+    grid = np.zeros((len(positions), 2), np.int32)
+    depths = np.zeros(len(positions), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        _project_kernel(positions, clip_from_world, width, height, grid, depths, start, stop)
+
+    run_bands(work, len(positions), band=_BAND, threads=threads)
+    return grid, depths
+
+
+@njit(nogil=True, cache=True)
+def _inside(corner, plane, guard_x, guard_y):  # type: ignore[no-untyped-def]
+    """How far a point of clip space is inside a plane: near, left, right, bottom, top."""
+    if plane == 0:
+        return corner[3] - corner[2]
+    if plane == 1:
+        return guard_x * corner[3] + corner[0]
+    if plane == 2:
+        return guard_x * corner[3] - corner[0]
+    if plane == 3:
+        return guard_y * corner[3] + corner[1]
+    return guard_y * corner[3] - corner[1]
+
+
+@njit(nogil=True, cache=True)
+def _cut(inside, outside, distance_in, distance_out, out):  # type: ignore[no-untyped-def]
+    """Point of an edge on a plane, always reckoned from the end inside."""
+    along = distance_in / (distance_in - distance_out)
+    for k in range(4):
+        out[k] = inside[k] + along * (outside[k] - inside[k])
+
+
+@njit(nogil=True, cache=True)
+def clip_polygon(polygon, scratch, n_corners, width, height):  # type: ignore[no-untyped-def]
+    """Cut a convex polygon by the near plane and the guard band, in place.
+
+    Parameters
+    ----------
+    polygon, scratch : (MAX_CORNERS, 4) float64
+        Clip coordinates of the corners, in order; and room to work in.
+    n_corners : int
+        Corners of the polygon before.
+
+    Returns
+    -------
+    int
+        Corners after; 0 where nothing is left.
+    """
+    guard_x = 2.0 * GUARD / width
+    guard_y = 2.0 * GUARD / height
+    for plane in range(5):
+        n_kept = 0
+        for i in range(n_corners):
+            here = polygon[i]
+            after = polygon[(i + 1) % n_corners]
+            distance = _inside(here, plane, guard_x, guard_y)
+            distance_after = _inside(after, plane, guard_x, guard_y)
+            if distance >= 0.0:
+                for k in range(4):
+                    scratch[n_kept, k] = here[k]
+                n_kept += 1
+                if distance_after < 0.0:
+                    _cut(here, after, distance, distance_after, scratch[n_kept])
+                    n_kept += 1
+            elif distance_after >= 0.0:
+                _cut(after, here, distance_after, distance, scratch[n_kept])
+                n_kept += 1
+        n_corners = n_kept
+        for i in range(n_corners):
+            for k in range(4):
+                polygon[i, k] = scratch[i, k]
+    return n_corners

@@ -1,0 +1,103 @@
+"""Every choice of a preview, with its default, written once for the API and the command line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from texbake.errors import OptionError
+
+MAX_SIZE = 16384  # pixels a side
+MAX_SUPERSAMPLING = 16
+# Visibility and shading keep about 50 bytes a sample, so this is about 13 GB.
+MAX_SAMPLES = 2**28
+BACK_FACES = ("cull", "show")
+UPS = ("y", "z")
+
+Rgb = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions:
+    """What `render` and `compare` do where the caller does not say otherwise.
+
+    Attributes
+    ----------
+    width, height : int
+        Of the picture, in pixels: 1 to 16384.
+    view : (azimuth, elevation) or (azimuth, elevation, distance)
+        Where the camera stands, seen from the center of the mesh. Azimuth and elevation are in
+        degrees: azimuth 0 looks at the front (from +z, or from -y where z is up) and grows
+        counter-clockwise seen from above. Distance is in model units; None or left out: as far as
+        it takes to have the whole mesh in the picture.
+    up : str
+        The axis of the world that is up in the picture: `y` or `z`.
+    fov : float
+        Vertical field of view in degrees, above 0 and below 180.
+    supersampling : int
+        Samples of a pixel along one side, 1 to 16: n x n samples, averaged.
+    background : (r, g, b), optional
+        Behind the mesh, sRGB-coded in [0, 1]; None: transparent.
+    base_color : (r, g, b)
+        Of the mesh where it has no albedo texture, sRGB-coded in [0, 1].
+    back_faces : str
+        Triangles seen from behind: `cull` leaves them out, `show` draws them with their normals
+        turned to the camera.
+    max_triangles : int
+        Most triangles that displacement may divide a mesh into.
+    """
+
+    width: int = 1280
+    height: int = 720
+    view: tuple[float, float] | tuple[float, float, float | None] = (30.0, 20.0)
+    up: str = "y"
+    fov: float = 35.0
+    supersampling: int = 2
+    background: Rgb | None = (0.15, 0.16, 0.18)
+    base_color: Rgb = (0.8, 0.8, 0.8)
+    back_faces: str = "cull"
+    max_triangles: int = 4_000_000
+
+    def __post_init__(self) -> None:
+        for name in "width", "height":
+            _check_range(name, getattr(self, name), MAX_SIZE)
+        _check_range("supersampling", self.supersampling, MAX_SUPERSAMPLING)
+        n_samples = self.width * self.height * self.supersampling**2
+        if n_samples > MAX_SAMPLES:
+            raise OptionError(
+                f"supersampling: {self.width} x {self.height} pixels of {self.supersampling**2} "
+                f"samples are {n_samples} samples, above {MAX_SAMPLES}; make one of them smaller"
+            )
+        if len(self.view) not in (2, 3) or not all(
+            angle is not None and math.isfinite(angle) for angle in self.view[:2]
+        ):
+            raise OptionError(
+                f"view: {self.view} is not azimuth and elevation in degrees and maybe a distance"
+            )
+        if self.distance is not None and not (0 < self.distance < math.inf):
+            raise OptionError(f"view: the distance {self.distance} must be above 0")
+        if not 0 < self.fov < 180:
+            raise OptionError(f"fov: {self.fov} degrees is out of range; above 0 and below 180")
+        for name in "background", "base_color":
+            color = getattr(self, name)
+            if color is not None and not (
+                len(color) == 3 and all(0 <= channel <= 1 for channel in color)
+            ):
+                raise OptionError(f"{name}: {color} is not three numbers from 0 to 1")
+        if self.base_color is None:
+            raise OptionError("base_color: None is no color; give three numbers from 0 to 1")
+        for name, choices in ("back_faces", BACK_FACES), ("up", UPS):
+            if getattr(self, name) not in choices:
+                raise OptionError(f"{name}: {getattr(self, name)} is not one of {choices}")
+        if self.max_triangles < 1:
+            raise OptionError(f"max_triangles: {self.max_triangles} must be at least 1")
+
+    @property
+    def distance(self) -> float | None:
+        """From the center of the mesh to the camera in model units; None to fit the picture."""
+        return self.view[2] if len(self.view) == 3 else None
+
+
+def _check_range(name: str, value: int, most: int) -> None:
+    if not isinstance(value, int) or not 1 <= value <= most:
+        raise OptionError(f"{name}: {value} is out of range; it must be a whole 1 to {most}")

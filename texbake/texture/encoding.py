@@ -1,0 +1,307 @@
+"""Values to the integer codes of a file and back, rounded exactly.
+
+A code is `floor(x + 1/2)` of the exact x, computed in float64, where the product of a float32 and a
+16-bit factor is exact.
+
+Based on: glTF 2.0, section 3.9.3, for n = 2x - 1 and +Y ("opengl"); IEC 61966-2-1 for sRGB.
+Departs from plain rounding in one thing. A flat normal (0, 0, 1) has x and y halfway between two
+codes (127.5 or 32767.5), so the float32 noise of a transform to tangent space and back, about 1e-6,
+would scatter it over both. A component of at most 4e-6 counts as 0, which rounds up: flat is exactly
+(128, 128, 255) or (32768, 32768, 65535) in both conventions. Half a 16-bit step is 15e-6, so nothing
+else changes its code.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from texbake.errors import OptionError
+from texbake.parallel import run_bands
+
+_CONVENTIONS = ("opengl", "directx")
+_FLAT_NOISE = 4e-6
+# Texels a band: some milliseconds of work.
+_BAND = 1 << 17
+
+
+@njit(nogil=True, cache=True)
+def _quantize_kernel(values, factors, offsets, noise, top, codes, start, stop):  # type: ignore[no-untyped-def]
+    n_channels = values.shape[1]
+    for i in range(start, stop):
+        for channel in range(n_channels):
+            value = np.float64(values[i, channel])
+            if abs(value) <= noise:
+                value = 0.0
+            code = value * factors[channel] + offsets[channel] + 0.5
+            # Also what is not a number becomes 0.
+            codes[i, channel] = np.uint16(min(code, top)) if code > 0.0 else np.uint16(0)
+
+
+def _quantized(
+    values: npt.NDArray[Any],
+    bits: int,
+    factors: npt.NDArray[np.float64],
+    offsets: npt.NDArray[np.float64],
+    noise: float,
+    threads: int | None,
+) -> npt.NDArray[Any]:
+    """Codes of (..., C) values by a factor and an offset a channel, both in units of a code."""
+    n_channels = values.shape[-1]
+    flat = np.require(values, np.float32, "CW").reshape(-1, n_channels)
+    codes = np.empty((len(flat), n_channels), np.uint16)
+    top = float(max_code(bits))
+
+    def work(start: int, stop: int) -> None:
+        _quantize_kernel(flat, factors, offsets, noise, top, codes, start, stop)
+
+    run_bands(work, len(flat), band=_BAND, threads=threads)
+    return codes.astype(code_type(bits), copy=False).reshape(values.shape)
+
+
+def max_code(bits: int) -> int:
+    """Return the greatest code of 8 or 16 bits; raise `OptionError` for other bits."""
+    if bits not in (8, 16):
+        raise OptionError(f"bits: integer codes have 8 or 16 bits, not {bits}")
+    return (1 << bits) - 1
+
+
+def code_type(bits: int) -> type[np.uint8] | type[np.uint16]:
+    """Return the integer type of codes of 8 or 16 bits."""
+    return np.uint8 if max_code(bits) == 255 else np.uint16
+
+
+def quantize_unsigned(
+    values: npt.NDArray[Any], bits: int, *, threads: int | None = None
+) -> npt.NDArray[Any]:
+    """Nearest codes of values in [0, 1], halves up.
+
+    Parameters
+    ----------
+    values : (..., C) float32
+        Values outside [0, 1] are clipped to it; what is not a number becomes 0.
+    bits
+        8 or 16.
+
+    Returns
+    -------
+    (..., C) uint8 or uint16
+
+    Examples
+    --------
+    >>> quantize_unsigned(np.array([0.0, 0.5, 1.0, np.nan]), 8).tolist()
+    [0, 128, 255, 0]
+    """
+    values = np.atleast_1d(values)
+    factors = np.full(values.shape[-1], float(max_code(bits)))
+    return _quantized(values, bits, factors, np.zeros_like(factors), 0.0, threads)
+
+
+def encode_normals(
+    normals: npt.NDArray[Any],
+    *,
+    bits: int,
+    convention: str = "opengl",
+    threads: int | None = None,
+) -> npt.NDArray[Any]:
+    """Unit vectors as the colors of a normal map, (n + 1) / 2.
+
+    Parameters
+    ----------
+    normals : (..., 3) float32
+        Unit vectors; in tangent space x along the tangent, y along the bitangent.
+    bits
+        8 or 16 for codes; 32 for the float32 values in [0, 1] that a float or half file holds.
+    convention
+        "opengl" (+Y, green is up) or "directx" (green is down).
+
+    Returns
+    -------
+    (..., 3) uint8, uint16 or float32
+
+    Raises
+    ------
+    OptionError
+        `bits` or `convention` is something else.
+
+    Examples
+    --------
+    >>> encode_normals(np.array([[1e-6, -1e-6, 1.0]]), bits=8).tolist()
+    [[128, 128, 255]]
+    """
+    signs = np.array([1.0, _green_sign(convention), 1.0])
+    if bits == 32:
+        return np.asarray(normals, np.float32) * (0.5 * signs).astype(np.float32) + np.float32(0.5)
+    half = 0.5 * max_code(bits)
+    return _quantized(normals, bits, half * signs, np.full(3, half), _FLAT_NOISE, threads)
+
+
+def decode_normals(
+    pixels: npt.NDArray[Any], *, convention: str = "opengl", threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """Unit vectors of the colors of a normal map, 2x - 1 and then normalized.
+
+    A flat 8-bit texel (128, 128, 255) decodes 0.318 degrees off the axis, which is what renderers
+    see: no integer code stands for 0.
+
+    Parameters
+    ----------
+    pixels : (..., 3 or more) uint8, uint16 or float32
+        Codes, or values in [0, 1]. Channels after the third are ignored.
+    convention
+        "opengl" or "directx".
+
+    Returns
+    -------
+    (..., 3) float32
+        A color without a direction, such as (0.5, 0.5, 0.5), or not a number, gives (0, 0, 1).
+    """
+    sign = _green_sign(convention)
+    top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
+    flat = pixels.reshape(-1, pixels.shape[-1])
+    normals = np.empty((len(flat), 3), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        vectors = flat[start:stop, :3] * (2.0 / top) - 1.0
+        vectors[:, 1] *= sign
+        lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+        # 1e-12: far under one 16-bit step, over the rounding of 2x - 1 at x = 1/2.
+        lost = ~(lengths > 1e-12) | ~np.isfinite(lengths)
+        vectors[lost] = (0.0, 0.0, 1.0)
+        lengths[lost] = 1.0
+        normals[start:stop] = vectors / lengths[:, None]
+
+    run_bands(work, len(flat), band=_BAND, threads=threads)
+    return normals.reshape(*pixels.shape[:-1], 3)
+
+
+def height_range(
+    heights: npt.NDArray[Any],
+    covered: npt.NDArray[np.bool_],
+    *,
+    bits: int = 16,
+    mid: float | None = None,
+) -> tuple[float, float]:
+    """Mid level and scale that bring heights into [0, 1], as d = (h - mid) * scale.
+
+    Parameters
+    ----------
+    heights : (H, W) float
+        Signed distances in model units.
+    covered : (H, W) bool
+        Which of them count; of those, only finite ones do.
+    bits
+        Of the codes that are to come, 8 or 16.
+    mid
+        Mid level that is wanted, in [0, 1]. None is the code just over the middle, 128 / 255 or
+        32768 / 65535, because 1/2 is no code: so no displacement is a code, and decodes to exactly
+        no displacement.
+
+    Returns
+    -------
+    mid : float
+    scale : float
+        Model units from black to white; the least that clips no height. 1 where nothing is
+        displaced or covered, so that the map is flat at its mid level.
+
+    Raises
+    ------
+    OptionError
+        `mid` lies outside [0, 1], or at an end of it with heights on its far side.
+    """
+    mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
+    if not 0.0 <= mid <= 1.0:
+        raise OptionError(f"mid: {mid} is not a level between 0 and 1")
+    values = heights[covered & np.isfinite(heights)]
+    above = max(float(values.max()), 0.0) if values.size else 0.0
+    below = max(-float(values.min()), 0.0) if values.size else 0.0
+    if (above > 0.0 and mid == 1.0) or (below > 0.0 and mid == 0.0):
+        raise OptionError(
+            f"mid: {mid} leaves no room for heights from {-below:.6g} to {above:.6g}; use 0.5"
+        )
+    scale = max(above / (1.0 - mid) if above else 0.0, below / mid if below else 0.0)
+    return mid, scale if scale > 0.0 else 1.0
+
+
+def encode_heights(
+    heights: npt.NDArray[Any],
+    *,
+    bits: int,
+    mid: float,
+    scale: float,
+    threads: int | None = None,
+) -> npt.NDArray[Any]:
+    """Signed distances d as levels h = d / scale + mid.
+
+    A decoded height is off by at most half a step, scale / (2^bits - 1) / 2, where it lies in the
+    range (-mid * scale, (1 - mid) * scale); outside it is clipped, see `count_clipped`.
+
+    Parameters
+    ----------
+    heights : (...,) float32
+        Model units.
+    bits
+        8 or 16 for codes; 32 for float32 levels, which are not clipped. With `mid` 0 and `scale`
+        1 those are the heights themselves.
+
+    Returns
+    -------
+    (...,) uint8, uint16 or float32
+
+    Raises
+    ------
+    OptionError
+        `scale` is 0 or not finite, or `bits` is something else.
+    """
+    if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):
+        raise OptionError(f"scale: {scale} with the mid level {mid} maps no heights; give others")
+    if bits == 32:
+        return (np.asarray(heights, np.float64) / scale + mid).astype(np.float32)
+    top = float(max_code(bits))
+    values = heights[..., None]
+    codes = _quantized(values, bits, np.array([top / scale]), np.array([top * mid]), 0.0, threads)
+    return codes[..., 0]
+
+
+def decode_heights(
+    pixels: npt.NDArray[Any], *, mid: float, scale: float
+) -> npt.NDArray[np.float32]:
+    """Signed distances in model units, (h - mid) * scale, of codes or of levels in [0, 1]."""
+    top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
+    return ((np.asarray(pixels, np.float64) / top - mid) * scale).astype(np.float32)
+
+
+def count_clipped(
+    heights: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, mid: float, scale: float
+) -> int:
+    """How many covered heights lie outside what integer codes hold with this mid and scale."""
+    levels = heights[covered].astype(np.float64) / scale + mid
+    # Relative to the whole range: the rounding of scale and of the division.
+    return int(np.count_nonzero((levels < -1e-9) | (levels > 1.0 + 1e-9)))
+
+
+def encode_srgb(linear: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    """Linear light in [0, 1] to sRGB values in [0, 1]; what lies outside is clipped."""
+    light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
+    return np.where(
+        light <= 0.0031308,
+        light * np.float32(12.92),
+        np.float32(1.055) * np.power(light, np.float32(1.0 / 2.4)) - np.float32(0.055),
+    ).astype(np.float32)
+
+
+def decode_srgb(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """SRGB values in [0, 1] to linear light in [0, 1]."""
+    values = np.asarray(values, np.float64)
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def _green_sign(convention: str) -> float:
+    if convention not in _CONVENTIONS:
+        raise OptionError(
+            f"convention: {convention!r} is not known; it is one of {', '.join(_CONVENTIONS)}"
+        )
+    return 1.0 if convention == "opengl" else -1.0
