@@ -35,7 +35,7 @@ class Bars:
             RateColumn(),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
-            console=console or Console(stderr=True, highlight=False),
+            console=console or Console(stderr=True),
             transient=True,
         )
         self._tasks: dict[str, TaskID] = {}
@@ -68,7 +68,10 @@ class Bars:
         line = f"  {stage:<24} {seconds:7.2f} s"
         if task.completed and seconds > 0:
             line += f"   {rate_text(task.completed / seconds, task.fields['unit'])}"
-        self._progress.console.print(line, style="dim", markup=False, soft_wrap=True)
+        self._progress.refresh()  # draws what is left below the line
+        self._progress.console.print(
+            line, style="dim", markup=False, highlight=False, soft_wrap=True
+        )
 
 
 class RateColumn(ProgressColumn):

@@ -7,7 +7,7 @@ import sys
 
 import click
 
-import texbake as package
+from texbake import __version__
 
 from .failures import end_cleanly_on_signals
 from .lazy import LazyGroup
@@ -23,7 +23,7 @@ from .lazy import LazyGroup
       texbake run scan.ply -o asset --faces 500
     """,
 )
-@click.version_option(package.__version__, prog_name="texbake")
+@click.version_option(__version__, prog_name="texbake")
 @click.pass_context
 def texbake(ctx: click.Context) -> None:
     """Carry the detail of a dense mesh over to a light one.
@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def _close_stdout() -> None:
-    """Flush what is left; say nothing where the reader of a pipe has gone (`texbake ... | head`)."""
+    """Flush what is left, quietly where the reader of a pipe has gone (`texbake ... | head`)."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:

@@ -11,7 +11,7 @@ import click
 from click.shell_completion import CompletionItem
 
 
-class Size(click.ParamType):
+class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """`1024` or `1024x512`, in pixels; an int or (width, height)."""
 
     name = "size"
@@ -30,14 +30,12 @@ class Size(click.ParamType):
             sides = [int(side) for side in value.lower().split("x")]
         except ValueError:
             sides = []
-        if len(sides) == 1:
-            return sides[0]
-        if len(sides) == 2:
-            return sides[0], sides[1]
-        self.fail(f"{value!r} is not a size such as 1024 or 1024x512", param, ctx)
+        if len(sides) not in (1, 2):
+            self.fail(f"{value!r} is not a size such as 1024 or 1024x512", param, ctx)
+        return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
-class View(click.ParamType):
+class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """`az,el` or `az,el,dist`: degrees, and the distance in model units."""
 
     name = "view"
@@ -61,7 +59,7 @@ class View(click.ParamType):
         return numbers
 
 
-class Names(click.ParamType):
+class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """Names with commas between them, out of a list of known ones."""
 
     name = "names"

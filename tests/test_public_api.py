@@ -27,11 +27,11 @@ HEAVY = {
 
 def modules_after(statement: str) -> set[str]:
     """Top-level names of the modules that a fresh process has loaded after a statement."""
-    code = f"{statement}\nimport sys\nprint(*sorted({{name.split('.')[0] for name in sys.modules}}))"
+    code = f"{statement}\nimport sys\nprint(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
-    return set(done.stdout.splitlines()[-1].split())
+    return {name.split(".")[0] for name in done.stdout.splitlines()[-1].split()}
 
 
 @pytest.mark.parametrize("name", texbake.__all__)
@@ -48,6 +48,21 @@ def test_type_checkers_see_the_same_names() -> None:
         for alias in node.names
     }
     assert seen | {"__version__"} == set(texbake.__all__)
+
+
+def test_functions_are_not_hidden_by_rooms_of_their_name() -> None:
+    # The import system would put the subpackages in the functions' places.
+    code = (
+        "import texbake.bake.options, texbake.render.options\n"
+        "import texbake\n"
+        "print(type(texbake.bake).__name__, type(texbake.render).__name__)\n"
+        "import texbake.bake.texels, texbake.render.camera\n"
+        "print(type(texbake.bake).__name__, type(texbake.render).__name__)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.split() == ["function"] * 4
 
 
 def test_dir_lists_the_public_names() -> None:

@@ -10,12 +10,15 @@ Names are loaded when they are first used, so that importing the package costs n
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from texbake.bake.options import BakeOptions
     from texbake.errors import (
         CageError,
         DependencyError,
@@ -28,41 +31,81 @@ if TYPE_CHECKING:
         UnwrapError,
         UvError,
     )
+    from texbake.mapping.options import UnwrapOptions
+    from texbake.mesh.distance import SurfaceDistance, surface_distance
     from texbake.mesh.mesh import Mesh
+    from texbake.mesh.tangents import corner_tangents
+    from texbake.render.options import RenderOptions
+    from texbake.render.render import render
+    from texbake.render.resolve import Frame
+    from texbake.texture.image import Image, read_image, write_image
 
-_ERRORS = (
-    "CageError",
-    "DependencyError",
-    "FileError",
-    "FileFormatError",
-    "MeshError",
-    "MissError",
-    "OptionError",
-    "TexbakeError",
-    "UnwrapError",
-    "UvError",
-)
-
-# The module that each public name comes from.
-_HOMES = {
-    **dict.fromkeys(_ERRORS, "texbake.errors"),
-    "Mesh": "texbake.mesh.mesh",
+# The public names of each module.
+_NAMES = {
+    "texbake.bake.options": ("BakeOptions",),
+    "texbake.errors": (
+        "CageError",
+        "DependencyError",
+        "FileError",
+        "FileFormatError",
+        "MeshError",
+        "MissError",
+        "OptionError",
+        "TexbakeError",
+        "UnwrapError",
+        "UvError",
+    ),
+    "texbake.mapping.options": ("UnwrapOptions",),
+    "texbake.mesh.distance": ("SurfaceDistance", "surface_distance"),
+    "texbake.mesh.mesh": ("Mesh",),
+    "texbake.mesh.tangents": ("corner_tangents",),
+    "texbake.render.options": ("RenderOptions",),
+    "texbake.render.render": ("render",),
+    "texbake.render.resolve": ("Frame",),
+    "texbake.texture.image": ("Image", "read_image", "write_image"),
 }
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
+    "BakeOptions",
     "CageError",
     "DependencyError",
     "FileError",
     "FileFormatError",
+    "Frame",
+    "Image",
     "Mesh",
     "MeshError",
     "MissError",
     "OptionError",
+    "RenderOptions",
+    "SurfaceDistance",
     "TexbakeError",
     "UnwrapError",
+    "UnwrapOptions",
     "UvError",
     "__version__",
+    "corner_tangents",
+    "read_image",
+    "render",
+    "surface_distance",
+    "write_image",
 ]
+
+
+class _Package(ModuleType):
+    """The package itself, in which `bake` and `render` are the functions and not the rooms.
+
+    The import system sets a package's attribute to each subpackage that it loads, which would hide
+    a function of the same name from then on.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:

@@ -51,14 +51,23 @@ class Stages:
     """
 
     def __init__(self, sink: ProgressSink | None = None) -> None:
-        self.records: list[StageRecord] = []
+        self._records: dict[str, StageRecord] = {}
         self._sink = sink
+
+    @property
+    def records(self) -> list[StageRecord]:
+        """What the stages took so far, in the order in which they first began."""
+        return list(self._records.values())
 
     @contextmanager
     def stage(
-        self, name: str, *, total: int | None = None, unit: str = ""
+        self, name: str, *, total: int | None = None, unit: str = "", recorded: bool = True
     ) -> Iterator[Callable[[int], None]]:
-        """Time a block; yields a function that takes the number of units just done."""
+        """Show a block to the listener; yields a function that takes the number of units just done.
+
+        Its time is recorded as well unless `recorded` is false, as it is where parts of the block
+        are recorded one by one.
+        """
         done = 0
 
         def advance(n_units: int) -> None:
@@ -74,9 +83,24 @@ class Stages:
             yield advance
         finally:
             seconds = time.perf_counter() - start
-            self.records.append(StageRecord(name, seconds, peak_memory_bytes()))
+            if recorded:
+                self._add(name, seconds)
             if self._sink is not None:
                 self._sink.finished(name, seconds)
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Record a block's time without showing it; parts of one name are added up."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._add(name, time.perf_counter() - start)
+
+    def _add(self, name: str, seconds: float) -> None:
+        if name in self._records:
+            seconds += self._records[name].seconds
+        self._records[name] = StageRecord(name, seconds, peak_memory_bytes())
 
 
 def peak_memory_bytes() -> int | None:

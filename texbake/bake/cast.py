@@ -34,6 +34,7 @@ from texbake.bake.embree import (
 )
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import Rays
+from texbake.bake.rows import Rows
 from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -42,8 +43,8 @@ from texbake.parallel import resolve_threads, run_bands
 _RAYS_A_BAND = 1 << 13  # a multiple of PACKET, so that packets are the same for any threads
 
 
-@dataclass(frozen=True)
-class Found:
+@dataclass(frozen=True, eq=False)
+class Found(Rows):
     """What some rays hit, in the order of the rays.
 
     Attributes
@@ -77,40 +78,38 @@ class Found:
 class Caster(Protocol):
     """Finds the first surface along rays."""
 
-    def cast(self, rays: Rays) -> Found:
-        """Return the nearest hit of each ray within its length."""
+    def cast(self, rays: Rays, *, cull_back_faces: bool = True) -> Found:
+        """Find the nearest hit of each ray within its length.
+
+        With culling, surfaces that face away from the ray's start are passed through.
+        """
 
     def close(self) -> None:
         """Free what the caster holds outside Python."""
 
 
-def open_caster(
-    high: Mesh, frame: LocalFrame, *, cull_back_faces: bool, threads: int | None = None
-) -> Caster:
+def open_caster(high: Mesh, frame: LocalFrame, *, threads: int | None = None) -> Caster:
     """Build a ray tree over the dense mesh; through embreex's own interface where need be."""
     try:
-        return NativeCaster(high, frame, cull_back_faces=cull_back_faces, threads=threads)
+        return NativeCaster(high, frame, threads=threads)
     except DependencyError:
         from texbake.bake.embreex_caster import EmbreexCaster
 
-        return EmbreexCaster(high, frame, cull_back_faces=cull_back_faces)
+        return EmbreexCaster(high, frame)
 
 
 class NativeCaster:
     """Casts packets of rays from compiled code, several threads at once."""
 
-    def __init__(
-        self, high: Mesh, frame: LocalFrame, *, cull_back_faces: bool, threads: int | None = None
-    ) -> None:
+    def __init__(self, high: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
         self._threads = resolve_threads(threads)
         positions = frame.to_local(high.positions).astype(np.float32)
         self._scene = EmbreeScene(positions, high.faces, self._threads)
         self._high = high
         self._frame = frame
-        self._cull = cull_back_faces
 
-    def cast(self, rays: Rays) -> Found:
-        """Return the nearest hit of each ray within its length."""
+    def cast(self, rays: Rays, *, cull_back_faces: bool = True) -> Found:
+        """Find the nearest hit of each ray within its length."""
         found = Found.nothing(len(rays))
         triangles = (self._high.positions, self._high.faces, self._frame.center, self._frame.scale)
         addresses = np.array(self._scene.addresses, dtype=np.uintp)
@@ -119,7 +118,7 @@ class NativeCaster:
             band = slice(start, stop)
             lines = (rays.origins[band], rays.directions[band], rays.lengths[band])
             results = (found.faces[band], found.barycentrics[band], found.distances[band])
-            _cast_kernel(addresses, self._cull, lines, results, found.passed_back[band])
+            _cast_kernel(addresses, cull_back_faces, lines, results, found.passed_back[band])
             refine_kernel(triangles, lines, results)
 
         run_bands(cast, len(rays), band=_RAYS_A_BAND, threads=self._threads)
@@ -133,7 +132,7 @@ class NativeCaster:
 @njit(nogil=True, cache=True)
 def _cast_kernel(addresses, cull, lines, results, passed_back):  # type: ignore[no-untyped-def]
     """Cast rays in packets of `PACKET`; those that meet a back face again, one by one."""
-    origins, directions, lengths = lines
+    origins, _, lengths = lines
     faces, barycentrics, distances = results
     scene, packet_query, single_query, packet_arguments, front_arguments = addresses
     words, valid, single = _aligned(PACKET * RAY_WORDS), _aligned(PACKET), _aligned(RAY_WORDS)
@@ -147,9 +146,7 @@ def _cast_kernel(addresses, cull, lines, results, passed_back):  # type: ignore[
             ids[PACKET * FACE_ID + lane] = NO_HIT
             if is_ray:
                 _load_ray(words, ids, PACKET, lane, lines, first + lane)
-        call_native(
-            packet_query, valid.ctypes.data, scene, words.ctypes.data, packet_arguments
-        )
+        call_native(packet_query, valid.ctypes.data, scene, words.ctypes.data, packet_arguments)
         for lane in range(n):
             i = first + lane
             face = ids[PACKET * FACE_ID + lane]

@@ -94,7 +94,7 @@ def load_library() -> ctypes.CDLL:
         It is not where the wheels put it, or lacks a function; cast through embreex then.
     """
     import embreex
-    import embreex.rtcore_scene  # loads the libraries that Embree itself needs  # noqa: F401
+    import embreex.rtcore_scene  # loads the libraries that Embree itself needs
 
     folder = Path(embreex.__file__).parent
     pattern = {"win32": "embree4*.dll", "darwin": "libembree4*.dylib"}.get(
@@ -221,9 +221,7 @@ def _skip_back_faces(arguments):  # type: ignore[no-untyped-def]
     ray = carray(_pointer_to(fields[3]), 12, np.float32)
     normal = carray(_pointer_to(fields[4]), 3, np.float32)
     facing = (
-        normal[0] * ray[DIRECTION]
-        + normal[1] * ray[DIRECTION + 1]
-        + normal[2] * ray[DIRECTION + 2]
+        normal[0] * ray[DIRECTION] + normal[1] * ray[DIRECTION + 1] + normal[2] * ray[DIRECTION + 2]
     )
     if facing >= 0.0:
         valid[0] = 0

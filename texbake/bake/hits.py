@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from texbake.bake.rows import Rows
 
 NO_HIT = -1
 
 
 @dataclass(frozen=True, eq=False)
-class Hits:
+class Hits(Rows):
     """The trace of a bake; n is the number of samples that a face of the light mesh owns.
 
     Attributes
@@ -36,20 +38,3 @@ class Hits:
     high_faces: npt.NDArray[np.int32]
     high_barycentrics: npt.NDArray[np.float32]
     offsets: npt.NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.texel_ids)
-
-    def where(self, chosen: npt.NDArray[np.bool_]) -> Hits:
-        """Return the rows that a mask chooses."""
-        return Hits(*(getattr(self, field.name)[chosen] for field in fields(Hits)))
-
-    @staticmethod
-    def joined(parts: list[Hits]) -> Hits:
-        """Put several traces of one bake together, in their order."""
-        return Hits(
-            *(
-                np.concatenate([getattr(part, field.name) for part in parts])
-                for field in fields(Hits)
-            )
-        )

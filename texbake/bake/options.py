@@ -81,10 +81,8 @@ class BakeOptions:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.maps, str):
-            object.__setattr__(self, "maps", (self.maps,))
-        if not self.maps:
-            raise OptionError("maps: name at least one map to make")
+        if not self.maps or not isinstance(self.maps, tuple):
+            raise OptionError("maps: name at least one map to make, in a tuple")
         for length in self.width, self.height:
             if not 1 <= length <= MAX_SIZE:
                 raise OptionError(f"size: {length} is out of range; it must be 1 to {MAX_SIZE}")

@@ -10,19 +10,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from texbake.bake.rows import Rows
 from texbake.bake.texels import Samples
 from texbake.errors import CageError
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import face_normals, shading_normals, smooth_normals
 from texbake.parallel import run_bands
 
 
-@dataclass(frozen=True)
-class Rays:
+@dataclass(frozen=True, eq=False)
+class Rays(Rows):
     """Rays in the local frame, one a sample.
 
     Attributes
@@ -38,9 +38,6 @@ class Rays:
     directions: FloatArray
     lengths: FloatArray
     fronts: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.origins)
 
 
 class RayField:
@@ -78,14 +75,15 @@ class RayField:
     ) -> None:
         self.front = float(frame.length_to_local(front))
         self.back = float(frame.length_to_local(back))
-        self.positions = frame.to_local(low.positions)
+        self.positions = frozen(frame.to_local(low.positions))
         self.faces = low.faces
-        self.face_normals = face_normals(low)
+        self.face_normals = frozen(face_normals(low))
         if cage is not None:
             check_cage(cage, low)
-        self.starts = self.positions if cage is None else frame.to_local(cage.positions)
+        self.starts = self.positions if cage is None else frozen(frame.to_local(cage.positions))
         self._has_cage = cage is not None
-        self.normals, self.normal_faces = ray_normals(low, kind)
+        normals, corners = ray_normals(low, kind)
+        self.normals, self.normal_faces = frozen(normals), frozen(corners)
         self._threads = threads
 
     def rays(self, samples: Samples) -> Rays:
@@ -98,7 +96,7 @@ class RayField:
                 samples.faces[start:stop],
                 samples.barycentrics[start:stop],
                 (self.positions, self.starts, self.faces),
-                (np.asarray(self.normals), self.normal_faces, self.face_normals),
+                (self.normals, self.normal_faces, self.face_normals),
                 (self.front, self.back, self._has_cage),
                 rays.origins[start:stop],
                 rays.directions[start:stop],
@@ -111,7 +109,7 @@ class RayField:
 
 
 def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:
-    """Outward directions of rays at the corners of a mesh: (N, 3) unit vectors and (F, 3) indices."""
+    """Outward unit directions (N, 3) of rays, and the index (F, 3) of each corner's."""
     if kind == "smooth":
         return smooth_normals(low), low.faces
     if kind == "vertex":

@@ -1,4 +1,4 @@
-"""Which face of the light mesh owns each sample of the texture: where a texel begins to become a ray.
+"""Which face of the light mesh owns each sample of the texture: where a texel becomes a ray.
 
 Texture coordinates are snapped to a fixed-point grid and coverage is decided with 64-bit integer
 edge functions and the top-left rule, so that two faces that share an edge own each sample of it
@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from texbake.bake.rows import Rows
 from texbake.errors import UvError
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import run_bands
@@ -71,8 +72,8 @@ class SnappedFaces:
     n_zero_area: int
 
 
-@dataclass(frozen=True)
-class Samples:
+@dataclass(frozen=True, eq=False)
+class Samples(Rows):
     """Owned samples, in the order in which they are cast.
 
     Attributes
@@ -89,9 +90,6 @@ class Samples:
     faces: npt.NDArray[np.int32]
     barycentrics: npt.NDArray[np.float64]
 
-    def __len__(self) -> int:
-        return len(self.texel_ids)
-
 
 def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     """Put a mesh's texture coordinates onto the fixed-point grid.
@@ -105,7 +103,7 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     """
     uvs = mesh.corner_uvs()
     snapped = np.rint(texel_coordinates(uvs, grid.n_columns, grid.n_rows) * UNIT)
-    too_far = (np.abs(snapped) > REACH).any(axis=(1, 2))
+    too_far = np.asarray((np.abs(snapped) > REACH).any(axis=(1, 2)))
     snapped[too_far] = 0.0
     corners = snapped.astype(np.int64)
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -116,7 +114,7 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     first = np.maximum(first, 0)
     last = np.minimum(last, grid.n_rows - 1)
     last[zero_area | too_far] = -1
-    outside = ((uvs < 0.0) | (uvs > 1.0)).any(axis=(1, 2))
+    outside = np.asarray(((uvs < 0.0) | (uvs > 1.0)).any(axis=(1, 2)))
     if not (last >= 0).any():
         raise UvError(_uncovered_message(mesh, zero_area, outside))
     return SnappedFaces(

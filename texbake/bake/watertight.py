@@ -172,6 +172,8 @@ def _retry_kernel(triangles, band, lines, axes, tree, cull, results):  # type: i
                 depth += 2
                 continue
             i = piece_rays[node - first_leaf]
+            if lines[2][i] <= 0.0:
+                continue
             distance, u, v, facing = _intersect(corners, lines, axes[i], i)
             if not 0.0 <= distance <= lines[2][i]:
                 continue

@@ -26,15 +26,19 @@ from texbake.errors import UnwrapError
 from texbake.mapping.areas import signed_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 
-_MOST_CELLS = 2048  # cells along the longer side of the grid
+_MOST_CELLS = 1024  # cells along the longer side of the grid
 
 # Texels that a chart is taken to reach beyond its edge: half a unit of the 1/256 texel that
 # rasterizers snap to. Also more than float32 loses of a coordinate in a file.
 _SNAP_MARGIN = 1.0 / 512.0
 
-_TURNS = 4  # rotations by 90 degrees
-_SCALE_PRECISION = 0.004  # relative; less than one texel in 250
 _FIRST_GUESS = 0.6  # of the texture filled
+_SCALE_STEP = 0.004  # relative; one texel in 250
+
+# Few charts are tried in many poses and orders, many charts in few, so that the work is bounded.
+_MOST_POSED = 256
+_MOST_POSES = 4
+_MOST_ORDERS = 32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,10 +107,7 @@ def pack_charts(
             f"{name}: {layout.n_charts} charts do not fit into {size[0]} x {size[1]} texels with "
             f"a padding of {padding}; take a larger size or less padding"
         )
-    layout.try_scale(scale)
-    placed = layout.placed_uvs(scale)
-    texels = placed * grid.cell + padding
-    packed = texels / np.array(size, dtype=np.float64)
+    packed = (layout.placed_uvs() * grid.cell + padding) / np.array(size, dtype=np.float64)
     area = float(np.abs(signed_areas(packed[faces])).sum())
     return Packing(uvs=packed, texels_per_unit=scale * grid.cell, fill=area)
 
@@ -148,74 +149,76 @@ class _Grid:
 
 
 class _Layout:
-    """Charts and the places that the last scale tried gave them."""
+    """Charts in several poses, and the places that the last scale tried gave them.
 
-    def __init__(
-        self, uvs: FloatArray, faces: IntArray, chart_ids: IntArray, grid: _Grid
-    ) -> None:
+    A pose is a chart turned by some angle of less than 90 degrees; the first is that of the least
+    bounding box. Arrays of poses have the pose second: (charts, poses, ...).
+    """
+
+    def __init__(self, uvs: FloatArray, faces: IntArray, chart_ids: IntArray, grid: _Grid) -> None:
         self.n_charts = int(chart_ids.max()) + 1
-        self._uvs, self._chart_ids, self._grid = uvs, chart_ids, grid
-        self._corners = np.ascontiguousarray(uvs[faces])
+        self.grid = grid
+        n_poses = min(max(_MOST_POSED // self.n_charts, 1), _MOST_POSES)
+        angles = np.arange(n_poses) * (math.pi / 2.0 / n_poses)
+        self._uvs = np.stack([_turned(uvs, np.full(len(uvs), angle)) for angle in angles], axis=1)
+        self._chart_ids = chart_ids
+        self._corners = np.ascontiguousarray(self._uvs[faces])
         self._face_charts = np.ascontiguousarray(chart_ids[faces[:, 0]])
-        low = np.full((self.n_charts, 2), np.inf)
-        high = np.full((self.n_charts, 2), -np.inf)
-        np.minimum.at(low, chart_ids, uvs)
-        np.maximum.at(high, chart_ids, uvs)
-        self.low, self.extents = low, high - low
-        self.area = float(np.abs(signed_areas(self._corners)).sum())
-        # Largest first by the sum of the sides; equal ones by their number.
-        self._order = np.argsort(-self.extents.sum(axis=1), kind="stable").astype(np.int32)
+        low, high = (np.full((self.n_charts, n_poses, 2), side) for side in (np.inf, -np.inf))
+        np.minimum.at(low, chart_ids, self._uvs)
+        np.maximum.at(high, chart_ids, self._uvs)
+        self._low, self._extents = low, high - low
+        self.area = float(np.abs(signed_areas(uvs[faces])).sum())
+        # Half the perimeter: what xatlas sorts by as well.
+        self.sizes = self._extents[:, 0].sum(axis=1)
 
-    def try_scale(self, scale: float) -> bool:
-        """Place all charts at a scale, in cells a unit; return whether they fit."""
-        grid = self._grid
+    def try_scale(self, scale: float, order: IntArray) -> bool:
+        """Place all charts at a scale, in cells a unit, one after another; whether they fit."""
+        grid = self.grid
         margin = _SNAP_MARGIN / grid.cell
-        self._boxes = np.ceil(self.extents * scale + 2.0 * margin).astype(np.int64)
-        if (self._boxes.max(axis=1) > max(grid.width, grid.height)).any():
+        boxes = np.ceil(self._extents * scale + 2.0 * margin).astype(np.int64)
+        if (boxes.max(axis=2).min(axis=1) > max(grid.width, grid.height)).any():
             return False
-        self._shifts = (self._boxes - self.extents * scale) / 2.0 - self.low * scale
-        starts = np.concatenate([[0], np.cumsum(self._boxes.prod(axis=1))])
-        masks = np.zeros(starts[-1], dtype=np.uint8)
-        _mask_kernel(
-            self._corners, self._face_charts, scale, self._shifts, margin, self._boxes, starts, masks
-        )
-        self._places = np.zeros((self.n_charts, 3), dtype=np.int64)
+        shifts = (boxes - self._extents * scale) / 2.0 - self._low * scale
+        n_cells = boxes.prod(axis=2)
+        starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
+        masks = np.zeros(n_cells.sum(), dtype=np.uint8)
+        _mask_kernel(self._corners, self._face_charts, scale, shifts, margin, boxes, starts, masks)
+        places = np.empty((self.n_charts, 4), dtype=np.int64)
         runs = np.empty((grid.height, grid.width), dtype=np.int32)
-        return bool(
-            _place_kernel(
-                masks, starts, self._boxes, self._order, grid.half_widths, runs, self._places
-            )
-        )
+        if not _place_kernel(masks, starts, boxes, order, grid.half_widths, runs, places):
+            return False
+        self._scale, self._boxes, self._shifts, self._places = scale, boxes, shifts, places
+        return True
 
-    def placed_uvs(self, scale: float) -> FloatArray:
-        """(T, 2) float64: the coordinates at the scale last tried, in cells from the first cell."""
-        local = self._uvs * scale + self._shifts[self._chart_ids]
-        places, boxes = self._places[self._chart_ids], self._boxes[self._chart_ids]
-        turns = places[:, 2]
-        x, y, width, height = local[:, 0], local[:, 1], boxes[:, 0], boxes[:, 1]
-        turned = np.stack(
-            [
-                np.choose(turns, [x, height - y, width - x, y]),
-                np.choose(turns, [y, x, height - y, width - x]),
-            ],
-            axis=1,
+    def placed_uvs(self) -> FloatArray:
+        """(T, 2) float64: the coordinates at the last scale that fit, in cells of the grid."""
+        places = self._places[self._chart_ids]
+        pose, turns = places[:, 2], places[:, 3]
+        shifts = self._shifts[self._chart_ids, pose]
+        x, y = (self._uvs[np.arange(len(pose)), pose] * self._scale + shifts).T
+        width, height = self._boxes[self._chart_ids, pose].T
+        turned = (
+            np.choose(turns, [x, height - y, width - x, y]),
+            np.choose(turns, [y, x, height - y, width - x]),
         )
-        return np.asarray(turned + places[:, :2])
+        return np.asarray(np.stack(turned, axis=1) + places[:, :2])
 
 
 def _largest_scale(layout: _Layout) -> float | None:
-    """Bisect for the largest scale that fits; None where not even the smallest does."""
-    grid = layout._grid
+    """Find the largest scale that fits and leave the layout at it; None where none does."""
+    grid = layout.grid
     n_cells = grid.width * grid.height
     if n_cells <= 0 or layout.n_charts > n_cells:
         return None
-    longest = float(layout.extents.max())
-    if layout.area <= 0.0 or longest <= 0.0:
-        return 1.0 if layout.try_scale(1.0) else None
-    fits, too_large = 0.0, max(grid.width, grid.height) / longest
-    scale = math.sqrt(_FIRST_GUESS * n_cells / layout.area)
-    while too_large - fits > _SCALE_PRECISION * too_large:
-        if layout.try_scale(scale):
+    order = np.argsort(-layout.sizes, kind="stable").astype(np.int32)
+    longest = float(layout.sizes.max())
+    if layout.area <= 0.0:
+        return 1.0 if layout.try_scale(1.0, order) else None
+    fits, too_large = 0.0, 2.0 * max(grid.width, grid.height) / longest
+    scale = min(math.sqrt(_FIRST_GUESS * n_cells / layout.area), too_large)
+    while too_large - fits > _SCALE_STEP * too_large:
+        if layout.try_scale(scale, order):
             fits = scale
             scale = min(scale * 1.08, (fits + too_large) / 2.0)
         else:
@@ -223,94 +226,113 @@ def _largest_scale(layout: _Layout) -> float | None:
             scale = max(scale * 0.92, (fits + too_large) / 2.0)
         if too_large * longest < 0.01:  # every chart is one cell already, and still too many
             return None
+    # Other orders, nearly by size, may fit at a larger scale.
+    random = np.random.default_rng(0)
+    for _ in range(min(_MOST_POSED // layout.n_charts, _MOST_ORDERS)):
+        noise = random.normal(0.0, 0.2, layout.n_charts)
+        order = np.argsort(-layout.sizes * np.exp(noise), kind="stable").astype(np.int32)
+        while layout.try_scale(fits * (1.0 + _SCALE_STEP), order):
+            fits *= 1.0 + _SCALE_STEP
     return fits
 
 
+def _turned(uvs: FloatArray, angles: FloatArray) -> FloatArray:
+    """Rotate coordinates counter-clockwise, each by its own angle in radians."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    return np.stack([uvs[:, 0] * cos - uvs[:, 1] * sin, uvs[:, 0] * sin + uvs[:, 1] * cos], axis=1)
+
+
 def _turned_to_least_boxes(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
-    """Turn each chart so that its bounding box has the least area of 90 directions."""
+    """Rotate each chart so that its bounding box has the least area of 90 directions."""
     n_charts = int(chart_ids.max()) + 1
-    best_area = np.full(n_charts, np.inf)
-    best_angle = np.zeros(n_charts)
+    best_areas = np.full(n_charts, np.inf)
+    best_angles = np.zeros(n_charts)
     order = np.argsort(chart_ids, kind="stable")
     starts = np.searchsorted(chart_ids[order], np.arange(n_charts))
-    for degrees in range(90):
-        cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        x = (uvs[:, 0] * cos - uvs[:, 1] * sin)[order]
-        y = (uvs[:, 0] * sin + uvs[:, 1] * cos)[order]
-        width = np.maximum.reduceat(x, starts) - np.minimum.reduceat(x, starts)
-        height = np.maximum.reduceat(y, starts) - np.minimum.reduceat(y, starts)
-        better = width * height < best_area * (1.0 - 1e-9)  # not by rounding alone
-        best_area[better] = (width * height)[better]
-        best_angle[better] = math.radians(degrees)
-    cos, sin = np.cos(best_angle)[chart_ids], np.sin(best_angle)[chart_ids]
-    return np.stack([uvs[:, 0] * cos - uvs[:, 1] * sin, uvs[:, 0] * sin + uvs[:, 1] * cos], axis=1)
+    for angle in np.radians(np.arange(90)):
+        turned = _turned(uvs[order], np.full(len(uvs), angle))
+        extents = np.maximum.reduceat(turned, starts) - np.minimum.reduceat(turned, starts)
+        areas = extents.prod(axis=1)
+        better = areas < best_areas * (1.0 - 1e-9)  # not by rounding alone
+        best_areas[better], best_angles[better] = areas[better], angle
+    return _turned(uvs, best_angles[chart_ids])
 
 
 @njit(nogil=True, cache=True)
 def _mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks):  # type: ignore[no-untyped-def]
-    """Mark each cell that a face touches, or comes nearer to than `margin`, in its chart's mask."""
-    for face in range(len(corners)):
+    """Mark each cell that a face touches, or comes nearer to than `margin`, in its pose's mask."""
+    n_poses = corners.shape[2]
+    for item in range(len(corners) * n_poses):
+        face, pose = item // n_poses, item % n_poses
         chart = face_charts[face]
-        width, height, start = boxes[chart, 0], boxes[chart, 1], starts[chart]
-        x = corners[face, :, 0] * scale + shifts[chart, 0]
-        y = corners[face, :, 1] * scale + shifts[chart, 1]
+        width, height = boxes[chart, pose, 0], boxes[chart, pose, 1]
+        x = corners[face, :, pose, 0] * scale + shifts[chart, pose, 0]
+        y = corners[face, :, pose, 1] * scale + shifts[chart, pose, 1]
         first = max(int(math.floor(y.min() - margin)), 0)
         last = min(int(math.floor(y.max() + margin)), height - 1)
         for row in range(first, last + 1):
-            # What of the face's outline lies between the lower and upper side of the row.
-            bottom, top = row - margin, row + 1 + margin
-            left, right = np.inf, -np.inf
-            for i in range(3):
-                x0, y0, x1, y1 = x[i], y[i], x[(i + 1) % 3], y[(i + 1) % 3]
-                if max(y0, y1) < bottom or min(y0, y1) > top:
-                    continue
-                t0, t1 = 0.0, 1.0
-                if y0 != y1:
-                    a, b = (bottom - y0) / (y1 - y0), (top - y0) / (y1 - y0)
-                    t0, t1 = max(0.0, min(a, b)), min(1.0, max(a, b))
-                xa, xb = x0 + t0 * (x1 - x0), x0 + t1 * (x1 - x0)
-                left, right = min(left, xa, xb), max(right, xa, xb)
-            if left <= right:
-                begin = max(int(math.floor(left - margin)), 0)
-                end = min(int(math.floor(right + margin)), width - 1)
-                for column in range(begin, end + 1):
-                    masks[start + row * width + column] = 1
+            left, right = _extent_between(x, y, row - margin, row + 1 + margin)
+            begin = max(int(math.floor(left - margin)), 0)
+            end = min(int(math.floor(right + margin)), width - 1)
+            start = starts[chart, pose] + row * width
+            masks[start + begin : start + end + 1] = 1
+
+
+@njit(nogil=True, cache=True)
+def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
+    """Least and greatest x of what of a triangle lies between two heights, which it reaches."""
+    left, right = np.inf, -np.inf
+    for i in range(3):
+        x0, y0, x1, y1 = x[i], y[i], x[(i + 1) % 3], y[(i + 1) % 3]
+        if max(y0, y1) < bottom or min(y0, y1) > top:
+            continue
+        t0, t1 = 0.0, 1.0
+        if y0 != y1:
+            t_bottom, t_top = (bottom - y0) / (y1 - y0), (top - y0) / (y1 - y0)
+            t0, t1 = max(0.0, min(t_bottom, t_top)), min(1.0, max(t_bottom, t_top))
+        begin, end = x0 + t0 * (x1 - x0), x0 + t1 * (x1 - x0)
+        left, right = min(left, begin, end), max(right, begin, end)
+    return left, right
 
 
 @njit(nogil=True, cache=True)
 def _place_kernel(masks, starts, boxes, order, half_widths, runs, places):  # type: ignore[no-untyped-def]
-    """Put the charts one after another where they lie lowest; return whether all found a place.
+    """Put the charts one after another where they end lowest; return whether all found a place.
 
-    `runs` holds for each cell how many cells from it rightwards are free, or, negative, are not.
+    `places` gets (x, y, pose, quarter turns) of each chart. `runs` holds for each cell how many
+    cells from it rightwards are free, or, negative, are not.
     """
     n_rows, n_columns = runs.shape
+    n_poses = boxes.shape[1]
     blocked = np.zeros((n_rows, n_columns), dtype=np.uint8)
     for row in range(n_rows):
         for column in range(n_columns):
             runs[row, column] = n_columns - column
-    spans = np.empty((4, 1, 3), dtype=np.int32)
-    counts = np.empty(4, dtype=np.int64)
+    spans = np.empty((1, 3), dtype=np.int32)
+    best_spans = np.empty((1, 3), dtype=np.int32)
     for chart in order:
-        width, height = boxes[chart, 0], boxes[chart, 1]
-        mask = masks[starts[chart] : starts[chart + 1]].reshape(height, width)
-        if spans.shape[1] < width * height + 1:
-            spans = np.empty((4, width * height + 1, 3), dtype=np.int32)
-        best_top, best_x, best_y, best_turn = n_rows + 1, 0, 0, -1
-        for turn in range(4):
-            turned_width = width if turn % 2 == 0 else height
-            turned_height = height if turn % 2 == 0 else width
-            if turned_width > n_columns or turned_height > n_rows:
+        least_top, n_best_spans = n_rows + 1, 0
+        for item in range(4 * n_poses):
+            pose, turn = item // 4, item % 4
+            across, up = boxes[chart, pose, 0], boxes[chart, pose, 1]
+            width, height = (across, up) if turn % 2 == 0 else (up, across)
+            if width > n_columns or height >= least_top:
                 continue
-            counts[turn] = _spans_of(mask, turn, spans[turn])
-            x, y = _lowest_place(
-                spans[turn, : counts[turn]], turned_width, turned_height, runs, best_top
-            )
-            if y >= 0 and (y + turned_height < best_top):
-                best_top, best_x, best_y, best_turn = y + turned_height, x, y, turn
-        if best_turn < 0:
+            start = starts[chart, pose]
+            mask = masks[start : start + across * up].reshape(up, across)
+            if len(spans) < across * up:
+                spans = np.empty((across * up, 3), dtype=np.int32)
+            n_spans = _spans_of(mask, turn, spans)
+            x, y = _lowest_place(spans[:n_spans], width, height, runs, least_top)
+            if y >= 0:
+                least_top, n_best_spans = y + height, n_spans
+                places[chart, 0], places[chart, 1] = x, y
+                places[chart, 2], places[chart, 3] = pose, turn
+                spans, best_spans = best_spans, spans
+        if n_best_spans == 0:
             return False
-        places[chart, 0], places[chart, 1], places[chart, 2] = best_x, best_y, best_turn
-        _block(spans[best_turn, : counts[best_turn]], best_x, best_y, half_widths, blocked, runs)
+        x, y = places[chart, 0], places[chart, 1]
+        _block(best_spans[:n_best_spans], x, y, half_widths, blocked, runs)
     return True
 
 

@@ -1,7 +1,7 @@
 """The local frame: meshes moved and scaled together into the unit cube about the origin.
 
-Whatever works in float32 (ray casting) or with absolute thresholds works in it, so that the size and
-place of a model change nothing.
+Whatever works in float32 (ray casting) or with absolute thresholds works in it, so that the size
+and place of a model change nothing.
 
 The scale is a power of two. So scaling changes no bits of a coordinate, only the move to the center
 rounds (by half a unit in the last place), lengths convert exactly both ways, and a model scaled by

@@ -82,7 +82,7 @@ class Mesh:
         ):
             self._check_pair(values, corners, width, noun)
         if self.normals is not None:
-            object.__setattr__(self, "normals", _frozen(_normalized(self.normals)))
+            object.__setattr__(self, "normals", frozen(_normalized(self.normals)))
         self._adopt("tangents", np.float32, (len(faces), 3, 4))
         self._check_finite("tangents", "a tangent")
         self._adopt("colors", np.float32, (len(positions), None))
@@ -157,7 +157,7 @@ class Mesh:
             raise MeshError(
                 f"{self.name}: {field} has the shape {array.shape}, not {wanted}".replace("'", "")
             )
-        object.__setattr__(self, field, _frozen(array))
+        object.__setattr__(self, field, frozen(array))
         return array
 
     def _check_pair(self, values: str, corners: str, width: int, noun: str) -> None:
@@ -196,7 +196,8 @@ class Mesh:
             )
 
 
-def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Read-only view of an array; kernels are compiled for one kind, so they get these."""
     view = array.view()
     view.flags.writeable = False
     return view

@@ -21,12 +21,15 @@ angular threshold.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 from texbake.mesh.mesh import FloatArray, IntArray
 
+AnyArray = npt.NDArray[Any]
 Float32Array = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -71,9 +74,7 @@ def corner_spaces(
     solid_vertices = vertices[solid]
     edges = (points[solid][:, _NEXT] - points[solid]).astype(np.float32)
     directions, unmapped, mapped_preserving = _directions_of_u(edges, uvs[solid])
-    fans, fan_preserving = _fans_kernel(
-        solid_vertices, _neighbors(solid_vertices), unmapped, mapped_preserving
-    )
+    fans, fan_preserving = _fans(solid_vertices, unmapped, mapped_preserving)
     weighted = _weighted_directions(edges, normals[solid], directions)
     in_fan = fans >= 0
     adding = in_fan & ~unmapped[:, None]
@@ -91,7 +92,7 @@ def corner_spaces(
 
 def _directions_of_u(
     edges: Float32Array, uvs: Float32Array
-) -> tuple[Float32Array, BoolArray, BoolArray]:
+) -> tuple[AnyArray, BoolArray, BoolArray]:
     """Unit direction in which u grows, whether there is none, and whether v then grows leftward."""
     to_second, to_third = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     area = to_second[:, 0] * to_third[:, 1] - to_second[:, 1] * to_third[:, 0]
@@ -107,8 +108,8 @@ def _directions_of_u(
 
 
 def _weighted_directions(
-    edges: Float32Array, normals: Float32Array, directions: Float32Array
-) -> Float32Array:
+    edges: Float32Array, normals: Float32Array, directions: AnyArray
+) -> AnyArray:
     """(F, 3, 3): each face's direction in the plane of a corner's normal, times its angle there."""
     leaving = _unit(_flattened(edges, normals))
     arriving = _unit(_flattened(-edges[:, _PREVIOUS], normals))
@@ -116,51 +117,64 @@ def _weighted_directions(
     return _unit(_flattened(directions[:, None, :], normals)) * angles[..., None]
 
 
-def _arc_cosines(cosines: Float32Array) -> Float32Array:
+def _arc_cosines(cosines: AnyArray) -> AnyArray:
     """Arc cosine to 4.6e-5 radians: the polynomial of Blender's port."""
     size = np.minimum(np.abs(cosines), np.float32(1))
     series = size * np.float32(-0.02164095) + np.float32(0.077980478)
     series = size * series + np.float32(-0.213300989)
     series = size * series + np.float32(1.5707963267)
     angles = np.sqrt(np.float32(1) - size) * series
-    return np.where(cosines < 0.0, np.float32(np.pi) - angles, angles)
+    return np.asarray(np.where(cosines < 0.0, np.float32(np.pi) - angles, angles))
 
 
 def _copy_to_collapsed(
     vertices: IntArray,
     solid: npt.NDArray[np.intp],
     collapsed: npt.NDArray[np.intp],
-    *per_corner: npt.NDArray[np.generic],
+    *per_corner: AnyArray,
 ) -> None:
     """Give corners of collapsed faces, in place, what the first solid corner of the vertex has."""
     if len(collapsed) == 0:
         return
-    vertices_of_solid, first = np.unique(vertices[solid], return_index=True)
-    faces, corners = solid[first // 3], first % 3
-    place = np.searchsorted(vertices_of_solid, vertices[collapsed])
-    place = np.minimum(place, len(vertices_of_solid) - 1)
-    found = len(solid) > 0 and vertices_of_solid[place] == vertices[collapsed]
-    rows, columns = np.nonzero(found)
-    source = place[rows, columns]
+    donors = np.full(vertices.max() + 1, -1)
+    corners = np.arange(vertices.size).reshape(-1, 3)
+    # Of several values for one place the last stays, so that reversed the first one does.
+    donors[vertices[solid].ravel()[::-1]] = corners[solid].ravel()[::-1]
+    takers = corners[collapsed].ravel()
+    sources = donors[vertices[collapsed].ravel()]
+    takers, sources = takers[sources >= 0], sources[sources >= 0]
     for values in per_corner:
-        values[collapsed[rows], columns] = values[faces[source], corners[source]]
+        by_corner = values.reshape(vertices.size, -1)
+        by_corner[takers] = by_corner[sources]
 
 
-def _dot(a, b):  # type: ignore[no-untyped-def]
+def _dot(a: AnyArray, b: AnyArray) -> AnyArray:
     """Dot products over the last axis; the order of additions is the reference's."""
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    products = a * b
+    return np.asarray(products[..., 0] + products[..., 1] + products[..., 2])
 
 
-def _unit(vectors):  # type: ignore[no-untyped-def]
+def _unit(vectors: AnyArray) -> AnyArray:
     """Unit vectors; a zero vector stays zero."""
     lengths = np.sqrt(_dot(vectors, vectors))
     lengths[lengths == 0.0] = 1.0
-    return vectors * (1 / lengths)[..., None]
+    return np.asarray(vectors * (1 / lengths)[..., None])
 
 
-def _flattened(vectors, normals):  # type: ignore[no-untyped-def]
+def _flattened(vectors: AnyArray, normals: AnyArray) -> AnyArray:
     """Vectors projected into the plane of each normal."""
-    return vectors - normals * _dot(normals, vectors)[..., None]
+    return np.asarray(vectors - normals * _dot(normals, vectors)[..., None])
+
+
+def _fans(
+    vertices: IntArray, unmapped: BoolArray, preserving: BoolArray
+) -> tuple[IntArray, BoolArray]:
+    """(F, 3) fan of each corner, -1 for none, and whether each fan keeps the orientation."""
+    fans = np.full(vertices.shape, -1, dtype=np.int32)
+    fan_preserving = np.zeros(vertices.size, dtype=bool)
+    neighbors = _neighbors(vertices)
+    n_fans = _fans_kernel(vertices, neighbors, unmapped, preserving, fans, fan_preserving)
+    return fans, fan_preserving[:n_fans]
 
 
 def _neighbors(vertices: IntArray) -> IntArray:
@@ -179,30 +193,28 @@ def _neighbors(vertices: IntArray) -> IntArray:
 
 @njit(nogil=True, cache=True)
 def _pair_edges_kernel(keys, edges, starts, neighbors):  # type: ignore[no-untyped-def]
-    """Pair edges of one key; `edges` lists them sorted by key."""
+    """Pair edges of one key, first come, first served; `edges` lists them sorted by key."""
+    waiting = 0  # the first edge of this key that may still be free; all free ones run its way
     for i in range(len(edges)):
         edge = edges[i]
-        if neighbors[edge] >= 0:
-            continue
-        for j in range(i + 1, len(edges)):
-            other = edges[j]
-            if keys[other] != keys[edge]:
-                break
-            if neighbors[other] < 0 and starts[other] != starts[edge]:
-                neighbors[edge] = other // 3
-                neighbors[other] = edge // 3
-                break
+        if keys[edge] != keys[edges[waiting]]:
+            waiting = i
+        while waiting < i and neighbors[edges[waiting]] >= 0:
+            waiting += 1
+        other = edges[waiting]
+        if starts[other] != starts[edge]:
+            neighbors[edge] = other // 3
+            neighbors[other] = edge // 3
 
 
 @njit(nogil=True, cache=True)
-def _fans_kernel(vertices, neighbors, unmapped, preserving):  # type: ignore[no-untyped-def]
-    """Fan of each corner (-1: none) and the orientation of each fan; changes `preserving`.
+def _fans_kernel(vertices, neighbors, unmapped, preserving, fans, fan_preserving):  # type: ignore[no-untyped-def]
+    """Number the fans: write each corner's fan and each fan's orientation; return how many.
 
+    An unmapped face takes its orientation in `preserving` from the first fan that it joins.
     A fan is a path around its vertex: from the corner it starts at, first across the edge that
     leaves the vertex, then across the one that arrives.
     """
-    fans = np.full(vertices.shape, -1, dtype=np.int32)
-    fan_preserving = np.zeros(vertices.size, dtype=np.bool_)
     n_fans = 0
     for start in range(len(vertices)):
         for corner in range(3):
@@ -210,7 +222,7 @@ def _fans_kernel(vertices, neighbors, unmapped, preserving):  # type: ignore[no-
                 continue
             fans[start, corner] = n_fans
             fan_preserving[n_fans] = preserving[start]
-            for side in (0, 2):
+            for side in range(0, 3, 2):
                 face = neighbors[start, (corner + side) % 3]
                 while face >= 0:
                     at = 0
@@ -218,11 +230,12 @@ def _fans_kernel(vertices, neighbors, unmapped, preserving):  # type: ignore[no-
                         at += 1
                     if fans[face, at] >= 0:
                         break
-                    if unmapped[face] and fans[face].max() < 0:
+                    is_free = fans[face, 0] < 0 and fans[face, 1] < 0 and fans[face, 2] < 0
+                    if unmapped[face] and is_free:
                         preserving[face] = preserving[start]
                     if preserving[face] != preserving[start]:
                         break
                     fans[face, at] = n_fans
                     face = neighbors[face, (at + side) % 3]
             n_fans += 1
-    return fans, fan_preserving[:n_fans]
+    return n_fans

@@ -101,7 +101,7 @@ def shading_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArr
     """
     if mesh.normals is None or mesh.normal_faces is None:
         return smooth_normals(mesh, threads=threads), mesh.faces
-    missing = ~mesh.normals.any(axis=1)
+    missing = (mesh.normals == 0.0).all(axis=1)
     if not missing.any():
         return mesh.normals, mesh.normal_faces
     without = missing[mesh.normal_faces]
@@ -147,14 +147,14 @@ def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None)
 
 def _mend_canceled(normals: FloatArray, positions: FloatArray, faces: IntArray) -> None:
     """Give zero normals, in place, the normal of their vertex's first face with area."""
-    zero = ~normals.any(axis=1)
+    zero = (normals == 0.0).all(axis=1)
     if not zero.any():
         return
     touched = faces[zero[faces].any(axis=1)]
     if len(touched) == 0:
         return
     of_faces = face_normals(Mesh(positions=positions, faces=touched), threads=1)
-    with_area = of_faces.any(axis=1)
+    with_area = (of_faces != 0.0).any(axis=1)
     touched, of_faces = touched[with_area], of_faces[with_area]
     vertices, firsts = np.unique(touched, return_index=True)
     chosen = zero[vertices]

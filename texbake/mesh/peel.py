@@ -132,7 +132,7 @@ def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
     )
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return ((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
+    return np.asarray(((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53, dtype=np.float64)
 
 
 def _pore_depths(directions: FloatArray, pores: _Pores) -> FloatArray:

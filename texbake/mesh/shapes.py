@@ -84,7 +84,7 @@ def grid_sphere(
     if not 0.0 < pole_margin < np.pi / 2.0:
         raise OptionError(f"grid_sphere: pole_margin is {pole_margin}; give one between 0 and π/2")
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
-    phi = (2.0 * np.pi / n_phi) * np.arange(n_phi)
+    phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
     faces = _around(n_theta, n_phi)[_split_quads(_grid_quads(n_theta - 1, n_phi))]
     positions = _from_spherical(theta, phi, radius_at)
     return Mesh(positions=positions, faces=faces, name="grid sphere")
@@ -113,8 +113,8 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
     _check_count("uv_sphere: n_lat", n_lat, 2)
     _check_count("uv_sphere: n_lon", n_lon, 3)
     n_rows = n_lat - 1  # rings of vertices between the poles
-    theta = (np.pi / n_lat) * np.arange(1, n_lat)
-    phi = (2.0 * np.pi / n_lon) * np.arange(n_lon)
+    theta = np.linspace(0.0, np.pi, n_lat + 1)[1:-1]
+    phi = np.linspace(0.0, 2.0 * np.pi, n_lon, endpoint=False)
     poles = _from_spherical(np.array([0.0, np.pi]), np.zeros(1), radius_at)
     poles[:, :2] = 0.0  # sin π is not 0 in floating point
 

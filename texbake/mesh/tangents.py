@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -20,8 +22,9 @@ def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
     """MikkTSpace tangent of each corner, for the mesh's texture coordinates and normals.
 
     Interpolate tangents, normals and bitangents over a face without renormalizing them; the
-    bitangent of a corner is ``w * cross(normal, tangent)``. The normals are the mesh's own, as they
-    are, else `smooth_normals`; tangents that came with the file (`Mesh.tangents`) are not looked at.
+    bitangent of a corner is ``w * cross(normal, tangent)``. The normals are the mesh's own, as
+    they are, else `smooth_normals`. Tangents that came with the file (`Mesh.tangents`) are not
+    looked at.
 
     Position, scale and unit of the mesh change nothing beyond float32 rounding, and scaling by a
     power of two not even that. Corners are one vertex where their positions are equal, and their
@@ -56,21 +59,25 @@ def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
     array([1., 0., 0., 1.], dtype=float32)
     """
     corner_uvs = mesh.corner_uvs()
-    assert mesh.uvs is not None
-    assert mesh.uv_faces is not None
-    uv_scale = unit_scale(float(np.abs(mesh.uvs).max()))
-    uvs = (mesh.uvs * uv_scale).astype(np.float32)
+    uvs = (corner_uvs * unit_scale(float(np.abs(corner_uvs).max()))).astype(np.float32)
     shading, shading_faces = shading_normals(mesh)
-    # A zero normal stays zero here, where `shading_normals` replaces it: it means no projection.
-    own = mesh.normals is None or mesh.normal_faces is None
-    normals, normal_faces = (shading, shading_faces) if own else (mesh.normals, mesh.normal_faces)
+    normals, normal_faces = shading, shading_faces
+    if mesh.normals is not None and mesh.normal_faces is not None:
+        # Zero vectors among them stay: to the reference they mean no projection.
+        normals, normal_faces = mesh.normals, mesh.normal_faces
+    corner_normals = normals[normal_faces].astype(np.float32)
+    points = mesh.positions[mesh.faces] * LocalFrame.around(mesh).scale
+    vertices = _welded_corners(points, corner_normals, uvs)
+    tangents, preserving, has_fan = corner_spaces(points, corner_normals, uvs, vertices)
+    signs = np.where(preserving, 1.0, -1.0)
+    _fill_missing(tangents, signs, has_fan, shading[shading_faces])
     return np.concatenate([tangents, signs[..., None]], axis=2, dtype=np.float32)
 
 
-def _welded_corners(*attributes: tuple[npt.NDArray[np.floating], IntArray]) -> IntArray:
-    """(F, 3): the same number for corners at which all attributes are equal."""
-    ids = np.stack([weld_rows(values)[faces].ravel() for values, faces in attributes], axis=1)
-    return weld_rows(ids).reshape(-1, 3)
+def _welded_corners(*attributes: npt.NDArray[Any]) -> IntArray:
+    """(F, 3): the same number for corners at which all (F, 3, K) attributes are equal."""
+    ids = [weld_rows(values.reshape(-1, values.shape[2])) for values in attributes]
+    return weld_rows(np.stack(ids, axis=1)).reshape(-1, 3)
 
 
 def _fill_missing(
@@ -78,18 +85,17 @@ def _fill_missing(
     signs: FloatArray,
     has_fan: npt.NDArray[np.bool_],
     normals: FloatArray,
-    normal_faces: IntArray,
 ) -> None:
     """Give corners without a tangent, in place, what `corner_tangents` promises them."""
     missing = ~tangents.any(axis=2)
     if not missing.any():
         return
-    around = normals[normal_faces[missing]]
-    default = ~has_fan[missing]
-    parallel = np.abs(around[:, 0]) > _PARALLEL
-    signs[missing] = np.where(default & parallel, 1.0, signs[missing])
+    around = normals[missing]
+    without_fan = ~has_fan[missing]
+    along_x = np.abs(around[:, 0]) > _PARALLEL
+    signs[missing] = np.where(without_fan & along_x, 1.0, signs[missing])
     tangents[missing] = np.where(
-        (default & ~parallel)[:, None], [1.0, 0.0, 0.0], _perpendicular(around)
+        (without_fan & ~along_x)[:, None], [1.0, 0.0, 0.0], _perpendicular(around)
     )
 
 

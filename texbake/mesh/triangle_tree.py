@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -125,9 +126,9 @@ class TriangleTree:
         return distances, face_ids, barycentrics
 
 
-def _shared(values: npt.ArrayLike, dtype: type) -> npt.NDArray[np.generic]:
+def _shared(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
     """Contiguous, as a read-only view: numba compiles once for each kind of array."""
-    array = np.ascontiguousarray(values, dtype=dtype).view()
+    array: npt.NDArray[Any] = np.ascontiguousarray(values, dtype=dtype).view()
     array.flags.writeable = False
     return array
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from numba import njit
 
 from texbake.errors import OptionError
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -190,9 +190,7 @@ def _base_kernel(face_ids, weights, piece_weights, base_ids, base_weights, start
                 )
 
 
-def on_base(
-    visibility: Visibility, *, segments: int, threads: int | None = None
-) -> Visibility:
+def on_base(visibility: Visibility, *, segments: int, threads: int | None = None) -> Visibility:
     """What the samples of a displaced mesh see, told as places on the mesh it was made from.
 
     So tangents and normals of the base can be carried along, interpolated as on the base itself.

@@ -201,9 +201,7 @@ def _draw_kernel(scene, show_back, band_faces, first_row, stop_row, face_ids, de
         face = np.int64(band_faces[k])
         n_corners = _corners(face, scene, polygon, scratch, points, depths)
         for i in range(n_corners - 2):
-            _draw(
-                points, depths, i, face, show_back, first_row, stop_row, face_ids, depth_buffer
-            )
+            _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, depth_buffer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +212,9 @@ class _Bands:
     starts: npt.NDArray[np.int64]
 
 
-def _sorted_into_bands(scene: tuple[object, ...], n_faces: int, n_bands: int, show_back: bool,
-                       threads: int | None) -> _Bands:
+def _sorted_into_bands(
+    scene: tuple[object, ...], n_faces: int, n_bands: int, show_back: bool, threads: int | None
+) -> _Bands:
     n_chunks = -(-n_faces // _CHUNK)
     survivors = np.empty(n_faces, np.int32)
     spans = np.empty((n_faces, 2), np.int16)

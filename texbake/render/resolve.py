@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.render.shade import Shading
 from texbake.render.surface import FloatImage
 from texbake.render.visibility import Visibility
+from texbake.texture.image import write_image
 
 # Rows of pixels a band.
 _BAND = 16
@@ -48,18 +49,42 @@ class Frame:
     @property
     def height(self) -> int:
         """Number of rows."""
-        return self.color.shape[0]
+        return len(self.color)
 
     @property
     def width(self) -> int:
         """Pixels in a row."""
-        return self.color.shape[1]
+        return len(self.color[0])
+
+    def write(self, path: PathLike, *, threads: int | None = None) -> None:
+        """Write the color to an image file, with opacity only where not all of it is opaque.
+
+        Raises as `texbake.texture.image.write_image` does.
+        """
+        opaque = bool((self.color[..., 3] == 1.0).all())
+        write_image(
+            self.color[..., :3] if opaque else self.color, path, color=True, threads=threads
+        )
 
 
 @njit(nogil=True, cache=True)
-def _resolve_kernel(face_ids, depths, color, normals, background, near, n_side,
-                    color_out, normals_out, coverage_out, ids_out, depths_out, start, stop):  # type: ignore[no-untyped-def]  # fmt: skip
-    share = 1.0 / (n_side * n_side)
+def _resolve_kernel(  # type: ignore[no-untyped-def]
+    face_ids,
+    depths,
+    color,
+    normals,
+    background,
+    near,
+    n_side,
+    color_out,
+    normals_out,
+    coverage_out,
+    ids_out,
+    depths_out,
+    start,
+    stop,
+):
+    n_samples = n_side * n_side
     for row in range(start, stop):
         for column in range(color_out.shape[1]):
             n_covered = 0
@@ -80,17 +105,17 @@ def _resolve_kernel(face_ids, depths, color, normals, background, near, n_side,
                     if depths[j, i] > nearest:
                         nearest = depths[j, i]
                         ids_out[row, column] = face_ids[j, i]
-            coverage = n_covered * share
+            coverage = n_covered / n_samples
             coverage_out[row, column] = coverage
             opaque = background[3]
             behind = opaque * (1.0 - coverage)
             # Without a background the color stays that of the mesh, however little there is of it.
-            scale = share
-            if opaque == 0.0 and n_covered > 0:
-                scale = 1.0 / n_covered
-            color_out[row, column, 0] = red * scale + behind * background[0]
-            color_out[row, column, 1] = green * scale + behind * background[1]
-            color_out[row, column, 2] = blue * scale + behind * background[2]
+            n_mixed = n_samples
+            if opaque == 0.0:
+                n_mixed = max(n_covered, 1)
+            color_out[row, column, 0] = red / n_mixed + behind * background[0]
+            color_out[row, column, 1] = green / n_mixed + behind * background[1]
+            color_out[row, column, 2] = blue / n_mixed + behind * background[2]
             color_out[row, column, 3] = max(coverage, opaque)
             length = np.sqrt(nx * nx + ny * ny + nz * nz)
             if length > 0.0:
@@ -140,6 +165,4 @@ def resolve(
         )  # fmt: skip
 
     run_bands(work, n_rows, band=_BAND, threads=threads)
-    return Frame(
-        color=color, normals=normals, coverage=coverage, face_ids=face_ids, depths=depths
-    )
+    return Frame(color=color, normals=normals, coverage=coverage, face_ids=face_ids, depths=depths)

@@ -31,7 +31,7 @@ from texbake.texture.lookup import CLAMP, REPEAT, bilinear
 
 # Lights: direction to the light as (right, up, back) of the camera, and radiance times pi.
 _LIGHTS = (
-    ((-0.55, 0.65, 0.60), (1.00, 0.97, 0.92)),
+    ((-0.65, 0.70, 0.40), (1.00, 0.97, 0.92)),
     ((0.80, 0.10, 0.45), (0.22, 0.25, 0.30)),
     ((0.35, 0.55, -0.80), (0.45, 0.47, 0.50)),
 )
@@ -119,9 +119,28 @@ def _light(normal, to_eye, lights, base, out):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def _shade_kernel(face_ids, weights, back_facing, normals, normal_faces, uvs, uv_faces, wrap,
-                  map_kind, normal_map, tangents, has_albedo, albedo, base_color, rays, lights,
-                  color_out, normal_out, start, stop):  # type: ignore[no-untyped-def]  # fmt: skip
+def _shade_kernel(  # type: ignore[no-untyped-def]
+    face_ids,
+    weights,
+    back_facing,
+    normals,
+    normal_faces,
+    uvs,
+    uv_faces,
+    wrap,
+    map_kind,
+    normal_map,
+    tangents,
+    has_albedo,
+    albedo,
+    base_color,
+    rays,
+    lights,
+    color_out,
+    normal_out,
+    start,
+    stop,
+):
     normal, to_eye, uv = np.empty(3), np.empty(3), np.empty(2)
     texel = np.empty(normal_map.shape[2], np.float32)
     base = base_color.copy()
@@ -147,9 +166,7 @@ def _shade_kernel(face_ids, weights, back_facing, normals, normal_faces, uvs, uv
                 bilinear(albedo, uv[0], uv[1], wrap, base)
             ray_squared, normal_squared = 0.0, 0.0
             for k in range(3):
-                to_eye[k] = -(
-                    rays[0, k] + (column + 0.5) * rays[1, k] + (row + 0.5) * rays[2, k]
-                )
+                to_eye[k] = -(rays[0, k] + (column + 0.5) * rays[1, k] + (row + 0.5) * rays[2, k])
                 ray_squared += to_eye[k] * to_eye[k]
                 normal_squared += normal[k] * normal[k]
             side = -1.0 if back_facing[row, column] else 1.0
@@ -217,7 +234,9 @@ def shade(
     return Shading(color, normals)
 
 
-def _or_empty(array: npt.NDArray[np.generic] | None, dtype: type, *row: int) -> npt.NDArray[np.generic]:
+def _or_empty(
+    array: npt.NDArray[np.generic] | None, dtype: type, *row: int
+) -> npt.NDArray[np.generic]:
     """Return the array as the kernel takes it: contiguous and read-only; empty for None."""
     if array is None:
         array = np.zeros((0, *row), dtype)

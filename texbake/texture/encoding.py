@@ -5,10 +5,10 @@ A code is `floor(x + 1/2)` of the exact x, computed in float64, where the produc
 
 Based on: glTF 2.0, section 3.9.3, for n = 2x - 1 and +Y ("opengl"); IEC 61966-2-1 for sRGB.
 Departs from plain rounding in one thing. A flat normal (0, 0, 1) has x and y halfway between two
-codes (127.5 or 32767.5), so the float32 noise of a transform to tangent space and back, about 1e-6,
-would scatter it over both. A component of at most 4e-6 counts as 0, which rounds up: flat is exactly
-(128, 128, 255) or (32768, 32768, 65535) in both conventions. Half a 16-bit step is 15e-6, so nothing
-else changes its code.
+codes (127.5 or 32767.5), so that the float32 noise of a transform to tangent space and back, about
+1e-6, would scatter it over both. A component of at most 4e-6 therefore counts as 0, which rounds
+up: flat is exactly (128, 128, 255) or (32768, 32768, 65535) in both conventions. Half a 16-bit step
+is 15e-6, so no other code changes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _quantize_kernel(values, factors, offsets, noise, top, codes, start, stop): 
         for channel in range(n_channels):
             value = np.float64(values[i, channel])
             if abs(value) <= noise:
-                value = 0.0
+                value = np.float64(0.0)
             code = value * factors[channel] + offsets[channel] + 0.5
             # Also what is not a number becomes 0.
             codes[i, channel] = np.uint16(min(code, top)) if code > 0.0 else np.uint16(0)
@@ -51,7 +51,7 @@ def _quantized(
 ) -> npt.NDArray[Any]:
     """Codes of (..., C) values by a factor and an offset a channel, both in units of a code."""
     n_channels = values.shape[-1]
-    flat = np.require(values, np.float32, "CW").reshape(-1, n_channels)
+    flat = np.require(values, np.float32, ["C", "W"]).reshape(-1, n_channels)
     codes = np.empty((len(flat), n_channels), np.uint16)
     top = float(max_code(bits))
 
@@ -197,8 +197,8 @@ def height_range(
         Of the codes that are to come, 8 or 16.
     mid
         Mid level that is wanted, in [0, 1]. None is the code just over the middle, 128 / 255 or
-        32768 / 65535, because 1/2 is no code: so no displacement is a code, and decodes to exactly
-        no displacement.
+        32768 / 65535, because 1/2 is no code: so that the codes of no displacement
+        decode to exactly none.
 
     Returns
     -------
@@ -283,7 +283,7 @@ def count_clipped(
     return int(np.count_nonzero((levels < -1e-9) | (levels > 1.0 + 1e-9)))
 
 
-def encode_srgb(linear: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """Linear light in [0, 1] to sRGB values in [0, 1]; what lies outside is clipped."""
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     return np.where(
@@ -293,7 +293,7 @@ def encode_srgb(linear: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     ).astype(np.float32)
 
 
-def decode_srgb(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """SRGB values in [0, 1] to linear light in [0, 1]."""
     values = np.asarray(values, np.float64)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)

@@ -254,7 +254,7 @@ def read_word(path: object, data: ByteArray, at: int) -> float:
 
     Words that programs write for what is not a number or infinite give NaN.
     """
-    found = _WORD.match(memoryview(data), at)
+    found = _WORD.match(data.data, at)
     word = found.group() if found else b""
     if _PLAIN.fullmatch(word):
         return float(word)

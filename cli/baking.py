@@ -1,0 +1,70 @@
+"""What the three bake commands do: check the outputs, bake, write, tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from texbake.bake.options import BakeOptions
+
+from .outputs import check_distinct, check_folder, check_image, check_report
+from .terminal import Terminal
+
+
+def bake_to_files(
+    high: Path,
+    low: Path,
+    files: dict[str, Path],
+    terminal: Terminal,
+    *,
+    cage: Path | None,
+    miss_map: Path | None,
+    report: Path | None,
+    **choices: Any,
+) -> None:
+    """Bake maps of two mesh files.
+
+    Parameters
+    ----------
+    files
+        Map name to the file that it is written to.
+    cage, miss_map, report
+        Files, where they are asked for.
+    choices
+        Fields of `BakeOptions`, all but `maps`.
+    """
+    options = BakeOptions(maps=tuple(files), **choices)
+    check_distinct([*files.values(), miss_map, report])
+    _check_maps(files, options)
+    check_image(miss_map, bits=8)
+    check_report(report)
+
+    import texbake
+    from texbake.pipeline.report import write_report
+
+    with terminal.progress() as progress:
+        high_mesh, low_mesh = (texbake.read_mesh(path, progress=progress) for path in (high, low))
+        cage_mesh = None if cage is None else texbake.read_mesh(cage, progress=progress)
+        result = texbake.bake(high_mesh, low_mesh, options, cage=cage_mesh, progress=progress)
+        written = {}
+        for name, path in files.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            written[name] = {"path": str(path), **result.maps[name].write(path)}
+        if miss_map is not None:
+            texbake.write_image(result.miss_map(), miss_map)
+        if report is not None:
+            write_report(report, {**result.report.to_json(), "files": written})
+    for warning in result.report.warnings:
+        terminal.warn(warning)
+    terminal.summary(result.report.table())
+    terminal.wrote(path for path in (*files.values(), miss_map, report) if path is not None)
+
+
+def _check_maps(files: dict[str, Path], options: BakeOptions) -> None:
+    from texbake.bake.maps import MAPS
+
+    for name, path in files.items():
+        if path.parent.exists():
+            check_image(path, bits=options.bits, channels=MAPS[name].channels)
+        else:
+            check_folder(path.parent)

@@ -1,0 +1,34 @@
+"""`texbake bake-normals`: the dense mesh's normals on the light one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..baking import bake_to_files
+from ..options import bake_options, mesh_argument, output_file
+from ..terminal import Terminal, terminal_options
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake bake-normals scan.ply low.obj -o normal.png --size 2048
+      texbake bake-normals scan.ply low.obj -o normal.tga --convention directx --samples 4
+    """
+)
+@mesh_argument("high")
+@mesh_argument("low")
+@output_file("The map: png, exr, tif or tga.", (".png", ".exr", ".tif", ".tga"))
+@bake_options
+@terminal_options
+def bake_normals(high: Path, low: Path, output: Path, terminal: Terminal, **options: Any) -> None:
+    """Bake the normals of HIGH into a map for LOW.
+
+    LOW needs texture coordinates (texbake unwrap). Without --front, --back or --cage the rays are
+    as long as the two meshes lie apart, which is measured, told and put into the report.
+    """
+    bake_to_files(high, low, {"normal": output}, terminal, maps=("normal",), **options)

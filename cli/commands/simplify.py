@@ -1,0 +1,3 @@
+"""`texbake simplify`: fewer triangles."""
+
+from __future__ import annotations

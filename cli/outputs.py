@@ -1,0 +1,56 @@
+"""Whether outputs can be written, asked before the work and not after it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from texbake.errors import FileError, OptionError
+from texbake.files import check_writable
+
+
+def check_image(
+    path: Path | None, *, bits: int | None = None, color: bool = False, channels: int = 3
+) -> None:
+    """Raise if an image of this kind could not be written; None is fine."""
+    if path is not None:
+        from texbake.texture.image import check_image_format
+
+        check_image_format(path, bits, color=color, channels=channels)
+        check_writable(path)
+
+
+def check_mesh(path: Path) -> None:
+    """Raise if a mesh could not be written."""
+    from texbake.mesh.files import check_mesh_format
+
+    check_mesh_format(path)
+    check_writable(path)
+
+
+def check_report(path: Path | None) -> None:
+    """Raise if a report could not be written; None is fine."""
+    if path is not None:
+        check_writable(path)
+
+
+def check_folder(folder: Path) -> None:
+    """Raise if files could not be written into a folder, which may have to be made first."""
+    there = Path(os.path.realpath(folder))
+    while not there.exists():
+        there = there.parent
+    if not there.is_dir():
+        raise FileError(f"{folder}: {there} is a file; give the name of a folder")
+    if not os.access(there, os.W_OK):
+        raise FileError(f"{folder}: the folder {there} cannot be written to")
+
+
+def check_distinct(outputs: Sequence[Path | None]) -> None:
+    """Raise if two outputs are one file."""
+    seen = set()
+    for path in outputs:
+        if path is not None:
+            if path.resolve() in seen:
+                raise OptionError(f"{path}: two outputs have this name; give each its own")
+            seen.add(path.resolve())

@@ -1,0 +1,75 @@
+"""A small pair of meshes, and the command as a person runs it."""
+
+import os
+import shutil
+import subprocess
+import sysconfig
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from texbake_cli.main import texbake
+
+from texbake import write_mesh
+from texbake.mesh.shapes import grid_sphere, uv_sphere
+
+Invoke = Callable[..., Result]
+
+
+@pytest.fixture(scope="session")
+def script() -> Path:
+    """The installed console script."""
+    beside = Path(sysconfig.get_path("scripts")) / "texbake"
+    found = beside if beside.is_file() else shutil.which("texbake")
+    assert found, "the texbake script is not installed"
+    return Path(found)
+
+
+@pytest.fixture(scope="session")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with high.ply, 11,400 triangles of a rough sphere, and low.obj, 112 with uvs."""
+
+    def radius_at(theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        return 1.0 + 0.02 * np.sin(8 * theta) * np.sin(8 * phi)
+
+    folder = tmp_path_factory.mktemp("pair")
+    write_mesh(grid_sphere(58, 100, radius_at), folder / "high.ply")
+    write_mesh(uv_sphere(8, 8), folder / "low.obj")
+    return folder
+
+
+@pytest.fixture
+def workplace(pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A current folder with links to the pair."""
+    for file in pair.iterdir():
+        os.link(file, tmp_path / file.name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def invoke() -> Invoke:
+    """Run a command line through click's runner, which must not end in a traceback."""
+
+    def invoke(line: str, exit_code: int = 0) -> Result:
+        result = CliRunner().invoke(texbake, line.split())
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        assert result.exit_code == exit_code, result.output
+        return result
+
+    return invoke
+
+
+@pytest.fixture
+def run(script: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a command line as a process of its own, without a terminal."""
+
+    def run(line: str, **more: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(  # type: ignore[call-overload]
+            [script, *line.split()], capture_output=True, text=True, timeout=120, **more
+        )
+
+    return run

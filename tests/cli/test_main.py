@@ -1,0 +1,170 @@
+"""The frame around the commands: help, exit codes, one line for each failure, signals."""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+from texbake_cli.failures import Terminated, told_in_one_line
+from texbake_cli.lazy import COMMANDS
+from texbake_cli.main import texbake
+
+import texbake as package
+from texbake.errors import FileError, OptionError
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def help_of(name: str) -> str:
+    result = CliRunner().invoke(texbake, [name, "--help"])
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def examples_in(text: str) -> list[str]:
+    """The command lines below `Example:`."""
+    return re.findall(r"^ +texbake (.+)$", text.partition("Example:")[2], re.MULTILINE)
+
+
+def test_help_lists_every_command_with_what_it_does() -> None:
+    result = CliRunner().invoke(texbake, ["--help"])
+    assert result.exit_code == 0
+    for name in COMMANDS:
+        assert re.search(rf"^  {name} +\S.{{10}}", result.output, re.MULTILINE)
+
+
+def test_version(run: Run) -> None:
+    done = run("--version")
+    assert (done.returncode, done.stdout) == (0, f"texbake, version {package.__version__}\n")
+
+
+def test_no_command_is_wrong_usage_and_shows_the_help() -> None:
+    result = CliRunner().invoke(texbake, [])
+    assert result.exit_code == 2
+    assert "Commands:" in result.output
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_an_example_that_parses(name: str) -> None:
+    examples = examples_in(help_of(name))
+    assert examples
+    for example in examples:
+        words = shlex.split(example)
+        assert words[0] == name
+        command = texbake.get_command(click.Context(texbake), name)
+        assert command is not None
+        command.make_context(name, words[1:])  # raises where it does not parse
+
+
+def test_the_groups_own_example_parses() -> None:
+    (example,) = examples_in(CliRunner().invoke(texbake, ["--help"]).output)
+    assert shlex.split(example)[0] in COMMANDS
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_fits_a_terminal(name: str) -> None:
+    assert max(map(len, help_of(name).splitlines())) <= 100
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("--nonsense", "texbake: no such option"),
+        ("nonsense", "texbake: no such command 'nonsense'"),
+        ("info", "texbake info: missing argument 'MESH'"),
+        ("bake a.ply b.obj", "texbake bake: missing option '-o'"),
+        ("bake-normals a b -o c.png --size huge", "'huge' is not a size such as"),
+        ("bake a b -o maps --maps normal,colour", "colour is not among normal,"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> None:
+    result = CliRunner().invoke(texbake, line.split())
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert message in result.stderr
+    assert "--help)" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "exit_code", "line"),
+    [
+        (FileError("a.ply: there is no such file"), 1, "texbake: a.ply: there is no such file"),
+        (FileError("two\n  lines"), 1, "texbake: two lines"),
+        (OptionError("size: 0"), 2, "texbake: size: 0 (see: texbake --help)"),
+        (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
+        (MemoryError(), 1, "texbake: out of memory; try"),
+        (KeyboardInterrupt(), 130, "texbake: interrupted"),
+        (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
+    ],
+)
+def test_failures_are_told_in_one_line(error: BaseException, exit_code: int, line: str) -> None:
+    with pytest.raises(click.ClickException) as caught, told_in_one_line(click.Context(texbake)):
+        raise error
+    assert caught.value.exit_code == exit_code
+    assert line in caught.value.message
+    assert "\n" not in caught.value.message
+
+
+def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import texbake\ndef read_mesh(*args, **options):\n    return 1 / 0\n"
+        "texbake.read_mesh = read_mesh\n"
+    )
+    done = run("info a.ply", env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    assert done.returncode == 1
+    assert "ZeroDivisionError" in done.stderr
+    assert "Traceback" in done.stderr
+
+
+def test_the_reader_of_a_pipe_may_leave(script: Path) -> None:
+    # The pipe's reading end is closed before anything is written.
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    done = subprocess.run(
+        [script, "--help"], stdout=write_end, stderr=subprocess.PIPE, text=True, timeout=60
+    )
+    os.close(write_end)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("texbake bake", {"bake", "bake-normals", "bake-displacement"}),
+        ("texbake info sc", {"scan.ply", "scans/"}),
+        ("texbake bake a b --maps normal,dis", {"normal,displacement"}),
+        ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),
+    ],
+)
+def test_the_shell_completes(script: Path, tmp_path: Path, words: str, expected: set[str]) -> None:
+    (tmp_path / "scan.ply").touch()
+    (tmp_path / "scan.txt").touch()
+    (tmp_path / "scans").mkdir()
+    environment = {
+        **os.environ,
+        "_TEXBAKE_COMPLETE": "bash_complete",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split(" ")) - 1),
+    }
+    done = subprocess.run(
+        [script], capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=60
+    )
+    assert {line.partition(",")[2] for line in done.stdout.splitlines()} == expected
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no bash to ask")
+def test_the_completion_script_is_bash(script: Path) -> None:
+    environment = {**os.environ, "_TEXBAKE_COMPLETE": "bash_source"}
+    source = subprocess.run(
+        [script], capture_output=True, text=True, env=environment, timeout=60, check=True
+    ).stdout
+    assert "_TEXBAKE_COMPLETE=bash_complete" in source
+    subprocess.run(["bash", "-n"], input=source, text=True, check=True, timeout=60)

@@ -1,0 +1,105 @@
+"""Progress and tables, as a person and as a program see them."""
+
+import io
+import json
+
+import pytest
+from texbake_cli.bars import Bars, rate_text
+from texbake_cli.terminal import JsonLines, Terminal, table
+
+
+@pytest.mark.parametrize(
+    ("rate", "text"),
+    [
+        (0.0, "0.0 rays/s"),
+        (7.04, "7.0 rays/s"),
+        (812.0, "812 rays/s"),
+        (999.6, "1.0 k rays/s"),
+        (4_130_000.0, "4.1 M rays/s"),
+        (56_000_000.0, "56 M rays/s"),
+        (9.9996e14, "999960 G rays/s"),
+    ],
+)
+def test_rates_have_three_digits_at_most(rate: float, text: str) -> None:
+    assert rate_text(rate, "rays") == text
+
+
+def test_json_lines_carry_every_field() -> None:
+    stream = io.StringIO()
+    sink = JsonLines(stream)
+    sink.started("cast rays", 200, "rays")
+    sink.advanced("cast rays", 100)
+    sink.advanced("cast rays", 200)  # within a tenth of a second of the one before: not told
+    sink.finished("cast rays", 1.23456)
+    sink.started("build", None, "")
+    sink.finished("build", 0.5)
+    events = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [event["event"] for event in events] == [
+        "started",
+        "advanced",
+        "finished",
+        "started",
+        "finished",
+    ]
+    assert all(
+        list(event) == ["event", "stage", "done", "total", "unit", "seconds"] for event in events
+    )
+    assert events[2] == {
+        "event": "finished",
+        "stage": "cast rays",
+        "done": 200,  # though the last step itself was not told
+        "total": 200,
+        "unit": "rays",
+        "seconds": 1.235,
+    }
+    assert events[4]["total"] is None
+
+
+def test_a_stage_within_a_stage_keeps_its_own_count() -> None:
+    stream = io.StringIO()
+    sink = JsonLines(stream)
+    sink.started("outer", 10, "meshes")
+    sink.advanced("outer", 3)
+    sink.started("inner", 5, "rows")
+    sink.finished("inner", 0.1)
+    sink.finished("outer", 0.2)
+    assert json.loads(stream.getvalue().splitlines()[-1])["done"] == 3
+
+
+def test_bars_leave_one_line_a_stage() -> None:
+    from rich.console import Console
+
+    stream = io.StringIO()
+    console = Console(file=stream, width=100, force_terminal=True, legacy_windows=False)
+    with Bars(console) as bars:
+        bars.started("cast rays", 1000, "rays")
+        bars.advanced("cast rays", 1000)
+        bars.finished("cast rays", 0.5)
+        bars.started("[odd] name", None, "")
+        bars.finished("[odd] name", 0.25)
+    text = stream.getvalue()
+    assert f"  {'cast rays':<24}    0.50 s   2.0 k rays/s" in text
+    assert f"  {'[odd] name':<24}    0.25 s" in text
+
+
+def test_table_aligns_values_and_has_no_color_in_a_pipe(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    table([("Rays", ""), ("cast", "1,000"), ("recovered", "3")])
+    assert capsys.readouterr().out == "Rays\ncast       1,000\nrecovered  3\n"
+
+
+def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal = Terminal(kind="json", quiet=True)
+    with terminal.progress() as progress:
+        assert progress is None
+    terminal.summary([("a", "b")])
+    terminal.wrote([])
+    assert capsys.readouterr() == ("", "")
+    terminal.warn("padding of two charts meets")
+    assert capsys.readouterr() == ("", "texbake: warning: padding of two charts meets\n")
+
+
+def test_nobody_listens_where_stderr_is_no_terminal() -> None:
+    with Terminal().progress() as progress:
+        assert progress is None

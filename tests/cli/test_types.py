@@ -1,0 +1,92 @@
+"""Values of options, and what a shell completes them to."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from texbake_cli.types import FileOf, Names, Size, View
+
+CONTEXT = click.Context(click.Command("test"))
+PARAM = click.Option(["--it"])
+
+
+def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
+    return [(item.value, item.type) for item in kind.shell_complete(CONTEXT, PARAM, start)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "value"),
+    [
+        (Size(), "1024", 1024),
+        (Size(), "1024x512", (1024, 512)),
+        (Size(), "64X32", (64, 32)),
+        (View(), "30,20", (30.0, 20.0)),
+        (View(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
+        (Names(["normal", "height"]), "normal", ("normal",)),
+        (Names(["normal", "height"]), "height, normal,height", ("height", "normal")),
+    ],
+)
+def test_text_becomes_a_value(kind: click.ParamType, text: str, value: Any) -> None:
+    assert kind.convert(text, PARAM, CONTEXT) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (Size(), "big"),
+        (Size(), "10x20x30"),
+        (Size(), ""),
+        (Size(), "1e3"),
+        (View(), "30"),
+        (View(), "1,2,3,4"),
+        (View(), "north"),
+        (Names(["normal"]), "normal,heigth"),
+        (Names(["normal"]), ""),
+    ],
+)
+def test_wrong_text_is_wrong_usage(kind: click.ParamType, text: str) -> None:
+    with pytest.raises(click.BadParameter):
+        kind.convert(text, PARAM, CONTEXT)
+
+
+def test_the_name_after_the_last_comma_is_completed() -> None:
+    kind = Names(["normal", "displacement", "height"])
+    assert completions(kind, "no") == [("normal", "plain")]
+    assert completions(kind, "normal,") == [
+        ("normal,displacement", "plain"),
+        ("normal,height", "plain"),
+    ]
+
+
+def test_mesh_files_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in "scan.ply", "scan.PLY", "scan.txt", ".hidden.ply", "other.ply":
+        Path(name).touch()
+    for name in "scans", "scans/deep":
+        Path(name).mkdir()
+    Path("scans/a.obj").touch()
+    kind = FileOf((".obj", ".ply"))
+    assert completions(kind, "scan") == [
+        ("scan.PLY", "plain"),
+        ("scan.ply", "plain"),
+        ("scans/", "plain"),
+    ]
+    assert completions(kind, "") == [
+        ("other.ply", "plain"),
+        ("scan.PLY", "plain"),
+        ("scan.ply", "plain"),
+        ("scans/", "plain"),
+    ]
+    assert completions(kind, "scans/") == [("scans/a.obj", "plain"), ("scans/deep/", "plain")]
+    assert completions(kind, f"{tmp_path}/o") == [(f"{tmp_path}/other.ply", "plain")]
+    assert completions(kind, ".h") == [(".hidden.ply", "plain")]
+
+
+def test_where_no_file_fits_the_shell_finds_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scans").mkdir()
+    assert completions(FileOf((".ply",)), "sc") == [("sc", "file")]
+    assert completions(FileOf((".ply",)), "no/such/folder") == []

@@ -1,0 +1,260 @@
+"""Normals: closed forms, an oracle, invariances, and what degenerate faces get."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import (
+    face_normals,
+    flat_normals,
+    shading_normals,
+    smooth_normals,
+    vertex_normals,
+)
+
+# A unit normal is a few roundings of 2^-53 off; a sum of some tens of weighted ones, some tens.
+ROUNDING = 1e-14
+
+CUBE = np.array(list(itertools.product([-1.0, 1.0], repeat=3)))
+CUBE_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def cube_faces(cuts):
+    """Two triangles a side, cut along its first or second diagonal."""
+    faces = []
+    for (a, b, c, d), second in zip(CUBE_SIDES, cuts, strict=True):
+        faces += [(a, b, d), (b, c, d)] if second else [(a, b, c), (a, c, d)]
+    return np.array(faces)
+
+
+def grid_mesh(n, seed=0, **changes):
+    """A bumpy sheet of 2 n^2 triangles."""
+    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    heights = np.random.default_rng(seed).normal(0, 0.3 / n, u.shape)
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    right, up, both = first + 1, first + n + 1, first + n + 2
+    faces = np.concatenate(
+        [np.stack([first, right, both], axis=1), np.stack([first, both, up], axis=1)]
+    )
+    positions = np.stack([u, v, heights], axis=2).reshape(-1, 3)
+    return Mesh(positions=positions, faces=faces, **changes)
+
+
+def split_corners(mesh):
+    """The same surface, with vertices of its own for each face."""
+    return Mesh(
+        positions=mesh.positions[mesh.faces.ravel()],
+        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
+    )
+
+
+def octahedral_sphere(levels):
+    corners = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+    x, y = np.array([0, 2, 1, 3]), np.array([2, 1, 3, 0])
+    faces = np.concatenate(
+        [np.stack([x, y, np.full(4, 4)], axis=1), np.stack([y, x, np.full(4, 5)], axis=1)]
+    )
+    triangles = corners[faces].astype(float)
+    for _ in range(levels):
+        middle = triangles + triangles[:, [1, 2, 0]]
+        middle /= np.linalg.norm(middle, axis=2, keepdims=True)
+        a, b, c = triangles.swapaxes(0, 1)
+        ab, bc, ca = middle.swapaxes(0, 1)
+        quarters = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+        triangles = np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
+    return Mesh(
+        positions=triangles.reshape(-1, 3), faces=np.arange(triangles.size // 3).reshape(-1, 3)
+    )
+
+
+def oracle(positions, faces):
+    """Angle-weighted normals in plain numpy, each angle by itself."""
+    edges = positions[faces[:, [1, 2, 0]]] - positions[faces]
+    back = -edges[:, [2, 0, 1]]
+    cross = np.cross(edges, back)
+    angles = np.arctan2(np.linalg.norm(cross, axis=2), (edges * back).sum(axis=2))
+    units = cross / np.linalg.norm(cross, axis=2, keepdims=True)
+    sums = np.zeros_like(positions)
+    np.add.at(sums, faces, angles[..., None] * units)
+    return sums / np.linalg.norm(sums, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("cuts", list(itertools.product([False, True], repeat=6)))
+def test_cube_corners_point_outward_however_it_is_cut(cuts):
+    mesh = Mesh(positions=CUBE, faces=cube_faces(cuts))
+    assert np.abs(vertex_normals(mesh) - CUBE / np.sqrt(3)).max() < ROUNDING
+
+
+def test_sphere_normals_converge_with_the_edge_length():
+    errors = []
+    for levels in (3, 4, 5):
+        mesh = octahedral_sphere(levels)
+        errors.append(np.linalg.norm(smooth_normals(mesh) - mesh.positions, axis=1).max())
+    # First order, for lack of symmetry beside the octahedron's edges: half the error a level.
+    assert np.abs(np.divide(errors[:-1], errors[1:]) - 2.0).max() < 0.01
+    assert errors[-1] < np.pi / 2 / 2**5  # an edge's angle
+
+
+def test_octahedron_is_exact_by_symmetry():
+    mesh = octahedral_sphere(0)
+    assert np.abs(smooth_normals(mesh) - mesh.positions).max() < ROUNDING
+
+
+def test_vertex_normals_match_the_oracle():
+    mesh = grid_mesh(40)
+    difference = vertex_normals(mesh) - oracle(mesh.positions, mesh.faces)
+    assert np.abs(difference).max() < ROUNDING
+
+
+@pytest.mark.parametrize("name", ["spot", "crangeract"])
+def test_vertex_normals_match_blender(data_dir, name):
+    reference = np.load(data_dir / "mikktspace" / f"{name}.npz")
+    mesh = Mesh(positions=reference["positions"], faces=reference["faces"])
+    ours, theirs = vertex_normals(mesh)[mesh.faces], reference["normals"].astype(float)
+    sines = np.linalg.norm(np.cross(ours, theirs), axis=2)
+    # Blender's are float32, from an arc cosine good to 4.5e-5 radians.
+    assert sines.max() < 4.5e-5
+    assert (ours * theirs).sum(axis=2).min() > 0.0
+
+
+@pytest.mark.parametrize("make", [face_normals, vertex_normals, smooth_normals])
+class TestInvariance:
+    @pytest.mark.parametrize("exponent", [-900, -40, 1, 40, 900])
+    def test_power_of_two_changes_no_bit(self, make, exponent):
+        mesh = grid_mesh(9)
+        scaled = mesh.replace(positions=np.ldexp(mesh.positions, exponent))
+        assert make(scaled).tobytes() == make(mesh).tobytes()
+
+    @pytest.mark.parametrize("factor", [1e-12, 1e12])
+    def test_scale_changes_rounding_only(self, make, factor):
+        mesh = grid_mesh(9)
+        # Each scaled coordinate is rounded; edges are a ninth as long: ten times 2^-53, twice.
+        scaled = mesh.replace(positions=mesh.positions * factor)
+        assert np.abs(make(scaled) - make(mesh)).max() < 1e-13
+
+    def test_rotated_corners(self, make):
+        mesh = grid_mesh(9)
+        rotated = mesh.replace(faces=np.roll(mesh.faces, 1, axis=1))
+        assert np.abs(make(rotated) - make(mesh)).max() < ROUNDING
+
+    def test_reversed_winding_turns_normals_over(self, make):
+        mesh = grid_mesh(9)
+        reversed_ = mesh.replace(faces=mesh.faces[:, ::-1])
+        assert np.abs(make(reversed_) + make(mesh)).max() < ROUNDING
+
+    def test_threads_change_no_bit(self, make):
+        mesh = grid_mesh(110)  # 24,200 triangles: enough to be cut into bands
+        one = make(mesh, threads=1)
+        assert make(mesh, threads=2).tobytes() == one.tobytes()
+        assert make(mesh, threads=5).tobytes() == one.tobytes()
+
+
+def test_order_of_vertices_changes_no_bit_and_of_faces_rounding_only():
+    mesh = grid_mesh(9)
+    rng = np.random.default_rng(3)
+    order = rng.permutation(mesh.n_vertices)
+    renamed = Mesh(positions=mesh.positions[order], faces=np.argsort(order)[mesh.faces])
+    assert np.array_equal(vertex_normals(renamed), vertex_normals(mesh)[order])
+    shuffled = mesh.replace(faces=mesh.faces[rng.permutation(mesh.n_faces)])
+    assert np.abs(vertex_normals(shuffled) - vertex_normals(mesh)).max() < ROUNDING
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_face_on_a_line_has_no_normal(scale):
+    direction = np.array([0.1, 0.7, -0.3])
+    points = (np.array([0.3, 0.9, 0.2]) + direction * np.array([[0], [1.1], [3.7]])) * scale
+    mesh = Mesh(positions=points, faces=[[0, 1, 2], [0, 0, 1], [2, 2, 2]])
+    assert not face_normals(mesh).any()
+    assert not vertex_normals(mesh).any()
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_sliver_has_its_normal(scale):
+    mesh = Mesh(
+        positions=np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-9, 0]]) * scale, faces=[[0, 1, 2]]
+    )
+    assert face_normals(mesh).tolist() == [[0.0, 0.0, 1.0]]
+    assert vertex_normals(mesh).tolist() == [[0.0, 0.0, 1.0]] * 3
+
+
+def test_unused_vertex_has_no_normal():
+    mesh = Mesh(positions=np.eye(4, 3), faces=[[0, 1, 2]])
+    assert vertex_normals(mesh)[3].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_canceling_normals_give_that_of_the_first_face_with_area():
+    positions = [[0, 0, 0], [1, 0.1, 0], [0.3, 1.7, 0], [0.5, 0, 0]]
+    mesh = Mesh(positions=positions, faces=[[0, 0, 1], [0, 2, 1], [1, 2, 0]])
+    assert vertex_normals(mesh)[:3].tolist() == [[0.0, 0.0, -1.0]] * 3
+
+
+def test_split_vertices_share_smooth_normals_bit_for_bit():
+    whole = Mesh(positions=CUBE, faces=cube_faces([False] * 6))
+    split = split_corners(whole)
+    split = split.replace(positions=np.where(split.positions == 0.0, -0.0, split.positions))
+    assert np.array_equal(vertex_normals(split), np.repeat(face_normals(whole), 3, axis=0))
+    assert np.array_equal(smooth_normals(split), smooth_normals(whole)[whole.faces.ravel()])
+
+
+def test_minus_zero_is_zero():
+    sheet = np.array(
+        [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [-0.0, 0, 0], [0, -0.0, 1], [1, -0.0, -0.0]]
+    )
+    mesh = Mesh(positions=sheet, faces=[[0, 1, 2], [3, 4, 5]])
+    normals = smooth_normals(mesh)
+    assert np.array_equal(normals[0], normals[3])
+    assert np.array_equal(normals[1], normals[5])
+    assert np.abs(normals[1] - np.array([0, 1, 1]) / np.sqrt(2)).max() < ROUNDING
+
+
+class TestShadingNormals:
+    def test_a_meshs_own_come_back_as_they_are(self):
+        own = np.array([[0.6, 0.0, 0.8]])
+        mesh = grid_mesh(2, normals=own, normal_faces=np.zeros((8, 3), int))
+        normals, normal_faces = shading_normals(mesh)
+        assert normals is mesh.normals
+        assert normal_faces is mesh.normal_faces
+
+    def test_without_own_they_are_smooth(self):
+        mesh = split_corners(grid_mesh(3))
+        normals, normal_faces = shading_normals(mesh)
+        assert np.array_equal(normals, smooth_normals(mesh))
+        assert np.array_equal(normal_faces, mesh.faces)
+
+    def test_zero_ones_are_replaced_corner_by_corner(self):
+        own = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+        corners = np.zeros((8, 3), int)
+        corners[2, 1] = 1
+        mesh = grid_mesh(2, normals=own, normal_faces=corners)
+        normals, normal_faces = shading_normals(mesh)
+        expected = smooth_normals(mesh)[mesh.faces]
+        expected[2, 1] = [1.0, 0.0, 0.0]
+        assert np.array_equal(normals[normal_faces], expected)
+
+
+def test_flat_normals_are_one_a_face():
+    mesh = grid_mesh(3)
+    normals, normal_faces = flat_normals(mesh)
+    assert np.array_equal(normals, face_normals(mesh))
+    assert normal_faces.dtype == np.int32
+    assert np.array_equal(normal_faces, np.arange(18)[:, None] * [1, 1, 1])
+
+
+coordinates = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.1, 1e-9, 3e7, 1e300, -1e300, 5e-324])
+
+
+@settings(deadline=None)  # the first example may compile kernels
+@given(
+    hnp.arrays(np.float64, (6, 3), elements=coordinates),
+    hnp.arrays(np.int32, st.tuples(st.integers(1, 12), st.just(3)), elements=st.integers(0, 5)),
+)
+def test_every_normal_is_unit_or_zero(positions, faces):
+    mesh = Mesh(positions=positions, faces=faces)
+    for normals in (face_normals(mesh), vertex_normals(mesh), smooth_normals(mesh)):
+        lengths = np.linalg.norm(normals, axis=1)
+        assert ((np.abs(lengths - 1.0) < ROUNDING) | (lengths == 0.0)).all()

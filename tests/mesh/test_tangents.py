@@ -1,0 +1,275 @@
+"""Tangents: Blender's MikkTSpace on torture meshes, closed forms, invariances, degeneration."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from texbake.errors import UvError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.tangents import corner_tangents
+
+# Steps are rounded to float32: a few times 2^-24 = 6e-8 for well-shaped triangles.
+ROUNDING = 1e-6
+
+REFERENCES = [
+    "crangeract",
+    "cube",
+    "doomcone",
+    "doomcone_smooth",
+    "obliterated",
+    "rancid_geometry",
+    "spot",
+]
+
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+SQUARE_FACES = [[0, 1, 2], [0, 2, 3]]
+
+
+def reference_mesh(reference):
+    corners = np.arange(reference["faces"].size).reshape(-1, 3)
+    return Mesh(
+        positions=reference["positions"],
+        faces=reference["faces"],
+        uvs=reference["uvs"].reshape(-1, 2),
+        uv_faces=corners,
+        normals=reference["normals"].reshape(-1, 3),
+        normal_faces=corners,
+    )
+
+
+def square_mesh(uvs, **changes):
+    return Mesh(positions=SQUARE, faces=SQUARE_FACES, uvs=uvs, uv_faces=SQUARE_FACES).replace(
+        **changes
+    )
+
+
+def bumpy_mesh(n=12):
+    """A sheet whose texture is mirrored at u = 0.5 and skewed everywhere."""
+    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    heights = 0.1 * np.sin(5 * u + 1) * np.cos(7 * v)
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    right, up, both = first + 1, first + n + 1, first + n + 2
+    faces = np.concatenate(
+        [np.stack([first, right, both], axis=1), np.stack([first, both, up], axis=1)]
+    )
+    uvs = np.stack([np.minimum(u, 1 - u) + 0.2 * v * v, v + 0.1 * u], axis=2).reshape(-1, 2)
+    positions = np.stack([u, v, heights], axis=2).reshape(-1, 3)
+    return Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=faces)
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+@pytest.mark.parametrize("scale", [1.0, 2.0**-20, 2.0**20])
+def test_blenders_tangents(data_dir, name, scale):
+    reference = np.load(data_dir / "mikktspace" / f"{name}.npz")
+    mesh = reference_mesh(reference)
+    ours = corner_tangents(mesh.replace(positions=mesh.positions * scale)).astype(float)
+    theirs = reference["tangents"].astype(float)
+    given_there = theirs.any(axis=2)
+    ours, theirs, signs = ours[given_there], theirs[given_there], reference["signs"][given_there]
+    sines = np.linalg.norm(np.cross(ours[:, :3], theirs), axis=1)
+    degrees = np.degrees(np.arctan2(sines, (ours[:, :3] * theirs).sum(axis=1)))
+    # The same float32 steps but for the order of sums, which shows where tangents nearly cancel.
+    assert degrees.max() < 0.001
+    assert np.array_equal(ours[:, 3], signs)
+
+
+@settings(deadline=None)  # the first example may compile kernels
+@given(hnp.arrays(np.float64, (2, 2), elements=st.floats(-2, 2)), st.floats(-1, 1))
+def test_affine_mapping_has_its_closed_form(jacobian, offset):
+    determinant = np.linalg.det(jacobian)
+    assume(abs(determinant) > 0.1)
+    tangents = corner_tangents(square_mesh(SQUARE[:, :2] @ jacobian.T + offset))
+    # u and v grow along the columns of the inverse of d(u, v) / d(x, y).
+    along_u = np.linalg.inv(jacobian)[:, 0]
+    expected = [*along_u / np.linalg.norm(along_u), 0.0, math.copysign(1.0, determinant)]
+    # float32 coordinates of up to 5 over a determinant of at least 0.1.
+    assert np.abs(tangents - expected).max() < 100 * ROUNDING
+
+
+@pytest.mark.parametrize("flip_u", [1.0, -1.0])
+@pytest.mark.parametrize("flip_v", [1.0, -1.0])
+def test_bitangent_points_where_v_grows(flip_u, flip_v):
+    tangents = corner_tangents(square_mesh(SQUARE[:, :2] * [flip_u, flip_v]))
+    bitangents = tangents[..., 3:] * np.cross([0.0, 0.0, 1.0], tangents[..., :3])
+    assert (tangents[..., :3] == [flip_u, 0.0, 0.0]).all()
+    assert (bitangents == [0.0, flip_v, 0.0]).all()
+
+
+def test_mirrored_halves_keep_their_own_tangents_at_the_shared_edge():
+    positions = [[-1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0, 0]]
+    faces = [[0, 1, 2], [1, 3, 2]]
+    uvs = [[1, 0], [0, 0], [0, 1], [1, 0]]
+    tangents = corner_tangents(Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=faces))
+    assert (tangents[0] == [-1, 0, 0, -1]).all()
+    assert (tangents[1] == [1, 0, 0, 1]).all()
+
+
+def test_tangents_of_a_cylinder_are_shared_by_its_rings():
+    n = 24
+    angles = np.arange(n + 1) * 2 * np.pi / n
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(n + 1)], axis=1)
+    ring[n] = ring[0]  # the seam: two vertices at one place
+    positions = np.concatenate([ring, ring + np.array([0.0, 0.0, 1.0])])
+    uvs = np.concatenate([np.stack([angles, np.full(n + 1, z)], axis=1) for z in (0.0, 1.0)])
+    first = np.arange(n)
+    faces = np.concatenate(
+        [
+            np.stack([first, first + 1, first + n + 2], axis=1),
+            np.stack([first, first + n + 2, first + n + 1], axis=1),
+        ]
+    )
+    normals = np.concatenate([ring, ring])
+    mesh = Mesh(
+        positions=positions, faces=faces, uvs=uvs, uv_faces=faces, normals=normals,
+        normal_faces=faces,
+    )  # fmt: skip
+    tangents = corner_tangents(mesh)
+    normals = normals[faces]
+    expected = np.stack([-normals[..., 1], normals[..., 0], normals[..., 2]], axis=2)
+    assert np.abs(tangents[..., :3] - expected).max() < ROUNDING
+    assert (tangents[..., 3] == 1).all()
+
+
+class TestInvariance:
+    @pytest.mark.parametrize("exponent", [-900, -20, 20, 900])
+    def test_power_of_two_changes_no_bit(self, exponent):
+        mesh = bumpy_mesh()
+        scaled = mesh.replace(
+            positions=np.ldexp(mesh.positions, exponent), uvs=np.ldexp(mesh.uvs, -exponent)
+        )
+        assert corner_tangents(scaled).tobytes() == corner_tangents(mesh).tobytes()
+
+    @pytest.mark.parametrize("factor", [1e-6, 1e6])
+    def test_scale(self, factor):
+        mesh = bumpy_mesh()
+        scaled = mesh.replace(positions=mesh.positions * factor)
+        assert np.abs(corner_tangents(scaled) - corner_tangents(mesh)).max() < ROUNDING
+
+    def test_place(self):
+        mesh = bumpy_mesh()
+        # A million times its size away, positions have 34 of 53 bits left, more than float32 has.
+        moved = mesh.replace(positions=mesh.positions + np.array([1e6, -1e6, 1e6]))
+        assert np.abs(corner_tangents(moved) - corner_tangents(mesh)).max() < ROUNDING
+
+    def test_orders_of_faces_and_vertices(self):
+        mesh = bumpy_mesh()
+        rng = np.random.default_rng(5)
+        faces = rng.permutation(mesh.n_faces)
+        vertices = rng.permutation(mesh.n_vertices)
+        corners = np.argsort(vertices)[mesh.faces[faces]]
+        shuffled = Mesh(
+            positions=mesh.positions[vertices], faces=corners, uvs=mesh.uvs[vertices],
+            uv_faces=corners,
+        )  # fmt: skip
+        assert np.abs(corner_tangents(shuffled) - corner_tangents(mesh)[faces]).max() < ROUNDING
+
+    def test_rotation_of_corners(self):
+        mesh = bumpy_mesh()
+        corners = np.roll(mesh.faces, 1, axis=1)
+        rotated = mesh.replace(faces=corners, uv_faces=corners)
+        expected = np.roll(corner_tangents(mesh), 1, axis=1)
+        assert np.abs(corner_tangents(rotated) - expected).max() < ROUNDING
+
+    def test_split_vertices_change_no_bit(self):
+        mesh = bumpy_mesh()
+        corners = np.arange(3 * mesh.n_faces).reshape(-1, 3)
+        split = Mesh(
+            positions=mesh.positions[mesh.faces.ravel()], faces=corners,
+            uvs=mesh.uvs[mesh.uv_faces.ravel()], uv_faces=corners,
+        )  # fmt: skip
+        assert corner_tangents(split).tobytes() == corner_tangents(mesh).tobytes()
+
+
+class TestDegenerate:
+    def test_face_without_texture_area_takes_its_neighbors_tangents(self):
+        # Corner 3 has the coordinates of corner 2: only the vertices of the shared edge have any.
+        uvs = [[0, 0], [1, 0], [1, 1], [1, 1]]
+        tangents = corner_tangents(square_mesh(uvs))
+        assert (tangents[0] == [1, 0, 0, 1]).all()
+        assert (tangents[1, :2] == [1, 0, 0, 1]).all()
+        assert (tangents[1, 2] == [1, 0, 0, -1]).all()
+
+    def test_without_any_texture_area_the_tangent_is_the_references_default(self):
+        tangents = corner_tangents(square_mesh(np.zeros((4, 2))))
+        assert (tangents == [1, 0, 0, -1]).all()
+
+    def test_default_is_perpendicular_where_the_normal_is_along_x(self):
+        turned = SQUARE[:, [2, 0, 1]]
+        tangents = corner_tangents(square_mesh(np.zeros((4, 2)), positions=turned))
+        assert (tangents[..., 0] == 0).all()
+        assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1).max() < ROUNDING
+        assert (tangents[..., 3] == 1).all()
+
+    def test_collapsed_face_copies_from_its_vertices(self):
+        faces = [[0, 0, 1], *SQUARE_FACES]
+        uvs = SQUARE[:, :2] * [-1, 1]
+        tangents = corner_tangents(Mesh(positions=SQUARE, faces=faces, uvs=uvs, uv_faces=faces))
+        assert (tangents == [-1, 0, 0, -1]).all()
+
+    def test_mesh_of_collapsed_faces(self):
+        faces = [[0, 0, 1], [2, 2, 2]]
+        mesh = Mesh(positions=SQUARE, faces=faces, uvs=SQUARE[:, :2], uv_faces=faces)
+        assert (corner_tangents(mesh) == [1, 0, 0, -1]).all()
+
+    @pytest.mark.parametrize("flip", [1.0, -1.0])
+    def test_canceled_direction_gives_a_perpendicular_and_keeps_the_sign(self, flip):
+        # The normal lies along the direction of u: nothing of it is left in the normal's plane.
+        mesh = square_mesh(
+            SQUARE[:, :2] * [1.0, flip],
+            normals=[[1.0, 0.0, 0.0]],
+            normal_faces=np.zeros((2, 3), int),
+        )
+        tangents = corner_tangents(mesh)
+        assert (tangents[..., 0] == 0).all()
+        assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1).max() < ROUNDING
+        assert (tangents[..., 3] == flip).all()
+
+    def test_zero_normal_leaves_the_direction_in_the_face(self):
+        mesh = square_mesh(
+            SQUARE[:, :2], normals=[[0.0, 0.0, 0.0]], normal_faces=np.zeros((2, 3), int)
+        )
+        assert (corner_tangents(mesh) == [1, 0, 0, 1]).all()
+
+    def test_many_faces_on_one_edge_take_linear_time(self):
+        n = 60_000  # all pairs of them would be 1.8e9
+        apexes = np.stack([np.arange(n) / n, np.ones(n), np.zeros(n)], axis=1)
+        positions = np.concatenate([[[0, 0, 0], [1, 0, 0]], apexes])
+        faces = np.stack([np.zeros(n), np.ones(n), 2 + np.arange(n)], axis=1).astype(np.int32)
+        uvs = positions[:, :2]
+        tangents = corner_tangents(Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=faces))
+        assert np.abs(tangents - [1, 0, 0, 1]).max() < ROUNDING
+
+
+def test_no_texture_coordinates():
+    with pytest.raises(UvError, match="no texture coordinates"):
+        corner_tangents(Mesh(positions=SQUARE, faces=SQUARE_FACES))
+
+
+values = st.sampled_from([0.0, -0.0, 0.25, 1.0, -1.0, 1e-30, 1e30])
+corner_ids = st.integers(0, 4)
+six_faces = hnp.arrays(np.int32, (6, 3), elements=corner_ids)
+
+
+@settings(deadline=None)  # the first example may compile kernels
+@given(
+    hnp.arrays(np.float64, (5, 3), elements=values),
+    hnp.arrays(np.float64, (5, 2), elements=values),
+    hnp.arrays(np.float64, (5, 3), elements=values),
+    six_faces,
+    six_faces,
+    six_faces,
+)
+def test_every_tangent_is_unit(positions, uvs, normals, faces, uv_faces, normal_faces):
+    mesh = Mesh(
+        positions=positions, faces=faces, uvs=uvs, uv_faces=uv_faces, normals=normals,
+        normal_faces=normal_faces,
+    )  # fmt: skip
+    for each in (mesh, mesh.replace(normals=None, normal_faces=None)):
+        tangents = corner_tangents(each)
+        assert tangents.dtype == np.float32
+        assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1.0).max() < ROUNDING
+        assert (np.abs(tangents[..., 3]) == 1.0).all()

@@ -1,0 +1,208 @@
+"""A dense and a light mesh to maps: the stages of a bake in their order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.bake.hits import NO_HIT, Hits
+from texbake.bake.inputs import BakeInputs
+from texbake.bake.maps import map_kinds
+from texbake.bake.maps.kind import MapKind
+from texbake.bake.options import BakeOptions
+from texbake.bake.rays import check_cage
+from texbake.bake.report import PERCENTILES, BakeReport, library_versions
+from texbake.bake.result import BakedMap, BakeResult
+from texbake.bake.sums import TexelSums
+from texbake.bake.surround import Surroundings
+from texbake.bake.texels import NO_FACE
+from texbake.bake.trace import Trace
+from texbake.errors import MissError
+from texbake.mapping.distortion import chart_ids
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.progress import ProgressSink, Stages
+
+
+def bake(
+    high: Mesh,
+    low: Mesh,
+    options: BakeOptions | None = None,
+    *,
+    cage: Mesh | None = None,
+    progress: ProgressSink | None = None,
+) -> BakeResult:
+    """Carry the detail of a dense mesh over to a light one, as maps.
+
+    Parameters
+    ----------
+    high
+        The dense mesh.
+    low
+        The light mesh; it needs texture coordinates.
+    options
+        None for `BakeOptions()`.
+    cage
+        The light mesh's faces with other positions: rays start on it.
+    progress
+        Is told of the stages.
+
+    Returns
+    -------
+    BakeResult
+        The same, byte for byte, for any number of threads.
+
+    Raises
+    ------
+    UvError
+        The light mesh has no texture coordinates, or they cover nothing.
+    CageError
+        The cage has other faces than the light mesh.
+    MissError
+        More texels missed than `options.fail_on_miss` allows.
+    OptionError
+        A map that is not known.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import plane
+    >>> result = bake(plane(), plane(), BakeOptions(size=16))
+    >>> result.maps["normal"].values[8, 8].tolist()
+    [0.0, 0.0, 1.0]
+    """
+    options = options or BakeOptions()
+    kinds = map_kinds(options.maps)
+    if cage is not None:
+        check_cage(cage, low)
+    stages = Stages(progress)
+    trace = Trace(high, low, options, cage, stages)
+    inputs = BakeInputs(high, low, options)
+    sums = TexelSums(kinds, inputs)
+    kept: list[Hits] = []
+    lengths: list[npt.NDArray[np.float32]] = []
+    for hits in trace.hits():
+        with stages.part("make maps"):
+            sums.add(hits)
+        lengths.append(_lengths(hits, options.samples))
+        if options.keep_hits:
+            kept.append(hits)
+    return _result(kinds, sums, trace, inputs, stages, Hits.joined(kept) if kept else None, lengths)
+
+
+def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> BakeResult:
+    """Make other maps, or the same in another space, from kept hits, without a second trace.
+
+    Parameters
+    ----------
+    result
+        Of a bake with `keep_hits` of the same two meshes.
+    options
+        `maps`, `space`, `high_shading`, `padding` and `fill` count, and what says how files are
+        written; size, samples and rays are those of the trace.
+
+    Raises
+    ------
+    MissError
+        The result kept no hits.
+    """
+    if result.hits is None:
+        raise MissError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
+    traced = result.report.options
+    options = replace(options, size=traced.size, samples=traced.samples, rays=traced.rays)
+    kinds = map_kinds(options.maps)
+    stages = Stages()
+    inputs = BakeInputs(high, low, options)
+    sums = TexelSums(kinds, inputs)
+    with stages.part("make maps"):
+        sums.add(result.hits)
+    has_data = result.has_data
+    maps, meets = _finished(kinds, sums, inputs, has_data, result.texel_faces, stages)
+    report = replace(
+        result.report, options=options, padding_meets=meets, stages=list(stages.records)
+    )
+    return BakeResult(maps, report, result.hits, result.texel_faces, has_data)
+
+
+def _result(
+    kinds: list[MapKind],
+    sums: TexelSums,
+    trace: Trace,
+    inputs: BakeInputs,
+    stages: Stages,
+    hits: Hits | None,
+    lengths: list[npt.NDArray[np.float32]],
+) -> BakeResult:
+    options = inputs.options
+    has_data = (sums.n_hits > 0).reshape(options.height, options.width)
+    n_covered = int(np.count_nonzero(trace.texel_faces != NO_FACE))
+    n_missed = n_covered - int(np.count_nonzero(has_data))
+    _check_misses(n_missed, n_covered, inputs)
+    maps, meets = _finished(kinds, sums, inputs, has_data, trace.texel_faces, stages)
+    distances = np.concatenate(lengths) if lengths else np.zeros(0, dtype=np.float32)
+    percentiles = np.percentile(distances, PERCENTILES) if len(distances) else ()
+    report = BakeReport(
+        high=inputs.high.name,
+        low=inputs.low.name,
+        cage=trace.cage.name if trace.cage is not None else None,
+        n_high_faces=inputs.high.n_faces,
+        n_low_faces=inputs.low.n_faces,
+        options=options,
+        front=trace.front,
+        back=trace.back or 0.0,
+        measured=(options.front, options.back) != (trace.front, trace.back),
+        texels=options.width * options.height,
+        texels_covered=n_covered,
+        texels_missed=n_missed,
+        texels_overlapping=trace.counts.samples_overlapping / options.samples,
+        padding_meets=meets,
+        counts=trace.counts,
+        distance_percentiles={
+            percent: float(value) for percent, value in zip(PERCENTILES, percentiles, strict=False)
+        },
+        stages=stages.records,
+        versions=library_versions(),
+    )
+    return BakeResult(maps, report, hits, trace.texel_faces, has_data)
+
+
+def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
+    limit = inputs.options.fail_on_miss
+    percent = 100.0 * n_missed / max(n_covered, 1)
+    if limit is not None and percent > limit:
+        raise MissError(
+            f"{inputs.low.name}: {n_missed} texels ({percent:.3f} %) found no surface of "
+            f"{inputs.high.name}, more than the {limit:g} % allowed; raise --front and --back, "
+            "or look with --miss-map"
+        )
+
+
+def _finished(
+    kinds: list[MapKind],
+    sums: TexelSums,
+    inputs: BakeInputs,
+    has_data: npt.NDArray[np.bool_],
+    texel_faces: IntArray,
+    stages: Stages,
+) -> tuple[dict[str, BakedMap], int]:
+    """Turn sums into padded maps; also the number of texels where two charts' padding meets."""
+    options = inputs.options
+    with stages.stage("pad"):
+        texel_charts = np.where(texel_faces == NO_FACE, NO_FACE, chart_ids(inputs.low)[texel_faces])
+        surroundings = Surroundings(texel_charts, has_data, options)
+    maps = {}
+    for kind in kinds:
+        with stages.part("make maps"):
+            values = sums.means(kind)
+        with stages.part("pad"):
+            values = surroundings.filled(
+                values, kind.neutral(options), unit_vectors=kind.coding == "normal"
+            )
+        maps[kind.name] = BakedMap(kind, values, has_data, options)
+    return maps, surroundings.n_meeting
+
+
+def _lengths(hits: Hits, every: int) -> npt.NDArray[np.float32]:
+    """Distances between the two surfaces at every so many hits."""
+    offsets = hits.offsets[hits.high_faces != NO_HIT][::every]
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", offsets, offsets)))

@@ -1,0 +1,154 @@
+"""What a bake tells of itself: settings, coverage, misses, distances, time and memory."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from texbake.bake.options import BakeOptions
+from texbake.bake.trace import TraceCounts
+from texbake.progress import StageRecord
+
+PERCENTILES = (0, 1, 5, 50, 95, 99, 100)
+
+
+@dataclass(frozen=True)
+class BakeReport:
+    """Figures of one bake; lengths are model units.
+
+    Attributes
+    ----------
+    high, low, cage : str or None
+        Names of the meshes.
+    n_high_faces, n_low_faces : int
+    options : BakeOptions
+        As asked for.
+    front, back : float or None
+        Distances that the rays went; the front is None with a cage, which has one a vertex.
+    measured : bool
+        Whether one of them was measured.
+    texels, texels_covered, texels_missed : int
+        Of the map; covered by the light mesh; covered without a hit in any sample.
+    texels_overlapping : int
+        Samples that several faces cover, in texels; the first face wins.
+    padding_meets : int
+        Texels that the padding of two charts wants.
+    counts : TraceCounts
+    distance_percentiles : dict
+        Percent to distance between the light and the dense surface.
+    heights_clipped : dict
+        Map to texels whose value its mid and scale cannot hold.
+    stages : list of StageRecord
+    versions : dict
+    """
+
+    high: str
+    low: str
+    cage: str | None
+    n_high_faces: int
+    n_low_faces: int
+    options: BakeOptions
+    front: float | None
+    back: float
+    measured: bool
+    texels: int
+    texels_covered: int
+    texels_missed: int
+    texels_overlapping: float
+    padding_meets: int
+    counts: TraceCounts
+    distance_percentiles: dict[int, float]
+    stages: list[StageRecord]
+    versions: dict[str, str]
+
+    @property
+    def miss_percent(self) -> float:
+        """Missed texels, in percent of the covered ones."""
+        return 100.0 * self.texels_missed / max(self.texels_covered, 1)
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages so far."""
+        return sum(stage.seconds for stage in self.stages)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should look at, a sentence each."""
+        counts = self.counts
+        checks = (
+            (
+                self.texels_missed,
+                f"{self.texels_missed:,} texels ({self.miss_percent:.2f} %) found "
+                "no dense surface and are left neutral; see them with --miss-map",
+            ),
+            (
+                counts.samples_overlapping,
+                f"texture coordinates overlap on "
+                f"{self.texels_overlapping:,.0f} texels; the first face wins",
+            ),
+            (
+                counts.faces_outside_tile,
+                f"{counts.faces_outside_tile:,} faces reach outside the "
+                "unit square; what lies outside is not baked",
+            ),
+            (
+                counts.faces_without_uv_area,
+                f"{counts.faces_without_uv_area:,} faces have no area "
+                "in texture space and get no texel",
+            ),
+            (
+                self.padding_meets,
+                f"the padding of two charts meets on {self.padding_meets:,} "
+                "texels; use less padding or leave more room between charts",
+            ),
+        )
+        return [message for count, message in checks if count]
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        counts = self.counts
+        front = "from the cage" if self.front is None else f"{self.front:.6g}"
+        measured = " (measured)" if self.measured else ""
+        low, *_, high = self.distance_percentiles.values() or (0.0, 0.0)
+        median = self.distance_percentiles.get(50, 0.0)
+        return [
+            ("meshes", f"{self.n_high_faces:,} faces onto {self.n_low_faces:,}"),
+            (
+                "size",
+                f"{self.options.width} x {self.options.height}, {self.options.samples} samples",
+            ),
+            ("distances", f"front {front}, back {self.back:.6g}{measured}"),
+            ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
+            ("texels missed", f"{self.texels_missed:,} ({self.miss_percent:.3f} %)"),
+            (
+                "rays",
+                f"{counts.rays_cast:,} cast, {counts.rays_missed:,} missed, "
+                f"{counts.rays_recovered:,} recovered, "
+                f"{counts.rays_past_back_faces:,} past back faces",
+            ),
+            ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
+            *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
+            ("total", f"{self.seconds:.2f} s"),
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values, for `json.dump`."""
+        values = asdict(self)
+        values["size"] = [self.options.width, self.options.height]
+        values["miss_percent"] = self.miss_percent
+        values["seconds"] = self.seconds
+        values["warnings"] = self.warnings
+        return values
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of texbake and of what its results depend on."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    versions = {}
+    for name in ("texbake", "embreex", "numba", "numpy", "openimageio"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "unknown"
+    return versions

@@ -1,0 +1,77 @@
+"""Values of samples to values of texels: the mean of the vectors that hit."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from texbake.bake.hits import NO_HIT, Hits
+from texbake.bake.inputs import BakeInputs
+from texbake.bake.maps.kind import MapKind
+
+
+class TexelSums:
+    """Adds up the hits of a bake, texel by texel, for several maps at once.
+
+    Attributes
+    ----------
+    n_hits : (height * width,) uint8
+        Samples of each texel that hit.
+    """
+
+    def __init__(self, kinds: list[MapKind], inputs: BakeInputs) -> None:
+        n_texels = inputs.options.width * inputs.options.height
+        self._inputs = inputs
+        self._sums = {kind: np.zeros((n_texels, kind.channels), dtype=np.float32) for kind in kinds}
+        self.n_hits = np.zeros(n_texels, dtype=np.uint8)
+
+    def add(self, hits: Hits) -> None:
+        """Add the hits of a trace; its misses add nothing."""
+        is_hit = hits.high_faces != NO_HIT
+        if not is_hit.all():
+            hits = hits.where(is_hit)
+        for kind, sums in self._sums.items():
+            _add_kernel(hits.texel_ids, kind.values(hits, self._inputs), sums)
+        _count_kernel(hits.texel_ids, self.n_hits)
+
+    def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
+        """(height, width, channels) float32: means of what hit, the neutral value elsewhere.
+
+        Means of normals are normalized. It uses the sums up: ask once for each map.
+        """
+        options = self._inputs.options
+        sums = self._sums.pop(kind)
+        neutral = np.array(kind.neutral(options), dtype=np.float32)
+        _mean_kernel(sums, self.n_hits, neutral, kind.coding == "normal")
+        return sums.reshape(options.height, options.width, kind.channels)
+
+
+@njit(nogil=True, cache=True)
+def _add_kernel(texel_ids, values, sums):  # type: ignore[no-untyped-def]
+    for i in range(len(texel_ids)):
+        for channel in range(values.shape[1]):
+            sums[texel_ids[i], channel] += values[i, channel]
+
+
+@njit(nogil=True, cache=True)
+def _count_kernel(texel_ids, counts):  # type: ignore[no-untyped-def]
+    for texel in texel_ids:
+        counts[texel] += 1
+
+
+@njit(nogil=True, cache=True)
+def _mean_kernel(sums, counts, neutral, normalize):  # type: ignore[no-untyped-def]
+    n_channels = sums.shape[1]
+    for i in range(len(sums)):
+        divisor = float(counts[i])
+        if normalize and divisor > 0.0:
+            square = 0.0
+            for channel in range(n_channels):
+                square += float(sums[i, channel]) * float(sums[i, channel])
+            divisor = np.sqrt(square)
+        for channel in range(n_channels):
+            if divisor > 0.0:
+                sums[i, channel] = sums[i, channel] / divisor
+            else:
+                sums[i, channel] = neutral[channel]

@@ -1,0 +1,66 @@
+"""What stands around the charts of a map: padding from the nearest texel, then a smooth fill.
+
+A texel that missed the dense mesh keeps the map's neutral value. It is no source of padding, and
+neither padding nor fill reaches into it, so that what was not found is never passed off as data.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.bake.options import BakeOptions
+from texbake.bake.texels import NO_FACE
+from texbake.mesh.mesh import IntArray
+from texbake.texture.padding import nearest_owner, push_pull, spread
+
+Float32Array = npt.NDArray[np.float32]
+
+
+class Surroundings:
+    """Fills around the charts of several maps of one bake; the distances are found once.
+
+    Parameters
+    ----------
+    texel_charts : (H, W) int32
+        Chart that covers each texel, -1 for none.
+    has_data : (H, W) bool
+        Texels with a hit.
+    """
+
+    def __init__(
+        self, texel_charts: IntArray, has_data: npt.NDArray[np.bool_], options: BakeOptions
+    ) -> None:
+        self._missed = (texel_charts >= 0) & ~has_data
+        self._options = options
+        self._valid = has_data
+        self._owners = None
+        self.n_meeting = 0
+        if options.padding > 0:
+            sources = np.where(has_data, texel_charts, NO_FACE).astype(np.int32)
+            owners = nearest_owner(sources, options.padding, threads=options.threads)
+            self._owners, self.n_meeting = owners.indices, owners.n_meeting
+            self._valid = (owners.indices >= 0) & ~self._missed
+
+    def filled(
+        self, values: Float32Array, neutral: tuple[float, ...], *, unit_vectors: bool
+    ) -> Float32Array:
+        """Return a map (H, W, C) with its surroundings; `unit_vectors` keeps a fill's length 1."""
+        threads = self._options.threads
+        if self._owners is not None:
+            values = spread(values, self._owners, background=neutral, threads=threads)
+        if self._options.fill == "push-pull":
+            values = push_pull(values, self._valid, threads=threads)
+            if unit_vectors:
+                _normalize(values, ~self._valid)
+        if self._missed.any():
+            values[self._missed] = neutral
+        return values
+
+
+def _normalize(values: Float32Array, chosen: npt.NDArray[np.bool_]) -> None:
+    """Normalize the chosen vectors in place; those that cancel to zero stay zero."""
+    vectors = values[chosen]
+    lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    lengths[lengths == 0.0] = 1.0
+    values[chosen] = vectors / lengths[:, np.newaxis]

@@ -1,0 +1,178 @@
+"""Reading PLY, ASCII and binary of either byte order.
+
+Based on: G. Turk, "The PLY Polygon File Format", 1994; property names after MeshLab and Blender.
+
+A body of text is read as a table of float64 numbers, whatever types the header names, so that no
+digit is lost; the rest is the same for all three formats. Rows of one size, which is what meshes of
+triangles have, are taken from the mapped file at once; others are walked.
+
+Read are vertex positions (x, y, z), normals (nx, ny, nz), texture coordinates (s, t or u, v or
+texture_u, texture_v) and colors (red, green, blue, alpha; integers are divided by the greatest
+value of their type), and of faces the polygons (vertex_indices or vertex_index), texture
+coordinates (texcoord) and normals (normals, which only texbake writes) of their corners. All else
+is skipped. A polygon is fanned out from its first corner; one of fewer than three corners gives no
+triangle.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.files import PathLike
+from texbake.mesh.files.decimals import parse_numbers
+from texbake.mesh.files.ply_body import Columns, Ragged, read_element
+from texbake.mesh.files.ply_header import read_header
+from texbake.mesh.files.polygons import fan_corners
+from texbake.mesh.files.source import map_file
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.weld import weld_rows
+
+_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+_NORMAL_NAMES = ("nx", "ny", "nz")
+_COLOR_NAMES = ("red", "green", "blue", "alpha")
+_POLYGON_NAMES = ("vertex_indices", "vertex_index")
+
+
+def read_ply(path: PathLike) -> Mesh:
+    """Read a PLY file; see the module for which properties are used.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        The header breaks the format, or the body is shorter than the header says.
+    MeshError
+        There are no faces, a coordinate is not finite, or an index is out of range.
+    """
+    data = map_file(path)
+    header = read_header(path, data)
+    body: npt.NDArray[Any] = data[header.end :]
+    if header.order == "":
+        body = parse_numbers(path, data, header.end).values
+    tables: dict[str, Columns] = {}
+    start = 0
+    for element in header.elements:
+        if {"vertex", "face"} <= tables.keys():
+            break  # what follows is not used
+        tables[element.name], start = read_element(path, body, start, element, header.order)
+    vertices, polygons = tables.get("vertex", {}), tables.get("face", {})
+    positions = _stacked(vertices, ("x", "y", "z"))
+    if positions is None:
+        raise FileFormatError(f"{path}: its vertices have no x, y and z")
+    name = next((name for name in _POLYGON_NAMES if name in polygons), None)
+    if name is None:
+        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    types = {
+        prop.name: prop.type
+        for element in header.elements
+        if element.name == "vertex"
+        for prop in element.properties
+    }
+    fields = _corner_fields(path, polygons, name)
+    faces = fields["faces"]
+    for values, corners, names in (
+        *(("uvs", "uv_faces", names) for names in _UV_NAMES),
+        ("normals", "normal_faces", _NORMAL_NAMES),
+    ):
+        if values not in fields and (stacked := _stacked(vertices, names)) is not None:
+            fields |= {values: stacked, corners: faces}
+    return Mesh(
+        positions=positions,
+        colors=_colors(path, vertices, types),
+        name=Path(path).name,
+        **fields,
+    )
+
+
+def _stacked(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
+    """(n, len(names)) float64: columns side by side, or None where one is missing."""
+    found = [columns.get(name) for name in names]
+    if not all(isinstance(column, np.ndarray) and column.ndim == 1 for column in found):
+        return None
+    stacked = np.empty((len(found[0]), len(names)))  # type: ignore[arg-type]
+    for axis, column in enumerate(found):
+        stacked[:, axis] = column
+    return stacked
+
+
+def _colors(
+    path: PathLike, vertices: Columns, types: dict[str, str]
+) -> npt.NDArray[np.float32] | None:
+    """Vertex colors; those of an integer type are divided by 255, or for 16 bits by 65535."""
+    names = _COLOR_NAMES if "alpha" in vertices else _COLOR_NAMES[:3]
+    colors = _stacked(vertices, names)
+    if colors is None:
+        return None
+    if not np.isfinite(colors).all():
+        raise MeshError(f"{path}: a vertex color is not finite")
+    for axis, name in enumerate(names):
+        if types[name][0] in "iu":
+            colors[:, axis] /= 65535.0 if types[name] == "u2" else 255.0
+    return colors.astype(np.float32)
+
+
+def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, Any]:
+    """Faces, and the texture coordinates and normals that corners have by themselves."""
+    sizes, indices = _flattened(polygons[name])
+    indices = _as_indices(path, indices)
+    slots: npt.NDArray[np.int64] | None = None
+    if (sizes != 3).any():
+        slots = fan_corners(sizes)[0]
+
+    def triangles(corners: IntArray) -> IntArray:
+        return corners.reshape(-1, 3) if slots is None else corners[slots]
+
+    fields: dict[str, Any] = {"faces": triangles(indices)}
+    for column, values, corners, width in (
+        ("texcoord", "uvs", "uv_faces", 2),
+        ("normals", "normals", "normal_faces", 3),
+    ):
+        if column not in polygons:
+            continue
+        lengths, numbers = _flattened(polygons[column])
+        if (lengths != width * sizes).any():
+            raise FileFormatError(f"{path}: a list '{column}' has not {width} numbers a corner")
+        rows, ids = _joined(indices, numbers.reshape(-1, width))
+        fields |= {values: rows, corners: triangles(ids)}
+    return fields
+
+
+def _flattened(
+    column: npt.NDArray[Any] | Ragged,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+    """Length of each list, and all values after each other."""
+    if isinstance(column, Ragged):
+        return column.sizes, column.values
+    if column.ndim == 1:  # a scalar where a list belongs
+        column = column[:, None]
+    return np.full(len(column), column.shape[1], dtype=np.int64), column.ravel()
+
+
+def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
+    if len(values) and not (
+        values.min() >= -(2.0**31) and values.max() < 2.0**31  # NaN is neither
+    ):
+        raise MeshError(f"{path}: a position index is out of range")
+    indices = values.astype(np.int32)
+    if values.dtype.kind == "f" and (indices != values).any():
+        raise FileFormatError(f"{path}: a position index is not a whole number")
+    return indices
+
+
+def _joined(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, IntArray]:
+    """Give corners of one vertex that have equal values one index, so that only seams are seams.
+
+    Returns the values that are kept and the index of each corner into them.
+    """
+    if not np.isfinite(values).all():
+        return values.astype(np.float64), np.arange(len(values), dtype=np.int32)  # Mesh refuses it
+    firsts = weld_rows(np.concatenate([vertices[:, None], values], axis=1, dtype=np.float64))
+    is_first = firsts == np.arange(len(firsts))
+    ids = np.cumsum(is_first, dtype=np.int32) - 1
+    return values[is_first].astype(np.float64), ids[firsts]

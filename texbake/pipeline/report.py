@@ -1,0 +1,46 @@
+"""Figures of a job as JSON: files that a script reads and a person keeps."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from texbake.files import PathLike, replacing
+from texbake.render.compare import Comparison
+
+
+def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
+    """Write figures as JSON; the file appears whole or not at all.
+
+    What JSON has no number for (NaN, infinities) becomes null.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    text = json.dumps(_finite(report), indent=2, allow_nan=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def comparison_report(comparison: Comparison) -> dict[str, Any]:
+    """Return the figures of a comparison, with the bare light mesh beside the mapped one."""
+    return {
+        "mapped": asdict(comparison.mapped),
+        "bare": asdict(comparison.bare),
+        "views_deg": [list(view) for view in comparison.views],
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,161 @@
+"""Pictures side by side with captions, and angles as colors with their scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.render.surface import FloatImage
+from texbake.texture.encoding import decode_srgb, encode_srgb
+
+if TYPE_CHECKING:
+    from PIL.ImageDraw import ImageDraw
+
+# Angle of the brightest color: normals farther apart than this look alike as wrong.
+MAX_ANGLE_DEG = 30.0
+# Colors from no angle to that, sRGB, evenly spaced: perceptually even, after matplotlib's inferno.
+_RAMP = np.array(
+    [
+        (0.001, 0.000, 0.014),
+        (0.133, 0.047, 0.290),
+        (0.342, 0.062, 0.429),
+        (0.541, 0.134, 0.415),
+        (0.736, 0.216, 0.330),
+        (0.892, 0.350, 0.199),
+        (0.978, 0.558, 0.035),
+        (0.974, 0.797, 0.206),
+        (0.988, 0.998, 0.645),
+    ]
+)
+# sRGB, 0 to 255.
+_PAPER = (24, 26, 29)
+_INK = (232, 232, 232)
+_FAINT = (160, 164, 170)
+# Where there are no angles.
+_NOTHING = (0.25, 0.27, 0.30)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One picture of a row: (H, W, 3 or 4) float32 linear, a caption, a line of notes below it.
+
+    `legend` puts the scale of angles in place of the note.
+    """
+
+    color: FloatImage
+    caption: str
+    note: str
+    legend: bool = False
+
+
+def colored_angles(angles_deg: FloatImage) -> FloatImage:
+    """(H, W, 3) float32: colors of angles in linear light, gray where they are NaN.
+
+    Parameters
+    ----------
+    angles_deg : (H, W) float32
+        Above `MAX_ANGLE_DEG` all have the same color.
+    """
+    shown = np.isfinite(angles_deg)
+    colors = np.empty((*angles_deg.shape, 3), np.float32)
+    colors[...] = decode_srgb(_NOTHING)
+    colors[shown] = decode_srgb(_ramp(angles_deg[shown] / MAX_ANGLE_DEG))
+    return colors
+
+
+def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatImage:
+    """Lay pictures in a row, cropped to what they show.
+
+    Parameters
+    ----------
+    panels
+        Of equal sizes.
+    seen : (H, W) bool
+        What has to be in the picture; everything where it is empty.
+
+    Returns
+    -------
+    (H', W', 3) float32
+        Linear light.
+    """
+    from PIL import Image, ImageDraw
+
+    rows, columns = _crop(seen)
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    # Text of a size that reads well at the width of a panel.
+    size = max(12, round(width / 26))
+    margin, line = size // 2, round(size * 1.6)
+    panel_width = max(width, 12 * size)
+    sheet = Image.new(
+        "RGB",
+        (len(panels) * (panel_width + margin) + margin, height + 2 * line + 2 * margin),
+        _PAPER,
+    )
+    draw = ImageDraw.Draw(sheet)
+    for i, panel in enumerate(panels):
+        left = margin + i * (panel_width + margin)
+        codes = np.rint(encode_srgb(_over_paper(panel.color[rows, columns])) * 255).astype(np.uint8)
+        sheet.paste(Image.fromarray(codes), (left + (panel_width - width) // 2, margin))
+        below = height + margin + size // 3
+        _text(draw, left, below, panel.caption, size, _INK, panel_width)
+        if panel.legend:
+            _legend(draw, left, below + line, size, panel_width)
+        else:
+            _text(draw, left, below + line, panel.note, size, _FAINT, panel_width)
+    return decode_srgb(np.asarray(sheet, np.float32) / 255.0).astype(np.float32)
+
+
+def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """(..., 3): sRGB colors of levels from 0 to 1."""
+    knots = np.linspace(0.0, 1.0, len(_RAMP))
+    return np.stack([np.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
+
+
+def _over_paper(color: FloatImage) -> FloatImage:
+    """Color without opacity."""
+    if color.shape[2] == 3:
+        return color
+    paper = decode_srgb(np.array(_PAPER) / 255.0)
+    opacity = color[..., 3:]
+    return (color[..., :3] * opacity + paper * (1.0 - opacity)).astype(np.float32)
+
+
+def _crop(seen: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Rows and columns of what is seen, with a margin of 4 % of the longer side."""
+    if not seen.any():
+        return slice(0, seen.shape[0]), slice(0, seen.shape[1])
+    spans = [np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0)]
+    margin = max(1, round(0.04 * max(span[-1] - span[0] for span in spans)))
+    rows, columns = (
+        slice(max(0, int(span[0]) - margin), min(length, int(span[-1]) + 1 + margin))
+        for span, length in zip(spans, seen.shape, strict=True)
+    )
+    return rows, columns
+
+
+def _text(
+    draw: ImageDraw, left: int, top: int, text: str, size: int, ink: tuple[int, int, int], room: int
+) -> None:
+    """Write a line, smaller if it would not fit."""
+    from PIL import ImageFont
+
+    font = ImageFont.load_default(size)
+    while draw.textlength(text, font=font) > room and size > 8:
+        size -= 1
+        font = ImageFont.load_default(size)
+    draw.text((left, top), text, fill=ink, font=font)
+
+
+def _legend(draw: ImageDraw, left: int, top: int, size: int, room: int) -> None:
+    """Draw the scale of angles, from 0 to `MAX_ANGLE_DEG`, between its ends in figures."""
+    start = left + 2 * size
+    stop = left + min(room, 16 * size) - 4 * size
+    for x in range(start, stop):
+        color = tuple(round(255 * c) for c in _ramp(np.array((x - start) / (stop - 1 - start))))
+        draw.line([(x, top + size // 6), (x, top + size)], fill=color)
+    _text(draw, left, top, "0°", size, _FAINT, 2 * size)
+    _text(draw, stop + size // 2, top, f"{MAX_ANGLE_DEG:.0f}°", size, _FAINT, 4 * size)

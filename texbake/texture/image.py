@@ -1,0 +1,352 @@
+"""Image files to linear arrays and back, with what a map says of itself.
+
+Pixels are `(H, W, C) float32`, linear, row 0 at the top. Color in integer formats is sRGB in the
+file; data never is. Files carry no date and come out the same bytes each time. What a map says of
+itself (`texbake.metadata`) is kept in the image description of PNG, TIFF, EXR, TGA and JPEG files;
+HDR and PPM files have no place for it, nor TGA for more than 324 characters, and it is left out.
+
+OpenImageIO reads everything and writes all but PNG, which `texbake.png` writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.files import PathLike, replacing
+from texbake.metadata import Value, from_description, to_description
+from texbake.parallel import run_bands
+from texbake.png import is_png, png_description, write_png
+from texbake.texture.encoding import (
+    code_type,
+    decode_srgb,
+    encode_srgb,
+    max_code,
+    quantize_unsigned,
+)
+
+# Texels a band: some milliseconds of work.
+_BAND = 1 << 17
+
+
+@dataclass(frozen=True)
+class Image:
+    """What an image file holds.
+
+    Attributes
+    ----------
+    pixels : (H, W, C) float32
+        Linear; integer codes as values in [0, 1].
+    metadata
+        What the map says of itself; empty for other files.
+    bits
+        Of a channel in the file: 8, 16 or 32.
+    is_float
+        Whether the file holds floats (half or single), and so no codes.
+    name
+        What messages call it: the name of its file.
+    """
+
+    pixels: npt.NDArray[np.float32]
+    metadata: dict[str, Value] = field(default_factory=dict)
+    bits: int = 32
+    is_float: bool = True
+    name: str = "image"
+
+
+@dataclass(frozen=True)
+class _Format:
+    """What a file format can hold. `float_bits` are those of its `bits` that are floats."""
+
+    name: str
+    bits: tuple[int, ...]
+    float_bits: tuple[int, ...]
+    color_bits: int
+    data_bits: int
+    channels: tuple[int, ...] | None
+    description_limit: int
+    compression: str
+
+
+_PNG = _Format("PNG", (8, 16), (), 8, 16, (1, 2, 3, 4), 1 << 20, "")
+# LZW: read by everything, and twice as fast to write as deflate for a quarter more bytes.
+_TIFF = _Format("TIFF", (8, 16, 32), (32,), 8, 32, None, 1 << 20, "lzw")
+_JPEG = _Format("JPEG", (8,), (), 8, 8, (1, 3), 1 << 15, "jpeg:95")
+_FORMATS = {
+    ".png": _PNG,
+    ".exr": _Format("EXR", (16, 32), (16, 32), 16, 32, None, 1 << 20, "zip"),
+    ".tif": _TIFF,
+    ".tiff": _TIFF,
+    ".tga": _Format("TGA", (8,), (), 8, 8, (1, 3, 4), 324, "rle"),
+    ".hdr": _Format("HDR", (32,), (32,), 32, 32, (3,), 0, ""),
+    ".jpg": _JPEG,
+    ".jpeg": _JPEG,
+    ".ppm": _Format("PPM", (8, 16), (), 8, 16, (1, 3), 0, ""),
+}
+
+# numpy's name of a type, and OpenImageIO's.
+_OIIO_TYPES = {"uint8": "uint8", "uint16": "uint16", "float16": "half", "float32": "float"}
+
+
+def check_image_format(
+    path: PathLike, bits: int | None = None, *, color: bool = False, channels: int | None = None
+) -> int:
+    """Bits a channel of a file to be written; raise now if it could not be.
+
+    Long work calls this first.
+
+    Parameters
+    ----------
+    path
+        Its suffix names the format.
+    bits
+        8, 16 or 32; None for what is usual: 8 for color (16 in EXR), the most for data.
+    color
+        Whether it is color, for that choice.
+    channels
+        Number of channels, where it is known.
+
+    Raises
+    ------
+    FileFormatError
+        The suffix is none that is known.
+    OptionError
+        The format does not hold that many bits or channels.
+    """
+    kind = _format_of(path)
+    if bits is None:
+        return kind.color_bits if color else kind.data_bits
+    if bits not in kind.bits:
+        raise OptionError(
+            f"{path}: {kind.name} holds {_alternatives(kind.bits)} bits a channel, not {bits}; "
+            f"{_advice(bits)}"
+        )
+    if channels is not None and kind.channels is not None and channels not in kind.channels:
+        raise OptionError(
+            f"{path}: {kind.name} holds {_alternatives(kind.channels)} channels, not {channels}; "
+            "use EXR or TIFF"
+        )
+    return bits
+
+
+def write_image(
+    pixels: npt.NDArray[Any],
+    path: PathLike,
+    *,
+    color: bool = False,
+    bits: int | None = None,
+    metadata: Mapping[str, Value] | None = None,
+    threads: int | None = None,
+) -> None:
+    """Write an image; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    pixels : (H, W) or (H, W, C), uint8, uint16 or float
+        Row 0 at the top. Integers are codes and are written as they are. Floats are linear; in an
+        integer format they are clipped to [0, 1] and rounded to the nearest code.
+    path
+        Its suffix names the format: png, exr, tif, tiff, tga, hdr, jpg, jpeg or ppm.
+    color
+        Color is sRGB in integer formats: floats are encoded so, all but alpha, and a PNG says so.
+    bits
+        8, 16 or 32 a channel (16 is half float in EXR); None as `check_image_format` says, or as
+        the integers have it.
+    metadata
+        Kept where the format has a place for it.
+
+    Raises
+    ------
+    FileFormatError
+        The suffix is none that is known.
+    OptionError
+        The format does not hold that many bits or channels, or codes are to change their size.
+    FileError
+        The file cannot be written.
+    """
+    pixels = np.asarray(pixels)
+    pixels = pixels[..., None] if pixels.ndim == 2 else pixels
+    if pixels.ndim != 3 or pixels.size == 0:
+        raise OptionError(f"{path}: the shape {pixels.shape} is no image's; it is (H, W, C)")
+    if bits is None and pixels.dtype.kind == "u":
+        bits = 8 * pixels.itemsize
+    bits = check_image_format(path, bits, color=color)
+    check_image_format(path, bits, channels=pixels.shape[2])
+    stored = _stored(pixels, path, bits, color, threads)
+    description = to_description(metadata or {})
+    with replacing(path) as temporary:
+        if _format_of(path) is _PNG:
+            write_png(temporary, stored, srgb=color, description=description, threads=threads)
+        else:
+            _write_with_openimageio(stored, path, temporary, color, description)
+
+
+def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Image:
+    """Read an image file as linear values.
+
+    Parameters
+    ----------
+    path
+        Whatever OpenImageIO reads: PNG, EXR, TIFF, TGA, HDR, JPEG, PPM and more.
+    color
+        Whether integer codes are sRGB colors, to be made linear (all but alpha), or data.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it cannot be opened.
+    FileFormatError
+        It is not an image, or damaged.
+    """
+    codes, description = _read_with_openimageio(path)
+    is_float = codes.dtype.kind == "f"
+    return Image(
+        pixels=codes.astype(np.float32, copy=False) if is_float else _linear(codes, color, threads),
+        metadata=from_description(description),
+        bits=8 * codes.itemsize,
+        is_float=is_float,
+        name=Path(path).name,
+    )
+
+
+def _format_of(path: PathLike) -> _Format:
+    suffix = Path(path).suffix.lower()
+    if suffix not in _FORMATS:
+        known = ", ".join(name[1:] for name in _FORMATS)
+        raise FileFormatError(f"{path}: the image format {suffix!r} is not known; use {known}")
+    return _FORMATS[suffix]
+
+
+def _alternatives(numbers: tuple[int, ...]) -> str:
+    return " or ".join(map(str, numbers))
+
+
+def _advice(bits: int) -> str:
+    fitting = {kind.name: None for kind in _FORMATS.values() if bits in kind.bits}
+    return f"use {' or '.join(fitting)}" if fitting else "use 8, 16 or 32"
+
+
+def _stored(
+    pixels: npt.NDArray[Any], path: PathLike, bits: int, color: bool, threads: int | None
+) -> npt.NDArray[Any]:
+    """Pixels as the file is to hold them: codes, halves or floats."""
+    if bits in _format_of(path).float_bits:
+        if pixels.dtype.kind != "f":
+            raise OptionError(f"{path}: it holds floats, not {pixels.dtype} codes; pass floats")
+        return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)
+    if pixels.dtype.kind == "f":
+        return quantize_unsigned(
+            _srgb_encoded(pixels, threads) if color else pixels, bits, threads=threads
+        )
+    if pixels.dtype != code_type(bits):
+        raise OptionError(f"{path}: {pixels.dtype} codes are not of {bits} bits; pass floats")
+    return pixels
+
+
+def _n_color_channels(n_channels: int) -> int:
+    """Channels before alpha, which is the last of two or four."""
+    return n_channels - 1 if n_channels in (2, 4) else n_channels
+
+
+def _srgb_encoded(pixels: npt.NDArray[Any], threads: int | None) -> npt.NDArray[np.float32]:
+    flat = pixels.reshape(-1, pixels.shape[2]).astype(np.float32)
+    n_colors = _n_color_channels(pixels.shape[2])
+
+    def work(start: int, stop: int) -> None:
+        flat[start:stop, :n_colors] = encode_srgb(flat[start:stop, :n_colors])
+
+    run_bands(work, len(flat), band=_BAND, threads=threads)
+    return flat.reshape(pixels.shape)
+
+
+def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> npt.NDArray[np.float32]:
+    """Linear values of codes, through a table of all codes."""
+    levels = np.arange(max_code(8 * codes.itemsize) + 1) / max_code(8 * codes.itemsize)
+    n_colors = _n_color_channels(codes.shape[2]) if color else 0
+    flat = codes.reshape(-1, codes.shape[2])
+    linear = np.empty(flat.shape, np.float32)
+    data_table = levels.astype(np.float32)
+    color_table = decode_srgb(levels).astype(np.float32)
+
+    def work(start: int, stop: int) -> None:
+        linear[start:stop, :n_colors] = color_table[flat[start:stop, :n_colors]]
+        linear[start:stop, n_colors:] = data_table[flat[start:stop, n_colors:]]
+
+    run_bands(work, len(flat), band=_BAND, threads=threads)
+    return linear.reshape(codes.shape)
+
+
+def _write_with_openimageio(
+    stored: npt.NDArray[Any], path: PathLike, temporary: Path, color: bool, description: str
+) -> None:
+    import OpenImageIO as oiio  # noqa: N813
+
+    kind = _format_of(path)
+    height, width, n_channels = stored.shape
+    spec = oiio.ImageSpec(width, height, n_channels, _OIIO_TYPES[stored.dtype.name])
+    spec.attribute("DateTime", "")  # else TIFF and EXR get the time of writing
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    if kind.compression:
+        spec.attribute("compression", kind.compression)
+    if color and not kind.float_bits:
+        spec.attribute("oiio:ColorSpace", "sRGB")
+    if description and len(description) <= kind.description_limit:
+        spec.attribute("ImageDescription", description)
+    output = oiio.ImageOutput.create(str(temporary))
+    written = (
+        output is not None
+        and output.open(str(temporary), spec)
+        and output.write_image(np.ascontiguousarray(stored))
+        and output.close()
+    )
+    if not written:
+        reason = output.geterror() if output is not None else oiio.geterror()
+        raise FileError(f"{path}: cannot be written: {_one_line(reason, temporary, path)}")
+
+
+def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
+    """Codes (uint8, uint16) or floats (float16, float32) of a file, and its description."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    name = str(path)
+    try:
+        # Checked before libpng sees it, which would print its complaints.
+        description = png_description(path) if is_png(path) else ""
+    except FileFormatError:
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    wishes = oiio.ImageSpec()
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(name, wishes)
+    if source is None:
+        raise FileFormatError(f"{path}: it is not an image: {_one_line(oiio.geterror())}")
+    spec = source.spec()
+    if (spec.x, spec.y, spec.width, spec.height) != (
+        spec.full_x,
+        spec.full_y,
+        spec.full_width,
+        spec.full_height,
+    ):
+        raise FileFormatError(f"{path}: only a window of the image is in it; save it uncropped")
+    # Other types, such as 32-bit integers, are asked for as floats.
+    stored = str(spec.format) if str(spec.format) in _OIIO_TYPES.values() else "float"
+    pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.TypeDesc(stored))
+    reason = source.geterror()
+    source.close()
+    if pixels is None or reason:
+        raise FileFormatError(f"{path}: the image is damaged: {_one_line(reason)}")
+    return pixels, description or spec.get_string_attribute("ImageDescription")
+
+
+def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -> str:
+    """What a library complained of, as the first line it said, about the file that is meant."""
+    line = (reason.strip() or "no reason was given").splitlines()[0]
+    return line.replace(str(temporary), str(path)) if temporary is not None else line
