@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from texbake.bake.options import BakeOptions
+from texbake.files import check_writable
 
-from .outputs import check_distinct, check_folder, check_image, check_report
+from .outputs import check_distinct, check_folder, check_picture, check_report, make_folder
 from .terminal import Terminal
 
 
@@ -17,6 +18,7 @@ def bake_to_files(
     files: dict[str, Path],
     terminal: Terminal,
     *,
+    folder: Path | None = None,
     cage: Path | None,
     miss_map: Path | None,
     report: Path | None,
@@ -28,17 +30,15 @@ def bake_to_files(
     ----------
     files
         Map name to the file that it is written to.
+    folder
+        Of the files, where it is to be made if it is missing.
     cage, miss_map, report
         Files, where they are asked for.
     choices
         Fields of `BakeOptions`, all but `maps`.
     """
     options = BakeOptions(maps=tuple(files), **choices)
-    check_distinct([*files.values(), miss_map, report])
-    _check_maps(files, options)
-    check_image(miss_map, bits=8)
-    check_report(report)
-
+    _check_outputs(files, folder, miss_map, report, options)
     import texbake
     from texbake.pipeline.report import write_report
 
@@ -47,8 +47,9 @@ def bake_to_files(
         cage_mesh = None if cage is None else texbake.read_mesh(cage, progress=progress)
         result = texbake.bake(high_mesh, low_mesh, options, cage=cage_mesh, progress=progress)
         written = {}
+        if folder is not None:
+            make_folder(folder)
         for name, path in files.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
             written[name] = {"path": str(path), **result.maps[name].write(path)}
         if miss_map is not None:
             texbake.write_image(result.miss_map(), miss_map)
@@ -60,11 +61,22 @@ def bake_to_files(
     terminal.wrote(path for path in (*files.values(), miss_map, report) if path is not None)
 
 
-def _check_maps(files: dict[str, Path], options: BakeOptions) -> None:
+def _check_outputs(
+    files: dict[str, Path],
+    folder: Path | None,
+    miss_map: Path | None,
+    report: Path | None,
+    options: BakeOptions,
+) -> None:
     from texbake.bake.maps import MAPS
+    from texbake.texture.image import check_image_format
 
+    check_distinct([*files.values(), miss_map, report])
     for name, path in files.items():
-        if path.parent.exists():
-            check_image(path, bits=options.bits, channels=MAPS[name].channels)
-        else:
-            check_folder(path.parent)
+        check_image_format(path, options.bits, channels=MAPS[name].channels)
+        if folder is None:
+            check_writable(path)
+    if folder is not None:
+        check_folder(folder)
+    check_picture(miss_map)
+    check_report(report)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
 from texbake.bake.options import CONVENTIONS, FILLS, RAYS, SHADINGS, SPACES, BakeOptions
+from texbake.render.options import BACK_FACES, UPS, RenderOptions
 
-from .types import FileOf, Size
+from .types import FileOf, Size, View
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
-IMAGE_SUFFIXES = (".bmp", ".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
+WRITABLE_MESH_SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl")
+IMAGE_SUFFIXES = (".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
 
 
 def mesh_argument(name: str) -> Decorator[Any]:
@@ -83,6 +86,38 @@ def number_option(flag: str, kind: type, default: Any, metavar: str, text: str) 
     return click.option(
         flag, type=kind, default=default, show_default=True, metavar=metavar, help=text
     )
+
+
+def picture_options(command: Command) -> Command:
+    """Add how a picture is taken: `--size`, `--view` and `--up`; received as `RenderOptions`."""
+
+    @size_option(f"{RenderOptions.width}x{RenderOptions.height}", "Pixels of the picture.")
+    @click.option(
+        "--view",
+        type=View(),
+        default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
+        show_default=True,
+        help="Azimuth and elevation in degrees, and the distance from the middle in model units.",
+    )
+    @choice_option("--up", UPS, RenderOptions.up, "Axis of the world that is up in the picture.")
+    @choice_option(
+        "--back-faces", BACK_FACES, RenderOptions.back_faces, "Triangles that are seen from behind."
+    )
+    @number_option(
+        "--supersampling",
+        int,
+        RenderOptions.supersampling,
+        "N",
+        "Samples of a pixel along one side, N x N in all.",
+    )
+    @functools.wraps(command)
+    def with_picture(*args: Any, size: int | tuple[int, int], **options: Any) -> None:
+        width, height = (size, size) if isinstance(size, int) else size
+        names = "view", "up", "back_faces", "supersampling"
+        picture = {name: options.pop(name) for name in names}
+        command(*args, picture=RenderOptions(width=width, height=height, **picture), **options)
+
+    return cast(Command, with_picture)
 
 
 _MEASURED = "[default: measured from the meshes]"

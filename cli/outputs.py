@@ -6,26 +6,26 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from texbake.errors import FileError, OptionError
+from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import check_writable
 
+from .options import WRITABLE_MESH_SUFFIXES
 
-def check_image(
-    path: Path | None, *, bits: int | None = None, color: bool = False, channels: int = 3
-) -> None:
-    """Raise if an image of this kind could not be written; None is fine."""
+
+def check_picture(path: Path | None) -> None:
+    """Raise if an 8-bit picture could not be written; None is fine."""
     if path is not None:
         from texbake.texture.image import check_image_format
 
-        check_image_format(path, bits, color=color, channels=channels)
+        check_image_format(path, color=True, channels=3)
         check_writable(path)
 
 
 def check_mesh(path: Path) -> None:
     """Raise if a mesh could not be written."""
-    from texbake.mesh.files import check_mesh_format
-
-    check_mesh_format(path)
+    if path.suffix.lower() not in WRITABLE_MESH_SUFFIXES:
+        known = ", ".join(WRITABLE_MESH_SUFFIXES)
+        raise FileFormatError(f"{path}: meshes cannot be written as {path.suffix!r}; use {known}")
     check_writable(path)
 
 
@@ -44,6 +44,14 @@ def check_folder(folder: Path) -> None:
         raise FileError(f"{folder}: {there} is a file; give the name of a folder")
     if not os.access(there, os.W_OK):
         raise FileError(f"{folder}: the folder {there} cannot be written to")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those that it is in, where they are missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{folder}: the folder cannot be made: {error.strerror}") from error
 
 
 def check_distinct(outputs: Sequence[Path | None]) -> None:

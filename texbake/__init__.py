@@ -18,7 +18,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from texbake.bake.bake import bake, remap
     from texbake.bake.options import BakeOptions
+    from texbake.bake.report import BakeReport
+    from texbake.bake.result import BakedMap, BakeResult
     from texbake.errors import (
         CageError,
         DependencyError,
@@ -31,10 +34,15 @@ if TYPE_CHECKING:
         UnwrapError,
         UvError,
     )
+    from texbake.mapping.atlas import UnwrapReport, unwrap, unwrap_with_report
+    from texbake.mapping.distortion import Distortion, distortion
+    from texbake.mapping.layout import draw_layout
     from texbake.mapping.options import UnwrapOptions
     from texbake.mesh.distance import SurfaceDistance, surface_distance
+    from texbake.mesh.files import read_mesh, write_mesh
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.tangents import corner_tangents
+    from texbake.render.compare import Closeness, Comparison, compare
     from texbake.render.options import RenderOptions
     from texbake.render.render import render
     from texbake.render.resolve import Frame
@@ -42,7 +50,10 @@ if TYPE_CHECKING:
 
 # The public names of each module.
 _NAMES = {
+    "texbake.bake.bake": ("bake", "remap"),
     "texbake.bake.options": ("BakeOptions",),
+    "texbake.bake.report": ("BakeReport",),
+    "texbake.bake.result": ("BakeResult", "BakedMap"),
     "texbake.errors": (
         "CageError",
         "DependencyError",
@@ -55,10 +66,15 @@ _NAMES = {
         "UnwrapError",
         "UvError",
     ),
+    "texbake.mapping.atlas": ("UnwrapReport", "unwrap", "unwrap_with_report"),
+    "texbake.mapping.distortion": ("Distortion", "distortion"),
+    "texbake.mapping.layout": ("draw_layout",),
     "texbake.mapping.options": ("UnwrapOptions",),
     "texbake.mesh.distance": ("SurfaceDistance", "surface_distance"),
+    "texbake.mesh.files": ("read_mesh", "write_mesh"),
     "texbake.mesh.mesh": ("Mesh",),
     "texbake.mesh.tangents": ("corner_tangents",),
+    "texbake.render.compare": ("Closeness", "Comparison", "compare"),
     "texbake.render.options": ("RenderOptions",),
     "texbake.render.render": ("render",),
     "texbake.render.resolve": ("Frame",),
@@ -68,8 +84,14 @@ _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "BakeOptions",
+    "BakeReport",
+    "BakeResult",
+    "BakedMap",
     "CageError",
+    "Closeness",
+    "Comparison",
     "DependencyError",
+    "Distortion",
     "FileError",
     "FileFormatError",
     "Frame",
@@ -83,13 +105,23 @@ __all__ = [
     "TexbakeError",
     "UnwrapError",
     "UnwrapOptions",
+    "UnwrapReport",
     "UvError",
     "__version__",
+    "bake",
+    "compare",
     "corner_tangents",
+    "distortion",
+    "draw_layout",
     "read_image",
+    "read_mesh",
+    "remap",
     "render",
     "surface_distance",
+    "unwrap",
+    "unwrap_with_report",
     "write_image",
+    "write_mesh",
 ]
 
 

@@ -11,7 +11,7 @@ from texbake.bake.map_names import MAP_NAMES
 from texbake.bake.options import BakeOptions
 
 from ..baking import bake_to_files
-from ..options import bake_options, choice_option, height_options, mesh_argument, output_folder
+from ..options import bake_options, height_options, mesh_argument, output_folder
 from ..terminal import Terminal, terminal_options
 from ..types import Names
 
@@ -38,7 +38,14 @@ FORMATS = ("png", "exr", "tif", "tga")
     show_default=True,
     help=f"Which, of {', '.join(MAP_NAMES)}.",
 )
-@choice_option("--format", FORMATS, "png", "Kind of file; heights are raw floats in exr and tif.")
+@click.option(
+    "--format",
+    "suffix",
+    type=click.Choice(FORMATS),
+    default="png",
+    show_default=True,
+    help="Kind of file; exr and tif hold heights as they are.",
+)
 @bake_options
 @height_options
 @terminal_options
@@ -46,10 +53,11 @@ def bake(
     high: Path,
     low: Path,
     output: Path,
-    format: str,
+    maps: tuple[str, ...],
+    suffix: str,
     terminal: Terminal,
     **options: Any,
 ) -> None:
     """Bake any number of maps of HIGH onto LOW with one trace."""
-    files = {name: output / f"{name}.{format}" for name in options["maps"]}
-    bake_to_files(high, low, files, terminal, **options)
+    files = {name: output / f"{name}.{suffix}" for name in maps}
+    bake_to_files(high, low, files, terminal, folder=output, **options)

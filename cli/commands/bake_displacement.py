@@ -35,4 +35,4 @@ def bake_displacement(
     gives HIGH back. Float files carry them as they are; others carry h with d = (h - mid) * scale,
     and both numbers in the file.
     """
-    bake_to_files(high, low, {"displacement": output}, terminal, maps=("displacement",), **options)
+    bake_to_files(high, low, {"displacement": output}, terminal, **options)

@@ -31,4 +31,4 @@ def bake_normals(high: Path, low: Path, output: Path, terminal: Terminal, **opti
     LOW needs texture coordinates (texbake unwrap). Without --front, --back or --cage the rays are
     as long as the two meshes lie apart, which is measured, told and put into the report.
     """
-    bake_to_files(high, low, {"normal": output}, terminal, maps=("normal",), **options)
+    bake_to_files(high, low, {"normal": output}, terminal, **options)

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from texbake.render.options import UPS, RenderOptions
-
 from ..options import (
-    choice_option,
     image_option,
     mesh_argument,
-    picture_size_option,
+    picture_options,
     report_option,
     threads_option,
-    view_option,
 )
-from ..outputs import Outputs
+from ..outputs import check_distinct, check_picture, check_report
 from ..terminal import Terminal, table, terminal_options
 from ..types import FileOf
+
+if TYPE_CHECKING:
+    from texbake import RenderOptions
 
 
 @click.command(
@@ -40,11 +40,9 @@ from ..types import FileOf
     "--output",
     type=FileOf((".png",)),
     metavar="FILE",
-    help="The pictures side by side.  [default: LOW's name with _compare.png, in this folder]",
+    help="The pictures side by side.  [default: LOW's name and _compare.png, in this folder]",
 )
-@picture_size_option
-@view_option
-@choice_option("--up", UPS, RenderOptions.up, "Axis of the world that is up in the pictures.")
+@picture_options
 @report_option
 @threads_option
 @terminal_options
@@ -55,23 +53,22 @@ def compare(
     displacement: Path | None,
     albedo: Path | None,
     output: Path | None,
-    size: tuple[int, int],
-    view: tuple[float, ...],
-    up: str,
+    picture: RenderOptions,
     report: Path | None,
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Render HIGH, bare LOW and LOW with its maps, and tell how far they are apart.
+    """Tell how far LOW with its maps, and bare LOW, are from HIGH.
 
-    Prints the angles between their shading normals from six sides, and PSNR and SSIM of the
-    pictures; writes the three pictures and the difference side by side.
+    Prints the angles between the shading normals that pixels see, from six sides, and PSNR and SSIM
+    of the pictures; writes pictures of the three and their difference side by side.
     """
-    options = RenderOptions(width=size[0], height=size[1], view=view, up=up)  # type: ignore[arg-type]  # the options check its length
     output = output or Path(f"{low.stem}_compare.png")
-    Outputs(pictures=[output], reports=[report]).check()
+    check_distinct([output, report])
+    check_picture(output)
+    check_report(report)
     import texbake
-    from texbake.pipeline.report import comparison_report, write_report
+    from texbake.pipeline.report import comparison_report, comparison_table, write_report
 
     with terminal.progress() as progress:
         comparison = texbake.compare(
@@ -80,12 +77,12 @@ def compare(
             normal_map=normal_map,
             displacement=displacement,
             albedo=albedo,
-            options=options,
+            options=picture,
             threads=threads,
             progress=progress,
         )
         texbake.write_image(comparison.side_by_side(), output, color=True, threads=threads)
         if report is not None:
             write_report(report, comparison_report(comparison))
-    table(closeness_rows(comparison.bare, comparison.mapped))
+    table(comparison_table(comparison))
     terminal.wrote(path for path in (output, report) if path is not None)

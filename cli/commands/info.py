@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ..options import mesh_argument
 from ..terminal import Terminal, table, terminal_options
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from texbake import MeshInfo
+
+_GROUPS_SHOWN = 12
 
 
 @click.command(
@@ -33,6 +40,62 @@ def info(mesh: Path, as_json: bool, terminal: Terminal) -> None:
     with terminal.progress() as progress:
         found = texbake.mesh_info(texbake.read_mesh(mesh, progress=progress))
     if as_json:
-        click.echo(json.dumps(found.to_json(), indent=2))
+        click.echo(found.to_json())
     else:
-        table(found.table())
+        table(_rows(found))
+
+
+def _rows(found: MeshInfo) -> list[tuple[str, str]]:
+    low, high = found.bounds
+    normals = "none" if found.n_normals is None else f"{found.n_normals:,}"
+    genus = "" if found.genus is None else f", genus {found.genus:,}"
+    extras = [
+        name
+        for name, there in (("tangents", found.has_tangents), ("colors", found.has_colors))
+        if there
+    ]
+    rows = [
+        ("name", found.name),
+        ("faces", f"{found.n_faces:,}"),
+        ("vertices", f"{found.n_vertices:,}"),
+        ("bounds", f"{_point(low)} to {_point(high)}"),
+        ("size", f"{_point([b - a for a, b in zip(low, high, strict=True)])}"),
+        ("diagonal", f"{found.diagonal:.6g}"),
+        ("area", f"{found.area:.6g}"),
+        ("texture coordinates", _uvs(found)),
+        ("normals", normals),
+        ("tangents, colors", ", ".join(extras) or "none"),
+        ("components", f"{found.n_components:,}"),
+        ("closed", f"yes{genus}" if found.closed else f"no{genus}"),
+        ("boundary edges", f"{found.n_boundary_edges:,}"),
+        ("non-manifold edges", f"{found.n_non_manifold_edges:,}"),
+        ("misoriented edges", f"{found.n_misoriented_edges:,}"),
+        ("degenerate faces", f"{found.n_degenerate_faces:,}"),
+        ("duplicate faces", f"{found.n_duplicate_faces:,}"),
+        ("unused vertices", f"{found.n_unused_vertices:,}"),
+        ("vertices at one place", f"{found.n_split_vertices:,}"),
+    ]
+    groups = [(f"group {group.name}", f"{group.n_faces:,} faces") for group in found.groups]
+    rows += groups[:_GROUPS_SHOWN]
+    if len(groups) > _GROUPS_SHOWN:
+        rows.append(("more groups", f"{len(groups) - _GROUPS_SHOWN:,}; --json lists them all"))
+    return rows
+
+
+def _point(values: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.6g}' for value in values)})"
+
+
+def _uvs(found: MeshInfo) -> str:
+    if found.uvs is None:
+        return "none"
+    low, high = found.uvs.bounds
+    parts = [f"{found.uvs.n_uvs:,}, {_point(low)} to {_point(high)}"]
+    for count, what in (
+        (found.uvs.n_out_of_tile, "outside the unit square"),
+        (found.uvs.n_without_area, "without area"),
+        (found.uvs.n_mirrored, "mirrored"),
+    ):
+        if count:
+            parts.append(f"{count:,} faces {what}")
+    return "; ".join(parts)

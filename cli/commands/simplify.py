@@ -1,3 +1,94 @@
 """`texbake simplify`: fewer triangles."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, QUALITIES
+
+from ..options import (
+    WRITABLE_MESH_SUFFIXES,
+    choice_option,
+    mesh_argument,
+    number_option,
+    output_file,
+    report_option,
+    threads_option,
+)
+from ..outputs import check_distinct, check_mesh, check_report
+from ..terminal import Terminal, terminal_options
+
+if TYPE_CHECKING:
+    from texbake import SimplifyReport
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake simplify scan.ply -o low.obj --faces 500
+      texbake simplify scan.ply -o low.obj --faces 2000 --quality best
+    """
+)
+@mesh_argument("mesh")
+@output_file("The lighter mesh.", WRITABLE_MESH_SUFFIXES)
+@click.option("--faces", type=int, required=True, metavar="N", help="Triangles to reach.")
+@choice_option(
+    "--quality", QUALITIES, DEFAULT_QUALITY, "fast: seconds for millions of triangles; best: the best shape."
+)
+@report_option
+@threads_option
+@terminal_options
+def simplify(
+    mesh: Path,
+    output: Path,
+    faces: int,
+    quality: str,
+    report: Path | None,
+    threads: int | None,
+    terminal: Terminal,
+) -> None:
+    """Make MESH lighter.
+
+    Boundaries are kept, and hard edges and seams of texture coordinates where there are any. Tells
+    how many faces were reached and how far the two surfaces lie apart, both ways.
+    """
+    check_distinct([output, report])
+    check_mesh(output)
+    check_report(report)
+    import texbake
+    from texbake.pipeline.report import write_report
+
+    with terminal.progress() as progress:
+        lighter, figures = texbake.simplify_with_report(
+            texbake.read_mesh(mesh, progress=progress),
+            faces,
+            quality=quality,
+            threads=threads,
+            progress=progress,
+        )
+        texbake.write_mesh(lighter, output)
+        if report is not None:
+            write_report(report, figures.to_json())
+    for note in figures.notes:
+        terminal.warn(note)
+    terminal.summary(_rows(figures))
+    terminal.wrote(path for path in (output, report) if path is not None)
+
+
+def _rows(report: SimplifyReport) -> list[tuple[str, str]]:
+    distance = report.distance
+    return [
+        ("faces", f"{report.n_faces_before:,} to {report.n_faces:,}"),
+        ("vertices", f"{report.n_vertices:,}"),
+        ("method", report.method),
+        (
+            "distance, both ways",
+            f"RMS {distance.rms:.4g} ({100 * distance.rms_relative:.3f} % of the diagonal), "
+            f"greatest {distance.max:.4g} ({100 * distance.max_relative:.3f} %)",
+        ),
+        ("time", f"{report.seconds:.2f} s"),
+    ]

@@ -188,9 +188,12 @@ def test_unused_vertex_has_no_normal():
 
 
 def test_canceling_normals_give_that_of_the_first_face_with_area():
-    positions = [[0, 0, 0], [1, 0.1, 0], [0.3, 1.7, 0], [0.5, 0, 0]]
-    mesh = Mesh(positions=positions, faces=[[0, 0, 1], [0, 2, 1], [1, 2, 0]])
-    assert vertex_normals(mesh)[:3].tolist() == [[0.0, 0.0, -1.0]] * 3
+    pair = np.array([[0, 0, 0], [1, 0.1, 0], [0.3, 1.7, 0]])
+    mesh = Mesh(
+        positions=np.concatenate([pair, pair + np.array([0, 0, 5]), [[0, 0, 9]]]),
+        faces=[[0, 0, 1], [0, 2, 1], [1, 2, 0], [3, 4, 5], [3, 5, 4]],
+    )
+    assert vertex_normals(mesh)[:, 2].tolist() == [-1.0] * 3 + [1.0] * 3 + [0.0]
 
 
 def test_split_vertices_share_smooth_normals_bit_for_bit():

@@ -78,14 +78,14 @@ anywhere = st.integers(-10 * SUBPIXELS, 42 * SUBPIXELS)
 corner = st.tuples(half_samples | anywhere, half_samples | anywhere)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(st.tuples(corner, corner, corner))
 def test_a_triangle_owns_the_samples_of_the_top_left_rule(points):
     visibility = flat_visibility(points, [[0, 1, 2]], 32, 32)
     np.testing.assert_array_equal(visibility.face_ids == 0, owned(points, 32, 32))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_triangulation_of_the_screen_owns_each_sample_once(seed):
     rng = np.random.default_rng(seed)
@@ -107,9 +107,9 @@ def test_a_triangulation_of_the_screen_owns_each_sample_once(seed):
     second = np.where(rising, [b, c, d], [a, c, d]).T
     faces = np.concatenate([first, second])
     counts = count_owners(from_grid(points.reshape(-1, 2), size, size), faces, FLAT, size, size)
-    n_inside = n * step // SUBPIXELS
-    assert (counts[:n_inside, :n_inside] == 1).all()
-    assert counts.sum() == n_inside**2
+    # The grid ends within a sample of the screen's edge, beyond the last sample's center.
+    assert size * SUBPIXELS - SUBPIXELS // 2 < n * step <= size * SUBPIXELS
+    assert (counts == 1).all()
 
 
 @pytest.mark.parametrize("faces", [[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
@@ -180,9 +180,7 @@ def test_every_number_of_threads_gives_the_same_bytes():
     options = RenderOptions(view=(10.0, 20.0, 0.9))
     matrix = Camera.framing(mesh, options=options).clip_from_world(1.0)
     shown = [
-        rasterize(
-            mesh.positions, mesh.faces, matrix, 150, 150, back_faces="show", threads=threads
-        )
+        rasterize(mesh.positions, mesh.faces, matrix, 150, 150, back_faces="show", threads=threads)
         for threads in (1, 2, 5)
     ]
     assert (shown[0].face_ids >= 0).mean() > 0.9

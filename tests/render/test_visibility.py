@@ -65,8 +65,10 @@ def test_a_plane_is_seen_where_rays_meet_it(eye):
     # Texture coordinates (x + 2) / 4 of the plane to 1e-5. Weights are float32 (6e-8); a sample
     # that snapping brought in is moved back to the edge, by 1/512 of a sample at most.
     assert np.abs(points - expected).max() / 4 < 1e-5
-    # Depths: the direction of a ray is one unit deep, so that its length is the distance in depth.
-    np.testing.assert_allclose(camera.near / visibility.depths[covered], distances, rtol=2e-6)
+    # The direction of a ray is one unit deep, so that its length is the distance in depth. Depths
+    # are those of the snapped triangle: off by what depth changes within 1/512 of a sample, which
+    # at the steepest here is 1e-4 of it.
+    np.testing.assert_allclose(camera.near / visibility.depths[covered], distances, rtol=1e-4)
 
 
 def test_a_floor_under_the_camera_reaches_the_horizon_whole():
@@ -97,7 +99,7 @@ def test_a_triangle_through_the_eye_is_cut_at_the_near_plane():
     camera = camera_at((0, 0, 0), (0, 0, -1), near=0.1)
     edge_on = [[0, -1, 1], [0, 1, 1], [0, 0, -5]]
     assert (seen(camera, edge_on, [[0, 1, 2]], back_faces="show").face_ids == -1).all()
-    beside = np.array(edge_on) + (0.05, 0, 0)
+    beside = np.array(edge_on) + np.array([0.05, 0, 0])
     visibility = seen(camera, beside, [[0, 1, 2]], back_faces="show")
     covered = visibility.face_ids == 0
     assert covered.any()

@@ -19,8 +19,8 @@ from texbake.bake.sums import TexelSums
 from texbake.bake.surround import Surroundings
 from texbake.bake.texels import NO_FACE
 from texbake.bake.trace import Trace
-from texbake.errors import MissError
-from texbake.mapping.distortion import chart_ids
+from texbake.errors import MissError, OptionError, UvError
+from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
 
@@ -103,11 +103,11 @@ def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> Ba
 
     Raises
     ------
-    MissError
+    OptionError
         The result kept no hits.
     """
     if result.hits is None:
-        raise MissError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
+        raise OptionError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
     traced = result.report.options
     options = replace(options, size=traced.size, samples=traced.samples, rays=traced.rays)
     kinds = map_kinds(options.maps)
@@ -137,6 +137,11 @@ def _result(
     has_data = (sums.n_hits > 0).reshape(options.height, options.width)
     n_covered = int(np.count_nonzero(trace.texel_faces != NO_FACE))
     n_missed = n_covered - int(np.count_nonzero(has_data))
+    if n_covered == 0:
+        raise UvError(
+            f"{inputs.low.name}: its texture coordinates cover no texel of a "
+            f"{options.width} x {options.height} map; use a greater --size or new coordinates"
+        )
     _check_misses(n_missed, n_covered, inputs)
     maps, meets = _finished(kinds, sums, inputs, has_data, trace.texel_faces, stages)
     distances = np.concatenate(lengths) if lengths else np.zeros(0, dtype=np.float32)

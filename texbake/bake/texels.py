@@ -115,7 +115,7 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     last = np.minimum(last, grid.n_rows - 1)
     last[zero_area | too_far] = -1
     outside = np.asarray(((uvs < 0.0) | (uvs > 1.0)).any(axis=(1, 2)))
-    if not (last >= 0).any():
+    if not (first <= last).any():
         raise UvError(_uncovered_message(mesh, zero_area, outside))
     return SnappedFaces(
         corners=corners,

@@ -238,9 +238,9 @@ def _inverse_square_roots(matrices: FloatArray) -> FloatArray:
     traces = np.trace(matrices, axis1=1, axis2=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         # Cayley and Hamilton: H^(1/2) = (H + √|H| 1) / √(tr H + 2 √|H|).
-        roots = (matrices + root_det[:, None, None] * np.eye(2)) / np.sqrt(
-            traces + 2.0 * root_det
-        )[:, None, None]
+        roots = (matrices + root_det[:, None, None] * np.eye(2)) / np.sqrt(traces + 2.0 * root_det)[
+            :, None, None
+        ]
         adjugates = np.trace(roots, axis1=1, axis2=2)[:, None, None] * np.eye(2) - roots
         inverses = adjugates / root_det[:, None, None]
     singular = ~(root_det > 1e-12 * traces)  # a chart of 1 : 1e12 has no second direction

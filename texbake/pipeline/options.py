@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from texbake.bake.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.simplify_options import QUALITIES
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
 from texbake.render.options import RenderOptions
 
-MIN_FACES = 4  # a tetrahedron
+DEMO_FOLDER = "texbake_demo"
+MIN_TRIANGLES = 1000  # an orange of fewer has no pores
+_PICTURE_SIZE = 720  # pixels a side of each picture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +32,8 @@ class RunOptions:
     samples : int
         Rays a texel: 1, 4, 16 or 64.
     convention : str
-        Green channel of the normal map's file: `opengl` or `directx`. The GLB file always carries
-        an OpenGL map, because glTF asks for it.
+        Green channel of the normal map: `opengl` or `directx`. That inside the GLB file is always
+        OpenGL, because glTF asks for it.
     up : str
         The axis of the world that is up in the pictures: `y` or `z`.
     threads : int, optional
@@ -39,7 +41,7 @@ class RunOptions:
     """
 
     n_faces: int = 500
-    quality: str = "fast"
+    quality: str = DEFAULT_QUALITY
     size: int | tuple[int, int] = 2048
     padding: int = 8
     samples: int = 4
@@ -52,7 +54,7 @@ class RunOptions:
             raise OptionError(f"faces: {self.n_faces} is too few; it must be at least {MIN_FACES}")
         if self.quality not in QUALITIES:
             raise OptionError(f"quality: {self.quality} is not one of {', '.join(QUALITIES)}")
-        # Making the others' options checks their values now, before any work is done.
+        # These check their values, now and not when half of the work is done.
         self.unwrap_options()
         self.bake_options()
         self.render_options()
@@ -75,4 +77,37 @@ class RunOptions:
 
     def render_options(self) -> RenderOptions:
         """Return how the pictures are made."""
-        return RenderOptions(width=PANEL_SIZE, height=PANEL_SIZE, up=self.up)
+        return RenderOptions(width=_PICTURE_SIZE, height=_PICTURE_SIZE, up=self.up)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions:
+    """What `demo` does where the caller does not say otherwise.
+
+    Attributes
+    ----------
+    triangles : int
+        Of the dense mesh, about.
+    faces : int
+        Triangles of the light mesh.
+    size : int or (int, int)
+        Texels of the maps.
+    threads : int, optional
+        None: every processor.
+    """
+
+    triangles: int = 1_000_000
+    faces: int = RunOptions.n_faces
+    size: int | tuple[int, int] = RunOptions.size
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.triangles < MIN_TRIANGLES:
+            raise OptionError(
+                f"triangles: {self.triangles} is too few; it must be at least {MIN_TRIANGLES}"
+            )
+        self.run_options()
+
+    def run_options(self) -> RunOptions:
+        """Return how the whole job is done."""
+        return RunOptions(n_faces=self.faces, size=self.size, threads=self.threads)

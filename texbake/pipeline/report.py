@@ -36,6 +36,19 @@ def comparison_report(comparison: Comparison) -> dict[str, Any]:
     }
 
 
+def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
+    """Rows of a label and figures, for a person."""
+    bare, mapped = comparison.bare, comparison.mapped
+    return [
+        ("angle between normals, mean", f"{mapped.mean_deg:.2f}° (bare {bare.mean_deg:.2f}°)"),
+        ("  median", f"{mapped.median_deg:.2f}° (bare {bare.median_deg:.2f}°)"),
+        ("  95 % are below", f"{mapped.p95_deg:.2f}° (bare {bare.p95_deg:.2f}°)"),
+        ("PSNR of the picture", f"{mapped.psnr_db:.1f} dB (bare {bare.psnr_db:.1f} dB)"),
+        ("SSIM of the picture", f"{mapped.ssim:.3f} (bare {bare.ssim:.3f})"),
+        ("outline differs on", f"{100 * mapped.silhouette_mismatch:.2f} % of the pixels"),
+    ]
+
+
 def _finite(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}

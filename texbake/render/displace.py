@@ -91,10 +91,11 @@ def displace(
     image = heights[..., None] if heights.ndim == 2 else heights
     if image.ndim != 3 or image.shape[2] != 1:
         raise OptionError(f"displacement: the shape {heights.shape} is not (height, width, 1)")
+    corner_uvs = mesh.corner_uvs()
     points, pieces = _lattice(segments)
     vertices, n_vertices = _lattice_vertices(mesh, points, segments, threads)
     weights = np.stack([segments - points.sum(axis=1), *points.T], axis=1) / segments
-    uvs = (weights @ mesh.corner_uvs()).reshape(-1, 2)
+    uvs = (weights @ corner_uvs).reshape(-1, 2)
     samples = lookup(image, uvs, wrap=wrap_of(mesh.uvs), threads=threads)[:, 0]
     counts = np.bincount(vertices.ravel(), minlength=n_vertices)
     sums = np.bincount(vertices.ravel(), weights=samples, minlength=n_vertices)
@@ -157,7 +158,9 @@ def _lattice_vertices(
     vertices = np.empty((len(corners), len(points)), np.int64)
     inside = (i > 0) & (j > 0) & (i + j < segments)
     n_inside = int(inside.sum())
-    vertices[:, inside] = n_shared + np.arange(len(corners) * n_inside).reshape(-1, n_inside)
+    vertices[:, inside] = n_shared + np.arange(len(corners) * n_inside).reshape(
+        len(corners), n_inside
+    )
     # Edge k runs from corner k to the next; a point's step along it counts from the lower vertex.
     for edge, (on_edge, steps) in enumerate(
         ((j == 0, i), (i + j == segments, j), (i == 0, segments - j))

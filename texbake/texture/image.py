@@ -135,6 +135,11 @@ def check_image_format(
     return bits
 
 
+def holds_floats(path: PathLike, bits: int) -> bool:
+    """Whether a file of this name and number of bits holds floats, as they are, and not codes."""
+    return bits in _format_of(path).float_bits
+
+
 def write_image(
     pixels: npt.NDArray[Any],
     path: PathLike,
@@ -236,7 +241,7 @@ def _stored(
     pixels: npt.NDArray[Any], path: PathLike, bits: int, color: bool, threads: int | None
 ) -> npt.NDArray[Any]:
     """Pixels as the file is to hold them: codes, halves or floats."""
-    if bits in _format_of(path).float_bits:
+    if holds_floats(path, bits):
         if pixels.dtype.kind != "f":
             raise OptionError(f"{path}: it holds floats, not {pixels.dtype} codes; pass floats")
         return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)

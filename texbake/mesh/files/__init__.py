@@ -1,1 +1,117 @@
-"""Mesh files, one module a format."""
+"""Mesh files, one module a format, chosen by the suffix of the name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from texbake.errors import FileFormatError, MeshError, OptionError
+from texbake.files import PathLike
+from texbake.mesh.files.source import require_file
+from texbake.mesh.mesh import Mesh
+from texbake.progress import ProgressSink, Stages
+
+
+class _Format(NamedTuple):
+    """Module and name of a format's two functions; they are loaded when they are first used."""
+
+    reader: tuple[str, str]
+    writer: tuple[str, str] | None
+
+
+_FORMATS = {
+    ".obj": _Format(("obj", "read_obj"), ("obj_write", "write_obj")),
+    ".ply": _Format(("ply", "read_ply"), ("ply_write", "write_ply")),
+    ".stl": _Format(("stl", "read_stl"), ("stl", "write_stl")),
+    ".off": _Format(("off", "read_off"), ("off", "write_off")),
+    ".glb": _Format(("gltf", "read_gltf"), ("gltf_write", "write_glb")),
+    ".gltf": _Format(("gltf", "read_gltf"), None),
+}
+
+
+def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
+    """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file.
+
+    Parameters
+    ----------
+    path
+        The suffix, in upper or lower case, tells the format.
+    progress
+        Told of the one stage, ``read NAME``.
+
+    Returns
+    -------
+    Mesh
+        Its name is the file's, without the folder.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        The suffix is not known, or the file breaks the rules of its format.
+    MeshError
+        There are no faces, a coordinate is not finite, or an index is out of range.
+    """
+    require_file(path)
+    name = Path(path).name
+    read = _function(_format_of(path).reader)
+    with Stages(progress).stage(f"read {name}"):
+        try:
+            mesh: Mesh = read(path)
+        except MeshError as error:
+            # A mesh calls itself by its name; the user knows the file by its path.
+            message = str(error)
+            if message.startswith(f"{name}: "):
+                message = f"{path}{message[len(name) :]}"
+            raise type(error)(message) from error
+    return mesh
+
+
+def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
+    """Write a mesh to an OBJ, PLY, STL, OFF or GLB file, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The suffix, in upper or lower case, tells the format. OBJ and PLY keep positions, faces,
+        texture coordinates and normals bit for bit; see each format's writer for what it keeps.
+    **options
+        Of GLB only: `normal_map` and `base_color`, the images of the material; see
+        `texbake.mesh.files.gltf_write.write_glb`.
+
+    Raises
+    ------
+    OptionError
+        An option is given that the format does not have.
+    FileFormatError
+        The suffix is not known, or the format can only be read.
+    FileError
+        The file cannot be written; one that stood there is left as it was.
+    """
+    suffix = Path(path).suffix.lower()
+    writer = _format_of(path).writer
+    if writer is None:
+        raise FileFormatError(f"{path}: {suffix} files are only read; write a .glb file")
+    given = [option for option, value in options.items() if value is not None]
+    if given and suffix != ".glb":
+        raise OptionError(f"{path}: a {suffix} file has no {given[0]}; write a .glb file")
+    _function(writer)(mesh, path, **({} if suffix != ".glb" else options))
+
+
+def _format_of(path: PathLike) -> _Format:
+    suffix = Path(path).suffix.lower()
+    if suffix not in _FORMATS:
+        known = ", ".join(_FORMATS)
+        raise FileFormatError(
+            f"{path}: {suffix!r} is no suffix of a mesh file; the known ones are {known}"
+        )
+    return _FORMATS[suffix]
+
+
+def _function(place: tuple[str, str]) -> Callable[..., Any]:
+    module, name = place
+    function: Callable[..., Any] = getattr(import_module(f"{__name__}.{module}"), name)
+    return function

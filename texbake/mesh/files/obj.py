@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
+from texbake.mesh.files.colors import unit_colors
 from texbake.mesh.files.obj_statements import (
     MARK,
     F,
@@ -102,9 +103,7 @@ def _read_colors(
     colors = read_values(path, data, lines, V, 3 + width)[0][:, 3:]
     colors[n_words < 6] = 1.0
     colors[n_words == 6, 3:] = 1.0
-    if colors.max() > 1.0 and (colors == np.round(colors)).all():
-        colors /= 255.0
-    return colors.astype(np.float32)
+    return unit_colors(path, colors)
 
 
 def _completed(values: FloatArray, corners: IntArray) -> tuple[FloatArray, IntArray]:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.files import PathLike, replacing
+from texbake.mesh.files.text_write import write_rows
 from texbake.mesh.mesh import IntArray, Mesh
-
-_BLOCK = 1 << 16  # rows formatted at once
 
 
 def write_obj(mesh: Mesh, path: PathLike) -> None:
@@ -30,11 +27,11 @@ def write_obj(mesh: Mesh, path: PathLike) -> None:
         points = mesh.positions
         if mesh.colors is not None:
             points = np.concatenate([points, mesh.colors.astype(np.float64)], axis=1)
-        _write_rows(file, "v", points)
+        write_rows(file, "v" + " %r" * points.shape[1] + "\n", points)
         if mesh.uvs is not None:
-            _write_rows(file, "vt", mesh.uvs)
+            write_rows(file, "vt %r %r\n", mesh.uvs)
         if mesh.normals is not None:
-            _write_rows(file, "vn", mesh.normals)
+            write_rows(file, "vn %r %r %r\n", mesh.normals)
         corners = _corner_indices(mesh)
         corner_format = {
             (False, False): " %d",
@@ -45,7 +42,7 @@ def write_obj(mesh: Mesh, path: PathLike) -> None:
         for name, start, stop in _group_runs(mesh):
             if name is not None:
                 file.write(f"g {name}\n".encode("utf-8", "replace"))
-            _write_formatted(file, "f" + 3 * corner_format + "\n", corners[start:stop])
+            write_rows(file, "f" + 3 * corner_format + "\n", corners[start:stop])
 
 
 def _corner_indices(mesh: Mesh) -> IntArray:
@@ -67,16 +64,3 @@ def _group_runs(mesh: Mesh) -> Iterator[tuple[str | None, int, int]]:
     for start, stop in zip(starts, [*starts[1:], mesh.n_faces], strict=True):
         name = mesh.group_names[mesh.face_groups[start]]
         yield "".join(" " if ord(sign) < 32 else sign for sign in name).strip(), start, stop
-
-
-def _write_rows(file: io.BufferedWriter, keyword: str, rows: npt.NDArray[np.float64]) -> None:
-    # %r of a Python float is the shortest text that reads back to it.
-    _write_formatted(file, keyword + " %r" * rows.shape[1] + "\n", rows)
-
-
-def _write_formatted(
-    file: io.BufferedWriter, row_format: str, rows: npt.NDArray[np.float64] | IntArray
-) -> None:
-    for start in range(0, len(rows), _BLOCK):
-        block = rows[start : start + _BLOCK]
-        file.write((row_format * len(block) % tuple(block.ravel().tolist())).encode("ascii"))

@@ -92,10 +92,14 @@ def read_ply(path: PathLike) -> Mesh:
 
 def _stacked(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
     """(n, len(names)) float64: columns side by side, or None where one is missing."""
-    found = [columns.get(name) for name in names]
-    if not all(isinstance(column, np.ndarray) and column.ndim == 1 for column in found):
+    found = [
+        column
+        for name in names
+        if isinstance(column := columns.get(name), np.ndarray) and column.ndim == 1
+    ]
+    if len(found) < len(names):
         return None
-    stacked = np.empty((len(found[0]), len(names)))  # type: ignore[arg-type]
+    stacked = np.empty((len(found[0]), len(names)))
     for axis, column in enumerate(found):
         stacked[:, axis] = column
     return stacked

@@ -26,26 +26,36 @@ def map_file(path: PathLike) -> ByteArray:
     FileFormatError
         It is empty.
     """
+    require_file(path)
     try:
-        # Asked before opening, because opening a pipe that nobody writes to would wait for ever.
-        mode = Path(path).stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise FileError(f"{path}: it is a folder; give the name of a file in it")
-        if not stat.S_ISREG(mode):
-            raise FileError(f"{path}: it is not a regular file; copy its content to one")
         with Path(path).open("rb") as file:
             if os.fstat(file.fileno()).st_size == 0:
                 raise FileFormatError(f"{path}: the file is empty; write it again")
             return np.frombuffer(
                 mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8
             )
-    except FileNotFoundError as error:
-        raise FileError(f"{path}: there is no such file; check its name") from error
-    except (OSError, ValueError) as error:
+    except OSError as error:
         if isinstance(error, FileError):
             raise
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def require_file(path: PathLike) -> None:
+    """Raise `FileError` where there is no regular file of this name.
+
+    Asked before opening: opening a pipe that nobody writes to would wait for ever.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise FileError(f"{path}: there is no such file; check its name") from error
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{path}: cannot be read: {reason}") from error
+    if stat.S_ISDIR(mode):
+        raise FileError(f"{path}: it is a folder; give the name of a file in it")
+    if not stat.S_ISREG(mode):
+        raise FileError(f"{path}: it is not a regular file; copy its content to one")
 
 
 def require_text(path: PathLike, data: ByteArray, kind: str) -> None:

@@ -1,0 +1,71 @@
+"""`texbake run`: the whole job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from texbake.bake.options import CONVENTIONS
+from texbake.mesh.simplify_options import QUALITIES
+from texbake.pipeline.options import RunOptions
+from texbake.render.options import UPS
+
+from ..options import (
+    choice_option,
+    mesh_argument,
+    number_option,
+    output_folder,
+    size_option,
+    threads_option,
+)
+from ..outputs import check_folder
+from ..terminal import Terminal, terminal_options
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake run scan.ply -o asset --faces 500 --size 2048
+      texbake run scan.ply -o asset --faces 2000 --quality best --convention directx
+    """
+)
+@mesh_argument("high")
+@output_folder("Folder for the files; made if missing.", required=True)
+@click.option(
+    "--faces", "n_faces", type=int, required=True, metavar="N", help="Triangles to reach."
+)
+@choice_option(
+    "--quality", QUALITIES, RunOptions.quality, "How to make the mesh lighter: soon, or well."
+)
+@size_option(RunOptions.size, "Texels of the maps.")
+@number_option(
+    "--padding", int, RunOptions.padding, "PX", "Texels around each chart that repeat its edge."
+)
+@number_option("--samples", int, RunOptions.samples, "1|4|16|64", "Rays a texel.")
+@choice_option(
+    "--convention",
+    CONVENTIONS,
+    RunOptions.convention,
+    "Green channel of the normal map; that in the GLB is always opengl.",
+)
+@choice_option("--up", UPS, RunOptions.up, "Axis of the world that is up in the pictures.")
+@threads_option
+@terminal_options
+def run(high: Path, output: Path, terminal: Terminal, **choices: Any) -> None:
+    """Do the whole job: simplify, unwrap, bake, GLB, preview, compare.
+
+    A mesh scan.ply gives scan_low.obj and scan_low.glb, scan_normal.png, scan_displacement.exr,
+    scan_preview.png, scan_compare.png and scan_report.json.
+    """
+    options = RunOptions(**choices)
+    check_folder(output)
+    import texbake
+
+    with terminal.progress() as progress:
+        mesh = texbake.read_mesh(high, progress=progress)
+        result = texbake.run(mesh, output, options, progress=progress)
+    terminal.summary(result.table())
+    terminal.wrote(result.files.values())

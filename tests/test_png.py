@@ -1,0 +1,90 @@
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from texbake.errors import FileFormatError
+from texbake.png import is_png, png_description, write_png
+
+
+def chunks(data):
+    """Kind and data of each chunk."""
+    found, at = [], 8
+    while at < len(data):
+        n_bytes, kind = struct.unpack(">I4s", data[at : at + 8])
+        found.append((kind, data[at + 8 : at + 8 + n_bytes]))
+        at += n_bytes + 12
+    return found
+
+
+@pytest.fixture
+def codes():
+    # Wide enough for several bands of a megabyte.
+    x, y = np.meshgrid(np.arange(1200), np.arange(700))
+    return np.stack([x * 50, y * 90, x * y], axis=2).astype(np.uint16)
+
+
+@pytest.mark.parametrize("n_channels", [1, 2, 3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("size", [(1, 1), (3, 7), (700, 1200)])
+def test_another_decoder_reads_the_codes(tmp_path, size, dtype, n_channels):
+    oiio = pytest.importorskip("OpenImageIO")
+    rng = np.random.default_rng(1)
+    codes = rng.integers(0, np.iinfo(dtype).max, (*size, n_channels), dtype, endpoint=True)
+    write_png(tmp_path / "a.png", codes)
+    wishes = oiio.ImageSpec()
+    wishes.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(tmp_path / "a.png"), wishes)
+    np.testing.assert_array_equal(source.read_image(source.spec().format), codes)
+
+
+def test_bytes_do_not_depend_on_threads(tmp_path, codes):
+    for threads in (1, 2, 3):
+        write_png(tmp_path / f"{threads}.png", codes, threads=threads)
+    first = (tmp_path / "1.png").read_bytes()
+    assert (tmp_path / "2.png").read_bytes() == first == (tmp_path / "3.png").read_bytes()
+
+
+def test_the_checksum_of_joined_bands_is_that_of_the_whole(tmp_path, codes):
+    write_png(tmp_path / "a.png", codes)
+    parts = [data for kind, data in chunks((tmp_path / "a.png").read_bytes()) if kind == b"IDAT"]
+    assert len(parts) > 1
+    assert len(zlib.decompress(b"".join(parts))) == 700 * (1 + 1200 * 6)  # checks Adler-32 itself
+
+
+def test_data_carries_no_color_chunk_and_color_does(tmp_path, codes):
+    write_png(tmp_path / "data.png", codes[:4], description="{}")
+    kinds = [kind for kind, _ in chunks((tmp_path / "data.png").read_bytes())]
+    assert kinds == [b"IHDR", b"tEXt", b"IDAT", b"IEND"]
+    write_png(tmp_path / "color.png", codes[:4], srgb=True)
+    kinds = [kind for kind, _ in chunks((tmp_path / "color.png").read_bytes())]
+    assert kinds == [b"IHDR", b"sRGB", b"IDAT", b"IEND"]
+
+
+def test_description_comes_back(tmp_path, codes):
+    write_png(tmp_path / "a.png", codes[:2], description='{"a":1}')
+    assert png_description(tmp_path / "a.png") == '{"a":1}'
+    write_png(tmp_path / "b.png", codes[:2])
+    assert png_description(tmp_path / "b.png") == ""
+    assert is_png(tmp_path / "a.png")
+
+
+def test_a_file_cut_anywhere_is_an_error(tmp_path, codes):
+    write_png(tmp_path / "a.png", codes[:3, :5], description="text")
+    data = (tmp_path / "a.png").read_bytes()
+    for length in range(len(data)):
+        (tmp_path / "cut.png").write_bytes(data[:length])
+        with pytest.raises(FileFormatError, match=r"cut\.png: "):
+            png_description(tmp_path / "cut.png")
+
+
+def test_any_changed_byte_is_an_error(tmp_path, codes):
+    write_png(tmp_path / "a.png", codes[:3, :5], description="text")
+    data = bytearray((tmp_path / "a.png").read_bytes())
+    for at in range(len(data)):
+        data[at] ^= 0x55
+        (tmp_path / "bad.png").write_bytes(data)
+        data[at] ^= 0x55
+        with pytest.raises(FileFormatError):
+            png_description(tmp_path / "bad.png")

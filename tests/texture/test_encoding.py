@@ -1,0 +1,232 @@
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from texbake.errors import OptionError
+from texbake.texture.encoding import (
+    count_clipped,
+    decode_heights,
+    decode_normals,
+    decode_srgb,
+    encode_heights,
+    encode_normals,
+    encode_srgb,
+    height_range,
+    quantize_unsigned,
+)
+
+floats = st.floats(-2, 2, width=32)
+
+
+def half_up(value, top):
+    """The nearest code by exact arithmetic."""
+    exact = Fraction(float(value)) * top
+    return min(max((2 * exact + 1) // 2, 0), top)
+
+
+def unit_vectors(n, seed=0):
+    vectors = np.random.default_rng(seed).normal(size=(n, 3))
+    return (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
+
+
+def angles_deg(a, b):
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    crossed = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.degrees(np.arctan2(crossed, (a * b).sum(axis=-1)))
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@given(values=arrays(np.float32, 50, elements=floats))
+@settings(max_examples=30, deadline=None)
+def test_rounding_is_that_of_exact_arithmetic(bits, values):
+    top = 2**bits - 1
+    assert quantize_unsigned(values, bits).tolist() == [half_up(value, top) for value in values]
+
+
+def test_halves_round_up_and_what_is_out_of_range_is_clipped():
+    values = [-np.inf, -1.0, 0.0, 0.5, 1.0, 7.0, np.inf, np.nan]
+    assert quantize_unsigned(np.array(values), 8).tolist() == [0, 0, 0, 128, 255, 255, 255, 0]
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_every_code_comes_back(bits):
+    top = 2**bits - 1
+    codes = np.arange(top + 1)
+    np.testing.assert_array_equal(quantize_unsigned((codes / top).astype(np.float32), bits), codes)
+
+
+def test_threads_change_nothing():
+    normals = unit_vectors(300_000)
+    for bits in (8, 16):
+        one = encode_normals(normals, bits=bits, threads=1)
+        np.testing.assert_array_equal(one, encode_normals(normals, bits=bits, threads=2))
+
+
+@pytest.mark.parametrize("convention", ["opengl", "directx"])
+def test_flat_is_one_color_also_with_float32_noise(convention):
+    noise = np.random.default_rng(0).uniform(-3e-6, 3e-6, (1000, 3))
+    flat = (np.array([0.0, 0.0, 1.0]) + noise * [1, 1, 0.1]).astype(np.float32)
+    codes = encode_normals(flat, bits=8, convention=convention)
+    assert (codes == [128, 128, 255]).all()
+    codes = encode_normals(flat, bits=16, convention=convention)
+    assert (codes == [32768, 32768, 65535]).all()
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@given(values=arrays(np.float32, 30, elements=st.floats(-1, 1, width=32)))
+@settings(max_examples=30, deadline=None)
+def test_all_but_flat_components_round_exactly(bits, values):
+    top = 2**bits - 1
+    values = np.where(np.abs(values) <= 4e-6, np.float32(0.25), values)
+    codes = encode_normals(values.reshape(-1, 3), bits=bits)
+    exact = [half_up((Fraction(float(value)) + 1) / 2, top) for value in values]
+    # float(Fraction) in half_up may lose bits of a sum; here it is below 53 bits.
+    assert codes.ravel().tolist() == exact
+
+
+def test_directx_is_opengl_with_green_turned():
+    normals = unit_vectors(1000)
+    opengl = encode_normals(normals, bits=16)
+    directx = encode_normals(normals * np.float32([1, -1, 1]), bits=16, convention="directx")
+    np.testing.assert_array_equal(opengl, directx)
+
+
+@pytest.mark.parametrize("convention", ["opengl", "directx"])
+@pytest.mark.parametrize(
+    # Half a step a component, at worst in all three: sqrt(3) * (2 / top) / 2 in radians, and
+    # for floats some 2^-24.
+    ("bits", "limit_deg"),
+    [(8, 0.39), (16, 0.00152), (32, 2e-5)],
+)
+def test_normals_come_back(bits, limit_deg, convention):
+    normals = unit_vectors(20_000)
+    codes = encode_normals(normals, bits=bits, convention=convention)
+    decoded = decode_normals(codes, convention=convention)
+    assert angles_deg(decoded, normals).max() < limit_deg
+    np.testing.assert_allclose(np.linalg.norm(decoded, axis=1), 1.0, atol=2e-7)
+
+
+def test_codes_and_their_values_decode_alike():
+    codes = encode_normals(unit_vectors(1000), bits=16)
+    values = (codes / 65535).astype(np.float32)
+    # 2x - 1 of a float32 x: 2^-24 of 1, in radians; three components.
+    assert angles_deg(decode_normals(codes), decode_normals(values)).max() < 2e-5
+
+
+def test_flat_in_8_bits_decodes_as_renderers_see_it():
+    decoded = decode_normals(np.array([[128, 128, 255]], np.uint8))
+    assert angles_deg(decoded, np.array([[0.0, 0.0, 1.0]]))[0] == pytest.approx(
+        np.degrees(np.arctan(np.sqrt(2) / 255)), rel=1e-5
+    )
+
+
+def test_colors_without_direction_decode_to_the_axis():
+    pixels = np.array([[0.5, 0.5, 0.5], [np.nan, 0.5, 1.0], [np.inf, 0.0, 0.0]], np.float32)
+    assert decode_normals(pixels).tolist() == [[0.0, 0.0, 1.0]] * 3
+
+
+def test_alpha_is_ignored():
+    assert decode_normals(np.array([[[255, 128, 128, 7]]], np.uint8)).shape == (1, 1, 3)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@given(
+    heights=arrays(np.float32, (4, 5), elements=st.floats(-1e6, 1e6, width=32)),
+    mid=st.none() | st.floats(0.1, 0.9),
+)
+@settings(max_examples=50, deadline=None)
+def test_heights_come_back_within_half_a_step(bits, heights, mid):
+    covered = np.ones(heights.shape, bool)
+    mid, scale = height_range(heights, covered, bits=bits, mid=mid)
+    assert count_clipped(heights, covered, mid=mid, scale=scale) == 0
+    codes = encode_heights(heights, bits=bits, mid=mid, scale=scale)
+    decoded = decode_heights(codes, mid=mid, scale=scale).astype(np.float64)
+    half_step = scale / (2**bits - 1) / 2
+    # 1e-6 of it and 6e-8 of the value: float32 of what comes back.
+    assert (np.abs(decoded - heights) <= half_step * (1 + 1e-6) + 6e-8 * np.abs(heights)).all()
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_no_displacement_comes_back_as_exactly_none(bits):
+    heights = np.array([[-0.3, 0.0, 0.2]])
+    mid, scale = height_range(heights, np.ones((1, 3), bool), bits=bits)
+    codes = encode_heights(heights, bits=bits, mid=mid, scale=scale)
+    assert codes[0, 1] == 2 ** (bits - 1)
+    assert decode_heights(codes, mid=mid, scale=scale)[0, 1] == 0.0
+
+
+def test_the_range_is_the_least_that_clips_nothing():
+    heights = np.array([[-1.0, 3.0]])
+    covered = np.ones((1, 2), bool)
+    assert height_range(heights, covered, mid=0.5) == (0.5, 6.0)
+    assert height_range(heights, covered, mid=0.25) == (0.25, 4.0)
+    assert height_range(heights, np.array([[True, False]]), mid=0.25) == (0.25, 4.0)
+    assert height_range(heights[:, :1], covered[:, :1], mid=1.0) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("heights", [np.zeros((2, 2)), np.full((2, 2), np.nan)])
+def test_a_map_without_range_is_flat_at_its_mid_level(heights):
+    mid, scale = height_range(heights, np.ones((2, 2), bool))
+    assert (mid, scale) == (32768 / 65535, 1.0)
+    assert height_range(heights, np.zeros((2, 2), bool)) == (mid, scale)
+    flat = encode_heights(np.zeros((2, 2)), bits=16, mid=mid, scale=scale)
+    assert (flat == 32768).all()
+
+
+def test_a_constant_map_keeps_its_constant():
+    heights = np.full((2, 2), -0.25, np.float32)
+    mid, scale = height_range(heights, np.ones((2, 2), bool))
+    codes = encode_heights(heights, bits=16, mid=mid, scale=scale)
+    assert (codes == 0).all()
+    np.testing.assert_allclose(decode_heights(codes, mid=mid, scale=scale), -0.25, rtol=1e-7)
+
+
+def test_heights_beyond_a_given_range_are_clipped_and_counted():
+    heights = np.array([[-2.0, -0.5, 0.5, 2.0]])
+    assert encode_heights(heights, bits=8, mid=0.5, scale=1.0).tolist() == [[0, 0, 255, 255]]
+    covered = np.array([[True, True, True, True]])
+    assert count_clipped(heights, covered, mid=0.5, scale=1.0) == 2
+    assert count_clipped(heights, ~covered, mid=0.5, scale=1.0) == 0
+
+
+def test_float_levels_are_not_clipped_and_can_be_the_heights_themselves():
+    heights = np.array([[-2.0, 0.1]], np.float32)
+    np.testing.assert_array_equal(encode_heights(heights, bits=32, mid=0.0, scale=1.0), heights)
+    levels = encode_heights(heights, bits=32, mid=0.5, scale=2.0)
+    np.testing.assert_allclose(levels, heights / 2 + 0.5, rtol=1e-6)
+
+
+def test_vectors_have_the_same_coding_in_every_channel():
+    vectors = np.array([[[-1.0, 0.0, 1.0]]])
+    codes = encode_heights(vectors, bits=8, mid=128 / 255, scale=255 / 127)
+    assert codes.tolist() == [[[1, 128, 255]]]
+
+
+def test_srgb_is_its_own_inverse_and_has_the_known_points():
+    # IEC 61966-2-1: the two pieces meet at 0.04045; 0.5 in sRGB is 0.21404 linear.
+    assert decode_srgb(0.5) == pytest.approx(0.214041, abs=1e-6)
+    assert decode_srgb(0.04045) == pytest.approx(0.04045 / 12.92, rel=1e-9)
+    values = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(encode_srgb(decode_srgb(values)), values, atol=1e-6)
+    assert encode_srgb([-1.0, 2.0]).tolist() == [0.0, pytest.approx(1.0, abs=1e-6)]
+
+
+def test_wrong_options_are_errors():
+    flat = np.array([[0.0, 0.0, 1.0]])
+    with pytest.raises(OptionError, match="8 or 16 bits, not 12"):
+        encode_normals(flat, bits=12)
+    with pytest.raises(OptionError, match="'vulkan' is not known"):
+        encode_normals(flat, bits=8, convention="vulkan")
+    with pytest.raises(OptionError, match="'vulkan' is not known"):
+        decode_normals(flat, convention="vulkan")
+    for scale in (0.0, np.nan, np.inf):
+        with pytest.raises(OptionError, match="maps no heights"):
+            encode_heights(flat, bits=8, mid=0.5, scale=scale)
+    with pytest.raises(OptionError, match="not a level"):
+        height_range(flat, flat > 0, mid=1.5)
+    with pytest.raises(OptionError, match="leaves no room"):
+        height_range(flat, np.ones((1, 3), bool), mid=1.0)

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.texture.lookup import lookup, row_of_v, texel_coordinates
+
+
+@pytest.fixture
+def image():
+    return np.random.default_rng(3).random((5, 7, 3)).astype(np.float32)
+
+
+def centers(width, height):
+    """(H, W, 2) texture coordinates of texel centers, from the definition."""
+    u = (np.arange(width) + 0.5) / width
+    v = 1.0 - (np.arange(height) + 0.5) / height
+    return np.stack(np.meshgrid(u, v), axis=2)
+
+
+def test_row_0_is_the_top():
+    assert texel_coordinates(np.array([0.0, 1.0]), 8, 4).tolist() == [0.0, 0.0]
+    assert texel_coordinates(np.array([1.0, 0.0]), 8, 4).tolist() == [8.0, 4.0]
+    assert texel_coordinates(np.array([0.25, 0.25]), 8, 4).tolist() == [2.0, 3.0]
+
+
+def test_row_of_v_in_a_kernel_is_row_of_v_in_numpy():
+    assert row_of_v(0.3, 7) == row_of_v.py_func(0.3, 7)
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+def test_at_texel_centers_it_gives_the_texels(image, wrap):
+    # 1e-6: (i + 0.5) / 7 * 7 - 0.5 is off an integer by some 1e-16, times differences below 1.
+    np.testing.assert_allclose(lookup(image, centers(7, 5), wrap=wrap), image, atol=1e-6)
+
+
+def test_halfway_between_four_texels_it_gives_their_mean(image):
+    between = centers(7, 5)[:-1, :-1] + np.array([0.5 / 7, -0.5 / 5])
+    means = (image[:-1, :-1] + image[1:, :-1] + image[:-1, 1:] + image[1:, 1:]) / 4
+    np.testing.assert_allclose(lookup(image, between), means, atol=1e-6)
+
+
+def test_a_linear_image_is_reproduced_between_its_border_centers():
+    height, width = 6, 9
+    uv = centers(width, height)
+    image = (2.0 * uv[..., :1] - 3.0 * uv[..., 1:] + 0.5).astype(np.float32)
+    points = np.random.default_rng(0).uniform(0.1, 0.9, (1000, 2))
+    expected = 2.0 * points[:, :1] - 3.0 * points[:, 1:] + 0.5
+    # Float32 rounding of texels up to 3.
+    np.testing.assert_allclose(lookup(image, points), expected, atol=4e-7)
+
+
+def test_repeat_has_the_period_of_the_image(image):
+    points = np.random.default_rng(0).integers(0, 64, (500, 2)) / 64
+    tiles = np.random.default_rng(1).integers(-3, 4, (500, 2))
+    np.testing.assert_array_equal(lookup(image, points + tiles), lookup(image, points))
+
+
+def test_repeat_joins_opposite_borders(image):
+    left, right = lookup(image, np.array([[0.0, 0.9], [1.0, 0.9]]))
+    np.testing.assert_array_equal(left, right)
+    np.testing.assert_allclose(left, (image[0, 0] + image[0, -1]) / 2, atol=1e-6)
+
+
+def test_clamp_goes_on_with_the_border(image):
+    points = np.array([[-3.0, 2.0], [9.0, -1.0], [0.0, 1.0]])
+    corners = [image[0, 0], image[-1, -1], image[0, 0]]
+    np.testing.assert_array_equal(lookup(image, points, wrap="clamp"), corners)
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+def test_a_constant_stays_exactly_constant(wrap):
+    image = np.full((6, 5, 2), np.float32(0.1))
+    points = np.random.default_rng(0).uniform(-2, 2, (2000, 2))
+    assert (lookup(image, points, wrap=wrap) == np.float32(0.1)).all()
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+@pytest.mark.parametrize("size", [(1, 1), (1, 4), (4, 1)])
+def test_whatever_the_coordinates_no_texel_outside_is_read(size, wrap):
+    image = np.ones((*size, 1), np.float32)
+    odd = [np.nan, np.inf, -np.inf, 1e300, -1e300, -1e-300, 1e18, 0.0, 1.0]
+    points = np.array([[u, v] for u in odd for v in odd])
+    assert (lookup(image, points, wrap=wrap) == 1.0).all()
+
+
+def test_threads_change_nothing(image):
+    points = np.random.default_rng(0).uniform(-1, 2, (200_000, 2))
+    np.testing.assert_array_equal(
+        lookup(image, points, threads=1), lookup(image, points, threads=2)
+    )
+
+
+def test_wrong_options_are_errors(image):
+    with pytest.raises(OptionError, match="'mirror' is not known"):
+        lookup(image, np.zeros((1, 2)), wrap="mirror")
+    with pytest.raises(OptionError, match="shape"):
+        lookup(np.zeros((4, 4), np.float32), np.zeros((1, 2)))

@@ -1,0 +1,263 @@
+"""glTF 2.0 files: their JSON document, their buffers, and the arrays that accessors describe.
+
+Whatever a damaged file says, no more memory is asked for than the file has bytes, and what does not
+fit together is one clear error.
+
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NoReturn
+from urllib.parse import unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError
+from texbake.files import PathLike
+from texbake.mesh.files.source import ByteArray, map_file
+
+_MAGIC = b"glTF"
+_JSON_CHUNK = 0x4E4F534A
+_BINARY_CHUNK = 0x004E4942
+# Required extensions that change nothing about where triangles are, or only the component types
+# of attributes, which accessors carry anyway. Any other may hide the mesh itself.
+_HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_animation_")
+_READ = ("KHR_mesh_quantization", "KHR_xmp_json_ld", "MSFT_texture_dds")
+
+_COMPONENTS: dict[int, np.dtype[Any]] = {
+    5120: np.dtype("i1"),
+    5121: np.dtype("u1"),
+    5122: np.dtype("<i2"),
+    5123: np.dtype("<u2"),
+    5125: np.dtype("<u4"),
+    5126: np.dtype("<f4"),
+}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+
+@dataclass(frozen=True)
+class Document:
+    """A glTF document, its parts looked up and checked one at a time.
+
+    Attributes
+    ----------
+    path
+        Of the file, for messages and for what lies beside it.
+    content
+        The JSON object.
+    binary : (n,) uint8
+        The binary chunk of a GLB file, empty where there is none.
+    """
+
+    path: Path
+    content: dict[str, Any]
+    binary: ByteArray
+
+    def fail(self, what: str) -> NoReturn:
+        """Raise `FileFormatError` that says what is wrong with the file."""
+        raise FileFormatError(f"{self.path}: {what}; export it again")
+
+    def items(self, kind: str) -> list[dict[str, Any]]:
+        """All objects of a kind, such as "nodes"."""
+        return self.objects(self.content, kind)
+
+    def item(self, kind: str, index: Any) -> dict[str, Any]:
+        """One object of a kind by its index, checked."""
+        items = self.items(kind)
+        if not isinstance(index, int) or not 0 <= index < len(items):
+            self.fail(f"it has no {kind}[{index!r}]")
+        return items[index]
+
+    def objects(self, owner: dict[str, Any], key: str) -> list[dict[str, Any]]:
+        """A list of objects that an object holds; empty where there is none."""
+        values = owner.get(key, [])
+        if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
+            self.fail(f"{key!r} is not a list of objects")
+        return values
+
+    def mapping(self, owner: dict[str, Any], key: str) -> dict[str, Any]:
+        """An object that an object holds; empty where there is none."""
+        value = owner.get(key, {})
+        if not isinstance(value, dict):
+            self.fail(f"{key!r} is not an object")
+        return value
+
+    def integer(self, owner: dict[str, Any], key: str, default: int | None = None) -> int:
+        """A count or an offset: an integer, not negative."""
+        value = owner.get(key, default)
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 48:
+            self.fail(f"{key!r} is {value!r}, not a count")
+        return value
+
+    def numbers(self, owner: dict[str, Any], key: str, n: int) -> npt.NDArray[np.float64] | None:
+        """Return n numbers that an object holds, or None where it does not."""
+        values = owner.get(key)
+        if values is None:
+            return None
+        if (
+            not isinstance(values, list)
+            or len(values) != n
+            or not all(isinstance(value, int | float) and abs(value) < 1e300 for value in values)
+        ):
+            self.fail(f"{key!r} is not {n} numbers")
+        return np.array([float(value) for value in values])
+
+    def texts(self, key: str) -> list[str]:
+        """Return a list of strings of the document; empty where there is none."""
+        values = self.content.get(key, [])
+        if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+            self.fail(f"{key!r} is not a list of names")
+        return values
+
+    def accessor(self, index: Any) -> npt.NDArray[Any]:
+        """(count, width) values of an accessor: floats as they are, normalized integers as float64.
+
+        What sparse storage replaces is replaced.
+        """
+        accessor = self.item("accessors", index)
+        count = self.integer(accessor, "count")
+        dtype = self._component(accessor)
+        width = _WIDTHS.get(str(accessor.get("type")), 0)
+        if width == 0:
+            self.fail(f"accessors[{index}] has the unknown type {accessor.get('type')!r}")
+        if "bufferView" in accessor:
+            values = self._read(accessor, count, dtype, width)
+        else:
+            # Zeros, to be replaced in part. A sound mesh has more bytes than vertices.
+            if count > sum(len(buffer) for buffer in self.buffers):
+                self.fail(f"accessors[{index}] counts {count}, more than the file has bytes")
+            values = np.zeros((count, width), dtype)
+        if "sparse" in accessor:
+            values = self._replaced(values, self.mapping(accessor, "sparse"))
+        if accessor.get("normalized") is True and dtype.kind in "iu":
+            return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
+        return values
+
+    @cached_property
+    def buffers(self) -> list[ByteArray]:
+        """Bytes of each buffer, as many as it claims."""
+        return [self._buffer(i, buffer) for i, buffer in enumerate(self.items("buffers"))]
+
+    def _buffer(self, index: int, buffer: dict[str, Any]) -> ByteArray:
+        n_bytes = self.integer(buffer, "byteLength")
+        uri = buffer.get("uri")
+        if uri is None:
+            data = self.binary if index == 0 else self.binary[:0]
+        elif not isinstance(uri, str):
+            self.fail(f"buffers[{index}] has no readable uri")
+        elif uri.startswith("data:"):
+            try:
+                data = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
+            except binascii.Error:
+                self.fail(f"the data of buffers[{index}] is not base64")
+        elif "://" in uri:
+            self.fail(f"buffers[{index}] is at {uri[:60]!r}, and only local files are read")
+        else:
+            data = map_file(self.path.parent / unquote(uri))
+        if len(data) < n_bytes:
+            self.fail(f"it is cut short: buffers[{index}] has {len(data)} of {n_bytes} bytes")
+        return data[:n_bytes]
+
+    def _component(self, owner: dict[str, Any]) -> np.dtype[Any]:
+        component = owner.get("componentType")
+        if not isinstance(component, int) or component not in _COMPONENTS:
+            self.fail(f"the component type {component!r} is not known")
+        return _COMPONENTS[component]
+
+    def _read(
+        self, place: dict[str, Any], count: int, dtype: np.dtype[Any], width: int
+    ) -> npt.NDArray[Any]:
+        """(count, width) values at a place in a buffer view, also where others lie between."""
+        view = self.item("bufferViews", place.get("bufferView"))
+        if "EXT_meshopt_compression" in self.mapping(view, "extensions"):
+            self.fail("it needs EXT_meshopt_compression, which is not read")
+        buffer_index = self.integer(view, "buffer")
+        if buffer_index >= len(self.buffers):
+            self.fail(f"it has no buffers[{buffer_index}]")
+        offset = self.integer(place, "byteOffset", 0)
+        n_view = self.integer(view, "byteLength")
+        start = self.integer(view, "byteOffset", 0)
+        n_item = dtype.itemsize * width
+        stride = self.integer(view, "byteStride", 0) or n_item
+        n_needed = offset + (stride * (count - 1) + n_item if count else 0)
+        if n_needed > n_view or start + n_view > len(self.buffers[buffer_index]):
+            self.fail("it is cut short: an accessor reaches past the end of its data")
+        if count == 0:
+            return np.zeros((0, width), dtype)
+        data = self.buffers[buffer_index][start + offset : start + n_needed]
+        return np.ndarray(
+            (count, width), dtype, buffer=data, strides=(stride, dtype.itemsize)
+        ).copy()
+
+    def _replaced(self, values: npt.NDArray[Any], sparse: dict[str, Any]) -> npt.NDArray[Any]:
+        count = self.integer(sparse, "count")
+        places = self.mapping(sparse, "indices")
+        rows = self._read(places, count, self._component(places), 1)[:, 0]
+        if count and (rows.dtype.kind == "f" or rows.min() < 0 or rows.max() >= len(values)):
+            self.fail("an index of a sparse accessor is out of range")
+        replacements = self.mapping(sparse, "values")
+        values[rows] = self._read(replacements, count, values.dtype, values.shape[1])
+        return values
+
+
+def read_document(path: PathLike) -> Document:
+    """Read the document of a .gltf or .glb file, told apart by their first bytes.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is not glTF 2.0, it is damaged, or it requires an extension that is not read.
+    """
+    data = map_file(path)
+    binary = data[:0]
+    text = data
+    if data[:4].tobytes() == _MAGIC:
+        text, binary = _chunks(path, data)
+    try:
+        content = json.loads(text.tobytes().decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"{path}: it is not a glTF file; its JSON does not parse") from error
+    if not isinstance(content, dict) or "asset" not in content:
+        raise FileFormatError(f"{path}: it is not a glTF file; its JSON names no asset")
+    document = Document(Path(path), content, binary)
+    version = document.mapping(content, "asset").get("version")
+    if not str(version).startswith("2."):
+        document.fail(f"it is glTF {version}, and only 2.0 is read")
+    for extension in document.texts("extensionsRequired"):
+        if extension not in _READ and not extension.startswith(_HARMLESS):
+            document.fail(f"it needs {extension}, which is not read")
+    return document
+
+
+def _chunks(path: PathLike, data: ByteArray) -> tuple[ByteArray, ByteArray]:
+    """JSON and binary chunk of a GLB file."""
+    if len(data) < 20:
+        raise FileFormatError(f"{path}: the GLB file is cut short; export it again")
+    _, version, n_bytes = data[:12].view("<u4").tolist()
+    if version != 2:
+        raise FileFormatError(f"{path}: it is GLB version {version}; only 2 is read")
+    if n_bytes > len(data):
+        raise FileFormatError(
+            f"{path}: the GLB file is cut short, {len(data)} of {n_bytes} bytes; export it again"
+        )
+    found: dict[int, ByteArray] = {}
+    at = 12
+    while at + 8 <= n_bytes:
+        n_chunk, kind = np.frombuffer(data[at : at + 8].tobytes(), "<u4").tolist()
+        if at + 8 + n_chunk > n_bytes:
+            raise FileFormatError(f"{path}: a chunk of the GLB file is cut short; export it again")
+        found.setdefault(kind, data[at + 8 : at + 8 + n_chunk])
+        at += 8 + n_chunk
+    if _JSON_CHUNK not in found:
+        raise FileFormatError(f"{path}: the GLB file has no JSON chunk; export it again")
+    return found[_JSON_CHUNK], found.get(_BINARY_CHUNK, data[:0])

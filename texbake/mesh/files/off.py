@@ -1,0 +1,135 @@
+"""Reading and writing OFF, the Object File Format of Geomview.
+
+Based on: S. Levy, T. Munzner, M. Phillips, "Geomview Manual", section OFF, 1993.
+
+The first word names what each vertex has: [ST][C][N][4][n]OFF, for texture coordinates, colors,
+normals, a fourth coordinate, and n dimensions; the last two are refused. It may be missing.
+Everything from ``#`` to the end of a line is a comment. Each vertex and each face has a line of its
+own; what follows the indices of a face, its color, is skipped. A polygon is fanned out from its
+first corner; one of fewer than three corners gives no triangle.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.files import PathLike, replacing
+from texbake.mesh.files.colors import unit_colors
+from texbake.mesh.files.decimals import Numbers, parse_numbers
+from texbake.mesh.files.polygons import fan_corners
+from texbake.mesh.files.source import map_file, require_text
+from texbake.mesh.files.text_write import write_rows
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+
+# Comments and blank lines before the first word are skipped.
+_FIRST_WORD = re.compile(rb"\A(?:\xef\xbb\xbf)?(?:\s|#[^\r\n]*)*(ST)?(C)?(N)?(4)?(n)?OFF\b")
+_BINARY = re.compile(rb"[ \t]*BINARY\b")
+
+
+def read_off(path: PathLike) -> Mesh:
+    """Read an OFF file.
+
+    Colors that are all whole numbers with one above 1 are taken to go up to 255.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        A line breaks the format, or there are fewer lines than the counts say.
+    MeshError
+        There are no faces, a coordinate is not finite, or an index is out of range.
+    """
+    data = map_file(path)
+    require_text(path, data, "an ASCII OFF file")
+    first_word = _FIRST_WORD.match(data[:65536].data)
+    textured, colored, shaded, *extra = first_word.groups() if first_word else (None,) * 5
+    start = first_word.end() if first_word else 0
+    if any(extra) or _BINARY.match(data[start : start + 64].data):
+        raise FileFormatError(f"{path}: this kind of OFF is not read; convert it to ASCII, 3D")
+    numbers = parse_numbers(path, data, start)
+    rows = np.append(numbers.lines, len(numbers.values))
+    n_vertices, n_faces = _counts(path, numbers)
+    if len(rows) - 2 < n_vertices + n_faces:
+        raise FileFormatError(
+            f"{path}: it promises {n_vertices} vertices and {n_faces} faces, but has "
+            f"{len(rows) - 2} lines for them; it is truncated or no OFF file"
+        )
+    vertex_rows, face_rows = rows[1 : n_vertices + 2], rows[n_vertices + 1 :][: n_faces + 1]
+    faces = _faces(path, numbers.values, face_rows)
+    if len(faces) == 0:
+        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    needed = 3 + (3 if shaded else 0) + (3 if colored else 0) + (2 if textured else 0)
+    table = _vertex_table(path, numbers.values, vertex_rows, needed)
+    fields: dict[str, Any] = {"positions": table[:, :3], "faces": faces, "name": Path(path).name}
+    column = 3
+    if shaded:
+        fields |= {"normals": table[:, 3:6], "normal_faces": faces}
+        column = 6
+    if colored:
+        width = min(table.shape[1] - column - (2 if textured else 0), 4)
+        fields["colors"] = unit_colors(path, table[:, column : column + width])
+        column += width
+    if textured:
+        fields |= {"uvs": table[:, column : column + 2], "uv_faces": faces}
+    return Mesh(**fields)
+
+
+def _counts(path: PathLike, numbers: Numbers) -> tuple[int, int]:
+    """Numbers of vertices and faces, from the first line of numbers."""
+    first = numbers.values[: numbers.lines[1] if len(numbers.lines) > 1 else None]
+    counts = first[:2]
+    if len(counts) < 2 or not ((counts >= 0) & (counts == np.floor(counts))).all():
+        raise FileFormatError(f"{path}: it is not an OFF file; it does not begin with its counts")
+    if counts.max() > np.iinfo(np.int32).max:
+        raise FileFormatError(f"{path}: it is too large; indices must fit 32 bits")
+    return int(counts[0]), int(counts[1])
+
+
+def _vertex_table(
+    path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64], needed: int
+) -> FloatArray:
+    """(V, k) numbers of the vertex lines, k those that every line has."""
+    width = int(np.diff(rows).min(initial=needed if len(rows) < 2 else 1 << 20))
+    if width < needed:
+        raise FileFormatError(f"{path}: a vertex has {width} numbers; {needed} are needed")
+    table: FloatArray = values[rows[:-1, None] + np.arange(width)]
+    return table
+
+
+def _faces(path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64]) -> IntArray:
+    """(F, 3) triangles of the face lines: a count, so many indices, and what follows them."""
+    starts = rows[:-1]
+    sizes = values[starts]
+    if not ((sizes >= 0) & (sizes == np.floor(sizes)) & (sizes < np.diff(rows))).all():
+        raise FileFormatError(f"{path}: a face has fewer indices than it says; it is damaged")
+    sizes = sizes.astype(np.int64)
+    slots, polygons = fan_corners(sizes)
+    # Slots count corners only; on the lines they lie apart.
+    corners = values[slots + (starts + 1 - (np.cumsum(sizes) - sizes))[polygons][:, None]]
+    if not (np.abs(corners) < 2.0**31).all():
+        raise MeshError(f"{path}: a position index is out of range")
+    faces: IntArray = corners.astype(np.int32)
+    if (faces != corners).any():
+        raise FileFormatError(f"{path}: a position index is not a whole number")
+    return faces
+
+
+def write_off(mesh: Mesh, path: PathLike) -> None:
+    """Write positions and faces, and nothing else; positions read back bit-equal.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written; one that stood there is left as it was.
+    """
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(f"OFF\n{mesh.n_vertices} {mesh.n_faces} 0\n".encode("ascii"))
+        write_rows(file, "%r %r %r\n", mesh.positions)
+        write_rows(file, "3 %d %d %d\n", mesh.faces)

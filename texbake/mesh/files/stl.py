@@ -1,0 +1,139 @@
+"""Reading and writing STL, binary and ASCII.
+
+Based on: 3D Systems, "StereoLithography Interface Specification", 1988.
+
+STL has no vertices of its own, only corners of triangles. Corners at exactly one place, bit for bit
+(0.0 and -0.0 are one), become one vertex; triangles without area stay. The normals of the facets
+are not read: they say what the corners say.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.files import PathLike, replacing
+from texbake.mesh.files.decimals import parse_numbers
+from texbake.mesh.files.source import ByteArray, decode_name, map_file, require_text
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.weld import weld_rows
+
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+_HEADER_SIZE = 80
+
+
+def read_stl(path: PathLike) -> Mesh:
+    """Read an STL file; the solids of an ASCII file become groups.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is neither form of STL, or not as long as it says.
+    MeshError
+        There are no triangles, or a coordinate is not finite.
+    """
+    data = map_file(path)
+    groups: npt.NDArray[np.int32] | None = None
+    names: tuple[str, ...] = ()
+    n_triangles = _binary_count(data)
+    body = data[_HEADER_SIZE + 4 :]
+    if n_triangles is not None and len(body) == n_triangles * _RECORD.itemsize:
+        # Asked first, because many binary files begin with the word solid too.
+        records = np.ndarray(n_triangles, _RECORD, buffer=body.data)
+        corners: npt.NDArray[np.floating] = records["corners"].reshape(-1, 3)
+    elif data[:512].tobytes().lstrip()[:5].lower() == b"solid":
+        corners, groups, names = _read_ascii(path, data)
+    else:
+        raise FileFormatError(
+            f"{path}: it is not an STL file, or it is truncated: it neither begins with 'solid' "
+            f"nor is it as long as its number of triangles asks for"
+        )
+    if len(corners) == 0:
+        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    if not np.isfinite(corners).all():
+        raise MeshError(f"{path}: a position is not finite")
+    firsts = weld_rows(corners)
+    is_first = firsts == np.arange(len(firsts))
+    vertex_ids = np.cumsum(is_first, dtype=np.int32) - 1
+    return Mesh(
+        positions=corners[is_first],
+        faces=vertex_ids[firsts].reshape(-1, 3),
+        face_groups=groups,
+        group_names=names,
+        name=Path(path).name,
+    )
+
+
+def _binary_count(data: ByteArray) -> int | None:
+    """Number of triangles that a binary file says it has; None for a file too short to say."""
+    count = data[_HEADER_SIZE : _HEADER_SIZE + 4].tobytes()
+    return int.from_bytes(count, "little") if len(count) == 4 else None
+
+
+# An end of line, then the keyword; "endsolid" does not match.
+_SOLID = re.compile(rb"(?:\A|[\r\n])[ \t]*solid\b([^\r\n]*)", re.IGNORECASE)
+_END = re.compile(rb"[\r\n][ \t]*endsolid\b[^\r\n]*\s*\Z", re.IGNORECASE)
+
+
+def _read_ascii(
+    path: PathLike, data: ByteArray
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32] | None, tuple[str, ...]]:
+    """(3F, 3) corners, the solid of each triangle, and the solids' names.
+
+    One solid without a name is no group.
+    """
+    require_text(path, data, "an STL file")
+    if not _END.search(data[-4096:].data):
+        raise FileFormatError(f"{path}: it does not end with 'endsolid'; it is truncated")
+    solids = [(match.end(), decode_name(match[1].strip())) for match in _SOLID.finditer(data.data)]
+    if not solids:
+        raise FileFormatError(f"{path}: it is not an STL file; it has no line 'solid'")
+    pieces, groups = [], []
+    ids: dict[str, int] = {}
+    stops = [start for start, _ in solids[1:]]
+    for (start, name), stop in zip(solids, [*stops, len(data)], strict=True):
+        values, lines = parse_numbers(path, data, start, stop, lead="v")
+        sizes = np.diff(lines, append=len(values))
+        if len(lines) % 3 or (sizes != 3).any():
+            raise FileFormatError(
+                f"{path}: solid {name!r}: {len(lines)} vertex lines with {len(values)} numbers "
+                f"make no whole triangles; the file is damaged"
+            )
+        pieces.append(values.reshape(-1, 3))
+        if len(lines):
+            groups.append(np.full(len(lines) // 3, ids.setdefault(name, len(ids)), dtype=np.int32))
+    corners = np.concatenate(pieces)
+    if set(ids) <= {""}:
+        return corners, None, ()
+    return corners, np.concatenate(groups), tuple(name or "default" for name in ids)
+
+
+def write_stl(mesh: Mesh, path: PathLike) -> None:
+    """Write a binary STL file: corners as float32 and face normals, and nothing else.
+
+    Raises
+    ------
+    MeshError
+        A coordinate is too large for float32.
+    FileError
+        The file cannot be written; one that stood there is left as it was.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        points = mesh.positions.astype(np.float32)
+    if not np.isfinite(points).all():
+        raise MeshError(f"{path}: a position is too large for the float32 of STL; write a PLY file")
+    records = np.zeros(mesh.n_faces, dtype=_RECORD)
+    records["normal"] = face_normals(mesh)
+    records["corners"] = points[mesh.faces]
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        # The first word must not be solid, for many readers take that for the ASCII form.
+        file.write(b"binary STL".ljust(_HEADER_SIZE))
+        file.write(mesh.n_faces.to_bytes(4, "little"))
+        file.write(records.tobytes())

@@ -1,0 +1,190 @@
+"""What is in a mesh: what ``texbake info`` tells."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.topology import (
+    degenerate_faces,
+    duplicate_faces,
+    face_components,
+    find_edges,
+    genus,
+)
+from texbake.mesh.weld import weld_rows
+
+_BLOCK = 1 << 16  # faces measured at once
+
+
+@dataclass(frozen=True, kw_only=True)
+class UvInfo:
+    """Texture coordinates of a mesh.
+
+    Attributes
+    ----------
+    n_uvs : int
+    bounds : ((u, v), (u, v))
+        Least and greatest coordinates that faces use.
+    n_out_of_tile : int
+        Faces with a corner outside the unit square.
+    n_without_area : int
+        Faces whose three coordinates lie on one line.
+    n_mirrored : int
+        Faces that are clockwise in texture space.
+    """
+
+    n_uvs: int
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    n_out_of_tile: int
+    n_without_area: int
+    n_mirrored: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupInfo:
+    """A group and how many faces it has."""
+
+    name: str
+    n_faces: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshInfo:
+    """Counts and measures of a mesh, all plain Python values.
+
+    Components, edges, duplicate faces and what follows from them are counted with vertices at
+    exactly one place taken as one, because formats such as STL and glTF split vertices; how many
+    are split is `n_split_vertices`.
+
+    Attributes
+    ----------
+    bounds : ((x, y, z), (x, y, z))
+        Least and greatest coordinates of the vertices that faces use, in model units.
+    diagonal, area : float
+        Of the bounding box, and of all faces together; in model units and their squares.
+    n_normals : int or None
+        None where the mesh has none; the same for uvs, tangents and colors.
+    groups : tuple of GroupInfo
+    n_components : int
+        Parts that share no vertex.
+    n_boundary_edges, n_non_manifold_edges, n_misoriented_edges : int
+        Edges of one face; of more than two; of two that do not agree on which side is outside.
+    n_degenerate_faces, n_duplicate_faces : int
+        Faces without area; faces with the same three vertices as an earlier one.
+    n_unused_vertices, n_split_vertices : int
+        Vertices of no face; vertices at the place of an earlier one.
+    closed : bool
+        Every edge has exactly two faces.
+    genus : int or None
+        Number of handles over all components; None where the mesh is no closed, consistently
+        oriented manifold.
+    """
+
+    name: str
+    n_vertices: int
+    n_faces: int
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
+    diagonal: float
+    area: float
+    uvs: UvInfo | None
+    n_normals: int | None
+    has_tangents: bool
+    has_colors: bool
+    groups: tuple[GroupInfo, ...]
+    n_components: int
+    n_boundary_edges: int
+    n_non_manifold_edges: int
+    n_misoriented_edges: int
+    n_degenerate_faces: int
+    n_duplicate_faces: int
+    n_unused_vertices: int
+    n_split_vertices: int
+    closed: bool
+    genus: int | None
+
+    def to_json(self) -> str:
+        """Return all of it as one JSON object, indented."""
+        return json.dumps(asdict(self), indent=2)
+
+
+def mesh_info(mesh: Mesh) -> MeshInfo:
+    """Count and measure a mesh.
+
+    Examples
+    --------
+    >>> info = mesh_info(Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]]))
+    >>> info.area, info.n_boundary_edges, info.closed
+    (0.5, 3, False)
+    """
+    firsts = weld_rows(mesh.positions)
+    is_first = firsts == np.arange(len(firsts))
+    faces = mesh.faces if is_first.all() else firsts[mesh.faces]
+    edges = find_edges(faces)
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.faces.ravel()] = True
+    low, high = mesh.bounds.tolist()
+    return MeshInfo(
+        name=mesh.name,
+        n_vertices=mesh.n_vertices,
+        n_faces=mesh.n_faces,
+        bounds=(tuple(low), tuple(high)),
+        diagonal=mesh.diagonal,
+        area=_area(mesh),
+        uvs=_uv_info(mesh),
+        n_normals=None if mesh.normals is None else len(mesh.normals),
+        has_tangents=mesh.tangents is not None,
+        has_colors=mesh.colors is not None,
+        groups=_groups(mesh),
+        n_components=face_components(faces, mesh.n_vertices)[1],
+        n_boundary_edges=int(edges.boundary.sum()),
+        n_non_manifold_edges=int(edges.non_manifold.sum()),
+        n_misoriented_edges=int(edges.misoriented.sum()),
+        n_degenerate_faces=int(degenerate_faces(mesh).sum()),
+        n_duplicate_faces=int(duplicate_faces(faces).sum()),
+        n_unused_vertices=int((~used).sum()),
+        n_split_vertices=int((~is_first).sum()),
+        closed=edges.closed,
+        genus=genus(faces, edges, mesh.n_vertices),
+    )
+
+
+def _area(mesh: Mesh) -> float:
+    area = 0.0
+    for start in range(0, mesh.n_faces, _BLOCK):
+        a, b, c = mesh.positions[mesh.faces[start : start + _BLOCK].T]
+        area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return area
+
+
+def _groups(mesh: Mesh) -> tuple[GroupInfo, ...]:
+    if mesh.face_groups is None:
+        return ()
+    counts = np.bincount(mesh.face_groups, minlength=len(mesh.group_names)).tolist()
+    return tuple(
+        GroupInfo(name=name, n_faces=count)
+        for name, count in zip(mesh.group_names, counts, strict=True)
+    )
+
+
+def _uv_info(mesh: Mesh) -> UvInfo | None:
+    if mesh.uvs is None:
+        return None
+    corners = mesh.corner_uvs()
+    low, high = corners.min(axis=(0, 1)).tolist(), corners.max(axis=(0, 1)).tolist()
+    outside = ((corners < 0.0) | (corners > 1.0)).any(axis=(1, 2))
+    (ab_u, ab_v), (ac_u, ac_v) = (
+        (corners[:, 1] - corners[:, 0]).T,
+        (corners[:, 2] - corners[:, 0]).T,
+    )
+    areas = ab_u * ac_v - ab_v * ac_u
+    return UvInfo(
+        n_uvs=len(mesh.uvs),
+        bounds=(tuple(low), tuple(high)),
+        n_out_of_tile=int(outside.sum()),
+        n_without_area=int((areas == 0.0).sum()),
+        n_mirrored=int((areas < 0.0).sum()),
+    )

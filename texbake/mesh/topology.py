@@ -1,0 +1,283 @@
+"""How the triangles of a mesh hang together: edges, components, holes.
+
+All of it looks at indices only: two vertices at one place are two. Where that is not meant, as with
+formats that split vertices at seams, weld first: ``weld_rows(mesh.positions)[mesh.faces]``.
+
+Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathematical Society, 2010
+(Euler characteristic and genus of closed surfaces; union-find).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.normals import face_normals
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Edges:
+    """The edges of a mesh, each once, with the faces at it counted.
+
+    A face with the same vertex at two corners has no boundary and takes part in no edge.
+
+    Attributes
+    ----------
+    vertices : (E, 2) int32
+        The lower index first, in lexicographic order.
+    n_faces : (E,) int32
+        Faces that have the edge.
+    n_forward : (E,) int32
+        Those of them that walk it from its lower index to its higher.
+    """
+
+    vertices: IntArray
+    n_faces: IntArray
+    n_forward: IntArray
+
+    @property
+    def boundary(self) -> BoolArray:
+        """(E,) bool: edges of a single face."""
+        single: BoolArray = self.n_faces == 1
+        return single
+
+    @property
+    def non_manifold(self) -> BoolArray:
+        """(E,) bool: edges of more than two faces."""
+        many: BoolArray = self.n_faces > 2
+        return many
+
+    @property
+    def misoriented(self) -> BoolArray:
+        """(E,) bool: edges of two faces that walk it in the same direction, so face two ways."""
+        return (self.n_faces == 2) & (self.n_forward != 1)
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge has exactly two faces, and there is one; also called watertight."""
+        return len(self.n_faces) > 0 and bool((self.n_faces == 2).all())
+
+
+def find_edges(faces: IntArray) -> Edges:
+    """Edges of triangles.
+
+    Parameters
+    ----------
+    faces : (F, 3) int32
+
+    Examples
+    --------
+    >>> edges = find_edges(np.array([[0, 1, 2], [2, 1, 3]]))
+    >>> edges.vertices[~edges.boundary].tolist()
+    [[1, 2]]
+    """
+    faces = faces[~repeated_vertices(faces)]
+    # One integer an edge: 31 bits of each index, then whether it is walked upwards.
+    keys = np.empty(3 * len(faces), dtype=np.int64)
+    for corner in range(3):
+        tails = faces[:, corner].astype(np.int64)
+        heads = faces[:, (corner + 1) % 3]
+        part = keys[corner * len(faces) : (corner + 1) * len(faces)]
+        np.minimum(tails, heads, out=part)
+        part <<= 31
+        part |= np.maximum(tails, heads)
+        part <<= 1
+        part |= tails < heads
+    keys.sort()
+    undirected = keys >> 1
+    starts = np.flatnonzero(np.diff(undirected, prepend=-1))
+    vertices = np.stack([undirected[starts] >> 31, undirected[starts] & (2**31 - 1)], axis=1)
+    forward_before = np.concatenate([[0], np.cumsum(keys & 1)])
+    stops = np.append(starts, len(keys))
+    return Edges(
+        vertices=vertices.astype(np.int32),
+        n_faces=np.diff(stops).astype(np.int32),
+        n_forward=np.diff(forward_before[stops]).astype(np.int32),
+    )
+
+
+def repeated_vertices(faces: IntArray) -> BoolArray:
+    """(F,) bool: faces that have one vertex at two corners or three."""
+    a, b, c = faces.T
+    repeated: BoolArray = (a == b) | (b == c) | (c == a)
+    return repeated
+
+
+def degenerate_faces(mesh: Mesh) -> BoolArray:
+    """Faces without area.
+
+    Returns
+    -------
+    (F,) bool
+        True where a vertex is repeated, or the corners lie on one line to within what float64
+        rounding leaves of the longest edge; whatever the scale. Just the faces for which
+        `face_normals` is zero.
+    """
+    without_area: BoolArray = (face_normals(mesh) == 0.0).all(axis=1)
+    return without_area
+
+
+def duplicate_faces(faces: IntArray) -> BoolArray:
+    """Faces that repeat an earlier one: the same three vertices, in any order.
+
+    Parameters
+    ----------
+    faces : (F, 3) int32
+
+    Returns
+    -------
+    (F,) bool
+        False for the first of them.
+    """
+    ordered = np.sort(faces, axis=1)
+    mixed = _mixed(ordered)
+    in_order = np.sort(mixed)
+    repeated = np.unique(in_order[1:][in_order[1:] == in_order[:-1]])
+    duplicate = np.zeros(len(faces), dtype=bool)
+    if len(repeated) == 0:
+        return duplicate
+    # Equal hashes are few and need not mean equal faces; those faces are compared themselves.
+    places = np.minimum(np.searchsorted(repeated, mixed), len(repeated) - 1)
+    candidates = np.flatnonzero(repeated[places] == mixed)
+    rows = ordered[candidates]
+    order = np.lexsort((candidates, *rows.T))
+    same = (rows[order][1:] == rows[order][:-1]).all(axis=1)
+    duplicate[candidates[order[1:][same]]] = True
+    return duplicate
+
+
+def _mixed(rows: IntArray) -> npt.NDArray[np.uint64]:
+    """Hash of each row (multiply and shift, as splitmix64 by Sebastiano Vigna)."""
+    mixed = np.zeros(len(rows), dtype=np.uint64)
+    for column in rows.T:
+        mixed ^= column.astype(np.uint64)
+        mixed *= np.uint64(0xBF58476D1CE4E5B9)
+        mixed ^= mixed >> np.uint64(29)
+    return mixed
+
+
+def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
+    """Parts of a mesh that share no vertex.
+
+    Parameters
+    ----------
+    faces : (F, 3) int32
+    n_vertices : int
+        One more than the highest index, or more.
+
+    Returns
+    -------
+    components : (F,) int32
+        Number of the component of each face, in the order of their first faces.
+    n_components : int
+    """
+    parents = np.arange(n_vertices, dtype=np.int32)
+    components = np.empty(len(faces), dtype=np.int32)
+    n_components = _components_kernel(np.ascontiguousarray(faces, np.int32), parents, components)
+    return components, int(n_components)
+
+
+def euler_characteristic(faces: IntArray, edges: Edges) -> int:
+    """Vertices - edges + faces, of the vertices that faces with three different ones use."""
+    kept = faces[~repeated_vertices(faces)]
+    return int(_n_distinct(kept) - len(edges.vertices) + len(kept))
+
+
+def genus(faces: IntArray, edges: Edges, n_vertices: int) -> int | None:
+    """Number of handles of a closed surface, summed over its components.
+
+    Returns
+    -------
+    int or None
+        None where the faces are no closed, consistently oriented surface: an edge has not two
+        faces that walk it in opposite directions, or the faces at a vertex are not one fan.
+    """
+    if not edges.closed or edges.misoriented.any():
+        return None
+    kept = np.ascontiguousarray(faces[~repeated_vertices(faces)], np.int32)
+    if _has_pinched_vertex_kernel(kept, n_vertices):
+        return None
+    _, n_components = face_components(kept, n_vertices)
+    return n_components - euler_characteristic(faces, edges) // 2
+
+
+def _n_distinct(indices: IntArray) -> int:
+    used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=bool)
+    used[indices.ravel()] = True
+    return int(used.sum())
+
+
+@njit(nogil=True, cache=True)
+def _root_kernel(parents, vertex):  # type: ignore[no-untyped-def]
+    while parents[vertex] != vertex:
+        parents[vertex] = parents[parents[vertex]]
+        vertex = parents[vertex]
+    return vertex
+
+
+@njit(nogil=True, cache=True)
+def _components_kernel(faces, parents, components):  # type: ignore[no-untyped-def]
+    """Join the vertices of each face under the least of them, then number the sets in order."""
+    for face in range(len(faces)):
+        a = _root_kernel(parents, faces[face, 0])
+        for corner in range(1, 3):
+            b = _root_kernel(parents, faces[face, corner])
+            if a < b:
+                parents[b] = a
+            else:
+                parents[a] = b
+                a = b
+    numbers = np.full(len(parents), -1, dtype=np.int32)
+    n_components = 0
+    for face in range(len(faces)):
+        root = _root_kernel(parents, faces[face, 0])
+        if numbers[root] < 0:
+            numbers[root] = n_components
+            n_components += 1
+        components[face] = numbers[root]
+    return n_components
+
+
+@njit(nogil=True, cache=True)
+def _has_pinched_vertex_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
+    """Whether some vertex has more than one fan of faces, in a closed and oriented mesh.
+
+    Around a vertex each face leads from its next corner to the one after. In such a mesh each of
+    those is led to once, so that the faces form rings; there must be one ring.
+    """
+    starts = np.zeros(n_vertices + 1, dtype=np.int64)
+    for face in range(len(faces)):
+        for corner in range(3):
+            starts[faces[face, corner] + 1] += 1
+    for vertex in range(n_vertices):
+        starts[vertex + 1] += starts[vertex]
+    fill = starts[:-1].copy()
+    corners = np.empty(3 * len(faces), dtype=np.int64)
+    for face in range(len(faces)):
+        for corner in range(3):
+            vertex = faces[face, corner]
+            corners[fill[vertex]] = 3 * face + corner
+            fill[vertex] += 1
+    leads_to = np.zeros(n_vertices, dtype=np.int32)
+    for vertex in range(n_vertices):
+        n_faces = starts[vertex + 1] - starts[vertex]
+        first = -1
+        for slot in range(starts[vertex], starts[vertex + 1]):
+            face, corner = corners[slot] // 3, corners[slot] % 3
+            first = faces[face, (corner + 1) % 3]
+            leads_to[first] = faces[face, (corner + 2) % 3]
+        at, n_steps = first, 0
+        while n_steps < n_faces:
+            at = leads_to[at]
+            n_steps += 1
+            if at == first:
+                break
+        if n_steps < n_faces:
+            return True
+    return False

@@ -1,0 +1,161 @@
+"""Vertices that carry all attributes at one index, as decimation libraries and graphics cards want.
+
+Where corners at one position differ in texture coordinates, hard normals or group, the stream has a
+vertex for each; a library that sees several vertices at one position takes the edges between them
+for a seam and keeps it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.weld import weld_rows
+
+
+@dataclass(frozen=True, eq=False)
+class VertexStream:
+    """Stream vertices as rows of a mesh's lists; `None` where they do not tell vertices apart.
+
+    Attributes
+    ----------
+    faces : (F', 3) int32
+        Indices of stream vertices. Faces with fewer than three distinct positions are left out.
+    points : (S, 3) float32
+        Positions in the mesh's local frame.
+    position_ids : (S,) int32
+    uv_ids, normal_ids, group_ids : (S,) int32, optional
+    """
+
+    faces: IntArray
+    points: npt.NDArray[np.float32]
+    position_ids: IntArray
+    uv_ids: IntArray | None = None
+    normal_ids: IntArray | None = None
+    group_ids: IntArray | None = None
+
+    @property
+    def has_seams(self) -> bool:
+        """Whether vertices are told apart by more than their positions."""
+        return any(ids is not None for ids in (self.uv_ids, self.normal_ids, self.group_ids))
+
+    def restricted(self, faces: IntArray) -> VertexStream:
+        """Stream of other faces over these vertices, without the vertices they do not use."""
+        faces, used = _compact(faces, len(self.points))
+        ids = (self.uv_ids, self.normal_ids, self.group_ids)
+        return VertexStream(
+            faces,
+            self.points[used],
+            self.position_ids[used],
+            *(None if values is None else values[used] for values in ids),
+        )
+
+
+def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
+    """Stream of the positions alone, each a vertex once, however often the file repeats it."""
+    faces = _proper(weld_rows(mesh.positions, threads=threads)[mesh.faces])
+    stream_faces, position_ids = _compact(faces, mesh.n_vertices)
+    return VertexStream(stream_faces, _local_points(mesh, position_ids), position_ids)
+
+
+def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
+    """Stream that tells apart texture coordinates, hard normals and groups.
+
+    Normals count where the mesh has hard edges, and groups where it has more than one.
+    """
+    columns = {}
+    if mesh.uvs is not None:
+        columns["uv_ids"] = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
+    if mesh.normals is not None and has_hard_edges(mesh, threads=threads):
+        columns["normal_ids"] = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
+    if mesh.face_groups is not None and len(mesh.group_names) > 1:
+        columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
+    if not columns:
+        return weld_positions(mesh, threads=threads)
+    positions = weld_rows(mesh.positions, threads=threads)[mesh.faces]
+    proper = _is_proper(positions)
+    rows = np.stack([ids[proper].ravel() for ids in (positions, *columns.values())], axis=1)
+    faces, vertices = _compact(weld_rows(rows, threads=threads).reshape(-1, 3), len(rows))
+    position_ids, *others = rows[vertices].T
+    return VertexStream(
+        faces,
+        _local_points(mesh, position_ids),
+        position_ids,
+        **dict(zip(columns, others, strict=True)),
+    )
+
+
+def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
+    """Whether the mesh's own normals differ between corners at one position."""
+    if mesh.normals is None or mesh.normal_faces is None:
+        return False
+    positions = weld_rows(mesh.positions, threads=threads)[mesh.faces].ravel()
+    normals = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces].ravel()
+    normal_of = np.empty(mesh.n_vertices, dtype=np.int32)
+    normal_of[positions] = normals  # of several, any one
+    return bool((normal_of[positions] != normals).any())
+
+
+def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh:
+    """Mesh of faces over stream vertices, with the attributes that tell those apart.
+
+    Positions keep their bits. What no corner uses is left out; duplicate faces (of one winding)
+    and faces with fewer than three distinct positions are too. Colors and group names stay.
+    Tangents go, because they belong to the corners of faces that are no longer there; so do normals
+    without hard edges, because smooth normals are those of the surface that is left.
+    """
+    corners = stream.position_ids[faces]
+    faces = faces[_is_proper(corners) & _is_first_of_its_kind(corners)]
+    position_faces, position_ids = _compact(stream.position_ids[faces], mesh.n_vertices)
+    light = Mesh(
+        positions=mesh.positions[position_ids],
+        faces=position_faces,
+        colors=None if mesh.colors is None else mesh.colors[position_ids],
+        name=mesh.name,
+    )
+    if mesh.uvs is not None and stream.uv_ids is not None:
+        uv_faces, uv_ids = _compact(stream.uv_ids[faces], len(mesh.uvs))
+        light = light.replace(uvs=mesh.uvs[uv_ids], uv_faces=uv_faces)
+    if mesh.normals is not None and stream.normal_ids is not None:
+        normal_faces, normal_ids = _compact(stream.normal_ids[faces], len(mesh.normals))
+        light = light.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
+    if stream.group_ids is not None:
+        light = light.replace(
+            face_groups=stream.group_ids[faces[:, 0]], group_names=mesh.group_names
+        )
+    return light
+
+
+def _local_points(mesh: Mesh, position_ids: IntArray) -> npt.NDArray[np.float32]:
+    local = LocalFrame.around(mesh).to_local(mesh.positions[position_ids])
+    return np.ascontiguousarray(local, dtype=np.float32)
+
+
+def _is_proper(faces: IntArray) -> npt.NDArray[np.bool_]:
+    a, b, c = faces.T
+    return np.asarray((a != b) & (b != c) & (c != a))
+
+
+def _proper(faces: IntArray) -> IntArray:
+    proper = _is_proper(faces)
+    return faces if proper.all() else faces[proper]
+
+
+def _is_first_of_its_kind(faces: IntArray) -> npt.NDArray[np.bool_]:
+    """False for a face that repeats one before it, its corners in the same cyclic order."""
+    turns = np.argmin(faces, axis=1)
+    rows = np.arange(len(faces))
+    turned = np.stack([faces[rows, (turns + step) % 3] for step in range(3)], axis=1)
+    return np.asarray(weld_rows(turned) == rows)
+
+
+def _compact(faces: IntArray, n_values: int) -> tuple[IntArray, IntArray]:
+    """Faces over the values that they use, and which those are."""
+    used = np.zeros(n_values, dtype=bool)
+    used[faces.ravel()] = True
+    ids = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return ids[faces], np.flatnonzero(used).astype(np.int32)
