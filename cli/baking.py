@@ -7,8 +7,9 @@ from typing import Any
 
 from texbake.bake.options import BakeOptions
 from texbake.files import check_writable
+from texbake.pipeline.folder import check_folder, make_folder
 
-from .outputs import check_distinct, check_folder, check_picture, check_report, make_folder
+from .outputs import check_distinct, check_picture, check_report
 from .terminal import Terminal
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError
 from texbake.files import check_writable
 
 from .options import WRITABLE_MESH_SUFFIXES
@@ -33,25 +32,6 @@ def check_report(path: Path | None) -> None:
     """Raise if a report could not be written; None is fine."""
     if path is not None:
         check_writable(path)
-
-
-def check_folder(folder: Path) -> None:
-    """Raise if files could not be written into a folder, which may have to be made first."""
-    there = Path(os.path.realpath(folder))
-    while not there.exists():
-        there = there.parent
-    if not there.is_dir():
-        raise FileError(f"{folder}: {there} is a file; give the name of a folder")
-    if not os.access(there, os.W_OK):
-        raise FileError(f"{folder}: the folder {there} cannot be written to")
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder, and those that it is in, where they are missing."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{folder}: the folder cannot be made: {error.strerror}") from error
 
 
 def check_distinct(outputs: Sequence[Path | None]) -> None:

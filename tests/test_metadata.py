@@ -10,7 +10,7 @@ facts = st.dictionaries(
 
 @given(facts)
 def test_facts_come_back_exactly(metadata):
-    assert from_description(to_description(metadata)) == metadata if metadata else True
+    assert from_description(to_description(metadata)) == metadata
 
 
 @given(facts.filter(bool))

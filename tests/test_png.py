@@ -2,6 +2,7 @@ import struct
 import zlib
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileFormatError
@@ -29,7 +30,6 @@ def codes():
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("size", [(1, 1), (3, 7), (700, 1200)])
 def test_another_decoder_reads_the_codes(tmp_path, size, dtype, n_channels):
-    oiio = pytest.importorskip("OpenImageIO")
     rng = np.random.default_rng(1)
     codes = rng.integers(0, np.iinfo(dtype).max, (*size, n_channels), dtype, endpoint=True)
     write_png(tmp_path / "a.png", codes)

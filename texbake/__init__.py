@@ -40,8 +40,13 @@ if TYPE_CHECKING:
     from texbake.mapping.options import UnwrapOptions
     from texbake.mesh.distance import SurfaceDistance, surface_distance
     from texbake.mesh.files import read_mesh, write_mesh
+    from texbake.mesh.info import MeshInfo, mesh_info
     from texbake.mesh.mesh import Mesh
+    from texbake.mesh.simplify import SimplifyReport, simplify, simplify_with_report
     from texbake.mesh.tangents import corner_tangents
+    from texbake.pipeline.demo import demo
+    from texbake.pipeline.options import DemoOptions, RunOptions
+    from texbake.pipeline.run import RunResult, run
     from texbake.render.compare import Closeness, Comparison, compare
     from texbake.render.options import RenderOptions
     from texbake.render.render import render
@@ -72,8 +77,13 @@ _NAMES = {
     "texbake.mapping.options": ("UnwrapOptions",),
     "texbake.mesh.distance": ("SurfaceDistance", "surface_distance"),
     "texbake.mesh.files": ("read_mesh", "write_mesh"),
+    "texbake.mesh.info": ("MeshInfo", "mesh_info"),
     "texbake.mesh.mesh": ("Mesh",),
+    "texbake.mesh.simplify": ("SimplifyReport", "simplify", "simplify_with_report"),
     "texbake.mesh.tangents": ("corner_tangents",),
+    "texbake.pipeline.demo": ("demo",),
+    "texbake.pipeline.options": ("DemoOptions", "RunOptions"),
+    "texbake.pipeline.run": ("RunResult", "run"),
     "texbake.render.compare": ("Closeness", "Comparison", "compare"),
     "texbake.render.options": ("RenderOptions",),
     "texbake.render.render": ("render",),
@@ -90,6 +100,7 @@ __all__ = [
     "CageError",
     "Closeness",
     "Comparison",
+    "DemoOptions",
     "DependencyError",
     "Distortion",
     "FileError",
@@ -98,9 +109,13 @@ __all__ = [
     "Image",
     "Mesh",
     "MeshError",
+    "MeshInfo",
     "MissError",
     "OptionError",
     "RenderOptions",
+    "RunOptions",
+    "RunResult",
+    "SimplifyReport",
     "SurfaceDistance",
     "TexbakeError",
     "UnwrapError",
@@ -111,12 +126,17 @@ __all__ = [
     "bake",
     "compare",
     "corner_tangents",
+    "demo",
     "distortion",
     "draw_layout",
+    "mesh_info",
     "read_image",
     "read_mesh",
     "remap",
     "render",
+    "run",
+    "simplify",
+    "simplify_with_report",
     "surface_distance",
     "unwrap",
     "unwrap_with_report",

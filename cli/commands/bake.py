@@ -58,6 +58,6 @@ def bake(
     terminal: Terminal,
     **options: Any,
 ) -> None:
-    """Bake any number of maps of HIGH onto LOW with one trace."""
+    """Bake several maps of HIGH for LOW with one trace."""
     files = {name: output / f"{name}.{suffix}" for name in maps}
     bake_to_files(high, low, files, terminal, folder=output, **options)

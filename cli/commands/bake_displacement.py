@@ -29,10 +29,10 @@ from ..terminal import Terminal, terminal_options
 def bake_displacement(
     high: Path, low: Path, output: Path, terminal: Terminal, **options: Any
 ) -> None:
-    """Bake the signed distance from LOW to HIGH into a map for LOW.
+    """Bake the distance from LOW to HIGH into a map for LOW.
 
-    Model units along LOW's smooth normals, positive outwards: moving a finely divided LOW by them
-    gives HIGH back. Float files carry them as they are; others carry h with d = (h - mid) * scale,
-    and both numbers in the file.
+    Signed, in model units along LOW's smooth normals, positive outwards: moving a finely divided
+    LOW by them gives HIGH back. Float files carry them as they are; others carry h with
+    d = (h - mid) * scale, and both numbers in the file.
     """
     bake_to_files(high, low, {"displacement": output}, terminal, **options)

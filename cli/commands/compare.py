@@ -58,10 +58,11 @@ def compare(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Tell how far LOW with its maps, and bare LOW, are from HIGH.
+    """Tell how close LOW with its maps comes to HIGH.
 
     Prints the angles between the shading normals that pixels see, from six sides, and PSNR and SSIM
-    of the pictures; writes pictures of the three and their difference side by side.
+    of the pictures, beside those of bare LOW; writes HIGH, bare LOW, LOW with its maps and their
+    difference side by side.
     """
     output = output or Path(f"{low.stem}_compare.png")
     check_distinct([output, report])

@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
+from texbake.pipeline.folder import check_folder
 from texbake.pipeline.options import DEMO_FOLDER, DemoOptions
 
 from ..options import number_option, output_folder, size_option, threads_option
-from ..outputs import check_folder
 from ..terminal import Terminal, terminal_options
 
 
@@ -31,7 +31,7 @@ from ..terminal import Terminal, terminal_options
 @threads_option
 @terminal_options
 def demo(output: Path, terminal: Terminal, **choices: Any) -> None:
-    """Make a dimpled orange and do the whole job on it, to see that everything works.
+    """Do the whole job on an orange made by code.
 
     Writes the dense mesh as well, orange_high.ply, for other commands to be tried on.
     """

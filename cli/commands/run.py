@@ -9,6 +9,7 @@ import click
 
 from texbake.bake.options import CONVENTIONS
 from texbake.mesh.simplify_options import QUALITIES
+from texbake.pipeline.folder import check_folder
 from texbake.pipeline.options import RunOptions
 from texbake.render.options import UPS
 
@@ -20,7 +21,6 @@ from ..options import (
     size_option,
     threads_option,
 )
-from ..outputs import check_folder
 from ..terminal import Terminal, terminal_options
 
 
@@ -55,10 +55,11 @@ from ..terminal import Terminal, terminal_options
 @threads_option
 @terminal_options
 def run(high: Path, output: Path, terminal: Terminal, **choices: Any) -> None:
-    """Do the whole job: simplify, unwrap, bake, GLB, preview, compare.
+    """Do the whole job, from HIGH to a light mesh with maps.
 
-    A mesh scan.ply gives scan_low.obj and scan_low.glb, scan_normal.png, scan_displacement.exr,
-    scan_preview.png, scan_compare.png and scan_report.json.
+    Simplifies, unwraps, bakes, and renders to compare. A mesh scan.ply gives scan_low.obj and
+    scan_low.glb, scan_normal.png, scan_displacement.exr, scan_preview.png, scan_compare.png and
+    scan_report.json.
     """
     options = RunOptions(**choices)
     check_folder(output)

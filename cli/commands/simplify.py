@@ -13,7 +13,6 @@ from ..options import (
     WRITABLE_MESH_SUFFIXES,
     choice_option,
     mesh_argument,
-    number_option,
     output_file,
     report_option,
     threads_option,
@@ -37,7 +36,10 @@ if TYPE_CHECKING:
 @output_file("The lighter mesh.", WRITABLE_MESH_SUFFIXES)
 @click.option("--faces", type=int, required=True, metavar="N", help="Triangles to reach.")
 @choice_option(
-    "--quality", QUALITIES, DEFAULT_QUALITY, "fast: seconds for millions of triangles; best: the best shape."
+    "--quality",
+    QUALITIES,
+    DEFAULT_QUALITY,
+    "best is closer to the surface, and slower.",
 )
 @report_option
 @threads_option

@@ -19,6 +19,8 @@ from texbake_cli.main import texbake
 import texbake as package
 from texbake.errors import FileError, OptionError
 
+CONTEXT = click.Context(texbake, info_name="texbake")
+
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -38,6 +40,7 @@ def test_help_lists_every_command_with_what_it_does() -> None:
     assert result.exit_code == 0
     for name in COMMANDS:
         assert re.search(rf"^  {name} +\S.{{10}}", result.output, re.MULTILINE)
+    assert "..." not in result.output  # each fits its line
 
 
 def test_version(run: Run) -> None:
@@ -106,7 +109,10 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
     ],
 )
 def test_failures_are_told_in_one_line(error: BaseException, exit_code: int, line: str) -> None:
-    with pytest.raises(click.ClickException) as caught, told_in_one_line(click.Context(texbake)):
+    with (
+        pytest.raises(click.ClickException) as caught,
+        told_in_one_line(CONTEXT),
+    ):
         raise error
     assert caught.value.exit_code == exit_code
     assert line in caught.value.message

@@ -14,39 +14,37 @@ neither distances nor texture coordinates measurably on real meshes, and are not
 
 from __future__ import annotations
 
-import ctypes
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from texbake.errors import DependencyError, MeshError, OptionError
+from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.quadric_collapse import collapse_edges
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
+from texbake.mesh.stream_collapse import (
+    boundary_fits,
+    bring_down,
+    cluster_stream,
+    collapse_stream,
+)
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.vertex_stream import (
     VertexStream,
     gather,
-    has_hard_edges,
     weld_corners,
     weld_positions,
 )
 from texbake.progress import ProgressSink, Stages
 
-# Larger meshes first come down to this many faces, or this many times the faces asked for: from
-# more, PyMeshLab takes longer and comes no closer.
-_START_FACES = 50_000
-_START_TIMES = 4
-
-# A boundary that would take up more than this part of the faces is simplified like the rest.
-_BOUNDARY_SHARE = 0.25
-
-_ANY_ERROR = 1e9  # in units of the mesh's size: only the count stops meshoptimizer
+_SEAMS_GIVEN_UP = (
+    "too few faces for its seams: texture coordinates, hard edges and group borders were given up"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +98,7 @@ class SimplifyReport:
 @dataclass(frozen=True)
 class _Result:
     mesh: Mesh
+    start: VertexStream  # what the last step began with
     method: str
     notes: tuple[str, ...] = ()
 
@@ -158,7 +157,7 @@ def simplify(
     >>> simplify(icosphere(4), 500).n_faces
     500
     """
-    return _simplified(mesh, n_faces, quality, Stages(progress), threads).mesh
+    return _simplified(mesh, n_faces, quality, Stages(progress), threads)[0]
 
 
 def simplify_with_report(
@@ -172,39 +171,41 @@ def simplify_with_report(
     """`simplify`, with what came of it and how far the result lies from the mesh given."""
     stages = Stages(progress)
     start = time.perf_counter()
-    result = _simplified(mesh, n_faces, quality, stages, threads)
+    light, method, notes = _simplified(mesh, n_faces, quality, stages, threads)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
-        distance = surface_distance(mesh, result.mesh, threads=threads)
+        distance = surface_distance(mesh, light, threads=threads)
     report = SimplifyReport(
         n_faces_before=mesh.n_faces,
         n_faces_asked=n_faces,
-        n_faces=result.mesh.n_faces,
-        n_vertices=result.mesh.n_vertices,
+        n_faces=light.n_faces,
+        n_vertices=light.n_vertices,
         quality=quality,
-        method=result.method,
-        notes=result.notes,
+        method=method,
+        notes=notes,
         distance=distance,
         seconds=seconds,
     )
-    return result.mesh, report
+    return light, report
 
 
 def _simplified(
     mesh: Mesh, n_faces: int, quality: str, stages: Stages, threads: int | None
-) -> _Result:
+) -> tuple[Mesh, str, tuple[str, ...]]:
+    """Light mesh, what made it, and what was given up."""
     if n_faces < MIN_FACES:
         raise OptionError(f"faces: {n_faces} is too few; it must be at least {MIN_FACES}")
     if quality not in QUALITIES:
         raise OptionError(f"quality: {quality} is not one of {', '.join(QUALITIES)}")
     if n_faces >= mesh.n_faces:
-        return _Result(mesh, "unchanged", ("it has no more faces than asked for",))
+        return mesh, "unchanged", ("it has no more faces than asked for",)
     with stages.stage("simplify"):
-        start = _started(weld_corners(mesh, threads=threads), n_faces)
+        start = bring_down(weld_corners(mesh, threads=threads), n_faces)
         if len(start.faces) == 0:
             raise MeshError(f"{mesh.name}: no face of it has three distinct corners; mend it first")
         fast = _fast(mesh, start, n_faces, threads)
-        return _best(mesh, start, fast, n_faces, threads) if quality == "best" else fast
+        result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
+    return result.mesh, result.method, result.notes
 
 
 def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
@@ -214,116 +215,57 @@ def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) ->
         if len(faces) == 0:
             continue
         light = _with_nearest(gather(mesh, stream, faces), mesh, threads)
-        results.append(_Result(light, method, notes))
+        results.append(_Result(light, stream, method, notes))
         if light.n_faces <= n_faces:
             return results[-1]
     result = min(results, key=lambda result: result.mesh.n_faces)
     stopped = f"it does not come below {result.mesh.n_faces} faces: its topology stands in the way"
-    return _Result(result.mesh, result.method, (*result.notes, stopped))
+    return replace(result, notes=(*result.notes, stopped))
 
 
 def _attempts(
     mesh: Mesh, stream: VertexStream, n_faces: int, threads: int | None
 ) -> Iterator[tuple[VertexStream, IntArray, str, tuple[str, ...]]]:
     """Ways to the count, each giving up more than the one before."""
-    lock, prune = _meshoptimizer().SIMPLIFY_LOCK_BORDER, _meshoptimizer().SIMPLIFY_PRUNE
     notes: tuple[str, ...] = ()
     while True:
-        if _boundary_fits(stream, n_faces):
-            yield stream, _collapsed(stream, n_faces, lock), "meshoptimizer", notes
-        yield stream, _collapsed(stream, n_faces), "meshoptimizer", notes
+        if boundary_fits(stream, n_faces):
+            faces = collapse_stream(stream, n_faces, lock_boundary=True)
+            yield stream, faces, "meshoptimizer", notes
+        yield stream, collapse_stream(stream, n_faces), "meshoptimizer", notes
+        faces = collapse_stream(stream, n_faces, prune=True)
         pruned = (*notes, "small separate parts were dropped")
-        yield stream, _collapsed(stream, n_faces, prune), "meshoptimizer, pruned", pruned
+        yield stream, faces, "meshoptimizer, pruned", pruned
         if not stream.has_seams:
             break
-        notes = ("its seams and hard edges were given up: they do not fit into so few faces",)
-        stream = _started(weld_positions(mesh, threads=threads), n_faces)
+        notes = (_SEAMS_GIVEN_UP,)
+        stream = bring_down(weld_positions(mesh, threads=threads), n_faces)
     clustered = (*notes, "its topology was given up: vertices were joined in clusters")
-    yield stream, _clustered(stream, n_faces), "meshoptimizer, sloppy", clustered
+    yield stream, cluster_stream(stream, n_faces), "meshoptimizer, sloppy", clustered
 
 
-def _best(
-    mesh: Mesh, start: VertexStream, fast: _Result, n_faces: int, threads: int | None
-) -> _Result:
+def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Result:
     """Whatever comes closest of what reaches the count, else the one with the fewest faces."""
-    if has_hard_edges(mesh, threads=threads):
-        return _Result(fast.mesh, fast.method, (*fast.notes, "only fast keeps its hard edges"))
+    start = fast.start
+    if start.normal_ids is not None:
+        return replace(fast, notes=(*fast.notes, "only fast keeps hard edges"))
+    notes = tuple(note for note in fast.notes if note == _SEAMS_GIVEN_UP)
     results = [fast]
     for reduced in collapse_edges(
         gather(mesh, start, start.faces),
         n_faces,
-        keep_boundary=_boundary_fits(start, n_faces),
+        keep_boundary=boundary_fits(start, n_faces),
     ):
         stream = weld_corners(reduced, threads=threads)
         if len(stream.faces) > 0:
             light = _with_nearest(gather(reduced, stream, stream.faces), mesh, threads)
-            results.append(_Result(light, "meshoptimizer, then pymeshlab"))
+            results.append(_Result(light, start, "meshoptimizer, then pymeshlab", notes))
 
     def order(result: _Result) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)
         return beyond, surface_distance(mesh, result.mesh, threads=threads).rms
 
     return min(results, key=order)
-
-
-def _started(stream: VertexStream, n_faces: int) -> VertexStream:
-    """Bring a large stream down to where further steps are cheap, its boundary untouched if it can.
-
-    Starting the quadrics anew from there also brings `fast` a little closer to the surface.
-    """
-    n_start = max(_START_FACES, _START_TIMES * n_faces)
-    if len(stream.faces) <= n_start:
-        return stream
-    faces = _collapsed(stream, n_start, _meshoptimizer().SIMPLIFY_LOCK_BORDER)
-    if len(faces) > 2 * n_start:  # it is mostly boundary
-        faces = _collapsed(stream, n_start)
-    return stream.restricted(faces)
-
-
-def _boundary_fits(stream: VertexStream, n_faces: int) -> bool:
-    """Whether there is a boundary, and keeping all of it leaves most faces to the rest."""
-    corners = stream.position_ids[stream.faces].astype(np.int64)
-    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, counts = np.unique(edges[:, 0] << 32 | edges[:, 1], return_counts=True)
-    n_boundary = int((counts == 1).sum())
-    return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
-
-
-def _collapsed(stream: VertexStream, n_faces: int, options: int = 0) -> IntArray:
-    """Faces that meshoptimizer leaves; none if it drops everything."""
-    return _reduced(stream, n_faces, _meshoptimizer().simplify, options=ctypes.c_uint(options))
-
-
-def _clustered(stream: VertexStream, n_faces: int) -> IntArray:
-    return _reduced(stream, n_faces, _meshoptimizer().simplify_sloppy)
-
-
-def _meshoptimizer() -> Any:
-    try:
-        import meshoptimizer
-    except ImportError as error:
-        raise DependencyError(
-            "simplify: meshoptimizer is missing; pip install --pre meshoptimizer"
-        ) from error
-    return meshoptimizer
-
-
-def _reduced(stream: VertexStream, n_faces: int, reduce: Any, **options: Any) -> IntArray:
-    """Call one of meshoptimizer's functions; its package leaves some of the types to the caller."""
-    indices = np.ascontiguousarray(stream.faces).view(np.uint32).ravel()
-    reduced = np.empty(len(indices), dtype=np.uint32)
-    n_indices = reduce(
-        reduced,
-        indices,
-        stream.points,
-        index_count=ctypes.c_size_t(len(indices)),
-        vertex_count=ctypes.c_size_t(len(stream.points)),
-        vertex_positions_stride=ctypes.c_size_t(stream.points.strides[0]),
-        target_index_count=ctypes.c_size_t(3 * n_faces),
-        target_error=_ANY_ERROR,
-        **options,
-    )
-    return reduced[:n_indices].view(np.int32).reshape(-1, 3).copy()
 
 
 def _with_nearest(light: Mesh, mesh: Mesh, threads: int | None) -> Mesh:

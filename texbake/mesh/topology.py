@@ -56,7 +56,8 @@ class Edges:
     @property
     def misoriented(self) -> BoolArray:
         """(E,) bool: edges of two faces that walk it in the same direction, so face two ways."""
-        return (self.n_faces == 2) & (self.n_forward != 1)
+        against: BoolArray = (self.n_faces == 2) & (self.n_forward != 1)
+        return against
 
     @property
     def closed(self) -> bool:

@@ -121,18 +121,21 @@ def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
 
 
 def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
-    bounds = np.stack([mesh.bounds for mesh in meshes])
-    center = 0.5 * bounds[:, 0].min(axis=0) + 0.5 * bounds[:, 1].max(axis=0)
-    with np.errstate(over="ignore"):
-        radius = max(_farthest(mesh, center) for mesh in meshes)
-    if not math.isfinite(radius):
+    """Center and radius, of the positions that faces use."""
+    clouds = [_used_positions(mesh) for mesh in meshes]
+    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    center = 0.5 * low + 0.5 * high
+    squared = 0.0
+    for cloud in clouds:
+        offsets = cloud - center
+        squared = max(squared, float(np.einsum("ij,ij->i", offsets, offsets).max()))
+    if not math.isfinite(squared):
         raise MeshError(f"{meshes[0].name}: it is too large to look at; scale it down")
-    return center, radius if radius > 0.0 else 1.0
+    return center, math.sqrt(squared) if squared > 0.0 else 1.0
 
 
-def _farthest(mesh: Mesh, center: FloatArray) -> float:
-    """Greatest distance of a position from `center`, of positions that faces use."""
+def _used_positions(mesh: Mesh) -> FloatArray:
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
-    offsets = mesh.positions[used] - center
-    return math.sqrt(float(np.einsum("ij,ij->i", offsets, offsets).max()))
+    return mesh.positions if used.all() else mesh.positions[used]

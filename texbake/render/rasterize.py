@@ -47,22 +47,13 @@ _NARROW = 12
 
 
 @njit(nogil=True, cache=True)
-def _corners(face, scene, polygon, scratch, points, depths):  # type: ignore[no-untyped-def]
-    """Grid positions and depths of a triangle's corners, after clipping where it needs that.
+def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-untyped-def]
+    """Grid positions and depths of the corners of what clipping leaves of a triangle.
 
     `scene` is (positions, faces, matrix, grid, vertex depths, width, height). Returns the number of
-    corners; 0 where nothing is left of the triangle.
+    corners; 0 where nothing is left.
     """
-    positions, faces, matrix, grid, vertex_depths, width, height = scene
-    on_grid = True
-    for i in range(3):
-        v = faces[face, i]
-        points[i, 0] = grid[v, 0]
-        points[i, 1] = grid[v, 1]
-        depths[i] = vertex_depths[v]
-        on_grid = on_grid and grid[v, 0] != OFF_GRID
-    if on_grid:
-        return 3
+    positions, faces, matrix, _, _, width, height = scene
     for i in range(3):
         to_clip(matrix, positions[faces[face, i]], polygon[i])
         for k in range(4):
@@ -88,35 +79,36 @@ def _doubled_area(points, i):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, cache=True)
 def _sort_kernel(scene, show_back, survivors, spans, counts, start, stop):  # type: ignore[no-untyped-def]
-    width, height = scene[5], scene[6]
+    faces, grid, width, height = scene[1], scene[3], scene[5], scene[6]
     polygon = np.empty((MAX_CORNERS, 4))
     scratch = np.empty((MAX_CORNERS, 4))
     points = np.empty((MAX_CORNERS, 2), np.int64)
     depths = np.empty(MAX_CORNERS, np.float32)
     n_survivors = 0
     for face in range(start, stop):
-        n_corners = _corners(face, scene, polygon, scratch, points, depths)
-        if n_corners < 3:
-            continue
-        if n_corners == 3:
-            area = _doubled_area(points, 0)
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        ax, bx, cx = np.int64(grid[a, 0]), np.int64(grid[b, 0]), np.int64(grid[c, 0])
+        if ax != OFF_GRID and bx != OFF_GRID and cx != OFF_GRID:
+            ay, by, cy = np.int64(grid[a, 1]), np.int64(grid[b, 1]), np.int64(grid[c, 1])
+            area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
             if area == 0 or (area > 0 and not show_back):
                 continue
-        left = right = points[0, 0]
-        top = bottom = points[0, 1]
-        for i in range(1, n_corners):
-            left = min(left, points[i, 0])
-            right = max(right, points[i, 0])
-            top = min(top, points[i, 1])
-            bottom = max(bottom, points[i, 1])
+            left, right = min(ax, bx, cx), max(ax, bx, cx)
+            top, bottom = min(ay, by, cy), max(ay, by, cy)
+        else:
+            n_corners = _clipped(face, scene, polygon, scratch, points, depths)
+            if n_corners < 3:
+                continue
+            left, right, top, bottom = points[0, 0], points[0, 0], points[0, 1], points[0, 1]
+            for i in range(1, n_corners):
+                left, right = min(left, points[i, 0]), max(right, points[i, 0])
+                top, bottom = min(top, points[i, 1]), max(bottom, points[i, 1])
         # The samples between the outermost corners; most tiny triangles have none.
-        if max((left + HALF - 1) >> SUBPIXEL_BITS, 0) > min(
-            (right - HALF) >> SUBPIXEL_BITS, width - 1
-        ):
-            continue
+        first = max((left + HALF - 1) >> SUBPIXEL_BITS, 0)
+        last = min((right - HALF) >> SUBPIXEL_BITS, width - 1)
         first_row = max((top + HALF - 1) >> SUBPIXEL_BITS, 0)
         last_row = min((bottom - HALF) >> SUBPIXEL_BITS, height - 1)
-        if first_row > last_row:
+        if first > last or first_row > last_row:
             continue
         survivors[start + n_survivors] = face
         spans[start + n_survivors, 0] = first_row // BAND_ROWS
@@ -193,13 +185,23 @@ def _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, dep
 
 @njit(nogil=True, cache=True)
 def _draw_kernel(scene, show_back, band_faces, first_row, stop_row, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
+    faces, grid, vertex_depths = scene[1], scene[3], scene[4]
     polygon = np.empty((MAX_CORNERS, 4))
     scratch = np.empty((MAX_CORNERS, 4))
     points = np.empty((MAX_CORNERS, 2), np.int64)
     depths = np.empty(MAX_CORNERS, np.float32)
     for k in range(len(band_faces)):
         face = np.int64(band_faces[k])
-        n_corners = _corners(face, scene, polygon, scratch, points, depths)
+        n_corners = 3
+        for i in range(3):
+            v = faces[face, i]
+            points[i, 0] = grid[v, 0]
+            points[i, 1] = grid[v, 1]
+            depths[i] = vertex_depths[v]
+            if grid[v, 0] == OFF_GRID:
+                n_corners = 0
+        if n_corners == 0:
+            n_corners = _clipped(face, scene, polygon, scratch, points, depths)
         for i in range(n_corners - 2):
             _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, depth_buffer)
 

@@ -1,0 +1,183 @@
+"""What the main job costs, from file to file, and what the peers take for it in the same run.
+
+    python tests/benchmarks/bench_main_job.py [--runs 3] [--slow-peers] [--sizes 2048 4096]
+
+A dense sphere of 3,996,000 triangles as binary PLY, a light one of 512 as OBJ, a normal map as a
+16-bit PNG with 16 texels of padding and 1 sample. texbake runs as its users run it, a process a
+bake, and all of that process is counted. Blender runs beside it where TEXBAKE_BLENDER_PYTHON names
+a Python with bpy 5.0.1, and of its process only import, bake and save are counted. `--slow-peers`
+adds pymeshlab, which takes minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+DISTANCE, PADDING = 0.1, 16
+
+
+def radius(theta, phi):
+    return 1 + 0.02 * np.sin(40 * theta) * np.sin(40 * phi)
+
+
+def make_meshes(folder):
+    import texbake
+    from texbake.mesh.shapes import grid_sphere, uv_sphere
+
+    dense = grid_sphere(1000, 2000, radius)
+    texbake.write_mesh(
+        dense.replace(positions=dense.positions.astype(np.float32)), folder / "dense.ply"
+    )
+    texbake.write_mesh(uv_sphere(17, 16), folder / "light.obj")
+
+
+def run_process(command, **environment):
+    """Wall seconds and peak resident bytes of one process, and what it printed."""
+    start = time.perf_counter()
+    process = subprocess.Popen(
+        [str(word) for word in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **environment},
+    )
+    output = process.stdout.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - start
+    if status:
+        raise SystemExit(f"this failed: {' '.join(map(str, command))}")
+    return seconds, usage.ru_maxrss * 1024, output
+
+
+def texbake_bake(folder, size, **environment):
+    command = [
+        Path(sys.executable).parent / "texbake", "bake-normals", folder / "dense.ply",
+        folder / "light.obj", "-o", folder / "texbake.png", "--size", size, "--bits", 16,
+        "--padding", PADDING, "--front", DISTANCE, "--back", DISTANCE, "--rays", "vertex",
+        "--quiet",
+    ]  # fmt: skip
+    seconds, peak, _ = run_process(command, **environment)
+    return seconds, peak
+
+
+def blender_bake(folder, size):
+    command = [
+        os.environ["TEXBAKE_BLENDER_PYTHON"], HERE / "blender_bake.py", folder / "dense.ply",
+        folder / "light.obj", folder / "blender.png", size, DISTANCE, PADDING,
+    ]  # fmt: skip
+    _, _, output = run_process(command)
+    figures = json.loads(output.decode().strip().splitlines()[-1])
+    return figures["import"] + figures["bake"] + figures["save"], figures["peak"]
+
+
+def pymeshlab_transfer(folder, size):
+    """Bake alone, without reading and writing the meshes."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(folder / "light.obj"))
+    meshes.load_new_mesh(str(folder / "dense.ply"))
+    start = time.perf_counter()
+    meshes.transfer_attributes_to_texture_per_vertex(
+        sourcemesh=1, targetmesh=0, attributeenum="Vertex Normal", textname="pymeshlab.png",
+        textw=size, texth=size, overwrite=False,
+    )  # fmt: skip
+    return time.perf_counter() - start
+
+
+def texbake_bake_alone(folder, size):
+    import texbake
+
+    high, low = texbake.read_mesh(folder / "dense.ply"), texbake.read_mesh(folder / "light.obj")
+    options = texbake.BakeOptions(size=size, front=DISTANCE, back=DISTANCE, padding=PADDING)
+    start = time.perf_counter()
+    texbake.bake(high, low, options)
+    return time.perf_counter() - start
+
+
+def texbake_simplify(folder):
+    import texbake
+
+    mesh = texbake.read_mesh(folder / "dense.ply")
+    start = time.perf_counter()
+    reached = texbake.simplify(mesh, 500).n_faces
+    return time.perf_counter() - start, reached
+
+
+def pymeshlab_simplify(folder):
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(folder / "dense.ply"))
+    start = time.perf_counter()
+    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=500)
+    return time.perf_counter() - start
+
+
+def row(name, ours, peer, reach):
+    """One line: medians, spreads, ratio of the peer to us."""
+    mine = f"{statistics.median(ours):7.2f} s ({min(ours):.2f} to {max(ours):.2f})"
+    if not peer:
+        print(f"{name:<34} {mine:<26} {'not run':<26} {'':>8}  {reach}")
+        return
+    theirs = f"{statistics.median(peer):7.2f} s ({min(peer):.2f} to {max(peer):.2f})"
+    ratio = statistics.median(peer) / statistics.median(ours)
+    print(f"{name:<34} {mine:<26} {theirs:<26} {ratio:7.1f}x  {reach}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--sizes", type=int, nargs="*", default=[2048, 4096])
+    parser.add_argument("--slow-peers", action="store_true")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        make_meshes(folder)
+        measure(folder, arguments)
+
+
+def measure(folder, arguments):
+    print(f"{'':<34} {'texbake':<26} {'peer':<26} {'':>8}  reach")
+    cold, _ = texbake_bake(folder, 2048, NUMBA_CACHE_DIR=str(folder / "cache"))
+    warm = [texbake_bake(folder, 2048) for _ in range(2)][-1][0]
+    for size in arguments.sizes:
+        ours, blender = [], []
+        for _ in range(arguments.runs):  # interleaved, so that both meet the same noise
+            ours.append(texbake_bake(folder, size))
+            if "TEXBAKE_BLENDER_PYTHON" in os.environ:
+                blender.append(blender_bake(folder, size))
+        reach = {2048: "5x", 4096: "7x"}.get(size, "")
+        row(f"bake {size}², to Blender", [s for s, _ in ours], [s for s, _ in blender], reach)
+        memory = [f"{max(peaks) / 1e9:.2f} GB" for _, *peaks in (max(ours), *blender[:1])]
+        print(f"{'  peak memory':<34} {'   '.join(memory)}")
+    print(f"{'first run ever':<34} {cold - warm:7.2f} s more than the others; reach 12 s")
+    alone = [texbake_bake_alone(folder, 2048) for _ in range(arguments.runs)]
+    simplified = [texbake_simplify(folder) for _ in range(arguments.runs)]
+    slow = arguments.slow_peers
+    row(
+        "bake alone 2048², to pymeshlab",
+        alone,
+        [pymeshlab_transfer(folder, 2048)] if slow else [],
+        "15x",
+    )
+    row(
+        f"simplify to {simplified[0][1]}, to pymeshlab",
+        [seconds for seconds, _ in simplified],
+        [pymeshlab_simplify(folder)] if slow else [],
+        "12x",
+    )
+
+
+if __name__ == "__main__":
+    main()

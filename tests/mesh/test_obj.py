@@ -1,0 +1,228 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_text(text):
+        path = tmp_path / "text.obj"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_mesh(path)
+
+    return read_text
+
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def test_polygon_is_a_fan_in_the_order_of_the_file(read):
+    mesh = read(SQUARE + "v 0.5 2 0\nf 1 2 3 5 4\nf 1 2 3\n")
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 4], [0, 4, 3], [0, 1, 2]]
+    assert mesh.uvs is None
+    assert mesh.normals is None
+    assert mesh.face_groups is None
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_line_ends_blanks_comments_and_byte_order_mark(read, end):
+    lines = ["\ufeff# by hand", "", "\tv 0 0 0 # origin", "v  1\t0 0 ", "v 1 1e0 0", "f 1 2 3"]
+    mesh = read(end.join(lines))
+    assert mesh.positions.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+def test_backslash_continues_a_statement_but_no_comment(read):
+    mesh = read("# C:\\\nv 0 0 \\\n0\nv 1 0\\\r\n 0 # C:\\\nv 1 1 0\nf 1 \\\n 2 \\\n\\\n3\nf 3 2 1")
+    assert mesh.positions.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
+
+
+def test_separate_indices_of_each_kind(read):
+    text = SQUARE + "vt 0.25 0.5\nvt 1 0 0\nvt 0.75\nvn 0 0 1\nvn 0 1 0\nf 1/3/2 2/1/1 3/2/2\n"
+    mesh = read(text)
+    assert mesh.uvs.tolist() == [[0.25, 0.5], [1, 0], [0.75, 0]]
+    assert mesh.uv_faces.tolist() == [[2, 0, 1]]
+    assert mesh.normals.tolist() == [[0, 0, 1], [0, 1, 0]]
+    assert mesh.normal_faces.tolist() == [[1, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("corner", "has_uvs", "has_normals"),
+    [("%d", 0, 0), ("%d/%d", 1, 0), ("%d//%d", 0, 1), ("%d/%d/%d", 1, 1), ("%d/", 0, 0)],
+)
+def test_forms_of_corners(read, corner, has_uvs, has_normals):
+    corners = " ".join(corner % ((i,) * corner.count("%d")) for i in (1, 2, 3))
+    mesh = read(SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\nvn 1 0 0\nvn 0 1 0\nvn 0 0 1\nf " + corners)
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert (mesh.uv_faces is not None) == has_uvs
+    assert (mesh.normal_faces is not None) == has_normals
+    for array in (mesh.uv_faces, mesh.normal_faces):
+        assert array is None or array.tolist() == [[0, 1, 2]]
+
+
+def test_negative_indices_count_back_from_their_line(read):
+    mesh = read(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nf -3/-1 -2/-1 -1/-1\n"
+        "v 5 5 5\nv 6 5 5\nv 6 6 5\nvt 1 1\nf -3/-1 -2/-2 -1/-1\n"
+    )
+    assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert mesh.uv_faces.tolist() == [[0, 0, 0], [1, 0, 1]]
+
+
+def test_corners_without_coordinates_among_others_that_have_them(read):
+    mesh = read(SQUARE + "vt 0.5 0.5\nvn 0 0 1\nf 1/1 2/1 3/1\nf 1//1 3//1 4//1\n")
+    assert mesh.uvs.tolist() == [[0.5, 0.5], [0, 0]]
+    assert mesh.uv_faces.tolist() == [[0, 0, 0], [1, 1, 1]]
+    assert mesh.normals.tolist() == [[0, 0, 1], [0, 0, 0]]
+    assert mesh.normal_faces.tolist() == [[1, 1, 1], [0, 0, 0]]
+
+
+def test_colors(read):
+    mesh = read("v 0 0 0 0.5 0.25 1\nv 1 0 0\nv 1 1 0 7\nf 1 2 3")  # the third has a weight
+    assert mesh.colors.tolist() == [[0.5, 0.25, 1], [1, 1, 1], [1, 1, 1]]
+    mesh = read("v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 1 1 0 0 0 0\nf 1 2 3")
+    np.testing.assert_array_equal(mesh.colors[0], np.float32([1, 0, 0.2]))
+    mesh = read("v 0 0 0 1 0 0 .5\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1 1\nf 1 2 3")
+    assert mesh.colors.tolist() == [[1, 0, 0, 0.5], [0, 1, 0, 1], [0, 0, 1, 1]]
+
+
+def test_weight_is_no_coordinate(read):
+    mesh = read("v 0 0 0 2\nv 2 0 0 2.0\nv 2 2 0 1\nf 1 2 3")
+    assert mesh.positions[1].tolist() == [2, 0, 0]
+    assert mesh.colors is None
+
+
+def test_groups_and_objects(read):
+    text = SQUARE + (
+        "f 1 2 3\n"
+        "o Körper  mit Raum \nf 1 2 3\n"
+        "g arm\nusemtl skin\nf 1 2 3 4\n"
+        "o head\nf 1 2 3\n"
+        "g head\nf 1 2 3\n"
+        "g\nf 1 2 3\n"
+        "o Körper  mit Raum\nf 1 2 3\n"
+        "g never used\n"
+    )
+    mesh = read(text)
+    names = ("default", "Körper  mit Raum", "Körper  mit Raum/arm", "head")
+    assert mesh.group_names == names
+    assert mesh.face_groups.tolist() == [0, 1, 2, 2, 3, 3, 3, 1]
+
+
+def test_materials_are_groups_where_there_are_no_others(read):
+    mesh = read(SQUARE + "mtllib a.mtl\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\nusemtl a\nf 1 2 4\n")
+    assert mesh.group_names == ("a", "b")
+    assert mesh.face_groups.tolist() == [0, 1, 0]
+
+
+def test_name_that_is_not_utf8(read):
+    assert read(SQUARE.encode() + b"g caf\xe9\nf 1 2 3\n").group_names == ("café",)
+
+
+def test_unknown_statements_are_skipped(read):
+    mesh = read("mtllib x\ns off\nvp 1 2\n" + SQUARE + "l 1 2\np 1\nfoo bar\n### f 9\nf 1 2 3\n")
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "what"),
+    [
+        (SQUARE + "f 1 2 5\n", 5, "out of range"),
+        (SQUARE + "f 0 1 2\n", 5, "out of range"),
+        (SQUARE + "f -5 1 2\n", 5, "out of range"),
+        (SQUARE + "f 1/1 2/1 3/1\n", 5, "out of range"),
+        (SQUARE + "f 1 2 99999999999999999999\n", 5, "out of range"),
+        (SQUARE + "f 1 2\n", 5, "at least three corners"),
+        (SQUARE + "f 1 2 a\n", 5, "a corner is none of"),
+        (SQUARE + "f 1 2 3.5\n", 5, "a corner is none of"),
+        (SQUARE + "f 1 2 3/1/1/1\n", 5, "a corner is none of"),
+        (SQUARE + "f 1 2 -\n", 5, "a corner is none of"),
+        ("v 0 0 0\nv 1 0\nf 1 2 1\n", 2, "v needs 3"),
+        ("v 0 0 0\nv 1 0 0x\nf 1 2 1\n", 2, "'0x' is not a number"),
+    ],
+)
+def test_broken_lines(read, text, line, what):
+    with pytest.raises(FileFormatError, match=f"text.obj: line {line}: .*{what}"):
+        read(text)
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e999", "1.#QNAN"])
+@pytest.mark.parametrize("keyword", ["v", "vt", "vn"])
+def test_not_finite(read, keyword, word):
+    text = SQUARE + f"{keyword} 0 {word} 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n"
+    with pytest.raises(MeshError, match="text.obj: line 5: .*not finite"):
+        read(text)
+
+
+def test_color_that_is_not_finite(read):
+    with pytest.raises(MeshError, match="not finite"):
+        read("v 0 0 0 nan 0 0\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\nf 1 2 3")
+
+
+def test_faces_without_vertices_and_vertices_without_faces(read):
+    with pytest.raises(FileFormatError, match="not an OBJ file"):
+        read("f 1 2 3\n")
+    with pytest.raises(MeshError, match="no faces"):
+        read(SQUARE)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    hnp.arrays(np.float64, (5, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
+    hnp.arrays(np.float64, (4, 2), elements=st.floats(-1e300, 1e300)),
+    hnp.arrays(np.int32, (3, 3), elements=st.integers(0, 3)),
+    st.booleans(),
+    st.booleans(),
+)
+def test_round_trip_is_bit_equal(tmp_path_factory, positions, uvs, faces, with_uvs, with_normals):
+    normals = np.array([[0, 0, 1], [0.6, 0.8, 0], [1 / 3, 2 / 3, 2 / 3], [0, 0, 0]])
+    mesh = Mesh(
+        positions=positions,
+        faces=faces,
+        **({"uvs": uvs, "uv_faces": faces[::-1]} if with_uvs else {}),
+        **({"normals": normals, "normal_faces": faces[:, ::-1]} if with_normals else {}),
+    )
+    path = tmp_path_factory.mktemp("obj") / "mesh.obj"
+    write_mesh(mesh, path)
+    again = read_mesh(path)
+    for field in ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces"):
+        before, after = getattr(mesh, field), getattr(again, field)
+        assert (before is None) == (after is None)
+        assert before is None or before.tobytes() == after.tobytes(), field
+
+
+def test_round_trip_of_groups_and_colors(tmp_path):
+    rng = np.random.default_rng(0)
+    mesh = Mesh(
+        positions=rng.normal(size=(9, 3)),
+        faces=np.arange(9).reshape(3, 3),
+        colors=rng.random((9, 4), dtype=np.float32),
+        face_groups=[0, 1, 0],
+        group_names=("a b/ç", "back\\"),
+    )
+    write_mesh(mesh, tmp_path / "mesh.obj")
+    again = read_mesh(tmp_path / "mesh.obj")
+    assert again.group_names == mesh.group_names
+    assert again.face_groups.tolist() == [0, 1, 0]
+    assert again.colors.tobytes() == mesh.colors.tobytes()
+
+
+def test_more_lines_than_a_band(tmp_path):
+    # Bands are read side by side; rows, corners and backward indices must not mix.
+    n = 100_000
+    rng = np.random.default_rng(3)
+    positions = rng.normal(size=(n, 3))
+    faces = rng.integers(0, n, (n, 3))
+    text = "".join("v %r %r %r\n" % row for row in map(tuple, positions.tolist()))
+    text += "".join("f %d %d %d\n" % row for row in map(tuple, (faces - n).tolist()))
+    (tmp_path / "mesh.obj").write_text(text)
+    mesh = read_mesh(tmp_path / "mesh.obj")
+    assert mesh.positions.tobytes() == positions.tobytes()
+    np.testing.assert_array_equal(mesh.faces, faces)

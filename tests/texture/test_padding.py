@@ -1,0 +1,184 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.errors import OptionError
+from texbake.texture.padding import nearest_owner, pad, push_pull, spread
+
+
+@st.composite
+def charts(draw):
+    height, width = draw(st.integers(1, 20)), draw(st.integers(1, 20))
+    seed, density = draw(st.integers(0, 1 << 30)), draw(st.sampled_from([0.0, 0.02, 0.1, 0.5, 1.0]))
+    rng = np.random.default_rng(seed)
+    ids = rng.integers(0, 3, (height, width))
+    return np.where(rng.random((height, width)) < density, ids, -1).astype(np.int32)
+
+
+def squared_distances(chart_ids):
+    """(H, W, n) to each of the n owners, and their rows and columns."""
+    rows, columns = np.nonzero(chart_ids >= 0)
+    y, x = np.indices(chart_ids.shape)
+    return (y[..., None] - rows) ** 2 + (x[..., None] - columns) ** 2, rows, columns
+
+
+@given(chart_ids=charts(), padding=st.integers(0, 30))
+@settings(max_examples=200, deadline=None)
+def test_it_finds_what_trying_all_owners_finds(chart_ids, padding):
+    owners = nearest_owner(chart_ids, padding, threads=1)
+    distances, rows, columns = squared_distances(chart_ids)
+    reached = (distances <= padding**2).any(axis=2)
+    np.testing.assert_array_equal(owners.indices >= 0, reached)
+    if len(rows) == 0:
+        return
+    # Ties: the fewest columns between, then the left, then the upper.
+    across = np.indices(chart_ids.shape)[1][..., None] - columns
+    rank = np.lexsort((np.broadcast_to(rows, across.shape), -across, abs(across), distances))
+    nearest = (rows * chart_ids.shape[1] + columns)[rank[..., 0]]
+    np.testing.assert_array_equal(owners.indices[reached], nearest[reached])
+
+
+@given(chart_ids=charts(), padding=st.integers(0, 30))
+@settings(max_examples=200, deadline=None)
+def test_it_counts_every_texel_that_two_charts_reach(chart_ids, padding):
+    distances, rows, columns = squared_distances(chart_ids)
+    near = distances <= padding**2
+    n_charts = sum(
+        near[..., chart_ids[rows, columns] == i].any(axis=2).astype(int) for i in range(3)
+    )
+    n_meeting = int(((n_charts >= 2) & (chart_ids < 0)).sum())
+    assert nearest_owner(chart_ids, padding, threads=1).n_meeting == n_meeting
+
+
+def test_padding_is_exactly_as_wide_as_asked():
+    chart_ids = np.full((40, 300), -1, np.int32)
+    chart_ids[20:, :] = 0
+    for padding in (0, 1, 4, 16):
+        padded = pad(np.ones((40, 300, 1)), chart_ids, padding)
+        assert padded.is_padding.sum(axis=0).tolist() == [padding] * 300
+        assert padded.is_padding[20 - padding : 20].all()
+
+
+def test_two_charts_meet_where_the_gutter_is_too_narrow():
+    chart_ids = np.full((6, 30), -1, np.int32)
+    chart_ids[:, :10], chart_ids[:, 18:] = 0, 1
+    assert nearest_owner(chart_ids, 4).n_meeting == 0  # a gutter of twice the padding
+    assert nearest_owner(chart_ids, 5).n_meeting == 2 * 6
+    chart_ids[chart_ids == 1] = 0
+    assert nearest_owner(chart_ids, 5).n_meeting == 0
+
+
+def test_threads_change_nothing():
+    rng = np.random.default_rng(0)
+    chart_ids = np.where(rng.random((300, 700)) < 0.002, rng.integers(0, 9, (300, 700)), -1)
+    one = nearest_owner(chart_ids, 16, threads=1)
+    two = nearest_owner(chart_ids, 16, threads=2)
+    np.testing.assert_array_equal(one.indices, two.indices)
+    assert one.n_meeting == two.n_meeting > 0
+    values = rng.random((300, 700, 3)).astype(np.float32)
+    for work in (
+        lambda threads: spread(values, one.indices, threads=threads),
+        lambda threads: push_pull(values, chart_ids >= 0, threads=threads),
+    ):
+        np.testing.assert_array_equal(work(1), work(2))
+
+
+def test_owners_keep_their_values_bit_for_bit():
+    rng = np.random.default_rng(0)
+    values = rng.random((50, 60, 3)).astype(np.float32)
+    values[3, 4] = np.nan
+    chart_ids = np.where(rng.random((50, 60)) < 0.3, 5, -1).astype(np.int32)
+    owned = chart_ids >= 0
+    owned[3, 4], chart_ids[3, 4] = True, 5
+    np.testing.assert_array_equal(pad(values, chart_ids, 3).values[owned], values[owned])
+    np.testing.assert_array_equal(push_pull(values, owned)[owned], values[owned])
+
+
+def test_what_is_not_finite_never_spreads():
+    values = np.zeros((9, 9, 2), np.float32)
+    values[4, 4] = [1.0, np.nan]
+    chart_ids = np.full((9, 9), -1, np.int32)
+    chart_ids[4, 4] = 0
+    padded = pad(values, chart_ids, 3, background=(0.25, 0.5)).values
+    assert np.isnan(padded).sum() == 1
+    padded[4, 4] = (0.25, 0.5)
+    assert (padded == [0.25, 0.5]).all()
+    chart_ids[0, 0] = 1
+    filled = push_pull(values, chart_ids >= 0)
+    assert np.isnan(filled).sum() == 1
+    assert (filled[..., 0] == (chart_ids == 0)).all()
+
+
+@pytest.mark.parametrize("background", [0.5, (0.5, 0.5, 1.0)])
+def test_out_of_reach_is_background(background):
+    chart_ids = np.full((4, 8), -1, np.int32)
+    chart_ids[:, 0] = 0
+    padded = pad(np.full((4, 8, 3), 0.2), chart_ids, 2, background=background).values
+    assert (padded[:, :3] == np.float32(0.2)).all()
+    assert (padded[:, 3:] == np.float32(background)).all()
+
+
+def test_without_owners_all_is_background():
+    nothing = np.full((5, 6), -1, np.int32)
+    padded = pad(np.full((5, 6, 1), np.nan), nothing, 16, background=0.5)
+    assert (padded.values == 0.5).all() and not padded.is_padding.any() and padded.n_meeting == 0
+    values = np.random.default_rng(0).random((5, 6, 2)).astype(np.float32)
+    np.testing.assert_array_equal(push_pull(values, nothing >= 0), values)
+
+
+def test_the_input_is_not_changed():
+    values = np.random.default_rng(0).random((8, 8, 1)).astype(np.float32)
+    before = values.copy()
+    values.flags.writeable = False
+    chart_ids = np.eye(8, dtype=np.int32) - 1
+    chart_ids.flags.writeable = False
+    pad(values, chart_ids, 2)
+    push_pull(values, chart_ids >= 0)
+    np.testing.assert_array_equal(values, before)
+
+
+@given(chart_ids=charts(), value=st.floats(-(2.0**100), 2.0**100, width=32))
+@settings(max_examples=100, deadline=None)
+def test_push_pull_of_a_constant_is_exactly_that_constant(chart_ids, value):
+    mask = chart_ids >= 0
+    values = np.where(mask[..., None], np.float32(value), np.float32(np.nan))
+    filled = push_pull(values, mask, threads=1)
+    if mask.any():
+        assert (filled == np.float32(value)).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (13, 1), (64, 64), (37, 101)])
+def test_push_pull_fills_everything_within_the_range_of_what_it_has(size):
+    rng = np.random.default_rng(2)
+    values = np.full((*size, 1), -1.0, np.float32)
+    mask = rng.random(size) < 0.05
+    mask[0, 0] = True
+    values[mask] = rng.uniform(0.25, 0.75, (int(mask.sum()), 1))
+    filled = push_pull(values, mask)
+    assert filled.min() >= 0.25 and filled.max() <= 0.75
+
+
+def test_no_background_shows_in_any_mip_level():
+    mask = np.zeros((64, 64), bool)
+    mask[3:9, 40:50] = True
+    level = push_pull(np.where(mask[..., None], np.float32(1.0), np.float32(0.0)), mask)
+    while len(level) > 1:
+        level = (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2]) / 4
+        assert (level == 1.0).all()
+
+
+def test_push_pull_follows_the_nearest_side():
+    values = np.zeros((32, 32, 1), np.float32)
+    mask = np.zeros((32, 32), bool)
+    mask[:, 0], mask[:, -1] = True, True
+    values[:, -1] = 1.0
+    means = push_pull(values, mask)[..., 0].mean(axis=0)
+    assert (np.diff(means) >= -1e-6).all()  # float32 of a mean of 32
+    assert means[8] < 0.3 and means[23] > 0.7
+
+
+def test_a_padding_that_cannot_be_is_an_error():
+    for padding in (-1, 16384):
+        with pytest.raises(OptionError, match=r"padding: -?\d+ is not between"):
+            nearest_owner(np.zeros((2, 2), np.int32), padding)

@@ -1,0 +1,110 @@
+"""Decimation with meshoptimizer: edges of a vertex stream collapse onto one of their ends.
+
+Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
+SIGGRAPH 1997; Jarek Rossignac, Paul Borrel, "Multi-resolution 3D approximations for rendering
+complex scenes", Modeling in Computer Graphics 1993 (clusters); both as Arseny Kapoulkine's
+meshoptimizer has them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from texbake.errors import DependencyError
+from texbake.mesh.mesh import IntArray
+from texbake.mesh.vertex_stream import VertexStream
+
+# Larger meshes first come down to this many faces, or this many times the faces asked for: from
+# more, PyMeshLab takes longer and comes no closer.
+_START_FACES = 50_000
+_START_TIMES = 4
+
+# A boundary that would take up more than this part of the faces is simplified like the rest.
+_BOUNDARY_SHARE = 0.25
+
+_ANY_ERROR = 1e9  # in units of the mesh's size: only the count stops it
+
+
+def bring_down(stream: VertexStream, n_faces: int) -> VertexStream:
+    """Bring a large stream down to where further steps are cheap, its boundary untouched if it can.
+
+    Starting the quadrics anew from there also brings the result a little closer to the surface.
+    """
+    n_start = max(_START_FACES, _START_TIMES * n_faces)
+    if len(stream.faces) <= n_start:
+        return stream
+    faces = collapse_stream(stream, n_start, lock_boundary=True)
+    if len(faces) > 2 * n_start:  # it is mostly boundary
+        faces = collapse_stream(stream, n_start)
+    return stream.restricted(faces)
+
+
+def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
+    """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest."""
+    corners = stream.position_ids[stream.faces].astype(np.int64)
+    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, counts = np.unique(edges[:, 0] << 32 | edges[:, 1], return_counts=True)
+    n_boundary = int((counts == 1).sum())
+    return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
+
+
+def collapse_stream(
+    stream: VertexStream, n_faces: int, *, lock_boundary: bool = False, prune: bool = False
+) -> IntArray:
+    """Collapse edges until `n_faces` are left or no edge can.
+
+    Parameters
+    ----------
+    stream
+        Its seams keep together and are kept; each of its vertices is used by a face.
+    n_faces
+        Faces asked for.
+    lock_boundary
+        Leave boundary vertices where they are, instead of collapsing them along the boundary.
+    prune
+        Drop separate parts, the smallest first, where nothing else is left; perhaps all.
+
+    Returns
+    -------
+    (F, 3) int32
+        Faces over the stream's vertices, wound like those they come from.
+    """
+    library = _meshoptimizer()
+    options = library.SIMPLIFY_LOCK_BORDER * lock_boundary | library.SIMPLIFY_PRUNE * prune
+    return _reduced(stream, n_faces, library.simplify, options=ctypes.c_uint(options))
+
+
+def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
+    """Join vertices in cells of a grid, whatever their topology, for at most `n_faces`."""
+    return _reduced(stream, n_faces, _meshoptimizer().simplify_sloppy)
+
+
+def _meshoptimizer() -> Any:
+    try:
+        import meshoptimizer
+    except ImportError as error:
+        raise DependencyError(
+            "simplify: meshoptimizer is missing; pip install --pre meshoptimizer"
+        ) from error
+    return meshoptimizer
+
+
+def _reduced(stream: VertexStream, n_faces: int, reduce: Any, **options: Any) -> IntArray:
+    """Call one of meshoptimizer's functions; its package leaves some of the types to the caller."""
+    indices = np.ascontiguousarray(stream.faces).view(np.uint32).ravel()
+    reduced = np.empty(len(indices), dtype=np.uint32)
+    n_indices = reduce(
+        reduced,
+        indices,
+        stream.points,
+        index_count=ctypes.c_size_t(len(indices)),
+        vertex_count=ctypes.c_size_t(len(stream.points)),
+        vertex_positions_stride=ctypes.c_size_t(stream.points.strides[0]),
+        target_index_count=ctypes.c_size_t(3 * n_faces),
+        target_error=_ANY_ERROR,
+        **options,
+    )
+    return reduced[:n_indices].view(np.int32).reshape(-1, 3).copy()
