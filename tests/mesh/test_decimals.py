@@ -76,8 +76,8 @@ def test_random_bits():
     values = rng.integers(0, 2**63, 20_000).view(np.float64)
     values = values[np.isfinite(values)].tolist()
     assert_same_bits([repr(value) for value in values])
-    assert_same_bits(["%.6f" % math.fmod(value, 1e6) for value in values])
-    assert_same_bits(["%.25e" % value for value in values])
+    assert_same_bits([f"{math.fmod(value, 1e6):.6f}" for value in values])
+    assert_same_bits([f"{value:.25e}" for value in values])
     packed = [struct.unpack("<f", struct.pack("<I", i))[0] for i in range(2**23, 2**23 + 500)]
     assert_same_bits([repr(value) for value in packed])
 
@@ -91,7 +91,7 @@ def test_words_for_not_a_number_are_nan():
     "word", ["1,5", "1.2.3", "1e", "1e+", "--1", "abc", "1_0", "0x10", ".", "+"]
 )
 def test_what_is_no_number_is_an_error_with_its_line(word):
-    with pytest.raises(FileFormatError, match="file: line 3: .* is not a number"):
+    with pytest.raises(FileFormatError, match=r"file: line 3: .* is not a number"):
         parse_numbers("file", as_bytes(f"1 2\n3\n4 {word} 5"))
 
 

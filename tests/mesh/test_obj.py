@@ -157,7 +157,7 @@ def test_broken_lines(read, text, line, what):
 @pytest.mark.parametrize("keyword", ["v", "vt", "vn"])
 def test_not_finite(read, keyword, word):
     text = SQUARE + f"{keyword} 0 {word} 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n"
-    with pytest.raises(MeshError, match="text.obj: line 5: .*not finite"):
+    with pytest.raises(MeshError, match=r"text.obj: line 5: .*not finite"):
         read(text)
 
 
@@ -220,8 +220,8 @@ def test_more_lines_than_a_band(tmp_path):
     rng = np.random.default_rng(3)
     positions = rng.normal(size=(n, 3))
     faces = rng.integers(0, n, (n, 3))
-    text = "".join("v %r %r %r\n" % row for row in map(tuple, positions.tolist()))
-    text += "".join("f %d %d %d\n" % row for row in map(tuple, (faces - n).tolist()))
+    text = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in positions.tolist())
+    text += "".join(f"f {a} {b} {c}\n" for a, b, c in (faces - n).tolist())
     (tmp_path / "mesh.obj").write_text(text)
     mesh = read_mesh(tmp_path / "mesh.obj")
     assert mesh.positions.tobytes() == positions.tobytes()

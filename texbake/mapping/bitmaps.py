@@ -177,6 +177,8 @@ def _place_kernel(masks, starts, boxes, order, half_widths, runs, places):  # ty
     for row in range(n_rows):
         for column in range(n_columns):
             runs[row, column] = n_columns - column
+    # Where the search for a box of that size begins: below, the last one found no place.
+    first_rows = np.zeros((n_columns + 1, n_rows + 1), dtype=np.int32)
     spans = np.empty((1, 3), dtype=np.int32)
     best_spans = np.empty((1, 3), dtype=np.int32)
     for chart in order:
@@ -192,7 +194,9 @@ def _place_kernel(masks, starts, boxes, order, half_widths, runs, places):  # ty
             if len(spans) < across * up:
                 spans = np.empty((across * up, 3), dtype=np.int32)
             n_spans = _spans_of(mask, turn, spans)
-            x, y = _lowest_place(spans[:n_spans], width, height, runs, least_top)
+            first = first_rows[width, height]
+            x, y = _lowest_place(spans[:n_spans], width, height, runs, first, least_top)
+            first_rows[width, height] = max(first, y if y >= 0 else least_top - height)
             if y >= 0:
                 least_top, n_best_spans = y + height, n_spans
                 places[chart, 0], places[chart, 1] = x, y
@@ -234,12 +238,12 @@ def _spans_of(mask, turn, spans):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def _lowest_place(spans, width, height, runs, below):  # type: ignore[no-untyped-def]
-    """Lowest, then leftmost place where all spans are free and the top is less than `below`."""
+def _lowest_place(spans, width, height, runs, first, below):  # type: ignore[no-untyped-def]
+    """Lowest, then leftmost free place for all spans, from row `first` on, with a top `below`."""
     n_rows, n_columns = runs.shape
     n_spans = len(spans)
     probe = 0  # the span that failed last is the likeliest to fail again
-    for y in range(min(n_rows, below - 1) - height + 1):
+    for y in range(first, min(n_rows, below - 1) - height + 1):
         x, passed = 0, 0
         while passed < n_spans and x + width <= n_columns:
             row, begin, end = spans[probe, 0], spans[probe, 1], spans[probe, 2]

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.bake.bake import bake
 from texbake.bake.result import BakeResult
@@ -28,8 +27,10 @@ from texbake.pipeline.folder import make_folder
 from texbake.pipeline.options import RunOptions
 from texbake.pipeline.report import comparison_report, comparison_table, write_report
 from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.render.camera import Camera
 from texbake.render.compare import Comparison, compare
 from texbake.render.panels import Panel, side_by_side
+from texbake.render.render import render
 from texbake.texture.image import write_image
 
 # What the files are called, after the name of the asset.
@@ -147,16 +148,7 @@ def run(
     with stages.part("write maps"):
         _write_maps(baked, low, files, options, progress)
     with stages.part("compare"):
-        comparison = compare(
-            high,
-            low,
-            normal_map=files["normal"],
-            options=options.render_options(),
-            threads=options.threads,
-            progress=progress,
-        )
-        write_image(_preview(comparison), files["preview"], color=True)
-        write_image(comparison.side_by_side(), files["compare"], color=True)
+        comparison = _compared(high, low, files, options, progress)
     result = RunResult(
         files=files,
         low=low,
@@ -196,11 +188,46 @@ def _write_maps(
             write_mesh(low, files["glb"], normal_map=normal_map)
 
 
-def _preview(comparison: Comparison) -> npt.NDArray[np.float32]:
-    """(H, W, 3) float32 linear: the dense mesh, the bare light mesh and the one with its maps."""
-    frames = comparison.high_frame, comparison.bare_frame, comparison.mapped_frame
+def _compared(
+    high: Mesh,
+    low: Mesh,
+    files: dict[str, Path],
+    options: RunOptions,
+    progress: ProgressSink | None,
+) -> Comparison:
+    """Compare with the maps as their files have them, and draw both pictures."""
+    picture = options.render_options()
+    comparison = compare(
+        high,
+        low,
+        normal_map=files["normal"],
+        displacement=files["displacement"],
+        options=picture,
+        threads=options.threads,
+        progress=progress,
+    )
+    # What most viewers show: the light mesh's own shape under the dense mesh's normals.
+    with_normals = render(
+        low,
+        normal_map=files["normal"],
+        options=picture,
+        camera=Camera.framing(high, low, options=picture),
+        threads=options.threads,
+        progress=progress,
+    )
+    dense, bare, displaced = (
+        comparison.high_frame,
+        comparison.bare_frame,
+        comparison.mapped_frame,
+    )
+    high_name, low_name, _ = comparison.names
     panels = [
-        Panel(frame.color, name, "") for frame, name in zip(frames, comparison.names, strict=True)
+        Panel(dense.color, high_name, ""),
+        Panel(bare.color, low_name, ""),
+        Panel(with_normals.color, "... with its normal map", ""),
+        Panel(displaced.color, "... and displaced as well", ""),
     ]
-    seen = np.logical_or.reduce([frame.coverage > 0 for frame in frames])
-    return side_by_side(panels, seen)
+    seen = np.logical_or.reduce([frame.coverage > 0 for frame in (dense, bare, displaced)])
+    write_image(side_by_side(panels, seen), files["preview"], color=True)
+    write_image(comparison.side_by_side(), files["compare"], color=True)
+    return comparison

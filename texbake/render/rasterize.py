@@ -35,6 +35,7 @@ from texbake.render.clip import (
     to_clip,
     to_grid,
 )
+from texbake.render.surface import read_only
 from texbake.render.visibility import Visibility, barycentrics
 
 # Rows of samples a band, drawn by one thread: small enough for an even load and for its part of
@@ -87,9 +88,10 @@ def _sort_kernel(scene, show_back, survivors, spans, counts, start, stop):  # ty
     n_survivors = 0
     for face in range(start, stop):
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        ax, bx, cx = np.int64(grid[a, 0]), np.int64(grid[b, 0]), np.int64(grid[c, 0])
+        ax, bx, cx = grid[a, 0], grid[b, 0], grid[c, 0]
         if ax != OFF_GRID and bx != OFF_GRID and cx != OFF_GRID:
-            ay, by, cy = np.int64(grid[a, 1]), np.int64(grid[b, 1]), np.int64(grid[c, 1])
+            ay, by, cy = grid[a, 1], grid[b, 1], grid[c, 1]
+            # numba widens each operation on int32 to int64.
             area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
             if area == 0 or (area > 0 and not show_back):
                 continue
@@ -104,10 +106,10 @@ def _sort_kernel(scene, show_back, survivors, spans, counts, start, stop):  # ty
                 left, right = min(left, points[i, 0]), max(right, points[i, 0])
                 top, bottom = min(top, points[i, 1]), max(bottom, points[i, 1])
         # The samples between the outermost corners; most tiny triangles have none.
-        first = max((left + HALF - 1) >> SUBPIXEL_BITS, 0)
-        last = min((right - HALF) >> SUBPIXEL_BITS, width - 1)
-        first_row = max((top + HALF - 1) >> SUBPIXEL_BITS, 0)
-        last_row = min((bottom - HALF) >> SUBPIXEL_BITS, height - 1)
+        first = (max(left, 0) + HALF - 1) >> SUBPIXEL_BITS
+        last = (min(right, width * SUBPIXELS) - HALF) >> SUBPIXEL_BITS
+        first_row = (max(top, 0) + HALF - 1) >> SUBPIXEL_BITS
+        last_row = (min(bottom, height * SUBPIXELS) - HALF) >> SUBPIXEL_BITS
         if first > last or first_row > last_row:
             continue
         survivors[start + n_survivors] = face
@@ -276,6 +278,7 @@ def rasterize(
     Visibility
         A triangle without area on the grid is seen nowhere.
     """
+    positions, faces = read_only(positions, np.float64), read_only(faces, np.int32)
     grid, vertex_depths = project(positions, clip_from_world, width, height, threads=threads)
     scene = (positions, faces, clip_from_world, grid, vertex_depths, width, height)
     show_back = back_faces == "show"

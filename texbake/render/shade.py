@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,7 @@ from numba import njit
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.render.camera import Camera
-from texbake.render.surface import FloatImage, Surface, wrap_of
+from texbake.render.surface import FloatImage, Surface, read_only, wrap_of
 from texbake.render.visibility import Visibility
 from texbake.texture.lookup import CLAMP, REPEAT, bilinear
 
@@ -234,15 +235,8 @@ def shade(
     return Shading(color, normals)
 
 
-def _or_empty(
-    array: npt.NDArray[np.generic] | None, dtype: type, *row: int
-) -> npt.NDArray[np.generic]:
-    """Return the array as the kernel takes it: contiguous and read-only; empty for None."""
-    if array is None:
-        array = np.zeros((0, *row), dtype)
-    view = np.require(array, dtype, "C").view()
-    view.flags.writeable = False
-    return view
+def _or_empty(array: npt.NDArray[Any] | None, dtype: type, *row: int) -> npt.NDArray[Any]:
+    return read_only(np.zeros((0, *row), dtype) if array is None else array, dtype)
 
 
 def _rig(camera: Camera) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -59,3 +60,13 @@ def wrap_of(uvs: FloatArray | None) -> str:
         return "clamp"
     inside = float(uvs.min()) >= -_ROUNDING and float(uvs.max()) <= 1.0 + _ROUNDING
     return "clamp" if inside else "repeat"
+
+
+def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
+    """Return an array as the kernels take all that they only read: contiguous, of one type.
+
+    numba compiles a kernel again for arrays that may be written to.
+    """
+    view = np.require(array, dtype, "C").view()
+    view.flags.writeable = False
+    return view

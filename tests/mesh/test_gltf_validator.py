@@ -1,0 +1,130 @@
+"""What `write_glb` writes, judged by the Khronos glTF validator.
+
+Needs node and the npm package `gltf-validator`, found through NODE_PATH, the folder that
+TEXBAKE_NODE_MODULES names, or a node_modules folder above this one.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.files.obj import read_obj
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
+from texbake.png import write_png
+
+SCRIPT = Path(__file__).with_name("validate_gltf.cjs")
+
+
+@pytest.fixture(scope="module")
+def validate():
+    """Run the validator on a file, and return its report."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    folders = [os.environ.get(name) for name in ("NODE_PATH", "TEXBAKE_NODE_MODULES")]
+    environment = {**os.environ, "NODE_PATH": os.pathsep.join(filter(None, folders))}
+
+    def run(*arguments):
+        return subprocess.run(
+            [node, *arguments], env=environment, capture_output=True, text=True, check=False,
+            timeout=60,
+        )  # fmt: skip
+
+    if run("-e", f"require('module').createRequire({str(SCRIPT)!r})('gltf-validator')").returncode:
+        pytest.skip("npm's gltf-validator is not found; name its folder in TEXBAKE_NODE_MODULES")
+
+    def report(path):
+        result = run(str(SCRIPT), str(path))
+        assert result.returncode == 0, result.stderr
+        return json.loads(result.stdout)
+
+    return report
+
+
+@pytest.fixture
+def normal_map(tmp_path):
+    codes = np.full((64, 64, 3), 32768, np.uint16)
+    codes[..., 2] = 65535
+    write_png(tmp_path / "normal.png", codes)
+    return tmp_path / "normal.png"
+
+
+def assert_sound(report):
+    issues = report["issues"]
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+def test_the_validator_finds_fault_with_a_damaged_file(validate, tmp_path):
+    write_glb(plane(), tmp_path / "a.glb")
+    data = (tmp_path / "a.glb").read_bytes()
+    (tmp_path / "a.glb").write_bytes(data.replace(b'"VEC4"', b'"VEC3"'))
+    assert validate(tmp_path / "a.glb")["issues"]["numErrors"] > 0
+
+
+@pytest.mark.parametrize("shape", [plane, uv_sphere])
+def test_a_textured_mesh_is_sound(validate, tmp_path, normal_map, shape):
+    write_glb(shape(), tmp_path / "a.glb", normal_map=normal_map, base_color=(0.9, 0.4, 0.1))
+    report = validate(tmp_path / "a.glb")
+    assert_sound(report)
+    # Nothing written is without use either.
+    assert report["issues"]["numInfos"] == report["issues"]["numHints"] == 0
+    assert report["info"]["generator"].startswith("texbake ")
+    assert report["info"]["totalTriangleCount"] == shape().n_faces
+    image = report["info"]["resources"][1]["image"]
+    assert (image["width"], image["bits"]) == (64, 16)
+
+
+def test_a_bare_mesh_is_sound(validate, tmp_path):
+    write_glb(grid_sphere(10, 20), tmp_path / "a.glb")
+    assert_sound(validate(tmp_path / "a.glb"))
+
+
+def test_groups_colors_and_a_far_place_are_sound(validate, tmp_path, normal_map):
+    sphere = uv_sphere(8, 12)
+    mesh = sphere.replace(
+        positions=sphere.positions + 1e6,
+        face_groups=np.arange(sphere.n_faces) % 3,
+        group_names=("a", 'quotes " and \\', "Schale \U0001f34a"),
+        colors=np.full((sphere.n_vertices, 3), 1.5),
+    )
+    write_glb(mesh, tmp_path / "a.glb", normal_map=normal_map)
+    report = validate(tmp_path / "a.glb")
+    assert_sound(report)
+    assert report["info"]["drawCallCount"] == 3
+
+
+def test_degenerate_faces_are_sound(validate, tmp_path, normal_map):
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [5, 5, 5]],
+        faces=[[0, 1, 3], [0, 1, 2], [4, 4, 4], [2, 1, 0]],
+        uvs=[[0, 0], [1, 0], [0, 1]],
+        uv_faces=[[0, 1, 2], [1, 1, 1], [0, 1, 2], [0, 0, 1]],
+    )
+    write_glb(mesh, tmp_path / "a.glb", normal_map=normal_map)
+    assert_sound(validate(tmp_path / "a.glb"))
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["koala", "skull", "spot", "penguin"])
+def test_real_meshes_with_real_maps_are_sound(validate, tmp_path, data_dir, name):
+    mesh = read_obj(data_dir / "pairs" / name / "low_uv.obj")
+    image = data_dir / "blender" / f"{name}_normal_1024.png"
+    write_glb(mesh, tmp_path / "a.glb", normal_map=image)
+    report = validate(tmp_path / "a.glb")
+    assert_sound(report)
+    assert report["info"]["totalTriangleCount"] == mesh.n_faces
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["obliterated", "rancid_geometry", "doomcone"])
+def test_torture_meshes_are_sound(validate, tmp_path, data_dir, normal_map, name):
+    mesh = read_obj(data_dir / "mikktspace" / f"{name}.obj")
+    write_glb(mesh, tmp_path / "a.glb", normal_map=normal_map)
+    assert_sound(validate(tmp_path / "a.glb"))

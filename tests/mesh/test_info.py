@@ -1,0 +1,104 @@
+import json
+import math
+
+import numpy as np
+import pytest
+
+from texbake.mesh.files import read_mesh
+from texbake.mesh.info import mesh_info
+from texbake.mesh.mesh import Mesh
+
+CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 4)], dtype=float)
+CUBE_FACES = np.array(
+    [
+        [[0, 1, 3], [0, 3, 2]],
+        [[4, 6, 7], [4, 7, 5]],
+        [[0, 4, 5], [0, 5, 1]],
+        [[2, 3, 7], [2, 7, 6]],
+        [[0, 2, 6], [0, 6, 4]],
+        [[1, 5, 7], [1, 7, 3]],
+    ]
+).reshape(-1, 3)
+
+
+def test_box():
+    info = mesh_info(Mesh(positions=CUBE, faces=CUBE_FACES, name="box.obj"))
+    assert (info.name, info.n_vertices, info.n_faces) == ("box.obj", 8, 12)
+    assert info.bounds == ((0.0, 0.0, 0.0), (2.0, 3.0, 4.0))
+    assert info.diagonal == math.sqrt(29)
+    assert info.area == 52.0
+    assert (info.closed, info.genus, info.n_components) == (True, 0, 1)
+    assert (info.n_boundary_edges, info.n_non_manifold_edges, info.n_misoriented_edges) == (0, 0, 0)
+    assert (info.n_degenerate_faces, info.n_duplicate_faces) == (0, 0)
+    assert (info.uvs, info.n_normals, info.groups) == (None, None, ())
+
+
+def test_split_vertices_count_as_one_and_unused_ones_do_not_widen_the_bounds():
+    split = Mesh(
+        positions=np.concatenate([CUBE[CUBE_FACES.ravel()], [[99, 99, 99]]]),
+        faces=np.arange(36).reshape(-1, 3),
+    )
+    info = mesh_info(split)
+    assert info.bounds == ((0.0, 0.0, 0.0), (2.0, 3.0, 4.0))
+    assert (info.n_split_vertices, info.n_unused_vertices) == (28, 1)
+    assert (info.closed, info.genus, info.n_components) == (True, 0, 1)
+
+
+def test_faults_are_counted():
+    faces = np.concatenate([CUBE_FACES[1:], [CUBE_FACES[2][[1, 2, 0]]], [[0, 0, 1]]])
+    info = mesh_info(Mesh(positions=CUBE, faces=faces))
+    assert (info.n_degenerate_faces, info.n_duplicate_faces) == (1, 1)
+    assert (info.n_boundary_edges, info.n_non_manifold_edges) == (3, 3)
+    assert (info.closed, info.genus) == (False, None)
+
+
+def test_texture_coordinates():
+    uvs = [[0, 0], [1, 0], [0, 1], [1.5, 0], [0.5, 0], [9, -9]]
+    uv_faces = np.zeros((12, 3), dtype=int)
+    uv_faces[:4] = [[0, 1, 2], [0, 2, 1], [0, 3, 2], [0, 4, 1]]
+    info = mesh_info(Mesh(positions=CUBE, faces=CUBE_FACES, uvs=uvs, uv_faces=uv_faces)).uvs
+    assert info is not None
+    assert info.n_uvs == 6
+    assert info.bounds == ((0.0, 0.0), (1.5, 1.0))
+    assert (info.n_out_of_tile, info.n_without_area, info.n_mirrored) == (1, 9, 1)
+
+
+def test_json():
+    mesh = Mesh(
+        positions=CUBE,
+        faces=CUBE_FACES,
+        normals=[[0, 0, 1]],
+        normal_faces=np.zeros((12, 3), dtype=int),
+        face_groups=[0] * 5 + [2] * 7,
+        group_names=("a", "b", "ç"),
+        colors=np.ones((8, 3)),
+    )
+    info = mesh_info(mesh)
+    read = json.loads(info.to_json())
+    assert read["n_normals"] == 1
+    assert read["has_colors"] is True
+    assert read["groups"] == [
+        {"name": "a", "n_faces": 5},
+        {"name": "b", "n_faces": 0},
+        {"name": "ç", "n_faces": 7},
+    ]
+    assert read["bounds"] == [[0.0, 0.0, 0.0], [2.0, 3.0, 4.0]]
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("meshes/mri_skin.ply", {"closed": True, "genus": 13}),
+        ("meshes/boot.obj", {"closed": True, "genus": 12}),
+        ("meshes/mengerSponge3.glb", {"closed": True, "genus": 1409, "n_faces": 21_598}),
+        ("meshes/makehuman_base.obj", {"closed": False, "n_components": 154}),
+        ("meshes/mountain.obj", {"closed": False, "n_components": 1}),
+        ("meshes/spothead.obj", {"closed": False}),
+        ("broken/inverted_triangles.obj", {"n_misoriented_edges": 23_889}),
+        ("broken/cycloidal.ply", {"closed": False, "n_boundary_edges": 0, "genus": None}),
+    ],
+)
+def test_real_meshes_are_as_their_index_says(data_dir, name, facts):
+    info = mesh_info(read_mesh(data_dir / name))
+    assert {fact: getattr(info, fact) for fact in facts} == facts

@@ -1,0 +1,305 @@
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
+
+POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)]
+CODES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"}
+CODES |= {"float": "f", "double": "d"}
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_bytes(content):
+        path = tmp_path / "mesh.ply"
+        path.write_bytes(content)
+        return read_mesh(path)
+
+    return read_bytes
+
+
+def ply(order, elements, end=b"\n"):
+    """A PLY file of elements (name, properties, rows); a list property is (count, value, name)."""
+    header = ["ply", f"format {order} 1.0", "comment made by hand", "obj_info none"]
+    body = b""
+    sign = ">" if "big" in order else "<"
+    for name, properties, rows in elements:
+        header.append(f"element {name} {len(rows)}")
+        header += [
+            f"property {'list ' if len(prop) == 3 else ''}{' '.join(prop)}" for prop in properties
+        ]
+        for row in rows:
+            words = []
+            for prop, value in zip(properties, row, strict=True):
+                if len(prop) == 3:
+                    words.append((prop[0], len(value)))
+                    words += [(prop[1], item) for item in value]
+                else:
+                    words.append((prop[0], value))
+            if order == "ascii":
+                body += " ".join(str(value) for _, value in words).encode() + end
+            else:
+                body += b"".join(struct.pack(sign + CODES[code], value) for code, value in words)
+    return end.join([line.encode() for line in header] + [b"end_header", b""]) + body
+
+
+XYZ = [("float", "x"), ("float", "y"), ("float", "z")]
+POLYGON = [("uchar", "int", "vertex_indices")]
+ORDERS = ["ascii", "binary_little_endian", "binary_big_endian"]
+orders = pytest.mark.parametrize("order", ORDERS)
+SQUARE = [([0, 1, 2],), ([0, 2, 3],)]
+
+
+@orders
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_triangles(read, order, end):
+    mesh = read(ply(order, [("vertex", XYZ, POINTS), ("face", POLYGON, SQUARE)], end))
+    assert mesh.positions.tolist() == [list(point) for point in POINTS]
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert (mesh.uvs, mesh.normals, mesh.colors) == (None, None, None)
+    assert mesh.name == "mesh.ply"
+
+
+@orders
+@pytest.mark.parametrize("count", ["char", "uchar", "short", "ushort", "int", "uint"])
+@pytest.mark.parametrize("index", ["char", "uchar", "short", "ushort", "int", "uint"])
+def test_polygons_with_every_type_of_count_and_index(read, order, count, index):
+    polygon = [(count, index, "vertex_index")]
+    faces = [([0, 1, 2, 3],), ([3, 2, 1],), ([0, 1],), ([],), ([1, 2, 3, 0],)]
+    mesh = read(ply(order, [("vertex", XYZ, POINTS), ("face", polygon, faces)]))
+    expected = [[0, 1, 2], [0, 2, 3], [3, 2, 1], [1, 2, 3], [1, 3, 0]]
+    assert mesh.faces.tolist() == expected
+    quads = read(ply(order, [("vertex", XYZ, POINTS), ("face", polygon, faces[:1] * 2)]))
+    assert quads.faces.tolist() == expected[:2] * 2
+
+
+@orders
+def test_properties_in_any_order_among_others(read, order):
+    vertex = [("uchar", "blue"), ("double", "z"), ("float", "t"), ("int", "flags"), ("double", "x")]
+    vertex += [("uchar", "red"), ("float", "nz"), ("double", "y"), ("float", "s"), ("float", "nx")]
+    vertex += [("float", "ny"), ("uchar", "green"), ("uchar", "alpha")]
+    rows = [
+        (255, z, 0.25, 7, x, 51, 1.0, y, 0.5 + index, 0.0, 0.0, 0, 102)
+        for index, (x, y, z) in enumerate(POINTS)
+    ]
+    face = [("float", "quality"), *POLYGON, ("uchar", "red")]
+    other = ("material", [("uchar", "float", "values"), ("int", "id")], [([1.0], 2), ([], 3)])
+    faces = [(0.5, row[0], 9) for row in SQUARE]
+    content = ply(order, [other, ("face", face, faces), ("vertex", vertex, rows)])
+    mesh = read(content)
+    assert mesh.positions.tolist() == [list(point) for point in POINTS]
+    assert mesh.faces.tolist() == [row[0] for row in SQUARE]
+    assert mesh.uvs.tolist() == [[0.5 + index, 0.25] for index in range(4)]
+    assert mesh.normals.tolist() == [[0, 0, 1]] * 4
+    assert mesh.uv_faces.tolist() == mesh.normal_faces.tolist() == mesh.faces.tolist()
+    np.testing.assert_array_equal(mesh.colors, np.float32([[0.2, 0, 1, 0.4]] * 4))
+
+
+@orders
+@pytest.mark.parametrize(("u", "v"), [("u", "v"), ("texture_u", "texture_v")])
+def test_other_names_of_texture_coordinates(read, order, u, v):
+    rows = [(*point, 0.5, 0.25) for point in POINTS]
+    vertex = [*XYZ, ("float", u), ("float", v)]
+    mesh = read(ply(order, [("vertex", vertex, rows), ("face", POLYGON, SQUARE)]))
+    assert mesh.corner_uvs().tolist() == [[[0.5, 0.25]] * 3] * 2
+
+
+@orders
+def test_float_and_16_bit_colors(read, order):
+    for code, values, expected in (
+        ("float", (0.5, 0.25, 2.0), (0.5, 0.25, 2.0)),
+        ("ushort", (65535, 0, 13107), (1.0, 0.0, 0.2)),
+    ):
+        vertex = XYZ + [(code, name) for name in ("red", "green", "blue")]
+        rows = [(*point, *values) for point in POINTS]
+        mesh = read(ply(order, [("vertex", vertex, rows), ("face", POLYGON, SQUARE)]))
+        np.testing.assert_array_equal(mesh.colors[0], np.float32(expected))
+
+
+@orders
+def test_texture_coordinates_of_corners_are_joined_at_vertices(read, order):
+    face = [*POLYGON, ("uchar", "float", "texcoord"), ("int", "texnumber")]
+    rows = [
+        ([0, 1, 2], [0, 0, 1, 0, 1, 1], 0),
+        # Equal at vertex 2, a seam at vertex 0; vertex 3 has what vertex 1 has, but is another.
+        ([0, 2, 3], [0.5, 0, 1, 1, 1, 0], 0),
+    ]
+    mesh = read(ply(order, [("vertex", XYZ, POINTS), ("face", face, rows)]))
+    assert mesh.uvs.tolist() == [[0, 0], [1, 0], [1, 1], [0.5, 0], [1, 0]]
+    assert mesh.uv_faces.tolist() == [[0, 1, 2], [3, 2, 4]]
+    rows[1] = ([0, 2, 3, 1], [0.5, 0, 1, 1, 1, 0, 0, 0.5], 0)
+    mesh = read(ply(order, [("vertex", XYZ, POINTS), ("face", face, rows)]))
+    assert mesh.corner_uvs()[2].tolist() == [[0.5, 0], [1, 0], [0, 0.5]]
+
+
+def test_text_keeps_digits_that_its_type_would_not(read):
+    content = ply("ascii", [("vertex", XYZ, [(0.1, 0, 0), (1, 0, 0), (1, 1, 0)])])
+    content = (
+        content.replace(
+            b"end_header", b"element face 1\nproperty list uchar int vertex_indices\nend_header"
+        )
+        + b"3 0 1 2\n"
+    )
+    assert read(content).positions[0, 0] == 0.1
+
+
+@orders
+def test_every_truncation_is_an_error(read, order):
+    content = ply(order, [("vertex", XYZ, POINTS), ("face", POLYGON, SQUARE)]).rstrip(b"\n")
+    for length in range(1, len(content)):
+        with pytest.raises((FileFormatError, MeshError), match=r"mesh\.ply: "):
+            read(content[:length])
+
+
+@pytest.mark.parametrize("element", ["vertex", "face", "other"])
+@orders
+def test_claims_larger_than_the_file_allocate_nothing(read, order, element):
+    elements = [("other", [("int", "a")], [(1,)]), ("vertex", XYZ, POINTS)]
+    content = ply(order, [*elements, ("face", POLYGON, SQUARE)])
+    line = next(
+        row for row in content.split(b"\n") if row.startswith(b"element " + element.encode())
+    )
+    content = content.replace(line, b"element " + element.encode() + b" 1000000000000")
+    with pytest.raises(FileFormatError, match="truncated or damaged"):
+        read(content)
+
+
+def test_list_longer_than_the_file(read):
+    polygon = [("uint", "int", "vertex_indices")]
+    content = ply("binary_little_endian", [("vertex", XYZ, POINTS), ("face", polygon, SQUARE)])
+    at = content.index(b"end_header\n") + 11 + 48
+    for count in (100, 2**31, 2**32 - 1):
+        with pytest.raises(FileFormatError, match="truncated or damaged"):
+            read(content[:at] + struct.pack("<I", count) + content[at + 4 :])
+
+
+@orders
+@pytest.mark.parametrize("index", [4, 1000, -1])
+def test_index_out_of_range(read, order, index):
+    faces = [([0, 1, index],), ([0, 2, 3],)]
+    with pytest.raises(MeshError, match=r"mesh\.ply: a position index is out of range"):
+        read(ply(order, [("vertex", XYZ, POINTS), ("face", POLYGON, faces)]))
+
+
+def test_unsigned_index_beyond_32_bits_signed(read):
+    polygon = [("uchar", "uint", "vertex_indices")]
+    faces = [([0, 1, 2**32 - 1],)]
+    for order in ORDERS:
+        with pytest.raises(MeshError, match="out of range"):
+            read(ply(order, [("vertex", XYZ, POINTS), ("face", polygon, faces)]))
+
+
+@orders
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_position_that_is_not_finite(read, order, value):
+    points = [*POINTS[:3], (0, value, 0)]
+    with pytest.raises(MeshError, match=r"mesh\.ply: a position is not finite"):
+        read(ply(order, [("vertex", XYZ, points), ("face", POLYGON, SQUARE)]))
+
+
+@orders
+def test_no_faces(read, order):
+    for elements in ([], [("face", POLYGON, [])], [("face", POLYGON, [([0, 1],)])]):
+        with pytest.raises(MeshError, match="no faces"):
+            read(ply(order, [("vertex", XYZ, POINTS), *elements]))
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "format binary_middle_endian 1.0",
+        "element vertex -1",
+        "element vertex many",
+        "property float",
+        "property half x",
+        "property list float int i",
+        "nonsense",
+    ],
+)
+def test_broken_header(read, statement):
+    content = ply("ascii", [("vertex", XYZ, POINTS), ("face", POLYGON, SQUARE)])
+    content = content.replace(b"obj_info none", statement.encode())
+    with pytest.raises(FileFormatError, match=r"line 4: .*is no statement of a PLY header"):
+        read(content)
+
+
+def test_fractional_index_in_text(read):
+    faces = [([0, 1, 1.5],), ([0, 2, 3],)]
+    with pytest.raises(FileFormatError, match="whole number"):
+        read(ply("ascii", [("vertex", XYZ, POINTS), ("face", POLYGON, faces)]))
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    hnp.arrays(np.float64, (5, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
+    hnp.arrays(np.float32, (5, 2), elements=st.floats(-2, 2, width=32)),
+    hnp.arrays(np.int32, (3, 3), elements=st.integers(0, 4)),
+    st.booleans(),
+    st.booleans(),
+)
+def test_round_trip_is_bit_equal(tmp_path_factory, positions, uvs, faces, single, split):
+    if single:
+        with np.errstate(over="ignore", under="ignore"):
+            positions = np.nan_to_num(positions.astype(np.float32)).astype(np.float64)
+    normals = np.array([[0, 0, 1], [0.6, 0.8, 0], [1 / 3, 2 / 3, 2 / 3], [0, 0, 0], [1, 0, 0]])
+    corners = faces[::-1] if split else faces
+    mesh = Mesh(
+        positions=positions,
+        faces=faces,
+        uvs=uvs,
+        uv_faces=corners,
+        normals=normals,
+        normal_faces=corners,
+        colors=np.linspace(0, 1, 15, dtype=np.float32).reshape(5, 3),
+    )
+    path = tmp_path_factory.mktemp("ply") / "mesh.ply"
+    write_mesh(mesh, path)
+    again = read_mesh(path)
+    assert again.positions.tobytes() == mesh.positions.tobytes()
+    assert again.faces.tobytes() == mesh.faces.tobytes()
+    assert again.colors.tobytes() == mesh.colors.tobytes()
+    np.testing.assert_array_equal(again.corner_uvs(), mesh.corner_uvs())
+    np.testing.assert_array_equal(
+        again.normals[again.normal_faces], mesh.normals[mesh.normal_faces]
+    )
+
+
+def test_written_types_are_the_least_that_lose_nothing(tmp_path):
+    path = tmp_path / "mesh.ply"
+    mesh = Mesh(positions=POINTS, faces=[[0, 1, 2]], colors=np.float32([[0.2, 0.4, 1]] * 4))
+    write_mesh(mesh, path)
+    assert b"property float x" in path.read_bytes()
+    assert b"property uchar red" in path.read_bytes()
+    write_mesh(mesh.replace(positions=mesh.positions + 0.1), path)
+    assert b"property double x" in path.read_bytes()
+    write_mesh(mesh.replace(colors=np.float32([[0.3, 2, 1]] * 4)), path)
+    assert b"property float red" in path.read_bytes()
+
+
+def test_other_programs_read_what_is_written(tmp_path):
+    import trimesh
+
+    rng = np.random.default_rng(0)
+    faces = rng.permuted(np.tile(np.arange(30), (50, 1)), axis=1)[:, :3]
+    mesh = Mesh(
+        positions=rng.normal(size=(30, 3)),
+        faces=faces,
+        uvs=rng.random((30, 2)),
+        uv_faces=faces,
+        normals=rng.normal(size=(30, 3)),
+        normal_faces=faces,
+        colors=rng.integers(0, 256, (30, 3)) / np.float32(255),
+    )
+    write_mesh(mesh, tmp_path / "mesh.ply")
+    other = trimesh.load(tmp_path / "mesh.ply", process=False)
+    np.testing.assert_array_equal(other.vertices, mesh.positions)
+    np.testing.assert_array_equal(other.faces, mesh.faces)
+    # trimesh normalizes again, in the last bits.
+    np.testing.assert_allclose(other.vertex_normals, mesh.normals, atol=1e-15)

@@ -1,0 +1,151 @@
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.topology import (
+    degenerate_faces,
+    duplicate_faces,
+    euler_characteristic,
+    face_components,
+    find_edges,
+    genus,
+)
+
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
+
+
+def torus(n, m):
+    """Faces of an n x m grid whose opposite sides are one."""
+    i, j = np.mgrid[:n, :m]
+    a, b = i * m + j, i * m + (j + 1) % m
+    c, d = (i + 1) % n * m + j, (i + 1) % n * m + (j + 1) % m
+    faces = np.stack([[a, b, c], [b, d, c]]).reshape(2, 3, -1)
+    return np.ascontiguousarray(faces.transpose(2, 0, 1).reshape(-1, 3), dtype=np.int32)
+
+
+def genus_of(faces):
+    return genus(faces, find_edges(faces), int(faces.max()) + 1)
+
+
+def test_tetrahedron():
+    edges = find_edges(TETRAHEDRON)
+    assert edges.vertices.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    assert edges.n_faces.tolist() == [2] * 6
+    assert edges.n_forward.tolist() == [1] * 6
+    assert edges.closed
+    assert not edges.boundary.any()
+    assert not edges.misoriented.any()
+    assert euler_characteristic(TETRAHEDRON, edges) == 2
+    assert genus_of(TETRAHEDRON) == 0
+
+
+def test_boundary_of_an_open_mesh():
+    edges = find_edges(TETRAHEDRON[:3])
+    assert edges.vertices[edges.boundary].tolist() == [[0, 2], [0, 3], [2, 3]]
+    assert not edges.closed
+    assert genus_of(TETRAHEDRON[:3]) is None
+
+
+def test_one_turned_face_is_misoriented_at_its_three_edges():
+    faces = TETRAHEDRON.copy()
+    faces[1] = faces[1][::-1]
+    edges = find_edges(faces)
+    assert edges.vertices[edges.misoriented].tolist() == [[0, 1], [0, 3], [1, 3]]
+    assert edges.closed
+    assert genus_of(faces) is None
+
+
+def test_three_faces_at_an_edge():
+    edges = find_edges(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]], dtype=np.int32))
+    assert edges.vertices[edges.non_manifold].tolist() == [[0, 1]]
+    assert edges.n_forward[edges.non_manifold].tolist() == [2]
+
+
+@settings(deadline=None, max_examples=100)
+@given(hnp.arrays(np.int32, st.tuples(st.integers(1, 40), st.just(3)), elements=st.integers(0, 9)))
+def test_against_counting_one_by_one(faces):
+    kept = [face for face in faces.tolist() if len(set(face)) == 3]
+    directed = Counter((face[k], face[(k + 1) % 3]) for face in kept for k in range(3))
+    both = Counter(tuple(sorted(edge)) for edge in directed.elements())
+    edges = find_edges(faces)
+    pairs = [tuple(pair) for pair in edges.vertices.tolist()]
+    assert pairs == sorted(both)
+    assert edges.n_faces.tolist() == [both[pair] for pair in pairs]
+    assert edges.n_forward.tolist() == [directed[pair] for pair in pairs]
+
+    seen = set()
+    expected = []
+    for face in faces.tolist():
+        expected.append(tuple(sorted(face)) in seen)
+        seen.add(tuple(sorted(face)))
+    assert duplicate_faces(faces).tolist() == expected
+
+    sets = []
+    for face in faces.tolist():
+        touching = [group for group in sets if group & set(face)]
+        sets = [group for group in sets if group not in touching]
+        sets.append(set(face).union(*touching))
+    components, n_components = face_components(faces, 10)
+    assert n_components == len(sets)
+    for face, component in zip(faces.tolist(), components.tolist(), strict=True):
+        group = next(group for group in sets if face[0] in group)
+        same = [set(other) <= group for other in faces.tolist()]
+        assert (components == component).tolist() == same
+    firsts = [components.tolist().index(number) for number in range(n_components)]
+    assert firsts == sorted(firsts)
+
+
+def test_genus_is_the_sum_over_components():
+    one = torus(5, 7)
+    assert genus_of(one) == 1
+    two = np.concatenate([one, one + 35, TETRAHEDRON + 70]).astype(np.int32)
+    assert genus_of(two) == 2
+    assert face_components(two, 74)[1] == 3
+
+
+def test_two_closed_surfaces_that_touch_at_a_vertex_have_no_genus():
+    other = TETRAHEDRON + 4
+    other[other == 4] = 0
+    faces = np.concatenate([TETRAHEDRON, other]).astype(np.int32)
+    assert find_edges(faces).closed
+    assert genus_of(faces) is None
+    assert face_components(faces, 8)[1] == 1
+
+
+def test_face_with_a_repeated_vertex_is_in_no_edge():
+    # A closed mesh whose faces along one edge are a flat sliver apart stays closed.
+    faces = np.concatenate([TETRAHEDRON, [[0, 1, 1]]]).astype(np.int32)
+    assert find_edges(faces).closed
+    assert genus_of(faces) == 0
+
+
+@pytest.mark.parametrize("scale", [1e-150, 1.0, 1e150])
+@pytest.mark.parametrize("offset", [0.0, 1000.0])
+def test_degenerate_faces(scale, offset):
+    thin = 2.0**-20  # of its length: thin, but with an area
+    positions = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0.5, thin, 0], [0, 1, 1], [0, 0, 0]])
+    faces = [[0, 1, 2], [0, 1, 1], [0, 1, 5], [0, 1, 3], [0, 1, 4], [0, 0, 0]]
+    mesh = Mesh(positions=(positions + offset) * scale, faces=faces)
+    assert degenerate_faces(mesh).tolist() == [True, True, True, False, False, True]
+
+
+def test_indices_up_to_the_greatest():
+    last = 2**31 - 1
+    edges = find_edges(np.array([[0, last - 1, last], [last, last - 1, 5]], dtype=np.int32))
+    assert edges.vertices[~edges.boundary].tolist() == [[last - 1, last]]
+    assert edges.n_forward[~edges.boundary].tolist() == [1]
+
+
+def test_a_quarter_million_faces_of_a_torus():
+    faces = torus(400, 320)
+    edges = find_edges(faces)
+    assert len(edges.vertices) == 3 * len(faces) // 2
+    assert genus_of(faces) == 1
+    assert not duplicate_faces(faces).any()
+    twice = np.concatenate([faces, np.roll(faces[::-1], 1, axis=1)])
+    np.testing.assert_array_equal(duplicate_faces(twice), np.arange(len(twice)) >= len(faces))
