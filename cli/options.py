@@ -88,17 +88,20 @@ def number_option(flag: str, kind: type, default: Any, metavar: str, text: str) 
     )
 
 
+view_option = click.option(
+    "--view",
+    type=View(),
+    default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
+    show_default=True,
+    help="Azimuth and elevation in degrees, and the distance from the middle in model units.",
+)
+
+
 def picture_options(command: Command) -> Command:
     """Add how a picture is taken: `--size`, `--view` and `--up`; received as `RenderOptions`."""
 
     @size_option(f"{RenderOptions.width}x{RenderOptions.height}", "Pixels of the picture.")
-    @click.option(
-        "--view",
-        type=View(),
-        default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
-        show_default=True,
-        help="Azimuth and elevation in degrees, and the distance from the middle in model units.",
-    )
+    @view_option
     @choice_option("--up", UPS, RenderOptions.up, "Axis of the world that is up in the picture.")
     @choice_option(
         "--back-faces", BACK_FACES, RenderOptions.back_faces, "Triangles that are seen from behind."

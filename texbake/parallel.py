@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 
 from texbake.errors import OptionError
 
@@ -67,12 +67,9 @@ def run_bands(
         for start in starts:
             stop = min(start + band, n_items)
             sizes[pool.submit(work, start, stop)] = stop - start
-        pending = set(sizes)
-        while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in done:
-                future.result()
-                if advance is not None:
-                    advance(sizes[future])
+        for future in as_completed(sizes):
+            future.result()
+            if advance is not None:
+                advance(sizes[future])
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -41,5 +41,7 @@ def demo(output: Path, terminal: Terminal, **choices: Any) -> None:
 
     with terminal.progress() as progress:
         result = texbake.demo(output, options, progress=progress)
+    for warning in result.warnings:
+        terminal.warn(warning)
     terminal.summary(result.table())
     terminal.wrote(result.files.values())

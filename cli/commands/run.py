@@ -20,6 +20,7 @@ from ..options import (
     output_folder,
     size_option,
     threads_option,
+    view_option,
 )
 from ..terminal import Terminal, terminal_options
 
@@ -51,6 +52,7 @@ from ..terminal import Terminal, terminal_options
     RunOptions.convention,
     "Green channel of the normal map; that in the GLB is always opengl.",
 )
+@view_option
 @choice_option("--up", UPS, RunOptions.up, "Axis of the world that is up in the pictures.")
 @threads_option
 @terminal_options
@@ -68,5 +70,7 @@ def run(high: Path, output: Path, terminal: Terminal, **choices: Any) -> None:
     with terminal.progress() as progress:
         mesh = texbake.read_mesh(high, progress=progress)
         result = texbake.run(mesh, output, options, progress=progress)
+    for warning in result.warnings:
+        terminal.warn(warning)
     terminal.summary(result.table())
     terminal.wrote(result.files.values())

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from texbake.bake import cast
-from texbake.bake.cast import NativeCaster, open_caster
+from texbake.bake.cast import open_caster
 from texbake.bake.embreex_caster import EmbreexCaster
 from texbake.bake.hits import NO_HIT
+from texbake.bake.native_caster import NativeCaster
 from texbake.bake.rays import Rays
 from texbake.bake.watertight import retry_watertight
 from texbake.errors import DependencyError

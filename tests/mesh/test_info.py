@@ -52,6 +52,12 @@ def test_faults_are_counted():
     assert (info.closed, info.genus) == (False, None)
 
 
+def test_mesh_of_nothing_but_degenerate_faces():
+    info = mesh_info(Mesh(positions=[[0, 0, 0], [1, 0, 0]], faces=[[0, 1, 1], [0, 0, 0]]))
+    assert (info.n_degenerate_faces, info.area, info.n_components) == (2, 0.0, 1)
+    assert (info.n_boundary_edges, info.closed, info.genus) == (0, False, None)
+
+
 def test_texture_coordinates():
     uvs = [[0, 0], [1, 0], [0, 1], [1.5, 0], [0.5, 0], [9, -9]]
     uv_faces = np.zeros((12, 3), dtype=int)

@@ -1,4 +1,4 @@
-"""A ray becomes a hit: Embree finds the triangle in float32, float64 finds the point on it.
+"""Rays to hits, through Embree as fast as it can be reached.
 
 A ray that Embree lets through is retried against every triangle near it by `watertight`, so that a
 miss is a hole in the dense mesh and never a rounding error.
@@ -6,73 +6,15 @@ miss is a hole in the dense mesh and never a rounding error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-from numba import njit
-
-from texbake.bake.embree import (
-    DIRECTION,
-    FACE_ID,
-    FAR,
-    FLAGS,
-    GEOMETRY_ID,
-    HIT_U,
-    HIT_V,
-    INSTANCE_ID,
-    MASK,
-    NEAR,
-    NORMAL,
-    ORIGIN,
-    PACKET,
-    RAY_WORDS,
-    TIME,
-    EmbreeScene,
-    call_native,
-)
-from texbake.bake.hits import NO_HIT
+from texbake.bake.embreex_caster import EmbreexCaster
+from texbake.bake.found import Found
+from texbake.bake.native_caster import NativeCaster
 from texbake.bake.rays import Rays
-from texbake.bake.rows import Rows
 from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
-from texbake.parallel import resolve_threads, run_bands
-
-_RAYS_A_BAND = 1 << 13  # a multiple of PACKET, so that packets are the same for any threads
-
-
-@dataclass(frozen=True, eq=False)
-class Found(Rows):
-    """What some rays hit, in the order of the rays.
-
-    Attributes
-    ----------
-    faces : (n,) int32
-        Face of the dense mesh, `NO_HIT` for none.
-    barycentrics : (n, 2) float64
-        Weights of its second and third corner.
-    distances : (n,) float64
-        Along the ray from its origin, in local units.
-    passed_back : (n,) bool
-        The ray met a surface from behind before that.
-    """
-
-    faces: npt.NDArray[np.int32]
-    barycentrics: npt.NDArray[np.float64]
-    distances: npt.NDArray[np.float64]
-    passed_back: npt.NDArray[np.bool_]
-
-    @classmethod
-    def nothing(cls, n: int) -> Found:
-        """Results of `n` rays that have hit nothing yet."""
-        return cls(
-            np.full(n, NO_HIT, dtype=np.int32),
-            np.zeros((n, 2)),
-            np.zeros(n),
-            np.zeros(n, dtype=np.bool_),
-        )
 
 
 class Caster(Protocol):
@@ -93,146 +35,4 @@ def open_caster(high: Mesh, frame: LocalFrame, *, threads: int | None = None) ->
     try:
         return NativeCaster(high, frame, threads=threads)
     except DependencyError:
-        from texbake.bake.embreex_caster import EmbreexCaster
-
         return EmbreexCaster(high, frame)
-
-
-class NativeCaster:
-    """Casts packets of rays from compiled code, several threads at once."""
-
-    def __init__(self, high: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
-        self._threads = resolve_threads(threads)
-        positions = frame.to_local(high.positions).astype(np.float32)
-        self._scene = EmbreeScene(positions, high.faces, self._threads)
-        self._high = high
-        self._frame = frame
-
-    def cast(self, rays: Rays, *, cull_back_faces: bool = True) -> Found:
-        """Find the nearest hit of each ray within its length."""
-        found = Found.nothing(len(rays))
-        triangles = (self._high.positions, self._high.faces, self._frame.center, self._frame.scale)
-        addresses = np.array(self._scene.addresses, dtype=np.uintp)
-
-        def cast(start: int, stop: int) -> None:
-            band = slice(start, stop)
-            lines = (rays.origins[band], rays.directions[band], rays.lengths[band])
-            results = (found.faces[band], found.barycentrics[band], found.distances[band])
-            _cast_kernel(addresses, cull_back_faces, lines, results, found.passed_back[band])
-            refine_kernel(triangles, lines, results)
-
-        run_bands(cast, len(rays), band=_RAYS_A_BAND, threads=self._threads)
-        return found
-
-    def close(self) -> None:
-        """Free Embree's tree."""
-        self._scene.close()
-
-
-@njit(nogil=True, cache=True)
-def _cast_kernel(addresses, cull, lines, results, passed_back):  # type: ignore[no-untyped-def]
-    """Cast rays in packets of `PACKET`; those that meet a back face again, one by one."""
-    origins, _, lengths = lines
-    faces, barycentrics, distances = results
-    scene, packet_query, single_query, packet_arguments, front_arguments = addresses
-    words, valid, single = _aligned(PACKET * RAY_WORDS), _aligned(PACKET), _aligned(RAY_WORDS)
-    ids, valid_ids = words.view(np.int32), valid.view(np.int32)
-    single_ids = single.view(np.int32)
-    for first in range(0, len(origins), PACKET):
-        n = min(PACKET, len(origins) - first)
-        for lane in range(PACKET):
-            is_ray = lane < n and lengths[first + lane] > 0.0
-            valid_ids[lane] = -1 if is_ray else 0
-            ids[PACKET * FACE_ID + lane] = NO_HIT
-            if is_ray:
-                _load_ray(words, ids, PACKET, lane, lines, first + lane)
-        call_native(packet_query, valid.ctypes.data, scene, words.ctypes.data, packet_arguments)
-        for lane in range(n):
-            i = first + lane
-            face = ids[PACKET * FACE_ID + lane]
-            if face == NO_HIT:
-                continue
-            faces[i] = face
-            distances[i] = words[PACKET * FAR + lane]
-            barycentrics[i, 0] = words[PACKET * HIT_U + lane]
-            barycentrics[i, 1] = words[PACKET * HIT_V + lane]
-            facing = 0.0
-            for axis in range(3):
-                facing += (
-                    words[PACKET * (NORMAL + axis) + lane]
-                    * words[PACKET * (DIRECTION + axis) + lane]
-                )
-            passed_back[i] = facing >= 0.0
-            if passed_back[i] and cull:
-                _load_ray(single, single_ids, 1, 0, lines, i)
-                call_native(single_query, scene, single.ctypes.data, front_arguments, 0)
-                faces[i] = single_ids[FACE_ID]
-                distances[i] = single[FAR]
-                barycentrics[i, 0] = single[HIT_U]
-                barycentrics[i, 1] = single[HIT_V]
-
-
-@njit(nogil=True, cache=True)
-def _aligned(n_words):  # type: ignore[no-untyped-def]
-    """Words that begin at a multiple of 64 bytes, as Embree's packets must."""
-    words = np.zeros(n_words + 16, dtype=np.float32)
-    skipped = (-(words.ctypes.data // 4)) % 16
-    return words[skipped : skipped + n_words]
-
-
-@njit(nogil=True, cache=True)
-def _load_ray(words, ids, width, lane, lines, i):  # type: ignore[no-untyped-def]
-    """Write ray i into one lane of an RTCRayHit that is `width` rays wide."""
-    origins, directions, lengths = lines
-    for axis in range(3):
-        words[width * (ORIGIN + axis) + lane] = origins[i, axis]
-        words[width * (DIRECTION + axis) + lane] = directions[i, axis]
-    words[width * NEAR + lane] = 0.0
-    words[width * TIME + lane] = 0.0
-    words[width * FAR + lane] = lengths[i]
-    ids[width * MASK + lane] = -1
-    ids[width * FLAGS + lane] = 0
-    ids[width * FACE_ID + lane] = NO_HIT
-    ids[width * GEOMETRY_ID + lane] = NO_HIT
-    ids[width * INSTANCE_ID + lane] = NO_HIT
-
-
-@njit(nogil=True, cache=True)
-def refine_kernel(triangles, lines, results):  # type: ignore[no-untyped-def]
-    """Find where each ray meets the plane of the triangle it hit, in float64, in place.
-
-    Based on: Möller, Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997. A triangle
-    so thin or so edge-on that the determinant vanishes keeps what the caster found.
-    """
-    positions, triangle_corners, center, scale = triangles
-    origins, directions, _ = lines
-    faces, barycentrics, distances = results
-    for i in range(len(faces)):
-        if faces[i] == NO_HIT:
-            continue
-        p, q, r = triangle_corners[faces[i]]
-        ax = (positions[p, 0] - center[0]) * scale
-        ay = (positions[p, 1] - center[1]) * scale
-        az = (positions[p, 2] - center[2]) * scale
-        bx = (positions[q, 0] - center[0]) * scale - ax
-        by = (positions[q, 1] - center[1]) * scale - ay
-        bz = (positions[q, 2] - center[2]) * scale - az
-        cx = (positions[r, 0] - center[0]) * scale - ax
-        cy = (positions[r, 1] - center[1]) * scale - ay
-        cz = (positions[r, 2] - center[2]) * scale - az
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        ox, oy, oz = origins[i, 0] - ax, origins[i, 1] - ay, origins[i, 2] - az
-        # n = b x c and q = d x o; Cramer's rule on o + t d = u b + v c
-        nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-        qx, qy, qz = dy * oz - dz * oy, dz * ox - dx * oz, dx * oy - dy * ox
-        slope = -(dx * nx + dy * ny + dz * nz)
-        if abs(slope) <= 1e-12 * (abs(nx) + abs(ny) + abs(nz)):
-            continue
-        u = -(qx * cx + qy * cy + qz * cz) / slope
-        v = (qx * bx + qy * by + qz * bz) / slope
-        # float32 found it inside, so it lies outside by rounding at most: back onto the triangle.
-        u = min(max(u, 0.0), 1.0)
-        v = min(max(v, 0.0), 1.0 - u)
-        barycentrics[i, 0] = u
-        barycentrics[i, 1] = v
-        distances[i] = (ox * nx + oy * ny + oz * nz) / slope

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.bake.cast import Found, refine_kernel
+from texbake.bake.found import Found, refine_kernel
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import Rays
 from texbake.errors import DependencyError

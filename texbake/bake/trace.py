@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from texbake.bake.cast import Caster, Found, open_caster
+from texbake.bake.cast import Caster, open_caster
 from texbake.bake.distances import measure_reach
+from texbake.bake.found import Found
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.options import BakeOptions
 from texbake.bake.rays import RayField, Rays

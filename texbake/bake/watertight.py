@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from texbake.bake.cast import Found, refine_kernel
+from texbake.bake.found import Found, refine_kernel
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import Rays
 from texbake.mesh.frame import LocalFrame

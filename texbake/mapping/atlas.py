@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from texbake.mapping.charts import Charts, cut_charts
+from texbake.mapping.charts import cut_charts
 from texbake.mapping.distortion import Distortion, distortion
+from texbake.mapping.mend import Charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.pack import pack_charts
 from texbake.mesh.mesh import Mesh
@@ -34,6 +35,8 @@ class UnwrapReport:
         Faces that lie in no chart because they have no area; each has one point for coordinates.
     n_mirrored_charts : int
         Charts that came out mirrored and were turned over; none is left so.
+    n_split_charts : int
+        Charts made by taking apart those that lay on themselves; none is left so.
     fill : float
         Share of the texture that charts cover.
     distortion : Distortion
@@ -46,6 +49,7 @@ class UnwrapReport:
     n_charts: int
     n_ignored: int
     n_mirrored_charts: int
+    n_split_charts: int
     fill: float
     distortion: Distortion
     stages: list[StageRecord]
@@ -64,6 +68,7 @@ class UnwrapReport:
             "charts": self.n_charts,
             "ignored_faces": self.n_ignored,
             "mirrored_charts_mended": self.n_mirrored_charts,
+            "charts_split_off": self.n_split_charts,
             "fill": self.fill,
             "distortion": self.distortion.to_json(),
             "seconds": self.seconds,
@@ -104,7 +109,9 @@ def unwrap(
     OptionError
         A field has a value that it cannot have.
     """
-    _, result, _ = _unwrapped(mesh, replace(options or UnwrapOptions(), **changes), Stages(progress))
+    _, result, _ = _unwrapped(
+        mesh, replace(options or UnwrapOptions(), **changes), Stages(progress)
+    )
     return result
 
 
@@ -128,6 +135,7 @@ def unwrap_with_report(
         n_charts=charts.n_charts,
         n_ignored=charts.n_ignored,
         n_mirrored_charts=charts.n_mirrored,
+        n_split_charts=charts.n_split,
         fill=fill,
         distortion=measured,
         stages=stages.records,

@@ -110,8 +110,20 @@ def rasterize_charts(
     return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
 
 
-def place_charts(bitmaps: Bitmaps, order: IntArray, grid: Grid) -> LongArray | None:
+def place_charts(
+    bitmaps: Bitmaps, order: IntArray, grid: Grid, *, hurried: bool = False
+) -> LongArray | None:
     """Put charts, one after another, where they end lowest: in any pose and quarter turn.
+
+    Parameters
+    ----------
+    bitmaps : Bitmaps
+    order : (C,) int32
+        Charts in the order in which they choose their places.
+    grid : Grid
+    hurried : bool
+        Do not look again, for a chart with a bounding box of the same size, below the place of the
+        one before: many times faster for thousands of charts, which fill a hundredth less.
 
     Returns
     -------
@@ -122,7 +134,14 @@ def place_charts(bitmaps: Bitmaps, order: IntArray, grid: Grid) -> LongArray | N
     places = np.empty((len(order), 4), dtype=np.int64)
     runs = np.empty((grid.height, grid.width), dtype=np.int32)
     fits = _place_kernel(
-        bitmaps.masks, bitmaps.starts, bitmaps.boxes, order, grid.half_widths, runs, places
+        bitmaps.masks,
+        bitmaps.starts,
+        bitmaps.boxes,
+        order,
+        grid.half_widths,
+        hurried,
+        runs,
+        places,
     )
     return places if fits else None
 
@@ -137,12 +156,12 @@ def _mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, mas
         width, height = boxes[chart, pose, 0], boxes[chart, pose, 1]
         x = corners[face, :, pose, 0] * scale + shifts[chart, pose, 0]
         y = corners[face, :, pose, 1] * scale + shifts[chart, pose, 1]
-        first = max(int(math.floor(y.min() - margin)), 0)
-        last = min(int(math.floor(y.max() + margin)), height - 1)
+        first = max(math.floor(y.min() - margin), 0)
+        last = min(math.floor(y.max() + margin), height - 1)
         for row in range(first, last + 1):
             left, right = _extent_between(x, y, row - margin, row + 1 + margin)
-            begin = max(int(math.floor(left - margin)), 0)
-            end = min(int(math.floor(right + margin)), width - 1)
+            begin = max(math.floor(left - margin), 0)
+            end = min(math.floor(right + margin), width - 1)
             start = starts[chart, pose] + row * width
             masks[start + begin : start + end + 1] = 1
 
@@ -165,7 +184,7 @@ def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def _place_kernel(masks, starts, boxes, order, half_widths, runs, places):  # type: ignore[no-untyped-def]
+def _place_kernel(masks, starts, boxes, order, half_widths, hurried, runs, places):  # type: ignore[no-untyped-def]
     """Put the charts one after another where they end lowest; return whether all found a place.
 
     `places` gets (x, y, pose, quarter turns) of each chart. `runs` holds for each cell how many
@@ -196,7 +215,8 @@ def _place_kernel(masks, starts, boxes, order, half_widths, runs, places):  # ty
             n_spans = _spans_of(mask, turn, spans)
             first = first_rows[width, height]
             x, y = _lowest_place(spans[:n_spans], width, height, runs, first, least_top)
-            first_rows[width, height] = max(first, y if y >= 0 else least_top - height)
+            if hurried:
+                first_rows[width, height] = max(first, y if y >= 0 else least_top - height)
             if y >= 0:
                 least_top, n_best_spans = y + height, n_spans
                 places[chart, 0], places[chart, 1] = x, y

@@ -5,8 +5,8 @@ than the time that numpy takes to load. xatlas is compiled code that may crash o
 hostile meshes; here it takes nothing else with it.
 
 In: two arrays in the format of `numpy.save`: points (V, 3) float32, faces (F, 3) uint32.
-Out: three: faces (F, 3) uint32, coordinates (T, 2) float32 in texels of xatlas' own atlas, chart ids
-(T,) uint32, which are 2^32 - 1 for coordinates that lie in no chart.
+Out: three: faces (F, 3) uint32, coordinates (T, 2) float32 in texels of xatlas' own atlas, chart
+ids (T,) uint32, which are 2^32 - 1 for coordinates that lie in no chart.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def cut(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> tuple
         return np.empty((0, 3), np.uint32), np.empty((0, 2), np.float32), np.empty(0, np.uint32)
     _, chart_faces, uvs = atlas.get_mesh(0)
     _, chart_ids = atlas.get_mesh_vertex_assignment(0)
-    return chart_faces, uvs * np.float32([atlas.width, atlas.height]), chart_ids
+    return chart_faces, uvs * np.array([atlas.width, atlas.height], np.float32), chart_ids
 
 
 def _surface_area(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> float:

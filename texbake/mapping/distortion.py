@@ -188,8 +188,9 @@ def _stretch_squares(
     d = 2.0 * texel_areas[:, None]
     along_s = (q1 * (t2 - t3) + q2 * (t3 - t1) + q3 * (t1 - t2)) / d
     along_t = (q1 * (s3 - s2) + q2 * (s1 - s3) + q3 * (s2 - s1)) / d
-    a, b, c = ((x * y).sum(axis=1) for x, y in
-               ((along_s, along_s), (along_s, along_t), (along_t, along_t)))
+    a, b, c = (
+        (x * y).sum(axis=1) for x, y in ((along_s, along_s), (along_s, along_t), (along_t, along_t))
+    )
     greater = (a + c + np.sqrt((a - c) ** 2 + 4.0 * b**2)) / 2.0
     # Γ γ = A / a; the difference of a + c and the root would cancel.
     lesser = (areas / texel_areas) ** 2 / greater

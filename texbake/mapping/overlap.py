@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, IntArray
 
 # Depth of an overlap, as a share of the texture, that is not one: what float32, or the six
 # decimals of many files, leave of coordinates on both sides of an edge.
@@ -42,44 +42,120 @@ def overlapping_faces(corners: FloatArray) -> npt.NDArray[np.bool_]:
     >>> overlapping_faces(square - [[[0, 0]], [[0, 0.1]]])
     array([ True,  True])
     """
-    corners = np.ascontiguousarray(corners, dtype=np.float64)
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    n_cells = max(1, min(int(math.sqrt(len(corners))), 1024))
-    scales = np.where(high > low, n_cells / np.where(high > low, high - low, 1.0), 0.0)
-    cells = np.minimum(((corners - low) * scales).astype(np.int64), n_cells - 1)
-    boxes = np.concatenate([cells.min(axis=1), cells.max(axis=1)], axis=1)
-    overlapping = np.zeros(len(corners), dtype=np.bool_)
-    _overlap_kernel(corners, boxes, n_cells, _DEPTH, overlapping)
+    everything = np.array([0, len(corners)], dtype=np.int64)
+    overlapping, _ = _overlaps(corners, np.arange(len(corners)), everything, _DEPTH, layered=False)
     return overlapping
 
 
+def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:
+    """Spread the faces of each chart over as few layers as it takes for none to overlap in one.
+
+    Parameters
+    ----------
+    corners : (F, 3, 2) float64
+        Coordinates of the corners.
+    charts : (F,) int32
+        Chart of each face; faces of different charts do not mind each other.
+    depth : float
+        Depth of an overlap that is not one, in the unit of `corners`.
+
+    Returns
+    -------
+    (F,) int32
+        0 for every face of a chart without overlaps. A face takes the lowest layer that the faces
+        before it leave free.
+    """
+    order = np.argsort(charts, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(charts))]).astype(np.int64)
+    _, layers = _overlaps(corners, order, starts, depth, layered=True)
+    return layers
+
+
+def _overlaps(
+    corners: FloatArray,
+    order: npt.NDArray[np.int64],
+    starts: npt.NDArray[np.int64],
+    depth: float,
+    *,
+    layered: bool,
+) -> tuple[npt.NDArray[np.bool_], IntArray]:
+    overlapping = np.zeros(len(corners), dtype=np.bool_)
+    layers = np.zeros(len(corners), dtype=np.int32)
+    _overlap_kernel(
+        np.ascontiguousarray(corners, dtype=np.float64),
+        order,
+        starts,
+        depth,
+        layered,
+        overlapping,
+        layers,
+    )
+    return overlapping, layers
+
+
 @njit(nogil=True, cache=True)
-def _overlap_kernel(corners, boxes, n_cells, depth, overlapping):  # type: ignore[no-untyped-def]
-    """Try all pairs of faces that are listed in one cell of the grid."""
-    ends = np.zeros(n_cells * n_cells, dtype=np.int64)
-    for box in boxes:
-        for row in range(box[1], box[3] + 1):
-            ends[row * n_cells + box[0] : row * n_cells + box[2] + 1] += 1
-    ends = np.cumsum(ends)
-    listed = np.empty(ends[-1], dtype=np.int64)
-    starts = ends.copy()
-    for face in range(len(boxes)):
-        box = boxes[face]
-        for row in range(box[1], box[3] + 1):
-            for cell in range(row * n_cells + box[0], row * n_cells + box[2] + 1):
-                starts[cell] -= 1
-                listed[starts[cell]] = face
-    for cell in range(len(ends)):
-        for i in range(starts[cell], ends[cell]):
-            for j in range(starts[cell], i):
-                one, other = listed[i], listed[j]
-                if overlapping[one] and overlapping[other]:
-                    continue
-                if not (
-                    _parts(corners[one], corners[other], depth)
-                    or _parts(corners[other], corners[one], depth)
-                ):
-                    overlapping[one] = overlapping[other] = True
+def _overlap_kernel(corners, order, starts, depth, layered, overlapping, layers):  # type: ignore[no-untyped-def]
+    """Compare each face with those before it of its group, which is order[starts[i]:starts[i + 1]].
+
+    Each cell of a grid over the group keeps a chain of the faces whose bounding boxes touch it.
+    Without `layered`, pairs that are both known to overlap something are not looked at again.
+    """
+    taken = np.full(len(corners) + 1, -1, dtype=np.int64)  # the last face that found a layer taken
+    for group in range(len(starts) - 1):
+        faces = order[starts[group] : starts[group + 1]]
+        if len(faces) < 2:
+            continue
+        boxes, n_cells = _cell_boxes(corners, faces)
+        heads = np.full(n_cells * n_cells, -1, dtype=np.int64)
+        n_links = 0
+        for box in boxes:
+            n_links += (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
+        links = np.empty((n_links, 2), dtype=np.int64)  # (face, next link)
+        n_links = 0
+        for i in range(len(faces)):
+            face = faces[i]
+            for row in range(boxes[i, 1], boxes[i, 3] + 1):
+                for cell in range(row * n_cells + boxes[i, 0], row * n_cells + boxes[i, 2] + 1):
+                    link = heads[cell]
+                    links[n_links, 0], links[n_links, 1] = face, link
+                    heads[cell] = n_links
+                    n_links += 1
+                    while link >= 0:
+                        other, link = links[link, 0], links[link, 1]
+                        known = overlapping[face] and overlapping[other]
+                        if (layered or not known) and _overlap(
+                            corners[face], corners[other], depth
+                        ):
+                            overlapping[face] = overlapping[other] = True
+                            taken[layers[other]] = face
+            while taken[layers[face]] == face:
+                layers[face] += 1
+
+
+@njit(nogil=True, cache=True)
+def _cell_boxes(corners, faces):  # type: ignore[no-untyped-def]
+    """Cells of a square grid that the bounding boxes of faces touch; cells along its side."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for face in faces:
+        for axis in range(2):
+            low[axis] = min(low[axis], corners[face, :, axis].min())
+            high[axis] = max(high[axis], corners[face, :, axis].max())
+    n_cells = max(1, min(int(math.sqrt(len(faces))), 1024))
+    boxes = np.empty((len(faces), 4), dtype=np.int64)
+    for axis in range(2):
+        extent = high[axis] - low[axis]
+        scale = n_cells / extent if extent > 0.0 else 0.0
+        for i in range(len(faces)):
+            first = (corners[faces[i], :, axis].min() - low[axis]) * scale
+            last = (corners[faces[i], :, axis].max() - low[axis]) * scale
+            boxes[i, axis] = min(int(first), n_cells - 1)
+            boxes[i, 2 + axis] = min(int(last), n_cells - 1)
+    return boxes, n_cells
+
+
+@njit(nogil=True, cache=True)
+def _overlap(one, other, depth):  # type: ignore[no-untyped-def]
+    return not (_parts(one, other, depth) or _parts(other, one, depth))
 
 
 @njit(nogil=True, cache=True)

@@ -38,6 +38,7 @@ _SCALE_STEP = 0.004  # relative; one texel in 250
 _MOST_POSED = 256
 _MOST_POSES = 4
 _MOST_ORDERS = 32
+_MANY_CHARTS = 1024
 
 _GOLDEN_RATIO = 0.6180339887498949  # its multiples, modulo 1, are spread evenly
 
@@ -153,7 +154,9 @@ class _Layout:
                 scale=scale,
                 margin=_SNAP_MARGIN / self.grid.cell,
             )
-        places = place_charts(self._bitmaps_tried, order, self.grid)
+        places = place_charts(
+            self._bitmaps_tried, order, self.grid, hurried=self.n_charts > _MANY_CHARTS
+        )
         if places is None:
             return False
         self._scale, self._bitmaps, self._places = scale, self._bitmaps_tried, places

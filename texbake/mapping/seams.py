@@ -6,6 +6,8 @@ coordinates that a file repeats do not cut anything.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -38,7 +40,7 @@ def chart_ids(mesh: Mesh) -> IntArray:
     >>> chart_ids(plane(2, 1))
     array([0, 0, 0, 0], dtype=int32)
     """
-    return _connected(_edge_ids(_texture_corners(mesh)))
+    return connected_faces(edge_ids(_texture_corners(mesh)))
 
 
 def border_edges(mesh: Mesh) -> npt.NDArray[np.bool_]:
@@ -59,7 +61,7 @@ def border_edges(mesh: Mesh) -> npt.NDArray[np.bool_]:
     UvError
         The mesh has no texture coordinates.
     """
-    return _used_once(_edge_ids(_texture_corners(mesh)))
+    return _used_once(edge_ids(_texture_corners(mesh)))
 
 
 def seam_length(mesh: Mesh, faces: npt.NDArray[np.bool_] | None = None) -> float:
@@ -81,34 +83,45 @@ def seam_length(mesh: Mesh, faces: npt.NDArray[np.bool_] | None = None) -> float
         The mesh has no texture coordinates.
     """
     kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
-    in_texture = _edge_ids(_texture_corners(mesh)[kept])
-    in_space = _edge_ids(weld_rows(mesh.positions)[mesh.faces[kept]])
+    in_texture = edge_ids(_texture_corners(mesh)[kept])
+    in_space = edge_ids(weld_rows(mesh.positions)[mesh.faces[kept]])
     corners = mesh.positions[mesh.faces[kept]]
     lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     return float(lengths[_used_once(in_texture) & ~_used_once(in_space)].sum()) / 2.0
 
 
-def _texture_corners(mesh: Mesh) -> IntArray:
-    """(F, 3) int32: equal for corners at one position with one texture coordinate."""
-    uvs: FloatArray = mesh.corner_uvs().reshape(-1, 2)
-    places = mesh.positions[mesh.faces.ravel()]
-    return weld_rows(np.concatenate([places, uvs], axis=1)).reshape(-1, 3)
+def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
+    """Number the undirected edges between corners.
 
+    Parameters
+    ----------
+    corners : (F, 3) int
+        Equal for corners that are the same; below 2^31.
 
-def _edge_ids(corners: IntArray) -> npt.NDArray[np.int64]:
-    """(F, 3) int64: number of the undirected edge from each corner to the next."""
+    Returns
+    -------
+    (F, 3) int64
+        Of the edge from each corner to the next; from 0 without gaps.
+    """
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).astype(np.int64)
     low, high = ends.min(axis=2), ends.max(axis=2)
     _, ids = np.unique((low << 32 | high).ravel(), return_inverse=True)
     return ids.reshape(-1, 3)
 
 
-def _used_once(edges: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    return np.asarray(np.bincount(edges.ravel())[edges] == 1)
+def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
+    """Components of faces that share an edge.
 
+    Parameters
+    ----------
+    edges : (F, 3) int64
+        Of each face, from `edge_ids`.
 
-def _connected(edges: npt.NDArray[np.int64]) -> IntArray:
-    """(F,) int32: components of faces that share an edge, numbered by their first faces."""
+    Returns
+    -------
+    (F,) int32
+        Numbered from 0 in the order of their first faces.
+    """
     n_faces = len(edges)
     components = np.arange(n_faces, dtype=np.int64)
     while True:
@@ -125,3 +138,14 @@ def _connected(edges: npt.NDArray[np.int64]) -> IntArray:
         components = nearest
     _, ids = np.unique(components, return_inverse=True)
     return ids.astype(np.int32)
+
+
+def _texture_corners(mesh: Mesh) -> IntArray:
+    """(F, 3) int32: equal for corners at one position with one texture coordinate."""
+    uvs: FloatArray = mesh.corner_uvs().reshape(-1, 2)
+    places = mesh.positions[mesh.faces.ravel()]
+    return weld_rows(np.concatenate([places, uvs], axis=1)).reshape(-1, 3)
+
+
+def _used_once(edges: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    return np.asarray(np.bincount(edges.ravel())[edges] == 1)

@@ -1,8 +1,9 @@
 """Decimation with PyMeshLab: edges collapse to the points of least quadric error.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
-SIGGRAPH 1997, and "Simplifying surfaces with color and texture using quadric error metrics", IEEE
-Visualization 1998, as MeshLab has them.
+SIGGRAPH 1997, as MeshLab has it. (Its variant for textured meshes, after their "Simplifying surfaces
+with color and texture using quadric error metrics", IEEE Visualization 1998, moved up to a fifth of
+a surface's texture coordinates across seams when tried on real meshes, and is not used.)
 
 PyMeshLab crashes on some broken meshes, and takes the process with it. So it runs in one of its
 own, with a limit on its time, and whatever it does to that one costs no more than the attempt.
@@ -21,8 +22,7 @@ import numpy as np
 
 from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.mesh import Mesh
 
 _WORKER = Path(__file__).with_name("quadric_worker.py")
 
@@ -37,7 +37,7 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
     Parameters
     ----------
     mesh
-        Its normals, groups, colors and tangents do not count.
+        Its positions and faces count, and nothing else.
     n_faces
         Faces asked for.
     keep_boundary
@@ -46,9 +46,8 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
     Returns
     -------
     list of Mesh
-        What each attempt came to, with texture coordinates if the mesh has any: none if the mesh
-        was too broken for it; the first with the topology kept, a second without where the first
-        did not reach `n_faces`.
+        What each attempt came to: none if the mesh was too broken for it; one with the topology
+        kept, and where that did not reach `n_faces`, one without.
 
     Raises
     ------
@@ -66,8 +65,6 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
             "n_faces": n_faces,
             "keep_boundary": keep_boundary,
         }
-        if mesh.uvs is not None:
-            given["corner_uvs"] = mesh.corner_uvs().reshape(-1, 2)
         np.savez(folder / "mesh.npz", **given)  # type: ignore[arg-type]
         with suppress(subprocess.TimeoutExpired):
             # -P: the worker's neighbors are not modules of its own.
@@ -84,18 +81,6 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
 def _reduced(path: Path, mesh: Mesh, frame: LocalFrame) -> Mesh | None:
     with np.load(path) as arrays:
         positions, faces = frame.to_model(arrays["positions"]), arrays["faces"]
-        corner_uvs = arrays["corner_uvs"].reshape(-1, 3, 2) if "corner_uvs" in arrays else None
     if len(faces) == 0 or not np.isfinite(positions).all():
         return None
-    if corner_uvs is None:
-        return Mesh(positions=positions, faces=faces, name=mesh.name)
-    if not np.isfinite(corner_uvs).all():
-        return None
-    corner_ids: IntArray = np.arange(3 * len(faces), dtype=np.int32).reshape(-1, 3)
-    return Mesh(
-        positions=positions,
-        faces=faces,
-        uvs=corner_uvs.reshape(-1, 2),
-        uv_faces=weld_rows(corner_uvs.reshape(-1, 2))[corner_ids],
-        name=mesh.name,
-    )
+    return Mesh(positions=positions, faces=faces, name=mesh.name)

@@ -15,8 +15,9 @@ neither distances nor texture coordinates measurably on real meshes, and are not
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,11 @@ from texbake.mesh.vertex_stream import (
 )
 from texbake.progress import ProgressSink, Stages
 
-_SEAMS_GIVEN_UP = (
-    "too few faces for its seams: texture coordinates, hard edges and group borders were given up"
-)
+_GIVEN_UP = "too few faces to keep its"
+
+# A result this much under the count is tried again, this often at most.
+_SLACK = 0.02
+_TRIES = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,8 +132,8 @@ def simplify(
     quality
         `fast`: a subset of the vertices, bit-equal, with their texture coordinates, hard normals,
         groups and colors. `best`: moved vertices, closer to the surface, and slower; groups and
-        colors are those of the nearest point of the mesh given. A mesh with hard edges gets
-        `fast` in both.
+        colors are those of the nearest point of the mesh given. A mesh that keeps texture
+        coordinates or hard edges gets `fast` in both: PyMeshLab smears them.
     progress
         Told of the stages.
     threads
@@ -201,7 +204,7 @@ def _simplified(
         return mesh, "unchanged", ("it has no more faces than asked for",)
     with stages.stage("simplify"):
         start = bring_down(weld_corners(mesh, threads=threads), n_faces)
-        if len(start.faces) == 0:
+        if gather(mesh, start, start.faces) is None:
             raise MeshError(f"{mesh.name}: no face of it has three distinct corners; mend it first")
         fast = _fast(mesh, start, n_faces, threads)
         result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
@@ -211,11 +214,11 @@ def _simplified(
 def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
     """First attempt that reaches the count, else the one with the fewest faces."""
     results: list[_Result] = []
-    for stream, faces, method, notes in _attempts(mesh, start, n_faces, threads):
-        if len(faces) == 0:
+    for stream, reduce, method, notes in _attempts(mesh, start, n_faces, threads):
+        light = _reach(mesh, stream, reduce, n_faces)
+        if light is None:
             continue
-        light = _with_nearest(gather(mesh, stream, faces), mesh, threads)
-        results.append(_Result(light, stream, method, notes))
+        results.append(_Result(_with_nearest(light, mesh, threads), stream, method, notes))
         if light.n_faces <= n_faces:
             return results[-1]
     result = min(results, key=lambda result: result.mesh.n_faces)
@@ -225,41 +228,67 @@ def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) ->
 
 def _attempts(
     mesh: Mesh, stream: VertexStream, n_faces: int, threads: int | None
-) -> Iterator[tuple[VertexStream, IntArray, str, tuple[str, ...]]]:
-    """Ways to the count, each giving up more than the one before."""
+) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
+    """Ways to the count, each giving up more than the one before, and notes on what."""
     notes: tuple[str, ...] = ()
     while True:
+        collapse = partial(collapse_stream, stream)
         if boundary_fits(stream, n_faces):
-            faces = collapse_stream(stream, n_faces, lock_boundary=True)
-            yield stream, faces, "meshoptimizer", notes
-        yield stream, collapse_stream(stream, n_faces), "meshoptimizer", notes
-        faces = collapse_stream(stream, n_faces, prune=True)
+            yield stream, partial(collapse, lock_boundary=True), "meshoptimizer", notes
+        yield stream, collapse, "meshoptimizer", notes
         pruned = (*notes, "small separate parts were dropped")
-        yield stream, faces, "meshoptimizer, pruned", pruned
+        yield stream, partial(collapse, prune=True), "meshoptimizer, pruned", pruned
         if not stream.has_seams:
             break
-        notes = (_SEAMS_GIVEN_UP,)
+        notes = (f"{_GIVEN_UP} {_seams(stream)}",)
         stream = bring_down(weld_positions(mesh, threads=threads), n_faces)
     clustered = (*notes, "its topology was given up: vertices were joined in clusters")
-    yield stream, cluster_stream(stream, n_faces), "meshoptimizer, sloppy", clustered
+    yield stream, partial(cluster_stream, stream), "meshoptimizer, sloppy", clustered
+    yield stream, lambda _: stream.faces, "meshoptimizer", notes
+
+
+def _reach(
+    mesh: Mesh, stream: VertexStream, reduce: Callable[[int], IntArray], n_faces: int
+) -> Mesh | None:
+    """Reduce to the count, asking for more where degenerate faces or clusters leave fewer."""
+    nearest: Mesh | None = None
+    n_asked = n_faces
+    for _ in range(_TRIES):
+        light = gather(mesh, stream, reduce(n_asked))
+        n_left = 0 if light is None else light.n_faces
+        if light is not None and (nearest is None or n_left <= n_faces):
+            nearest = light
+        if n_left >= (1.0 - _SLACK) * n_faces:
+            break
+        n_asked += n_faces - n_left
+    return nearest
+
+
+def _seams(stream: VertexStream) -> str:
+    names = {
+        "texture coordinates": stream.uv_ids,
+        "hard edges": stream.normal_ids,
+        "group borders": stream.group_ids,
+    }
+    return " and ".join(name for name, ids in names.items() if ids is not None)
 
 
 def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Result:
     """Whatever comes closest of what reaches the count, else the one with the fewest faces."""
     start = fast.start
-    if start.normal_ids is not None:
-        return replace(fast, notes=(*fast.notes, "only fast keeps hard edges"))
-    notes = tuple(note for note in fast.notes if note == _SEAMS_GIVEN_UP)
+    if start.uv_ids is not None or start.normal_ids is not None:
+        return replace(fast, notes=(*fast.notes, f"only fast keeps {_seams(start)}"))
+    welded = gather(mesh, start, start.faces)
+    if welded is None:
+        return fast
+    given_up = tuple(note for note in fast.notes if note.startswith(_GIVEN_UP))
     results = [fast]
-    for reduced in collapse_edges(
-        gather(mesh, start, start.faces),
-        n_faces,
-        keep_boundary=boundary_fits(start, n_faces),
-    ):
-        stream = weld_corners(reduced, threads=threads)
-        if len(stream.faces) > 0:
-            light = _with_nearest(gather(reduced, stream, stream.faces), mesh, threads)
-            results.append(_Result(light, start, "meshoptimizer, then pymeshlab", notes))
+    for reduced in collapse_edges(welded, n_faces, keep_boundary=boundary_fits(start, n_faces)):
+        stream = weld_positions(reduced, threads=threads)
+        light = gather(reduced, stream, stream.faces)
+        if light is not None:
+            light = _with_nearest(light, mesh, threads)
+            results.append(_Result(light, start, "meshoptimizer, then pymeshlab", given_up))
 
     def order(result: _Result) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)

@@ -24,7 +24,8 @@ class VertexStream:
     Attributes
     ----------
     faces : (F', 3) int32
-        Indices of stream vertices. Faces with fewer than three distinct positions are left out.
+        Indices of stream vertices, three distinct ones each. Two of them may lie at one position, as
+        at the poles of many spheres: such faces tie the sides of a seam together.
     points : (S, 3) float32
         Positions in the mesh's local frame.
     position_ids : (S,) int32
@@ -57,9 +58,9 @@ class VertexStream:
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
-    faces = _proper(weld_rows(mesh.positions, threads=threads)[mesh.faces])
-    stream_faces, position_ids = _compact(faces, mesh.n_vertices)
-    return VertexStream(stream_faces, _local_points(mesh, position_ids), position_ids)
+    corners = _proper(weld_rows(mesh.positions, threads=threads)[mesh.faces])
+    faces, position_ids = _compact(corners, mesh.n_vertices)
+    return VertexStream(faces, _local_points(mesh, position_ids), position_ids)
 
 
 def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
@@ -77,9 +78,9 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     if not columns:
         return weld_positions(mesh, threads=threads)
     positions = weld_rows(mesh.positions, threads=threads)[mesh.faces]
-    proper = _is_proper(positions)
-    rows = np.stack([ids[proper].ravel() for ids in (positions, *columns.values())], axis=1)
-    faces, vertices = _compact(weld_rows(rows, threads=threads).reshape(-1, 3), len(rows))
+    rows = np.stack([ids.ravel() for ids in (positions, *columns.values())], axis=1)
+    corners = _proper(weld_rows(rows, threads=threads).reshape(-1, 3))
+    faces, vertices = _compact(corners, len(rows))
     position_ids, *others = rows[vertices].T
     return VertexStream(
         faces,
@@ -100,16 +101,18 @@ def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
     return bool((normal_of[positions] != normals).any())
 
 
-def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh:
+def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     """Mesh of faces over stream vertices, with the attributes that tell those apart.
 
-    Positions keep their bits. What no corner uses is left out; duplicate faces (of one winding)
+    None where no face has three distinct positions. Positions keep their bits. What no corner uses is left out; duplicate faces (of one winding)
     and faces with fewer than three distinct positions are too. Colors and group names stay.
     Tangents go, because they belong to the corners of faces that are no longer there; so do normals
     without hard edges, because smooth normals are those of the surface that is left.
     """
     corners = stream.position_ids[faces]
     faces = faces[_is_proper(corners) & _is_first_of_its_kind(corners)]
+    if len(faces) == 0:
+        return None
     position_faces, position_ids = _compact(stream.position_ids[faces], mesh.n_vertices)
     light = Mesh(
         positions=mesh.positions[position_ids],

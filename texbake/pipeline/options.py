@@ -8,7 +8,9 @@ from texbake.bake.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
-from texbake.render.options import RenderOptions
+from texbake.render.options import RenderOptions, Rgb
+
+View = tuple[float, float] | tuple[float, float, float | None]
 
 DEMO_FOLDER = "texbake_demo"
 MIN_TRIANGLES = 1000  # an orange of fewer has no pores
@@ -34,8 +36,12 @@ class RunOptions:
     convention : str
         Green channel of the normal map: `opengl` or `directx`. That inside the GLB file is always
         OpenGL, because glTF asks for it.
+    view : (azimuth, elevation) or (azimuth, elevation, distance)
+        Of the pictures; see `RenderOptions`.
     up : str
         The axis of the world that is up in the pictures: `y` or `z`.
+    base_color : (r, g, b)
+        Of the mesh in the pictures and in the GLB file, sRGB-coded in [0, 1].
     threads : int, optional
         None: every processor.
     """
@@ -46,7 +52,9 @@ class RunOptions:
     padding: int = 8
     samples: int = 4
     convention: str = "opengl"
-    up: str = "y"
+    view: View = RenderOptions.view
+    up: str = RenderOptions.up
+    base_color: Rgb = RenderOptions.base_color
     threads: int | None = None
 
     def __post_init__(self) -> None:
@@ -77,7 +85,13 @@ class RunOptions:
 
     def render_options(self) -> RenderOptions:
         """Return how the pictures are made."""
-        return RenderOptions(width=_PICTURE_SIZE, height=_PICTURE_SIZE, up=self.up)
+        return RenderOptions(
+            width=_PICTURE_SIZE,
+            height=_PICTURE_SIZE,
+            view=self.view,
+            up=self.up,
+            base_color=self.base_color,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,4 +124,10 @@ class DemoOptions:
 
     def run_options(self) -> RunOptions:
         """Return how the whole job is done."""
-        return RunOptions(n_faces=self.faces, size=self.size, threads=self.threads)
+        return RunOptions(
+            n_faces=self.faces,
+            size=self.size,
+            view=(30.0, 32.0),  # down on the stem
+            base_color=(0.94, 0.55, 0.16),
+            threads=self.threads,
+        )

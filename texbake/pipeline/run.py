@@ -28,9 +28,10 @@ from texbake.pipeline.options import RunOptions
 from texbake.pipeline.report import comparison_report, comparison_table, write_report
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.render.camera import Camera
-from texbake.render.compare import Comparison, compare
+from texbake.render.compare import Closeness, Comparison, compare
 from texbake.render.panels import Panel, side_by_side
 from texbake.render.render import render
+from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
 
 # What the files are called, after the name of the asset.
@@ -71,6 +72,11 @@ class RunResult:
     comparison: Comparison
     stages: list[StageRecord] = field(default_factory=list)
 
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should look at, a sentence each."""
+        return [*self.simplified.notes, *self.baked.report.warnings]
+
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, for a person: stages, and how close the result comes."""
         distance = self.simplified.distance
@@ -80,8 +86,8 @@ class RunResult:
             ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
             ("Closeness to the dense mesh", ""),
             (
-                "  surface distance, both ways",
-                f"RMS {100 * distance.rms_relative:.3f} %, "
+                "  surface of the light mesh",
+                f"off by RMS {100 * distance.rms_relative:.3f} %, "
                 f"greatest {100 * distance.max_relative:.3f} % of the diagonal",
             ),
             *((f"  {label}", figures) for label, figures in comparison_table(self.comparison)),
@@ -185,7 +191,8 @@ def _write_maps(
         with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
             normal_map = Path(folder) / files["normal"].name
             baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
-            write_mesh(low, files["glb"], normal_map=normal_map)
+            color = decode_srgb(np.array(options.base_color)).tolist()
+            write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
 
 
 def _compared(
@@ -223,11 +230,15 @@ def _compared(
     high_name, low_name, _ = comparison.names
     panels = [
         Panel(dense.color, high_name, ""),
-        Panel(bare.color, low_name, ""),
+        Panel(bare.color, low_name, _off_by(comparison.bare)),
         Panel(with_normals.color, "... with its normal map", ""),
-        Panel(displaced.color, "... and displaced as well", ""),
+        Panel(displaced.color, "... and displaced as well", _off_by(comparison.mapped)),
     ]
     seen = np.logical_or.reduce([frame.coverage > 0 for frame in (dense, bare, displaced)])
     write_image(side_by_side(panels, seen), files["preview"], color=True)
     write_image(comparison.side_by_side(), files["compare"], color=True)
     return comparison
+
+
+def _off_by(closeness: Closeness) -> str:
+    return f"normals off by {closeness.mean_deg:.2f}° in the mean"

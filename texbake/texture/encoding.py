@@ -25,7 +25,7 @@ from texbake.parallel import run_bands
 _CONVENTIONS = ("opengl", "directx")
 _FLAT_NOISE = 4e-6
 # Texels a band: some milliseconds of work.
-_BAND = 1 << 17
+_BAND = 1 << 19
 
 
 @njit(nogil=True, cache=True)

@@ -32,7 +32,7 @@ from texbake.texture.encoding import (
 )
 
 # Texels a band: some milliseconds of work.
-_BAND = 1 << 17
+_BAND = 1 << 19
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ CLAMP = 1
 _WRAPS = {"repeat": REPEAT, "clamp": CLAMP}
 
 # Lookups a band: some milliseconds of work.
-_BAND = 65536
+_BAND = 1 << 18
 
 
 @njit(nogil=True, cache=True)

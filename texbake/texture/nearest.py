@@ -24,7 +24,7 @@ from texbake.parallel import run_bands
 
 # Columns of a band of the first pass, and rows of one of the second.
 _COLUMN_BAND = 256
-_ROW_BAND = 32
+_ROW_BAND = 128
 # Texels of a row that the second pass searches together; those that are all owned it skips.
 _SEGMENT = 128
 # "No owner within reach", as an offset in texels; so the greatest padding is one less.

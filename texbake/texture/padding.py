@@ -23,7 +23,7 @@ from texbake.texture.nearest import NearestOwners, nearest_owner
 __all__ = ["NearestOwners", "Padded", "nearest_owner", "pad", "push_pull", "spread"]
 
 # Rows a band: some milliseconds of work.
-_ROW_BAND = 32
+_ROW_BAND = 128
 
 FloatImage = npt.NDArray[np.float32]
 

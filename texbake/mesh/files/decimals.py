@@ -51,7 +51,7 @@ _ALL_BITS = np.uint64(2**64 - 1)
 _MANTISSA_SHIFT = np.uint64(64 - 52 - 3)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")
 def _multiply_kernel(a, b):  # type: ignore[no-untyped-def]
     """High and low half of the 128-bit product of two 64-bit integers."""
     a_high, a_low = a >> _U32, a & _HALF_MASK
@@ -75,11 +75,12 @@ def _scale_kernel(digits, power):  # type: ignore[no-untyped-def]
         return 0.0
     if power < _LEAST_POWER or power > _MOST_POWER:
         return math.nan
-    leading = 0
-    for step in (32, 16, 8, 4, 2, 1):
+    leading, step = 0, 32
+    while step > 0:
         if digits >> np.uint64(64 - step) == _U0:
             digits = digits << np.uint64(step)
             leading += step
+        step //= 2
     high, low = _multiply_kernel(digits, _FIVES[power - _LEAST_POWER, 0])
     if high & _LOW_9_BITS == _LOW_9_BITS:  # a carry from further down could change the rounding
         carry, _ = _multiply_kernel(digits, _FIVES[power - _LEAST_POWER, 1])
@@ -136,7 +137,8 @@ def decimal_kernel(data, at, stop):  # type: ignore[no-untyped-def]
         exponent, plain = 0, False
         while i < stop and 48 <= data[i] <= 57:
             plain = True
-            exponent = min(exponent * 10 + data[i] - 48, 9999)
+            if exponent < 10_000:  # beyond it is 0 or infinite whatever follows
+                exponent = exponent * 10 + data[i] - 48
             i += 1
         power += -exponent if down else exponent
     while i < stop and data[i] > 32 and data[i] != 92:

@@ -155,7 +155,7 @@ def _lines_kernel(data, fill, nexts, offsets):  # type: ignore[no-untyped-def]
         at += 1
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")
 def _skip_newline_kernel(data, at):  # type: ignore[no-untyped-def]
     """Offset behind one end of line, where there is one."""
     if at < len(data) and data[at] == 13:
@@ -167,7 +167,7 @@ def _skip_newline_kernel(data, at):  # type: ignore[no-untyped-def]
     return at
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")
 def _skip_blanks_kernel(data, at):  # type: ignore[no-untyped-def]
     """Offset of the next word of a statement, or of its end; a backslash continues the line."""
     while at < len(data):
@@ -181,7 +181,7 @@ def _skip_blanks_kernel(data, at):  # type: ignore[no-untyped-def]
     return at
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")
 def _skip_word_kernel(data, at):  # type: ignore[no-untyped-def]
     """Offset behind a word."""
     while at < len(data) and data[at] > 32 and data[at] != 92:
@@ -189,7 +189,7 @@ def _skip_word_kernel(data, at):  # type: ignore[no-untyped-def]
     return at
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")
 def _ends_kernel(data, at):  # type: ignore[no-untyped-def]
     """Whether a statement has no more words: at the end of the line, or before a comment."""
     return at >= len(data) or data[at] == 10 or data[at] == 13 or data[at] == 35
@@ -213,6 +213,19 @@ def _words_kernel(data, starts, start, stop, values, n_words):  # type: ignore[n
         n_words[row] = n
 
 
+@njit(nogil=True, inline="always")
+def _count_before_kernel(offsets, at):  # type: ignore[no-untyped-def]
+    """Number of ascending offsets below one; by bisection."""
+    low, high = 0, len(offsets)
+    while low < high:
+        middle = (low + high) // 2
+        if offsets[middle] < at:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @njit(nogil=True, cache=True)
 def _corners_kernel(data, starts, start, stop, ends, v, vt, vn, corners):  # type: ignore[no-untyped-def]
     """Read the corners of some f lines; v, vt, vn are the offsets of those lines."""
@@ -226,12 +239,15 @@ def _corners_kernel(data, starts, start, stop, ends, v, vt, vn, corners):  # typ
                 at += backwards
                 index, n_digits = 0, 0
                 while at < len(data) and 48 <= data[at] <= 57:
-                    index = min(index * 10 + data[at] - 48, 1 << 40)
+                    if index < 1 << 40:  # else it is out of range already
+                        index = index * 10 + data[at] - 48
                     n_digits += 1
                     at += 1
                 if n_digits > 0:
                     lines = v if part == 0 else vt if part == 1 else vn
-                    index = np.searchsorted(lines, starts[row]) - index if backwards else index - 1
+                    index = (
+                        _count_before_kernel(lines, starts[row]) - index if backwards else index - 1
+                    )
                     if index < 0 or index >= len(lines):
                         fault = _OUT_OF_RANGE
                 elif part == 0 or backwards:

@@ -155,7 +155,7 @@ def _flattened(
         return column.sizes, column.values
     if column.ndim == 1:  # a scalar where a list belongs
         column = column[:, None]
-    return np.full(len(column), column.shape[1], dtype=np.int64), column.ravel()
+    return np.full(len(column), column.shape[1], dtype=np.int64), column.flatten()
 
 
 def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
@@ -163,7 +163,7 @@ def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
         values.min() >= -(2.0**31) and values.max() < 2.0**31  # NaN is neither
     ):
         raise MeshError(f"{path}: a position index is out of range")
-    indices = values.astype(np.int32)
+    indices = values.astype(np.int32, copy=False)
     if values.dtype.kind == "f" and (indices != values).any():
         raise FileFormatError(f"{path}: a position index is not a whole number")
     return indices

@@ -1,0 +1,199 @@
+"""Every command through click's runner, and through a process of its own."""
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from texbake import read_image, read_mesh
+
+Invoke = Callable[..., Result]
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+# A command line and the files that it leaves behind.
+LINES = {
+    "info high.ply": [],
+    "simplify high.ply -o light.obj --faces 200 --report r.json": ["light.obj", "r.json"],
+    "unwrap low.obj -o out.glb --size 256x128 --padding 2 --layout l.png --report r.json": [
+        "out.glb",
+        "l.png",
+        "r.json",
+    ],
+    "bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --miss-map m.png": [
+        "n.png",
+        "m.png",
+    ],
+    "bake-displacement high.ply low.obj -o d.exr --size 64 --padding 1 --report r.json": [
+        "d.exr",
+        "r.json",
+    ],
+    "bake high.ply low.obj -o a/b --maps normal,displacement --size 64 --padding 1": [
+        "a/b/normal.png",
+        "a/b/displacement.png",
+    ],
+    "preview low.obj --size 80x60 -o p.png": ["p.png"],
+    "compare high.ply low.obj --size 64 --report r.json": ["low_compare.png", "r.json"],
+    "run high.ply -o job --faces 100 --size 128 --padding 2": [
+        "job/high_low.obj",
+        "job/high_low.glb",
+        "job/high_normal.png",
+        "job/high_displacement.exr",
+        "job/high_preview.png",
+        "job/high_compare.png",
+        "job/high_report.json",
+    ],
+    "demo --triangles 5000 --faces 100 --size 128": [
+        "texbake_demo/orange_high.ply",
+        "texbake_demo/orange_low.obj",
+        "texbake_demo/orange_low.glb",
+        "texbake_demo/orange_normal.png",
+        "texbake_demo/orange_displacement.exr",
+        "texbake_demo/orange_preview.png",
+        "texbake_demo/orange_compare.png",
+        "texbake_demo/orange_report.json",
+    ],
+}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_command_writes_its_files_and_no_others(line: str, workplace: Path, invoke: Invoke) -> None:
+    before = {path for path in workplace.rglob("*") if path.is_file()}
+    result = invoke(line)
+    after = {path for path in workplace.rglob("*") if path.is_file()}
+    assert after - before == {workplace / name for name in LINES[line]}
+    assert before <= after
+    told = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
+    assert told == {Path(name) for name in LINES[line]}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_command_as_a_process(line: str, workplace: Path, run: Run) -> None:
+    done = run(f"{line} --threads 1" if "info" not in line and "unwrap" not in line else line)
+    assert done.returncode == 0, done.stderr
+    assert all((workplace / name).stat().st_size > 0 for name in LINES[line])
+    assert "\x1b" not in done.stdout + done.stderr  # no color, no bar: this is no terminal
+    assert all(row.startswith("texbake: warning: ") for row in done.stderr.splitlines())
+
+
+def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
+    done = run("info high.ply --json")
+    found = json.loads(done.stdout)
+    assert (found["n_faces"], found["n_vertices"]) == (11_400, 5_800)
+    assert found["n_boundary_edges"] == 200  # the two rings about the poles
+    assert done.stderr == ""
+
+
+def test_info_tells_what_is_there(workplace: Path, invoke: Invoke) -> None:
+    rows = dict(row.split(maxsplit=1) for row in invoke("info low.obj").stdout.splitlines())
+    assert rows["faces"] == "112"
+    assert rows["closed"].endswith("yes, genus 0") or "closed" in rows
+
+
+def test_simplify_reaches_the_count(workplace: Path, invoke: Invoke) -> None:
+    invoke("simplify high.ply -o light.ply --faces 300 --quiet")
+    assert read_mesh("light.ply").n_faces <= 300
+
+
+def test_unwrap_keeps_positions(workplace: Path, invoke: Invoke) -> None:
+    invoke("unwrap low.obj -o out.obj")
+    before, after = read_mesh("low.obj"), read_mesh("out.obj")
+    np.testing.assert_array_equal(before.positions, after.positions)
+    np.testing.assert_array_equal(before.faces, after.faces)
+
+
+def test_a_mesh_may_be_replaced_by_its_result(workplace: Path, invoke: Invoke) -> None:
+    Path("high.ply").write_bytes(Path("high.ply").read_bytes())
+    invoke("simplify high.ply -o high.ply --faces 300")
+    assert read_mesh("high.ply").n_faces <= 300
+
+
+@pytest.mark.parametrize(
+    ("name", "choices", "bits"),
+    [("n.png", "", 16), ("n.png", "--bits 8", 8), ("n.tga", "", 8), ("n.exr", "", 32)],
+)
+def test_normals_in_any_format_decode_to_the_same(
+    workplace: Path, invoke: Invoke, name: str, choices: str, bits: int
+) -> None:
+    invoke(f"bake-normals high.ply low.obj -o {name} --size 32 --padding 0 {choices}")
+    invoke("bake-normals high.ply low.obj -o reference.exr --size 32 --padding 0")
+    image = read_image(name, color=False)
+    assert image.bits == bits
+    values = image.pixels if image.is_float else 2 * image.pixels - 1
+    # Half a step of the coding, on [-1, 1]; exact codes of 8 bits have 127 steps to the unit.
+    step = 0.0 if image.is_float else 1.0 / 127 if bits == 8 else 1.0 / 32767
+    reference = read_image("reference.exr", color=False).pixels
+    assert np.abs(values - reference).max() <= step
+
+
+def test_directx_turns_the_green_channel(workplace: Path, invoke: Invoke) -> None:
+    for convention in "opengl", "directx":
+        invoke(
+            f"bake-normals high.ply low.obj -o {convention}.exr --size 32 --convention {convention}"
+        )
+    opengl, directx = (
+        read_image(f"{name}.exr", color=False).pixels for name in ("opengl", "directx")
+    )
+    np.testing.assert_array_equal(opengl * [1, -1, 1], directx)
+
+
+def test_one_trace_gives_what_two_give(workplace: Path, invoke: Invoke) -> None:
+    invoke("bake high.ply low.obj -o maps --maps normal,displacement --size 32 --format exr")
+    invoke("bake-normals high.ply low.obj -o n.exr --size 32")
+    invoke("bake-displacement high.ply low.obj -o d.exr --size 32")
+    assert Path("n.exr").read_bytes() == Path("maps/normal.exr").read_bytes()
+    assert Path("d.exr").read_bytes() == Path("maps/displacement.exr").read_bytes()
+
+
+def test_report_has_settings_figures_and_the_coding_of_heights(
+    workplace: Path, invoke: Invoke
+) -> None:
+    invoke(
+        "bake-displacement high.ply low.obj -o d.png --size 32 --mid 0.25 --scale 0.5 "
+        "--report r.json"
+    )
+    report = json.loads(Path("r.json").read_text())
+    assert report["options"]["mid"] == 0.25
+    assert report["texels_covered"] > 0
+    assert report["files"]["displacement"]["path"] == "d.png"
+    assert sorted(
+        value for value in report["files"]["displacement"].values() if isinstance(value, float)
+    ) == [0.25, 0.5]
+
+
+def test_compare_finds_the_mapped_mesh_closer(workplace: Path, invoke: Invoke) -> None:
+    invoke("bake high.ply low.obj -o maps --maps normal,displacement --size 256 --format exr")
+    invoke(
+        "compare high.ply low.obj --normal-map maps/normal.exr "
+        "--displacement maps/displacement.exr --size 200 --report r.json"
+    )
+    report = json.loads(Path("r.json").read_text())
+    assert report["mapped"]["mean_deg"] < 0.5 * report["bare"]["mean_deg"]
+    assert report["mapped"]["psnr_db"] > report["bare"]["psnr_db"]
+
+
+def test_quiet_says_nothing(workplace: Path, run: Run) -> None:
+    done = run("bake-normals high.ply low.obj -o n.png --size 32 --padding 0 --quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_progress_as_json(workplace: Path, run: Run) -> None:
+    done = run("bake-normals high.ply low.obj -o n.png --size 32 --padding 0 --progress json")
+    events = [json.loads(line) for line in done.stderr.splitlines()]
+    started = [event["stage"] for event in events if event["event"] == "started"]
+    finished = [event["stage"] for event in events if event["event"] == "finished"]
+    assert started[:2] == ["read high.ply", "read low.obj"]
+    assert sorted(started) == sorted(finished)
+
+
+def test_threads_change_no_byte(workplace: Path, invoke: Invoke) -> None:
+    for threads in 1, 2:
+        invoke(
+            f"bake high.ply low.obj -o maps{threads} --maps normal,displacement --size 64 "
+            f"--samples 4 --threads {threads}"
+        )
+    for name in "normal.png", "displacement.png":
+        assert Path("maps1", name).read_bytes() == Path("maps2", name).read_bytes()
