@@ -46,8 +46,8 @@ def main() -> None:
 
 
 def _close_stdout() -> None:
-    """Flush what is left, quietly where the reader of a pipe has gone (`texbake ... | head`)."""
+    """Let go of text that cannot be printed, which Python would complain of once more at exit."""
     try:
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -13,6 +13,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import click
 
+from texbake.errors import FileError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -60,11 +62,21 @@ class Terminal:
         """Tell which files there are now."""
         if not self.quiet:
             for path in paths:
-                click.echo(f"wrote {path}")
+                say(f"wrote {path}")
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
         click.echo(f"texbake: warning: {text}", err=True)
+
+
+def say(text: str) -> None:
+    """Print on stdout; a disk that is full behind it is a user's error, told in one line."""
+    try:
+        click.echo(text)
+    except BrokenPipeError:  # the reader has gone, and wants no more
+        raise
+    except OSError as error:
+        raise FileError(f"standard output: cannot be written: {error.strerror}") from error
 
 
 def table(rows: Sequence[tuple[str, str]]) -> None:
@@ -72,9 +84,9 @@ def table(rows: Sequence[tuple[str, str]]) -> None:
     width = max((len(label) for label, value in rows if value), default=0)
     for label, value in rows:
         if value:
-            click.echo(f"{label:<{width}}  {value}")
+            say(f"{label:<{width}}  {value}")
         else:
-            click.echo(click.style(label, bold=True))
+            say(click.style(label, bold=True))
 
 
 def terminal_options(command: Callable[..., None]) -> Callable[..., None]:

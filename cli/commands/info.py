@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..options import mesh_argument
-from ..terminal import Terminal, table, terminal_options
+from ..terminal import Terminal, say, table, terminal_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ def info(mesh: Path, as_json: bool, terminal: Terminal) -> None:
     with terminal.progress() as progress:
         found = texbake.mesh_info(texbake.read_mesh(mesh, progress=progress))
     if as_json:
-        click.echo(found.to_json())
+        say(found.to_json())
     else:
         table(_rows(found))
 

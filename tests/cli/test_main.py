@@ -5,7 +5,6 @@ import re
 import shlex
 import signal
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,7 +39,7 @@ def test_help_lists_every_command_with_what_it_does() -> None:
     assert result.exit_code == 0
     for name in COMMANDS:
         assert re.search(rf"^  {name} +\S.{{10}}", result.output, re.MULTILINE)
-    assert "..." not in result.output  # each fits its line
+    assert "..." not in result.output.partition("Commands:")[2]  # each fits its line
 
 
 def test_version(run: Run) -> None:
@@ -166,7 +165,6 @@ def test_the_shell_completes(script: Path, tmp_path: Path, words: str, expected:
     assert {line.partition(",")[2] for line in done.stdout.splitlines()} == expected
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no bash to ask")
 def test_the_completion_script_is_bash(script: Path) -> None:
     environment = {**os.environ, "_TEXBAKE_COMPLETE": "bash_source"}
     source = subprocess.run(

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.hits import NO_HIT, Hits
+from texbake.bake.hits import Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps import map_kinds
 from texbake.bake.maps.kind import MapKind
 from texbake.bake.options import BakeOptions
 from texbake.bake.rays import check_cage
-from texbake.bake.report import PERCENTILES, BakeReport, library_versions
+from texbake.bake.report import BakeReport, DistanceSummary, library_versions
 from texbake.bake.result import BakedMap, BakeResult
 from texbake.bake.sums import TexelSums
 from texbake.bake.surround import Surroundings
@@ -80,11 +80,11 @@ def bake(
     inputs = BakeInputs(high, low, options)
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
-    lengths: list[npt.NDArray[np.float32]] = []
+    distances = DistanceSummary()
     for hits in trace.hits():
         with stages.part("make maps"):
             sums.add(hits)
-        lengths.append(_lengths(hits, options.samples))
+            distances.add(hits)
         if options.keep_hits:
             kept.append(hits)
     return _result(kinds, sums, trace, inputs, stages, Hits.joined(kept) if kept else None, lengths)
@@ -131,7 +131,7 @@ def _result(
     inputs: BakeInputs,
     stages: Stages,
     hits: Hits | None,
-    lengths: list[npt.NDArray[np.float32]],
+    distances: DistanceSummary,
 ) -> BakeResult:
     options = inputs.options
     has_data = (sums.n_hits > 0).reshape(options.height, options.width)
@@ -144,8 +144,6 @@ def _result(
         )
     _check_misses(n_missed, n_covered, inputs)
     maps, meets = _finished(kinds, sums, inputs, has_data, trace.texel_faces, stages)
-    distances = np.concatenate(lengths) if lengths else np.zeros(0, dtype=np.float32)
-    percentiles = np.percentile(distances, PERCENTILES) if len(distances) else ()
     report = BakeReport(
         high=inputs.high.name,
         low=inputs.low.name,
@@ -162,9 +160,7 @@ def _result(
         texels_overlapping=trace.counts.samples_overlapping / options.samples,
         padding_meets=meets,
         counts=trace.counts,
-        distance_percentiles={
-            percent: float(value) for percent, value in zip(PERCENTILES, percentiles, strict=False)
-        },
+        distance_percentiles=distances.percentiles(),
         stages=stages.records,
         versions=library_versions(),
     )
@@ -205,9 +201,3 @@ def _finished(
             )
         maps[kind.name] = BakedMap(kind, values, has_data, options)
     return maps, surroundings.n_meeting
-
-
-def _lengths(hits: Hits, every: int) -> npt.NDArray[np.float32]:
-    """Distances between the two surfaces at every so many hits."""
-    offsets = hits.offsets[hits.high_faces != NO_HIT][::every]
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", offsets, offsets)))

@@ -5,11 +5,45 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.options import BakeOptions
 from texbake.bake.trace import TraceCounts
 from texbake.progress import StageRecord
 
-PERCENTILES = (0, 1, 5, 50, 95, 99, 100)
+_PERCENTILES = (1, 5, 50, 95, 99)
+_EVERY = 8  # percentiles between the ends are taken over one hit in so many
+
+
+class DistanceSummary:
+    """How far the two surfaces lie apart, gathered while the hits go by."""
+
+    def __init__(self) -> None:
+        self._some: list[npt.NDArray[np.float32]] = []
+        self._least, self._greatest = np.inf, 0.0
+
+    def add(self, hits: Hits) -> None:
+        """Take in the hits of a part of the trace."""
+        squares = np.einsum("ij,ij->i", hits.offsets, hits.offsets)
+        is_hit = hits.high_faces != NO_HIT
+        if not is_hit.all():
+            squares = squares[is_hit]
+        if len(squares):
+            self._least = min(self._least, float(np.sqrt(squares.min())))
+            self._greatest = max(self._greatest, float(np.sqrt(squares.max())))
+            self._some.append(np.sqrt(squares[::_EVERY]))
+
+    def percentiles(self) -> dict[int, float]:
+        """Percent to distance in model units, from 0, the least, to 100; empty without a hit."""
+        if not self._some:
+            return {}
+        values = np.percentile(np.concatenate(self._some), _PERCENTILES)
+        between = {
+            percent: float(value) for percent, value in zip(_PERCENTILES, values, strict=True)
+        }
+        return {0: self._least, **between, 100: self._greatest}
 
 
 @dataclass(frozen=True)

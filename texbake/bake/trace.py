@@ -6,6 +6,7 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from texbake.bake.cast import Caster, open_caster
 from texbake.bake.distances import measure_reach
@@ -26,6 +27,7 @@ from texbake.bake.texels import (
 from texbake.bake.watertight import retry_watertight
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.parallel import run_bands
 from texbake.progress import Stages
 
 _SAMPLES_AT_ONCE = 1 << 20
@@ -136,7 +138,7 @@ class Trace:
                     rays = field.rays(samples)
                     found = caster.cast(rays, cull_back_faces=self.options.cull_back_faces)
                     self._count(found)
-                    hits = _hits(samples, rays, found, frame)
+                    hits = _hits(samples, rays, found, frame, threads)
                 lost = found.faces == NO_HIT
                 if lost.any():
                     missed.append((samples.where(lost), rays.where(lost)))
@@ -158,7 +160,7 @@ class Trace:
         n_recovered = int(np.count_nonzero(recovered))
         self.counts.rays_recovered = n_recovered
         self.counts.rays_missed -= n_recovered
-        return _hits(samples, rays, found, frame).where(recovered)
+        return _hits(samples, rays, found, frame, self.options.threads).where(recovered)
 
     def _note_texels(self, owners: IntArray, rows: range) -> None:
         per_side = self._grid.per_side
@@ -181,16 +183,42 @@ def _rows_at_once(grid: SampleGrid) -> int:
     return max(rows // least, 1) * least
 
 
-def _hits(samples: Samples, rays: Rays, found: Found, frame: LocalFrame) -> Hits:
+def _hits(
+    samples: Samples, rays: Rays, found: Found, frame: LocalFrame, threads: int | None
+) -> Hits:
     """Put rays and what they found together, lengths in model units."""
-    depths = frame.length_to_model(found.distances - rays.fronts)
-    offsets = rays.directions * depths[:, np.newaxis]
-    offsets[found.faces == NO_HIT] = 0.0
-    return Hits(
+    n = len(samples)
+    hits = Hits(
         samples.texel_ids,
         samples.faces,
-        samples.barycentrics.astype(np.float32),
+        np.empty((n, 2), dtype=np.float32),
         found.faces,
-        found.barycentrics.astype(np.float32),
-        offsets.astype(np.float32),
+        np.empty((n, 2), dtype=np.float32),
+        np.empty((n, 3), dtype=np.float32),
     )
+
+    def fill(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        _hits_kernel(
+            (samples.barycentrics[band], rays.directions[band], rays.fronts[band]),
+            (found.faces[band], found.barycentrics[band], found.distances[band]),
+            frame.scale,
+            (hits.low_barycentrics[band], hits.high_barycentrics[band], hits.offsets[band]),
+        )
+
+    run_bands(fill, n, band=1 << 16, threads=threads)
+    return hits
+
+
+@njit(nogil=True, cache=True)
+def _hits_kernel(lines, found, scale, hits):  # type: ignore[no-untyped-def]
+    sample_barycentrics, directions, fronts = lines
+    faces, barycentrics, distances = found
+    low_barycentrics, high_barycentrics, offsets = hits
+    for i in range(len(faces)):
+        for k in range(2):
+            low_barycentrics[i, k] = sample_barycentrics[i, k]
+            high_barycentrics[i, k] = barycentrics[i, k]
+        depth = (distances[i] - fronts[i]) / scale if faces[i] != NO_HIT else 0.0
+        for axis in range(3):
+            offsets[i, axis] = directions[i, axis] * depth

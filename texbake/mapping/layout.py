@@ -15,8 +15,10 @@ from numba import njit
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.seams import border_edges, chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.parallel import run_bands
 
 _SAMPLES = 4  # a side of a pixel; their square must fit the bits of an outline mask
+_BAND = 128  # rows drawn at once
 _GAMMA = 2.2  # near enough to sRGB to choose colors by
 _BACKGROUND = 0.96
 _MIRRORED = (0.86, 0.10, 0.12)
@@ -27,7 +29,9 @@ _EDGE_DARKNESS = 0.45
 _ROOMY_PX = 12.0  # triangles smaller than this get fainter edges, or nothing else would be seen
 
 
-def draw_layout(mesh: Mesh, size: int | tuple[int, int] = 1024) -> npt.NDArray[np.float32]:
+def draw_layout(
+    mesh: Mesh, size: int | tuple[int, int] = 1024, *, threads: int | None = None
+) -> npt.NDArray[np.float32]:
     """Draw the texture coordinates of a mesh over the unit square.
 
     Parameters
@@ -36,6 +40,8 @@ def draw_layout(mesh: Mesh, size: int | tuple[int, int] = 1024) -> npt.NDArray[n
         With texture coordinates. What lies outside the unit square is not drawn.
     size : int or (int, int)
         Pixels a side, or (width, height).
+    threads
+        None for every processor.
 
     Returns
     -------
@@ -53,18 +59,25 @@ def draw_layout(mesh: Mesh, size: int | tuple[int, int] = 1024) -> npt.NDArray[n
     pixels = np.ascontiguousarray((uvs * [1, -1] + [0, 1]) * [width, height])
     colors = _face_colors(chart_ids(mesh))
     colors[signed_areas(uvs) < 0.0] = np.array(_MIRRORED) ** _GAMMA
-    sums = np.zeros((height, width, 4))
-    _fill_kernel(pixels, colors, _EDGE_PX / 2.0, 1.0 - _edge_darkness(pixels), _SAMPLES, sums)
-    hits = sums[:, :, 3:]
-    covered = np.minimum(hits / _SAMPLES**2, 1.0)
-    picture = covered * (sums[:, :, :3] / np.maximum(hits, 1.0))
-    picture += (1.0 - covered) * _BACKGROUND**_GAMMA
+    outlines = np.stack([pixels, np.roll(pixels, -1, axis=1)], axis=2)[border_edges(mesh)]
+    edge_light = 1.0 - _edge_darkness(pixels)
+    picture = np.empty((height, width, 3), dtype=np.float32)
 
-    ends = np.stack([pixels, np.roll(pixels, -1, axis=1)], axis=2)[border_edges(mesh)]
-    masks = np.zeros((height, width), dtype=np.uint16)
-    _outline_kernel(ends, _OUTLINE_PX / 2.0, _SAMPLES, masks)
-    inked = np.bitwise_count(masks)[:, :, None] / _SAMPLES**2
-    return (picture * (1.0 - _OUTLINE_DARKNESS * inked)).astype(np.float32)
+    def draw_rows(start: int, stop: int) -> None:
+        sums = np.zeros((stop - start, width, 4))
+        _fill_kernel(pixels - [0, start], colors, _EDGE_PX / 2.0, edge_light, _SAMPLES, sums)
+        hits = sums[:, :, 3:]
+        covered = np.minimum(hits / _SAMPLES**2, 1.0)
+        rows = covered * (sums[:, :, :3] / np.maximum(hits, 1.0))
+        rows += (1.0 - covered) * _BACKGROUND**_GAMMA
+        masks = np.zeros((stop - start, width), dtype=np.uint16)
+        _outline_kernel(outlines - [0, start], _OUTLINE_PX / 2.0, _SAMPLES, masks)
+        bits = np.unpackbits(masks.view(np.uint8).reshape(stop - start, width, 2), axis=2)
+        inked = bits.sum(axis=2)[:, :, None] / _SAMPLES**2
+        picture[start:stop] = rows * (1.0 - _OUTLINE_DARKNESS * inked)
+
+    run_bands(draw_rows, height, band=_BAND, threads=threads)
+    return picture
 
 
 def _face_colors(charts: IntArray) -> FloatArray:

@@ -233,7 +233,7 @@ def _evened(
     weights = adjugates / (4.0 * np.maximum(areas, np.finfo(np.float64).tiny))[:, None, None]
     moments = np.einsum("fik,fij,fjl->fkl", uv_edges, weights, uv_edges)
     sums = [np.bincount(face_charts, moments[:, i, j]) for i in (0, 1) for j in (0, 1)]
-    maps = _inverse_square_roots(np.stack(sums, axis=1).reshape(-1, 2, 2))
+    maps = _inverse_square_roots(np.array(sums, dtype=np.float64).T.reshape(-1, 2, 2))
     uvs = np.einsum("tij,tj->ti", maps[chart_ids], uvs)
 
     flat_areas = np.bincount(face_charts, signed_areas(uvs[faces]))

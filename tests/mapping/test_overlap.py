@@ -1,0 +1,82 @@
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.mapping.overlap import overlap_layers, overlapping_faces
+from texbake.mesh.shapes import plane
+
+Array = npt.NDArray[np.float64]
+
+
+def common_area(one: Array, other: Array) -> float:
+    """Area of what two triangles share, by clipping one with the edges of the other."""
+    polygon = [tuple(point) for point in one]
+    if np.linalg.det(other[1:] - other[0]) < 0.0:
+        other = other[::-1]
+    for start, end in zip(other, np.roll(other, -1, axis=0), strict=True):
+        edge = end - start
+        sides = [edge[0] * (y - start[1]) - edge[1] * (x - start[0]) for x, y in polygon]
+        clipped = []
+        for i, (p, side) in enumerate(zip(polygon, sides, strict=True)):
+            q, next_side = polygon[(i + 1) % len(polygon)], sides[(i + 1) % len(polygon)]
+            if side >= 0.0:
+                clipped.append(p)
+            if side * next_side < 0.0:
+                t = side / (side - next_side)
+                clipped.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
+        polygon = clipped
+        if not polygon:
+            return 0.0
+    x, y = np.array(polygon).T
+    return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.6))
+def test_agrees_with_the_area_that_clipping_leaves(seed: int, size: float) -> None:
+    random = np.random.default_rng(seed)
+    # On a lattice of 1/64 an overlap is deep or is none: nothing hangs on the tolerance.
+    corners = random.random((24, 1, 2)) + (random.random((24, 3, 2)) - 0.5) * size
+    corners = np.round(corners * 64.0) / 64.0
+    edges = corners[:, 1:] - corners[:, :1]
+    solid = np.linalg.det(edges) != 0.0
+    expected = np.zeros(24, dtype=bool)
+    for i in range(24):
+        for j in range(i):
+            if solid[i] and solid[j] and common_area(corners[i], corners[j]) > 1e-9:
+                expected[i] = expected[j] = True
+    assert np.array_equal(overlapping_faces(corners), expected)
+
+
+def test_a_grid_shares_edges_and_no_area() -> None:
+    assert not overlapping_faces(plane(30, 20).corner_uvs()).any()
+
+
+def test_a_face_within_another_and_one_on_itself() -> None:
+    large = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    small = large * 0.1 + 0.2
+    assert overlapping_faces(np.stack([large, small])).tolist() == [True, True]
+    assert overlapping_faces(np.stack([large, large])).tolist() == [True, True]
+    assert overlapping_faces(np.stack([large, -large])).tolist() == [False, False]
+
+
+def test_faces_without_area_overlap_nothing() -> None:
+    large = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    line = np.array([[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]])
+    assert not overlapping_faces(np.stack([large, line, np.full((3, 2), 0.2)])).any()
+
+
+@pytest.mark.parametrize("n_copies", [1, 2, 5])
+def test_copies_of_a_square_need_as_many_layers(n_copies: int) -> None:
+    square = plane().corner_uvs()
+    corners = np.tile(square, (n_copies, 1, 1))
+    layers = overlap_layers(corners, np.zeros(2 * n_copies, dtype=np.int32), depth=1e-6)
+    assert layers.tolist() == np.repeat(np.arange(n_copies), 2).tolist()
+
+
+def test_faces_of_other_charts_do_not_mind_each_other() -> None:
+    corners = np.tile(plane().corner_uvs(), (3, 1, 1))
+    charts = np.array([2, 2, 0, 0, 1, 1], dtype=np.int32)
+    assert not overlap_layers(corners, charts, depth=1e-6).any()

@@ -1,0 +1,77 @@
+import math
+
+import numpy as np
+import pytest
+
+from texbake.errors import UvError
+from texbake.mapping.seams import border_edges, chart_ids, seam_length
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, plane, uv_sphere
+
+
+def cube_of_squares() -> Mesh:
+    """The cube with a chart for each side."""
+    corners = np.tile(plane().corner_uvs(), (6, 1, 1)) * 0.1
+    corners += np.repeat(np.arange(6), 2)[:, None, None] * 0.15
+    return cube().replace(
+        uvs=corners.reshape(-1, 2), uv_faces=np.arange(36, dtype=np.int32).reshape(-1, 3)
+    )
+
+
+def test_a_plane_is_one_chart_without_seams() -> None:
+    mesh = plane(5, 4)
+    assert np.array_equal(chart_ids(mesh), np.zeros(40))
+    assert border_edges(mesh).sum() == 2 * (5 + 4)
+    assert seam_length(mesh) == 0.0  # its outline is one of the surface too
+
+
+def test_a_cube_cut_along_all_its_edges() -> None:
+    mesh = cube_of_squares()
+    assert chart_ids(mesh).tolist() == np.repeat(np.arange(6), 2).tolist()
+    assert border_edges(mesh).sum() == 6 * 4
+    assert seam_length(mesh) == 12.0
+
+
+def test_repeated_vertices_and_coordinates_cut_nothing() -> None:
+    mesh = plane(3, 3)
+    each_for_itself = np.arange(3 * mesh.n_faces, dtype=np.int32).reshape(-1, 3)
+    split = Mesh(
+        positions=mesh.positions[mesh.faces].reshape(-1, 3),
+        faces=each_for_itself,
+        uvs=mesh.corner_uvs().reshape(-1, 2),
+        uv_faces=each_for_itself,
+    )
+    assert chart_ids(split).max() == 0
+    assert seam_length(split) == 0.0
+
+
+def test_a_sphere_cut_from_pole_to_pole() -> None:
+    n_lat, n_lon = 24, 48
+    mesh = uv_sphere(n_lat, n_lon)
+    # A half circle of chords, and at each pole every face's own corner cuts the edges to it.
+    chord = 2.0 * math.sin(math.pi / n_lat / 2.0)
+    spokes = 2 * n_lon
+    expected = chord * (n_lat - 2 + spokes)
+    assert seam_length(mesh) == pytest.approx(expected, rel=1e-12)
+
+
+def test_faces_that_touch_at_a_corner_are_two_charts() -> None:
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]],
+        faces=[[0, 1, 2], [0, 3, 4]],
+        uvs=[[0.5, 0.5], [1, 0.5], [0.5, 1], [0, 0.5], [0.5, 0]],
+        uv_faces=[[0, 1, 2], [0, 3, 4]],
+    )
+    assert chart_ids(mesh).tolist() == [0, 1]
+
+
+def test_a_long_strip_in_any_order_is_one_chart() -> None:
+    mesh = plane(2000, 1)
+    shuffled = np.random.default_rng(0).permutation(mesh.n_faces)
+    mesh = mesh.replace(faces=mesh.faces[shuffled], uv_faces=mesh.faces[shuffled])
+    assert chart_ids(mesh).max() == 0
+
+
+def test_without_coordinates() -> None:
+    with pytest.raises(UvError, match="no texture coordinates"):
+        chart_ids(cube())

@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from texbake.errors import OptionError
+from texbake.mapping.options import UnwrapOptions
+
+
+def test_width_and_height_of_a_square_and_of_a_rectangle() -> None:
+    assert (UnwrapOptions(size=512).width, UnwrapOptions(size=512).height) == (512, 512)
+    assert (UnwrapOptions(size=(512, 64)).width, UnwrapOptions(size=(512, 64)).height) == (512, 64)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"method": "magic"}, "method: magic is not one of atlas"),
+        ({"size": 0}, "size: 0 is out of range"),
+        ({"size": 100_000}, "size: 100000 is out of range"),
+        ({"size": (512, -1)}, "size: -1 is out of range"),
+        ({"size": (1, 2, 3)}, "neither a number nor"),
+        ({"padding": -1}, "padding: -1 is negative"),
+        ({"size": (1024, 8), "padding": 4}, "leave nothing of 1024 x 8"),
+        ({"timeout": 0.0}, "timeout: 0.0"),
+        ({"timeout": float("nan")}, "timeout: nan"),
+    ],
+)
+def test_a_value_that_cannot_be_is_one_clear_error(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        UnwrapOptions(**values)
+
+
+def test_defaults_are_read_without_loading_numpy() -> None:
+    code = "import sys, texbake.mapping.options; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
