@@ -87,7 +87,8 @@ def bake(
             distances.add(hits)
         if options.keep_hits:
             kept.append(hits)
-    return _result(kinds, sums, trace, inputs, stages, Hits.joined(kept) if kept else None, lengths)
+    all_hits = Hits.joined(kept) if kept else None
+    return _result(kinds, sums, trace, inputs, stages, all_hits, distances)
 
 
 def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> BakeResult:
