@@ -51,7 +51,13 @@ def bake_to_files(
         if folder is not None:
             make_folder(folder)
         for name, path in files.items():
-            written[name] = {"path": str(path), **result.maps[name].write(path)}
+            file = result.maps[name].write(path)
+            written[name] = {"path": str(path), "clipped": file.n_clipped, **file.metadata}
+            if file.n_clipped:
+                terminal.warn(
+                    f"{path}: {file.n_clipped:,} values lie outside what --mid and --scale hold "
+                    "and are clipped; give a greater --scale, or none"
+                )
         if miss_map is not None:
             texbake.write_image(result.miss_map(), miss_map)
         if report is not None:

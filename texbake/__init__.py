@@ -19,9 +19,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from texbake.bake.bake import bake, remap
+    from texbake.bake.baked_map import BakedMap, WrittenMap
     from texbake.bake.options import BakeOptions
     from texbake.bake.report import BakeReport
-    from texbake.bake.result import BakedMap, BakeResult
+    from texbake.bake.result import BakeResult
     from texbake.errors import (
         CageError,
         DependencyError,
@@ -58,7 +59,8 @@ _NAMES = {
     "texbake.bake.bake": ("bake", "remap"),
     "texbake.bake.options": ("BakeOptions",),
     "texbake.bake.report": ("BakeReport",),
-    "texbake.bake.result": ("BakeResult", "BakedMap"),
+    "texbake.bake.baked_map": ("BakedMap", "WrittenMap"),
+    "texbake.bake.result": ("BakeResult",),
     "texbake.errors": (
         "CageError",
         "DependencyError",
@@ -122,6 +124,7 @@ __all__ = [
     "UnwrapOptions",
     "UnwrapReport",
     "UvError",
+    "WrittenMap",
     "__version__",
     "bake",
     "compare",

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from texbake.errors import UvError
@@ -24,15 +24,16 @@ def mapped(mesh: Mesh, matrix: npt.ArrayLike) -> Mesh:
 def squares_of_scales(*scales: float) -> Mesh:
     """Unit squares side by side in space, and in the texture each scaled by its own factor."""
     square = plane()
-    positions = [square.positions + [2.0 * i, 0.0, 0.0] for i in range(len(scales))]
+    positions = [square.positions + np.array([2.0 * i, 0.0, 0.0]) for i in range(len(scales))]
     assert square.uvs is not None
-    uvs = [square.uvs * scale + [20.0 * i, 0.0] for i, scale in enumerate(scales)]
+    uvs = [square.uvs * scale + np.array([20.0 * i, 0.0]) for i, scale in enumerate(scales)]
     faces = np.concatenate([square.faces + 4 * i for i in range(len(scales))])
     return Mesh(
         positions=np.concatenate(positions), faces=faces, uvs=np.concatenate(uvs), uv_faces=faces
     )
 
 
+@settings(deadline=None)  # the first call compiles a kernel
 @given(st.floats(0.0, 6.3), st.floats(-3.0, 3.0), st.floats(-6.0, 6.0))
 def test_what_keeps_the_shape_is_perfect(angle: float, log_size: float, log_texture: float) -> None:
     mesh = plane(3, 2)
@@ -62,6 +63,7 @@ def test_twice_as_long_one_way() -> None:
     assert found.area == pytest.approx(0.0, abs=1e-12)
 
 
+@settings(deadline=None)
 @given(st.floats(0.01, 5.0))
 def test_shear(k: float) -> None:
     # [[1, k], [0, 1]]: σ1 σ2 = 1 and σ1² + σ2² = 2 + k², whose roots are (√(k² + 4) ± k) / 2.
@@ -157,7 +159,7 @@ def test_the_same_square_twice_overlaps() -> None:
     square = plane()
     both = np.concatenate([square.faces, square.faces + 4])
     mesh = Mesh(
-        positions=np.concatenate([square.positions, square.positions + [0, 0, 1]]),
+        positions=np.concatenate([square.positions, square.positions + np.array([0, 0, 1])]),
         faces=both,
         uvs=square.uvs,
         uv_faces=both % 4,

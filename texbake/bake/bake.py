@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.bake.baked_map import BakedMap
 from texbake.bake.hits import Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps import map_kinds
@@ -14,7 +15,7 @@ from texbake.bake.maps.kind import MapKind
 from texbake.bake.options import BakeOptions
 from texbake.bake.rays import check_cage
 from texbake.bake.report import BakeReport, DistanceSummary, library_versions
-from texbake.bake.result import BakedMap, BakeResult
+from texbake.bake.result import BakeResult
 from texbake.bake.sums import TexelSums
 from texbake.bake.surround import Surroundings
 from texbake.bake.texels import NO_FACE

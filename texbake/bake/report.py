@@ -70,8 +70,6 @@ class BakeReport:
     counts : TraceCounts
     distance_percentiles : dict
         Percent to distance between the light and the dense surface.
-    heights_clipped : dict
-        Map to texels whose value its mid and scale cannot hold.
     stages : list of StageRecord
     versions : dict
     """

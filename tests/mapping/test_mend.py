@@ -1,0 +1,130 @@
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.mend import Charts, mended_charts
+from texbake.mapping.overlap import overlapping_faces
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane
+
+NO_CHART = 2**32 - 1
+
+
+def mended(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts | None:
+    """Mend coordinates that every vertex of a mesh has one of."""
+    return mended_charts(
+        mesh.positions,
+        mesh.faces,
+        mesh.faces.astype(np.uint32),
+        np.asarray(uvs, dtype=np.float32),
+        np.asarray(chart_ids, dtype=np.uint32),
+    )
+
+
+@settings(deadline=None)  # the first call compiles a kernel
+@given(
+    st.floats(0.2, 5.0),
+    st.floats(0.2, 5.0),
+    st.floats(-2.0, 2.0),
+    st.booleans(),
+    st.floats(-50.0, 50.0),
+)
+def test_a_linear_map_of_a_flat_chart_is_undone(
+    a: float, b: float, shear: float, mirror: bool, offset: float
+) -> None:
+    mesh = plane(4, 3)
+    assert mesh.uvs is not None
+    matrix = np.array([[a, shear], [0.0, b]]) @ np.diag([-1.0 if mirror else 1.0, 1.0])
+    charts = mended(mesh, mesh.uvs @ matrix.T + offset, np.zeros(mesh.n_vertices))
+    assert charts is not None
+    flat, space = (
+        np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        for corners in (charts.uvs[charts.faces], mesh.positions[mesh.faces])
+    )
+    # float32 coordinates of up to 60, of a chart at least 0.2 wide.
+    assert flat == pytest.approx(space, rel=2e-4)
+    assert (signed_areas(charts.uvs[charts.faces]) > 0.0).all()
+    assert charts.n_mirrored == mirror
+    assert (charts.n_charts, charts.n_ignored, charts.n_split) == (1, 0, 0)
+
+
+def test_every_chart_gets_its_own_map() -> None:
+    square = plane()
+    assert square.uvs is not None
+    both = np.concatenate([square.faces, square.faces + 4])
+    mesh = Mesh(positions=np.concatenate([square.positions, square.positions * 0.5]), faces=both)
+    uvs = np.concatenate([square.uvs * [3.0, 1.0], square.uvs * [-1.0, 7.0]])
+    charts = mended(mesh, uvs, np.repeat([5, 3], 4))
+    assert charts is not None
+    assert charts.n_charts == 2
+    assert charts.n_mirrored == 1
+    areas = signed_areas(charts.uvs[charts.faces])
+    assert areas == pytest.approx([0.5, 0.5, 0.125, 0.125], rel=1e-6)
+
+
+def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 0], [9, 9, 9]],
+        faces=[[4, 4, 4], [0, 1, 2], [1, 3, 2]],
+    )
+    uvs = [[0, 0], [1, 0], [0, 1], [0, 0], [0, 0]]
+    faces = np.array([[4, 4, 4], [0, 1, 2], [3, 3, 3]], dtype=np.uint32)
+    ids = np.array([0, 0, 0, NO_CHART, NO_CHART], dtype=np.uint32)
+    charts = mended_charts(mesh.positions, mesh.faces, faces, np.array(uvs, dtype=np.float32), ids)
+    assert charts is not None
+    assert charts.n_ignored == 2
+    assert charts.faces[1].tolist() == [0, 1, 2]
+    assert charts.faces[2].tolist() == [1, 1, 1]  # where vertex 1 is
+    assert len(set(charts.faces[0].tolist())) == 1
+    assert len(charts.uvs) == 3
+
+
+def test_no_chart_at_all() -> None:
+    assert mended(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
+
+
+def test_a_folded_face_is_laid_out_for_itself() -> None:
+    mesh = plane(3, 3)
+    assert mesh.uvs is not None
+    uvs = mesh.uvs.copy()
+    uvs[0] = uvs[5] + (uvs[5] - uvs[0]) * 0.3  # the corner, beyond the diagonal
+    charts = mended(mesh, uvs, np.zeros(mesh.n_vertices))
+    assert charts is not None
+    corners = charts.uvs[charts.faces]
+    assert (signed_areas(corners) > 0.0).all()
+    # Faces of one chart do not overlap; those of different charts may, before they are packed.
+    face_charts = charts.chart_ids[charts.faces[:, 0]]
+    for chart in range(charts.n_charts):
+        assert not overlapping_faces(corners[face_charts == chart]).any()
+    assert charts.n_split == charts.n_charts - 1 > 0
+    assert charts.n_ignored == 0
+
+
+def test_a_chart_that_lies_on_itself_is_taken_apart() -> None:
+    # Two squares one above the other, joined by a face that stands upright between them.
+    square = plane()
+    assert square.uvs is not None
+    positions = np.concatenate([square.positions, square.positions + np.array([0, 0, 1.0])])
+    faces = np.concatenate([square.faces, square.faces + 4])
+    charts = mended(
+        Mesh(positions=positions, faces=faces), np.tile(square.uvs, (2, 1)), np.zeros(8)
+    )
+    assert charts is not None
+    assert charts.n_charts == 2
+    assert charts.n_split == 1
+    assert charts.chart_ids[charts.faces[:, 0]].tolist() == [0, 0, 1, 1]
+
+
+def test_a_mirrored_sliver_becomes_a_point() -> None:
+    width = 2.0**-20
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, -width, 0]],
+        faces=[[0, 1, 2], [0, 3, 1]],
+    )
+    charts = mended(mesh, [[0, 0], [1, 0], [0, 1], [0.5, width]], np.zeros(4))
+    assert charts is not None
+    assert (charts.n_charts, charts.n_ignored, charts.n_split) == (1, 1, 0)
+    assert len(set(charts.faces[1].tolist())) == 1
