@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texbake.bake.options import BakeOptions
 from texbake.files import check_writable
 from texbake.pipeline.folder import check_folder, make_folder
+from texbake.progress import Stages
 
 from .outputs import check_distinct, check_picture, check_report
 from .terminal import Terminal
+
+if TYPE_CHECKING:
+    from texbake import WrittenMap
 
 
 def bake_to_files(
@@ -44,28 +50,37 @@ def bake_to_files(
     from texbake.pipeline.report import write_report
 
     with terminal.progress() as progress:
-        high_mesh, low_mesh = (texbake.read_mesh(path, progress=progress) for path in (high, low))
-        cage_mesh = None if cage is None else texbake.read_mesh(cage, progress=progress)
+        stages = Stages(progress)
+        with stages.part("read meshes"):
+            high_mesh, low_mesh = (
+                texbake.read_mesh(path, progress=progress) for path in (high, low)
+            )
+            cage_mesh = None if cage is None else texbake.read_mesh(cage, progress=progress)
         result = texbake.bake(high_mesh, low_mesh, options, cage=cage_mesh, progress=progress)
-        written = {}
-        if folder is not None:
-            make_folder(folder)
-        for name, path in files.items():
-            file = result.maps[name].write(path)
-            written[name] = {"path": str(path), "clipped": file.n_clipped, **file.metadata}
-            if file.n_clipped:
-                terminal.warn(
-                    f"{path}: {file.n_clipped:,} values lie outside what --mid and --scale hold "
-                    "and are clipped; give a greater --scale, or none"
-                )
-        if miss_map is not None:
-            texbake.write_image(result.miss_map(), miss_map)
+        with stages.stage("write maps"):
+            if folder is not None:
+                make_folder(folder)
+            written = {name: result.maps[name].write(path) for name, path in files.items()}
+            if miss_map is not None:
+                texbake.write_image(result.miss_map(), miss_map)
+        reading, writing = stages.records
+        figures = replace(result.report, stages=[reading, *result.report.stages, writing])
         if report is not None:
-            write_report(report, {**result.report.to_json(), "files": written})
-    for warning in result.report.warnings:
+            coded = {name: asdict(file) for name, file in written.items()}
+            write_report(report, {**figures.to_json(), "files": coded})
+    for warning in [*figures.warnings, *_clipped(written)]:
         terminal.warn(warning)
-    terminal.summary(result.report.table())
+    terminal.summary(figures.table())
     terminal.wrote(path for path in (*files.values(), miss_map, report) if path is not None)
+
+
+def _clipped(written: Mapping[str, WrittenMap]) -> list[str]:
+    return [
+        f"{file.path}: {file.n_clipped:,} values lie outside what --mid and --scale hold and are "
+        "clipped; give a greater --scale, or none"
+        for file in written.values()
+        if file.n_clipped
+    ]
 
 
 def _check_outputs(

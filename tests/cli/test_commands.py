@@ -10,6 +10,7 @@ import pytest
 from click.testing import Result
 
 from texbake import read_image, read_mesh
+from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 
 Invoke = Callable[..., Result]
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -151,17 +152,28 @@ def test_one_trace_gives_what_two_give(workplace: Path, invoke: Invoke) -> None:
 def test_report_has_settings_figures_and_the_coding_of_heights(
     workplace: Path, invoke: Invoke
 ) -> None:
-    invoke(
-        "bake-displacement high.ply low.obj -o d.png --size 32 --mid 0.25 --scale 0.5 "
-        "--report r.json"
-    )
+    line = "bake-displacement high.ply low.obj -o d.png --size 32 --report r.json"
+    invoke(f"{line} --mid 0.25 --scale 0.5")
     report = json.loads(Path("r.json").read_text())
     assert report["options"]["mid"] == 0.25
     assert report["texels_covered"] > 0
-    assert report["files"]["displacement"]["path"] == "d.png"
-    assert sorted(
-        value for value in report["files"]["displacement"].values() if isinstance(value, float)
-    ) == [0.25, 0.5]
+    assert report["files"]["displacement"] == {
+        "path": "d.png",
+        "bits": 16,
+        "metadata": {DISPLACEMENT_MID: 0.25, DISPLACEMENT_SCALE: 0.5},
+        "n_clipped": 0,
+    }
+    stages = [stage["name"] for stage in report["stages"]]
+    assert (stages[0], stages[-1]) == ("read meshes", "write maps")
+    assert report["seconds"] == pytest.approx(sum(stage["seconds"] for stage in report["stages"]))
+
+
+def test_heights_that_cannot_be_coded_are_told(workplace: Path, invoke: Invoke) -> None:
+    line = "bake-displacement high.ply low.obj -o d.png --size 32 --padding 0 --quiet"
+    assert invoke(line).stderr == ""
+    told = invoke(f"{line} --scale 0.001").stderr
+    assert "d.png: " in told
+    assert "are clipped" in told
 
 
 def test_compare_finds_the_mapped_mesh_closer(workplace: Path, invoke: Invoke) -> None:

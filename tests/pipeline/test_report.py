@@ -12,8 +12,9 @@ from texbake.pipeline.report import write_report
 
 def test_a_report_comes_back_as_it_was(tmp_path: Path) -> None:
     report = {"a": [1, 2.5, None], "b": {"c": True, "d": "é"}, "e": (1, 2)}
-    write_report(tmp_path / "r.json", report)
-    assert json.loads((tmp_path / "r.json").read_text("utf-8")) == {**report, "e": [1, 2]}
+    write_report(tmp_path / "r.json", {**report, "f": Path("g/h.png")})
+    read = json.loads((tmp_path / "r.json").read_text("utf-8"))
+    assert read == {**report, "e": [1, 2], "f": "g/h.png"}
 
 
 def test_what_json_has_no_number_for_is_null(tmp_path: Path) -> None:

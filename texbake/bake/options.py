@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
+from texbake.mapping.options import UnwrapOptions
 
 MAX_SIZE = 16384  # texels a side: 2^14, so that fixed-point coordinates of samples fit 30 bits
 SPACES = ("tangent", "object", "world")
@@ -47,7 +48,8 @@ class BakeOptions:
     cull_back_faces : bool
         Skip surfaces that face away from the ray's start; they are counted either way.
     padding : int
-        Texels around each chart filled from the nearest texel of the chart.
+        Texels around each chart filled from the nearest texel of the chart; as many as `unwrap`
+        leaves room for.
     fill : str
         What fills the rest: `none` (the map's neutral value) or `push-pull`.
     fail_on_miss : float, optional
@@ -72,7 +74,7 @@ class BakeOptions:
     rays: str = "smooth"
     high_shading: str = "smooth"
     cull_back_faces: bool = True
-    padding: int = 16
+    padding: int = UnwrapOptions.padding
     fill: str = "none"
     fail_on_miss: float | None = None
     mid: float | None = None

@@ -31,8 +31,8 @@ _WORKER = Path(__file__).with_name("charts_worker.py")
 _GRID_PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
 
 # Longest side of the box that xatlas sees. It takes areas below 1.2e-7 for zero; at this size that
-# is the area of a face four grid cells large, and the charts of real meshes are the same for
-# sizes of 16 to 1024 while at 1 they are not.
+# is two cells of the grid, and real meshes come apart in the same charts as at any size from 16 to
+# 1024, while at 1 they do not.
 _WORKING_SIZE = 256.0
 
 _SECONDS_TO_START = 60.0
@@ -78,12 +78,12 @@ def snapped_points(mesh: Mesh) -> FloatArray:
     The longest side of the bounding box is 1. Meshes that differ in scale or place have equal
     points as far as their positions carry them.
     """
-    local = LocalFrame.around(mesh).to_local(mesh.positions)
+    # Positions that no face uses may lie anywhere, also where numbers overflow.
+    with np.errstate(over="ignore"):
+        local = np.clip(LocalFrame.around(mesh).to_local(mesh.positions), -1.0, 1.0)
     used = local[mesh.faces.ravel()]
     longest = float((used.max(axis=0) - used.min(axis=0)).max())
-    cells = local * (GRID_CELLS / longest) if longest > 0.0 else local * 0.0
-    # Positions that no face uses may lie anywhere, also where float32 overflows.
-    cells = np.clip(cells, -GRID_CELLS, GRID_CELLS)
+    cells = local * (GRID_CELLS / longest if longest > 0.0 else 0.0)
     return np.asarray(np.rint(cells - _GRID_PHASE) / GRID_CELLS)
 
 
@@ -102,7 +102,7 @@ def _run_worker(request: bytes, timeout: float, name: str) -> bytes:
     except subprocess.TimeoutExpired:
         raise UnwrapError(
             f"{name}: xatlas has not cut it into charts in {timeout:.0f} s; "
-            "simplify it first, or allow more time"
+            "simplify it first, or allow more time (timeout)"
         ) from None
     finally:  # also for Ctrl-C
         if process.poll() is None:

@@ -27,19 +27,26 @@ _ATLAS_TEXELS = 256.0**2
 
 def cut(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> tuple[object, ...]:
     """Cut a mesh into charts and flatten them; see the module for what comes back."""
+    area = _surface_area(points, faces)
+    if area == 0.0:
+        return _nothing()
     atlas = xatlas.Atlas()
     atlas.add_mesh(points, faces)
     packing = xatlas.PackOptions()
     packing.rotate_charts = False  # it transposes charts instead of rotating them
     packing.rotate_charts_to_axis = False  # done by the packer that comes after
     packing.bilinear = False
-    packing.texels_per_unit = float(np.sqrt(_ATLAS_TEXELS / _surface_area(points, faces)))
+    packing.texels_per_unit = (_ATLAS_TEXELS / area) ** 0.5
     atlas.generate(xatlas.ChartOptions(), packing)
     if atlas.chart_count == 0:
-        return np.empty((0, 3), np.uint32), np.empty((0, 2), np.float32), np.empty(0, np.uint32)
+        return _nothing()
     _, chart_faces, uvs = atlas.get_mesh(0)
     _, chart_ids = atlas.get_mesh_vertex_assignment(0)
     return chart_faces, uvs * np.array([atlas.width, atlas.height], np.float32), chart_ids
+
+
+def _nothing() -> tuple[object, ...]:
+    return np.empty((0, 3), np.uint32), np.empty((0, 2), np.float32), np.empty(0, np.uint32)
 
 
 def _surface_area(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> float:

@@ -27,21 +27,13 @@ _LEAF_SIZE = 4
 _BAND = 1 << 13
 
 # A level for each of the 63 bits that triangles are split by at most, and for each halving of the
-# 2^31 triangles at most of one code; the stack holds one node a level.
-_STACK_SIZE = 63 + 31 + 1
+# 2^31 triangles at most of one code; the stack holds one node a level,
+# and two at the last.
+_STACK_SIZE = 63 + 31 + 2
 
 # The square of the sine of the angle at its first corner under which a triangle is taken as its
 # three edges, no point of it lying further from them than 1e-10 of their length.
 _SLIVER_SINE_SQUARED = 1e-20
-
-
-# A face is slender where half the surface of its box is more than this times twice its area, and
-# its box is larger than this times the average spacing of vertices in a surface of its size. Boxes
-# of slender faces overlap so much, in CAD models, that a search goes through thousands of them.
-_SLENDER_SURFACE = 6.0
-_SLENDER_SIZE = 4.0
-_MOST_CUTS = 6
-_FEW_PIECES = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +44,8 @@ class TriangleTree:
     ----------
     positions : (V, 3) float64
     faces : (F, 3) int32
-    order : (F',) int32
-        Face ids, so that those below a node are contiguous; a face once for each of its pieces.
+    order : (F,) int32
+        Face ids, so that those below a node are contiguous.
     boxes : (N, 6) float32
         Least x, y, z, then greatest of each node, rounded outward.
     nodes : (N, 2) int32
@@ -83,17 +75,11 @@ class TriangleTree:
         """
         positions = _shared(positions, np.float64)
         faces = _shared(faces, np.int32)
-        ids, codes, is_slender = _morton_order(positions, faces, threads)
-        pieces = positions, faces
-        owners: IntArray | None = None
-        if is_slender.any():
-            *pieces, owners = _cut_slender(positions, faces, is_slender)
-            ids, codes, _ = _morton_order(*pieces, threads)
-        boxes = np.empty((2 * len(ids), 6), dtype=np.float32)
-        nodes = np.empty((2 * len(ids), 2), dtype=np.int32)
-        n_nodes = _build_kernel(*pieces, ids, codes, boxes, nodes)
-        order = ids if owners is None else owners[ids]
-        return cls(positions, faces, order, boxes[:n_nodes].copy(), nodes[:n_nodes].copy())
+        ids, codes = _morton_order(positions, faces, threads)
+        boxes = np.empty((2 * len(faces), 6), dtype=np.float32)
+        nodes = np.empty((2 * len(faces), 2), dtype=np.int32)
+        n_nodes = _build_kernel(positions, faces, ids, codes, boxes, nodes)
+        return cls(positions, faces, ids, boxes[:n_nodes].copy(), nodes[:n_nodes].copy())
 
     def closest_points(
         self,
@@ -150,8 +136,8 @@ def _shared(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
 
 def _morton_order(
     positions: FloatArray, faces: IntArray, threads: int | None
-) -> tuple[IntArray, npt.NDArray[np.uint64], npt.NDArray[np.bool_]]:
-    """Face ids along a Morton curve, their codes in that order, and which faces are slender."""
+) -> tuple[IntArray, npt.NDArray[np.uint64]]:
+    """Face ids along a Morton curve through their centers, and their codes in that order."""
     # The id fills the low bits of the sorted key, the code all others: sorting plain integers is
     # several times faster than finding the permutation that sorts them.
     id_bits = max(1, int(len(faces) - 1).bit_length())
@@ -159,70 +145,32 @@ def _morton_order(
     low = positions.min(axis=0)
     extent = float((positions.max(axis=0) - low).max())
     cells_a_unit = (2.0**axis_bits - 1.0) / extent if extent > 0.0 else 0.0
-    curve = (low, cells_a_unit, axis_bits, id_bits)
-    least_size = _SLENDER_SIZE * extent / math.sqrt(len(faces))
     keys = np.empty(len(faces), dtype=np.uint64)
-    is_slender = np.empty(len(faces), dtype=np.bool_)
 
     def work(start: int, stop: int) -> None:
-        _morton_kernel(positions, faces, curve, least_size, start, stop, keys, is_slender)
+        _morton_kernel(positions, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys)
 
     run_bands(work, len(faces), band=1 << 17, threads=threads)
     keys.sort()
     ids = (keys & np.uint64((1 << id_bits) - 1)).astype(np.int32)
     keys >>= np.uint64(id_bits)
-    return ids, keys, is_slender
-
-
-def _cut_slender(
-    positions: FloatArray, faces: IntArray, is_slender: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """Positions and faces with slender faces cut across, and the face that each is a piece of."""
-    owners = np.flatnonzero(is_slender).astype(np.int32)
-    pieces = positions[faces[owners]]
-    for _ in range(_MOST_CUTS):
-        if 2 * len(pieces) > max(4 * len(faces), _FEW_PIECES):
-            break
-        # Turned so that the longest edge runs from the first corner to the second.
-        edges = np.roll(pieces, -1, axis=1) - pieces
-        longest = np.argmax(np.einsum("ncx,ncx->nc", edges, edges), axis=1)
-        rows = np.arange(len(pieces))
-        a, b, c = (pieces[rows, (longest + step) % 3] for step in range(3))
-        middle = 0.5 * (a + b)
-        pieces = np.stack([[a, middle, c], [middle, b, c]], axis=2).reshape(3, -1, 3)
-        pieces = pieces.swapaxes(0, 1)
-        owners = np.concatenate([owners, owners])
-    others = np.flatnonzero(~is_slender).astype(np.int32)
-    added = len(positions) + np.arange(3 * len(pieces), dtype=np.int32).reshape(-1, 3)
-    return (
-        _shared(np.concatenate([positions, pieces.reshape(-1, 3)]), np.float64),
-        _shared(np.concatenate([faces[others], added]), np.int32),
-        np.concatenate([others, owners]),
-    )
+    return ids, keys
 
 
 @njit(nogil=True, cache=True)
-def _morton_kernel(positions, faces, curve, least_size, start, stop, keys, is_slender):  # type: ignore[no-untyped-def]
-    low, cells_a_unit, axis_bits, id_bits = curve
+def _morton_kernel(positions, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys):  # type: ignore[no-untyped-def]
     for face in range(start, stop):
-        a = _point(positions, faces[face, 0])
-        b = _point(positions, faces[face, 1])
-        c = _point(positions, faces[face, 2])
-        least = min(a[0], b[0], c[0]), min(a[1], b[1], c[1]), min(a[2], b[2], c[2])
-        most = max(a[0], b[0], c[0]), max(a[1], b[1], c[1]), max(a[2], b[2], c[2])
         code = np.uint64(0)
         for axis in range(3):
-            cell = np.uint64((0.5 * least[axis] + 0.5 * most[axis] - low[axis]) * cells_a_unit)
+            first = positions[faces[face, 0], axis]
+            least, most = first, first
+            for corner in range(1, 3):
+                value = positions[faces[face, corner], axis]
+                least, most = min(least, value), max(most, value)
+            cell = np.uint64((0.5 * least + 0.5 * most - low[axis]) * cells_a_unit)
             for bit in range(axis_bits):
                 code |= ((cell >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
         keys[face] = (code << np.uint64(id_bits)) | np.uint64(face)
-        x, y, z = _minus(most, least)
-        ab, ac = _minus(b, a), _minus(c, a)
-        height_squared = _dot(ab, ab) * _dot(ac, ac) - _dot(ab, ac) ** 2  # twice the area, squared
-        half_surface = x * y + y * z + z * x
-        is_slender[face] = (
-            max(x, y, z) > least_size and half_surface**2 > _SLENDER_SURFACE**2 * height_squared
-        )
 
 
 @njit(nogil=True, cache=True)

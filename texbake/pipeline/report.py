@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -15,14 +16,14 @@ from texbake.render.compare import Comparison
 def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
     """Write figures as JSON; the file appears whole or not at all.
 
-    What JSON has no number for (NaN, infinities) becomes null.
+    What JSON has no number for (NaN, infinities) becomes null, and paths become text.
 
     Raises
     ------
     FileError
         The file cannot be written.
     """
-    text = json.dumps(_finite(report), indent=2, allow_nan=False)
+    text = json.dumps(_plain(report), indent=2, allow_nan=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
@@ -49,11 +50,13 @@ def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
     ]
 
 
-def _finite(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
     return value
