@@ -21,6 +21,10 @@ from .lazy import LazyGroup
     \b
     Example:
       texbake run scan.ply -o asset --faces 500
+
+    \b
+    Completion in bash (zsh and fish alike, with their names):
+      eval "$(_TEXBAKE_COMPLETE=bash_source texbake)"
     """,
 )
 @click.version_option(__version__, prog_name="texbake")

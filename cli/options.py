@@ -146,7 +146,7 @@ _BAKE_OPTIONS = (
         int,
         BakeOptions.bits,
         "8|16|32",
-        "Bits a channel; 32 is float.  [default: 16 where the format has them, float in EXR]",
+        "Bits a channel; 32 is float.  [default: the most that the format holds]",
     ),
     number_option(
         "--front",

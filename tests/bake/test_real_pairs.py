@@ -6,6 +6,7 @@ import pytest
 from texbake.bake.bake import bake
 from texbake.bake.options import BakeOptions
 from texbake.mesh.files import read_mesh
+from texbake.render.compare import compare
 from texbake.texture.encoding import decode_normals
 from texbake.texture.image import read_image
 
@@ -56,3 +57,10 @@ def test_same_answer_as_blender(pair, data_dir, cull):
     assert degrees[degrees <= 5].mean() < 0.1
     if not n_different:
         assert degrees.mean() < 0.1
+
+
+def test_the_baked_map_at_least_halves_the_angle_that_a_viewer_sees(pair):
+    _, high, low = pair
+    result = bake(high, low, BakeOptions(size=1024, samples=4))
+    comparison = compare(high, low, normal_map=result.maps["normal"].values)
+    assert comparison.mapped.mean_deg <= comparison.bare.mean_deg / 2

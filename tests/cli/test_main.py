@@ -165,10 +165,22 @@ def test_the_shell_completes(script: Path, tmp_path: Path, words: str, expected:
     assert {line.partition(",")[2] for line in done.stdout.splitlines()} == expected
 
 
-def test_the_completion_script_is_bash(script: Path) -> None:
-    environment = {**os.environ, "_TEXBAKE_COMPLETE": "bash_source"}
-    source = subprocess.run(
-        [script], capture_output=True, text=True, env=environment, timeout=60, check=True
-    ).stdout
-    assert "_TEXBAKE_COMPLETE=bash_complete" in source
-    subprocess.run(["bash", "-n"], input=source, text=True, check=True, timeout=60)
+def test_bash_completes(script: Path, tmp_path: Path) -> None:
+    (tmp_path / "scan.ply").touch()
+    (tmp_path / "scan.txt").touch()
+    lines = (
+        'eval "$(_TEXBAKE_COMPLETE=bash_source texbake)"',
+        "COMP_WORDS=(texbake info sc) COMP_CWORD=2",
+        "_texbake_completion texbake",
+        'echo "${COMPREPLY[@]}"',
+    )
+    environment = {**os.environ, "PATH": f"{script.parent}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["bash", "-c", "\n".join(lines)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        cwd=tmp_path,
+        timeout=60,
+    )
+    assert (done.stdout, done.stderr) == ("scan.ply\n", "")

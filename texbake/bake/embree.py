@@ -135,7 +135,7 @@ class EmbreeScene:
         self._vertices = np.zeros((len(positions) + 2, 3), dtype=np.float32)
         self._vertices[: len(positions)] = positions
         self._faces = faces
-        self._device = library.rtcNewDevice(f"threads={threads}".encode())
+        self._device = library.rtcNewDevice(f"threads={threads},hugepages=1".encode())
         self._scene = library.rtcNewScene(self._device)
         library.rtcSetSceneFlags(self._scene, _FLAG_COMPACT | _FLAG_ROBUST)
         library.rtcSetSceneBuildQuality(self._scene, _QUALITY_MEDIUM)

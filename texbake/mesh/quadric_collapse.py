@@ -1,9 +1,8 @@
 """Decimation with PyMeshLab: edges collapse to the points of least quadric error.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
-SIGGRAPH 1997, as MeshLab has it. (Its variant for textured meshes, after their "Simplifying surfaces
-with color and texture using quadric error metrics", IEEE Visualization 1998, moved up to a fifth of
-a surface's texture coordinates across seams when tried on real meshes, and is not used.)
+SIGGRAPH 1997, as MeshLab has it. (Its variant for textured meshes carried texture coordinates
+across seams, on up to a fifth of the surface of real meshes, and is not used.)
 
 PyMeshLab crashes on some broken meshes, and takes the process with it. So it runs in one of its
 own, with a limit on its time, and whatever it does to that one costs no more than the attempt.

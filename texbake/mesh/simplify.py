@@ -210,7 +210,7 @@ def _simplified(
             raise MeshError(f"{mesh.name}: no face of it has three distinct corners; mend it first")
         fast = _fast(mesh, start, n_faces, threads)
         result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
-    return result.mesh, result.method, result.notes
+    return _with_nearest(result.mesh, mesh, threads), result.method, result.notes
 
 
 def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
@@ -220,7 +220,7 @@ def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) ->
         light = _reach(mesh, stream, reduce, n_faces)
         if light is None:
             continue
-        results.append(_Result(_with_nearest(light, mesh, threads), stream, method, notes))
+        results.append(_Result(light, stream, method, notes))
         if light.n_faces <= n_faces:
             return results[-1]
     result = min(results, key=lambda result: result.mesh.n_faces)
@@ -258,7 +258,7 @@ def _reach(
     for _ in range(_TRIES):
         light = gather(mesh, stream, reduce(n_asked))
         n_left = 0 if light is None else light.n_faces
-        if light is not None and (nearest is None or n_left <= n_faces):
+        if light is not None and (nearest is None or nearest.n_faces < n_left <= n_faces):
             nearest = light
         if n_left >= (1.0 - _SLACK) * n_faces:
             break
@@ -289,7 +289,6 @@ def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Resu
         stream = weld_positions(reduced, threads=threads)
         light = gather(reduced, stream, stream.faces)
         if light is not None:
-            light = _with_nearest(light, mesh, threads)
             results.append(_Result(light, start, "meshoptimizer, then pymeshlab", given_up))
 
     def order(result: _Result) -> tuple[int, float]:

@@ -45,8 +45,9 @@ def bring_down(stream: VertexStream, n_faces: int) -> VertexStream:
 def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
     """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest."""
     corners = stream.position_ids[stream.faces].astype(np.int64)
-    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, counts = np.unique(edges[:, 0] << 32 | edges[:, 1], return_counts=True)
+    low, high = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).T
+    # Faces that tie the sides of a seam together have edges without length.
+    _, counts = np.unique((low << 32 | high)[low < high], return_counts=True)
     n_boundary = int((counts == 1).sum())
     return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
 

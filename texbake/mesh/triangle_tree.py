@@ -26,9 +26,8 @@ from texbake.parallel import run_bands
 _LEAF_SIZE = 4
 _BAND = 1 << 13
 
-# A level for each of the 63 bits that triangles are split by at most, and for each halving of the
-# 2^31 triangles at most of one code; the stack holds one node a level,
-# and two at the last.
+# Levels: one for each of the 63 bits that triangles are split by at most, one for each halving of
+# the 2^31 triangles at most of one code. The stack holds one node a level, and two at the last.
 _STACK_SIZE = 63 + 31 + 2
 
 # The square of the sine of the angle at its first corner under which a triangle is taken as its

@@ -24,8 +24,8 @@ class VertexStream:
     Attributes
     ----------
     faces : (F', 3) int32
-        Indices of stream vertices, three distinct ones each. Two of them may lie at one position, as
-        at the poles of many spheres: such faces tie the sides of a seam together.
+        Indices of stream vertices, three distinct ones each. Two of them may lie at one position,
+        as at the poles of many spheres: such faces tie the sides of a seam together.
     points : (S, 3) float32
         Positions in the mesh's local frame.
     position_ids : (S,) int32
@@ -104,10 +104,11 @@ def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
 def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     """Mesh of faces over stream vertices, with the attributes that tell those apart.
 
-    None where no face has three distinct positions. Positions keep their bits. What no corner uses is left out; duplicate faces (of one winding)
-    and faces with fewer than three distinct positions are too. Colors and group names stay.
-    Tangents go, because they belong to the corners of faces that are no longer there; so do normals
-    without hard edges, because smooth normals are those of the surface that is left.
+    None where no face has three distinct positions. Positions keep their bits. What no corner uses
+    is left out; so are duplicate faces (of one winding) and faces with fewer than three distinct
+    positions. Colors and group names stay. Tangents go, because they belong to corners of faces
+    that are no longer there, and so do normals without hard edges, because smooth normals are
+    those of the surface that is left.
     """
     corners = stream.position_ids[faces]
     faces = faces[_is_proper(corners) & _is_first_of_its_kind(corners)]

@@ -1,0 +1,86 @@
+"""Options of the command line against those of the API."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from texbake_cli.main import texbake
+from texbake_cli.options import IMAGE_SUFFIXES, MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
+
+from texbake import (
+    BakeOptions,
+    DemoOptions,
+    FileFormatError,
+    RenderOptions,
+    RunOptions,
+    UnwrapOptions,
+    read_mesh,
+    write_mesh,
+)
+from texbake.mesh.shapes import cube
+from texbake.texture.image import check_image_format
+
+
+def parsed(line: str) -> dict[str, Any]:
+    """Values of the options of a command, after its defaults."""
+    name, *words = line.split()
+    command = texbake.get_command(click.Context(texbake), name)
+    assert command is not None
+    return command.make_context(name, words).params
+
+
+@pytest.mark.parametrize(
+    ("line", "options"),
+    [
+        ("bake-normals a b -o c.png", BakeOptions()),
+        ("bake-displacement a b -o c.png", BakeOptions()),
+        ("bake a b -o c", BakeOptions()),
+        ("unwrap a -o b.obj", UnwrapOptions()),
+        ("preview a -o b.png", RenderOptions()),
+        ("compare a b", RenderOptions()),
+        ("run a -o b --faces 500", RunOptions()),
+        ("demo", DemoOptions()),
+    ],
+)
+def test_defaults_are_those_of_the_api(line: str, options: Any) -> None:
+    values = parsed(line)
+    shared = [field.name for field in dataclasses.fields(options) if field.name in values]
+    assert len(shared) >= 3
+    for name in shared:
+        if isinstance(options, RenderOptions) and name == "size":
+            continue
+        assert values[name] == getattr(options, name), name
+
+
+def test_a_picture_has_the_size_of_the_api() -> None:
+    options = RenderOptions()
+    assert parsed("preview a -o b.png")["size"] == (options.width, options.height)
+
+
+@pytest.mark.parametrize("line", ["bake-normals a b -o c.png", "bake a b -o c"])
+def test_every_choice_of_a_bake_can_be_made(line: str) -> None:
+    # keep_hits is for scripts, which have the result in their hands; a file has no hits.
+    fields = {field.name for field in dataclasses.fields(BakeOptions)} - {"keep_hits"}
+    if line.startswith("bake-normals"):
+        fields -= {"maps", "mid", "scale"}
+    assert fields <= set(parsed(line))
+
+
+@pytest.mark.parametrize("suffix", WRITABLE_MESH_SUFFIXES)
+def test_meshes_are_written_in_every_format_offered(suffix: str, tmp_path: Path) -> None:
+    write_mesh(cube(), tmp_path / f"cube{suffix}")
+    assert read_mesh(tmp_path / f"cube{suffix}").n_faces == 12
+    assert suffix in MESH_SUFFIXES
+
+
+def test_a_format_not_offered_cannot_be_written(tmp_path: Path) -> None:
+    for suffix in {*MESH_SUFFIXES, ".fbx"} - {*WRITABLE_MESH_SUFFIXES}:
+        with pytest.raises(FileFormatError):
+            write_mesh(cube(), tmp_path / f"cube{suffix}")
+
+
+@pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)
+def test_images_are_known_in_every_format_offered(suffix: str) -> None:
+    assert check_image_format(f"a{suffix}") in (8, 16, 32)

@@ -1,0 +1,130 @@
+"""Closest points: closed forms, brute force, degenerate triangles, determinism."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.mesh.shapes import cube, grid_sphere, icosphere
+from texbake.mesh.triangle_tree import TriangleTree
+
+# Distances come from differences of coordinates of about 1: a few units of 2^-53.
+ROUNDING = 1e-15
+
+
+def closest_on_segment(p, a, b):
+    ab = b - a
+    length_squared = ab @ ab
+    t = np.clip((p - a) @ ab / length_squared, 0.0, 1.0) if length_squared > 0.0 else 0.0
+    return np.linalg.norm(p - (a + t * ab))
+
+
+def brute_force(p, corners):
+    """Distance to one triangle by another way: its plane if p is above it, else its edges."""
+    a, b, c = corners
+    distances = [closest_on_segment(p, *edge) for edge in ((a, b), (b, c), (c, a))]
+    normal = np.cross(b - a, c - a)
+    if normal @ normal > 1e-20:
+        sides = [np.cross(q - r, p - r) @ normal for r, q in ((a, b), (b, c), (c, a))]
+        if min(sides) >= 0.0:
+            distances.append(abs((p - a) @ normal) / np.linalg.norm(normal))
+    return min(distances)
+
+
+def test_distance_to_a_cube_has_a_closed_form():
+    tree = TriangleTree.build(cube().positions, cube().faces)
+    points = np.random.default_rng(0).normal(size=(5000, 3))
+    distances, face_ids, barycentrics = tree.closest_points(points)
+    outside = np.linalg.norm(np.maximum(np.abs(points) - 0.5, 0.0), axis=1)
+    inside = 0.5 - np.abs(points).max(axis=1)
+    expected = np.where(inside > 0.0, inside, outside)
+    assert np.abs(distances - expected).max() < ROUNDING
+    closest = np.einsum("nc,ncx->nx", barycentrics, cube().positions[cube().faces[face_ids]])
+    assert np.abs(np.linalg.norm(points - closest, axis=1) - distances).max() < ROUNDING
+    assert barycentrics.min() >= 0.0
+    assert np.abs(barycentrics.sum(axis=1) - 1.0).max() < ROUNDING
+
+
+@pytest.mark.parametrize("n_faces", [1, 2, 4, 5, 9, 64, 300])
+def test_any_triangles_agree_with_brute_force(n_faces):
+    rng = np.random.default_rng(n_faces)
+    corners = rng.uniform(-0.5, 0.5, size=(n_faces, 3, 3))
+    corners[::3] = corners[::3, :1] + 0.01 * rng.normal(size=corners[::3].shape)
+    tree = TriangleTree.build(corners.reshape(-1, 3), np.arange(3 * n_faces).reshape(-1, 3))
+    points = rng.normal(size=(100, 3))
+    distances, face_ids, _ = tree.closest_points(points)
+    expected = [[brute_force(p, triangle) for triangle in corners] for p in points]
+    assert np.abs(distances - np.min(expected, axis=1)).max() < 1e-13
+    at_face = np.take_along_axis(np.array(expected), face_ids[:, None], axis=1)[:, 0]
+    assert np.abs(at_face - distances).max() < 1e-13
+
+
+def test_every_vertex_and_edge_midpoint_lies_on_the_surface():
+    mesh = icosphere(4)
+    tree = TriangleTree.build(mesh.positions, mesh.faces)
+    corners = mesh.positions[mesh.faces]
+    middles = 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)
+    for points in (mesh.positions, middles):
+        assert tree.closest_points(points)[0].max() < ROUNDING
+
+
+coordinate = st.sampled_from([-1.0, -0.5, 0.0, 1e-9, 0.25, 0.5, 1.0])
+point = st.tuples(coordinate, coordinate, coordinate)
+
+
+@given(st.lists(point, min_size=3, max_size=3), point)
+@settings(max_examples=400, deadline=None)
+def test_degenerate_triangles_are_their_points_and_edges(corners, p):
+    corners, p = np.array(corners), np.array(p)
+    tree = TriangleTree.build(corners, [[0, 1, 2]])
+    (distance,), (face,), (weights,) = tree.closest_points(p[None])
+    assert face == 0
+    # 1e-9: heights that this small are in the data, and brute force takes them as flat.
+    assert distance == pytest.approx(brute_force(p, corners), abs=2e-9)
+    assert np.linalg.norm(weights @ corners - p) == pytest.approx(distance, abs=1e-15)
+
+
+def test_a_point_of_a_needle_is_found_on_it():
+    rng = np.random.default_rng(1)
+    for height in (1e-3, 1e-6, 1e-9, 1e-12, 1e-15, 0.0):
+        corners = np.array([[0.1, 0.2, 0.3], [0.9, -0.4, 0.5], [0.4, 0.1, 0.3]])
+        corners[2] = 0.5 * (corners[0] + corners[1]) + [height, height, 0.0]
+        weights = rng.dirichlet([1.0, 1.0, 1.0], size=50)
+        distances, _, _ = TriangleTree.build(corners, [[0, 1, 2]]).closest_points(weights @ corners)
+        assert distances.max() < ROUNDING
+
+
+def test_max_distance_leaves_far_points_without_a_face():
+    tree = TriangleTree.build(cube().positions, cube().faces)
+    points = np.array([[0.0, 0.0, 0.75], [0.0, 0.0, 0.76], [0.0, 0.0, 0.74]])
+    distances, face_ids, barycentrics = tree.closest_points(points, max_distance=0.25)
+    assert distances[0] == 0.25  # within includes at
+    assert distances[1] == np.inf
+    assert face_ids[1] == -1
+    assert not barycentrics[1].any()
+    assert distances[2] == pytest.approx(0.24)
+
+
+def test_answers_do_not_depend_on_threads_order_or_place():
+    mesh = grid_sphere(60, 120)
+    rng = np.random.default_rng(2)
+    points = rng.normal(size=(20_000, 3))
+    tree = TriangleTree.build(mesh.positions, mesh.faces, threads=1)
+    one = tree.closest_points(points, threads=1)
+    again = TriangleTree.build(mesh.positions, mesh.faces, threads=3)
+    for a, b in zip(one, again.closest_points(points, threads=3), strict=True):
+        assert a.tobytes() == b.tobytes()
+    order = rng.permutation(len(points))
+    assert np.array_equal(tree.closest_points(points[order])[0], one[0][order])
+    # Far from the origin float32 boxes are loose; the answers are not.
+    far = np.array([1e6, -2e6, 3e6])
+    moved = TriangleTree.build(mesh.positions + far, mesh.faces).closest_points(points[:200] + far)
+    assert np.abs(moved[0] - one[0][:200]).max() < 1e-8  # 2^-53 of 3e6, a few times
+
+
+def test_many_copies_of_one_triangle_are_a_tree_of_bounded_depth():
+    n = 5000
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    tree = TriangleTree.build(corners, np.tile([[0, 1, 2]], (n, 1)))
+    assert np.array_equal(np.sort(tree.order), np.arange(n))
+    assert tree.closest_points([[0.2, 0.2, 2.0]])[0] == 2.0
