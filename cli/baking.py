@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from texbake.bake.options import BakeOptions
-from texbake.files import check_writable
-from texbake.pipeline.folder import check_folder, make_folder
+from texbake.files import check_folder, check_writable, make_folder
 from texbake.progress import Stages
 
 from .outputs import check_distinct, check_picture, check_report

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written beside their place, then renamed."""
+"""Files appear whole or not at all: written beside their place, then renamed; and their folders."""
 
 from __future__ import annotations
 
@@ -26,11 +26,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
     FileError
         The folder is missing or cannot be written, the disk is full, or `path` is a folder.
     """
-    target = Path(os.path.realpath(path))
-    if target.is_dir():
-        raise FileError(f"{path}: it is a folder; give the name of a file in it")
-    if not target.parent.is_dir():
-        raise FileError(f"{path}: there is no folder {target.parent}; make it first")
+    target = _target_of(path)
     temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}{target.suffix}")
     try:
         # Made here, so that an unwritable folder is found before the work and not after it.
@@ -60,10 +56,46 @@ def check_writable(path: PathLike) -> None:
 
     Long work calls this first, so that an hour is not spent on a result that has no place to go.
     """
+    target = _target_of(path)
+    if not os.access(target.parent, os.W_OK):
+        raise FileError(f"{path}: the folder {target.parent} cannot be written to")
+
+
+def _target_of(path: PathLike) -> Path:
+    """Return the file that a path stands for, through links; its folder is there."""
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
     if not target.parent.is_dir():
         raise FileError(f"{path}: there is no folder {target.parent}; make it first")
-    if not os.access(target.parent, os.W_OK):
-        raise FileError(f"{path}: the folder {target.parent} cannot be written to")
+    return target
+
+
+def check_folder(folder: PathLike) -> None:
+    """Raise `FileError` now if files could not be put into `folder` later.
+
+    It need not be there yet, if it can be made.
+    """
+    there = Path(os.path.realpath(folder))
+    while not there.exists():
+        there = there.parent
+    if not there.is_dir():
+        raise FileError(f"{folder}: {there} is a file; give the name of a folder")
+    if not os.access(there, os.W_OK):
+        raise FileError(f"{folder}: the folder {there} cannot be written to")
+
+
+def make_folder(folder: PathLike) -> Path:
+    """Make a folder, and those that it is in, where they are missing; return its path.
+
+    Raises
+    ------
+    FileError
+        It cannot be made, or a file has its name.
+    """
+    path = Path(folder)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: the folder cannot be made: {error.strerror}") from error
+    return path

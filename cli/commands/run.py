@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from texbake.bake.options import CONVENTIONS
+from texbake.files import check_folder
 from texbake.mesh.simplify_options import QUALITIES
-from texbake.pipeline.folder import check_folder
 from texbake.pipeline.options import RunOptions
 from texbake.render.options import UPS
 

@@ -162,5 +162,5 @@ def test_orange_has_pores_of_every_depth_and_no_jump():
     ],
 )
 def test_too_small_counts_are_errors(make):
-    with pytest.raises(OptionError, match="must be at least|give one between"):
+    with pytest.raises(OptionError, match=r"must be at least|give one between"):
         make()

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from texbake.mesh.shapes import cube, grid_sphere, icosphere
 from texbake.mesh.triangle_tree import TriangleTree
 
-# Distances come from differences of coordinates of about 1: a few units of 2^-53.
-ROUNDING = 1e-15
+# Distances come from differences of coordinates of about 1: up to some ten units of 2^-53.
+ROUNDING = 4e-15
 
 
 def closest_on_segment(p, a, b):
@@ -84,14 +84,23 @@ def test_degenerate_triangles_are_their_points_and_edges(corners, p):
     assert np.linalg.norm(weights @ corners - p) == pytest.approx(distance, abs=1e-15)
 
 
-def test_a_point_of_a_needle_is_found_on_it():
+@pytest.mark.parametrize("height", [1e-3, 1e-6, 1e-9, 1e-12, 1e-13, 1e-14, 1e-15, 0.0])
+def test_needles_are_as_exact_as_other_triangles(height):
     rng = np.random.default_rng(1)
-    for height in (1e-3, 1e-6, 1e-9, 1e-12, 1e-15, 0.0):
-        corners = np.array([[0.1, 0.2, 0.3], [0.9, -0.4, 0.5], [0.4, 0.1, 0.3]])
-        corners[2] = 0.5 * (corners[0] + corners[1]) + [height, height, 0.0]
-        weights = rng.dirichlet([1.0, 1.0, 1.0], size=50)
-        distances, _, _ = TriangleTree.build(corners, [[0, 1, 2]]).closest_points(weights @ corners)
-        assert distances.max() < ROUNDING
+    for _ in range(50):
+        corners = rng.uniform(-0.5, 0.5, size=(3, 3))
+        along = rng.uniform(-0.5, 1.5)  # also beyond the others, on their line
+        corners[2] = corners[0] + along * (corners[1] - corners[0]) + height * rng.normal(size=3)
+        corners = corners[rng.permutation(3)]
+        tree = TriangleTree.build(corners, [[0, 1, 2]])
+        on_it = rng.dirichlet([1.0, 1.0, 1.0], size=20) @ corners
+        assert tree.closest_points(on_it)[0].max() < ROUNDING
+        around = rng.normal(size=(20, 3))
+        edges = [(corners[i], corners[i - 1]) for i in range(3)]
+        to_edges = [min(closest_on_segment(p, *edge) for edge in edges) for p in around]
+        nearer = to_edges - tree.closest_points(around)[0]
+        assert nearer.min() > -ROUNDING
+        assert nearer.max() < 5.0 * height + ROUNDING  # 5: what `normal` rarely goes beyond
 
 
 def test_max_distance_leaves_far_points_without_a_face():

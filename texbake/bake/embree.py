@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
-from numba import carray, cfunc, types
+from numba import carray, types
 from numba.extending import intrinsic
 
 from texbake.errors import DependencyError
+from texbake.kernels import callback
 
 PACKET = 16  # rays a call
 # Places of the fields of RTCRay and RTCHit, in words of 4 bytes; in a packet each is PACKET wide.
@@ -213,7 +214,7 @@ def _pointer_to(typing_context, address):  # type: ignore[no-untyped-def]
     return types.voidptr(types.uintp), generate
 
 
-@cfunc(types.void(types.CPointer(types.uintp)), cache=True)
+@callback(types.void(types.CPointer(types.uintp)))
 def _skip_back_faces(arguments):  # type: ignore[no-untyped-def]
     """Refuse a hit whose surface does not face the ray's start (RTCFilterFunctionN, one ray)."""
     fields = carray(arguments, 5)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rows import Rows
+from texbake.kernels import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Found(Rows):
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def refine_kernel(triangles, lines, results):  # type: ignore[no-untyped-def]
     """Find where each ray meets the plane of the triangle it hit, in float64, in place.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from texbake.bake.embree import (
     DIRECTION,
@@ -27,6 +26,7 @@ from texbake.bake.embree import (
 from texbake.bake.found import Found, refine_kernel
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import Rays
+from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import resolve_threads, run_bands
@@ -65,7 +65,7 @@ class NativeCaster:
         self._scene.close()
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cast_kernel(addresses, cull, lines, results, passed_back):  # type: ignore[no-untyped-def]
     """Cast rays in packets of `PACKET`; those that meet a back face again, one by one."""
     origins, _, lengths = lines
@@ -108,7 +108,7 @@ def _cast_kernel(addresses, cull, lines, results, passed_back):  # type: ignore[
                 barycentrics[i, 1] = single[HIT_V]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _aligned(n_words):  # type: ignore[no-untyped-def]
     """Words that begin at a multiple of 64 bytes, as Embree's packets must."""
     words = np.zeros(n_words + 16, dtype=np.float32)
@@ -116,7 +116,7 @@ def _aligned(n_words):  # type: ignore[no-untyped-def]
     return words[skipped : skipped + n_words]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _load_ray(words, ids, width, lane, lines, i):  # type: ignore[no-untyped-def]
     """Write ray i into one lane of an RTCRayHit that is `width` rays wide."""
     origins, directions, lengths = lines

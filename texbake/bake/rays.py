@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from texbake.bake.rows import Rows
 from texbake.bake.texels import Samples
 from texbake.errors import CageError
+from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import face_normals, shading_normals, smooth_normals
@@ -129,7 +129,7 @@ def check_cage(cage: Mesh, low: Mesh) -> None:
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _rays_kernel(  # type: ignore[no-untyped-def]
     faces, barycentrics, surface, field, reach, origins, directions, lengths, fronts
 ):

@@ -13,7 +13,7 @@ from texbake.bake.baked_map import BakedMap
 from texbake.bake.hits import Hits
 from texbake.bake.report import BakeReport
 from texbake.errors import OptionError
-from texbake.files import PathLike
+from texbake.files import PathLike, make_folder
 
 # Colors of the miss map: not covered, covered and hit, covered and missed.
 _MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
@@ -74,7 +74,7 @@ class BakeResult:
                 )
             paths = [target]
         else:
-            target.mkdir(parents=True, exist_ok=True)
+            make_folder(target)
             paths = [target / f"{name}{suffix}" for name in self.maps]
         for map_path, baked in zip(paths, self.maps.values(), strict=True):
             baked.write(map_path)

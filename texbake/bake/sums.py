@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import MapKind
+from texbake.kernels import kernel
 
 
 class TexelSums:
@@ -47,20 +47,20 @@ class TexelSums:
         return sums.reshape(options.height, options.width, kind.channels)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_kernel(texel_ids, values, sums):  # type: ignore[no-untyped-def]
     for i in range(len(texel_ids)):
         for channel in range(values.shape[1]):
             sums[texel_ids[i], channel] += values[i, channel]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _count_kernel(texel_ids, counts):  # type: ignore[no-untyped-def]
     for texel in texel_ids:
         counts[texel] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mean_kernel(sums, counts, neutral, normalize):  # type: ignore[no-untyped-def]
     n_channels = sums.shape[1]
     for i in range(len(sums)):

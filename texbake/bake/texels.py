@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.bake.rows import Rows
 from texbake.errors import UvError
+from texbake.kernels import kernel
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import run_bands
 from texbake.texture.lookup import texel_coordinates
@@ -180,7 +180,7 @@ def rasterize_uv(
     return owners, int(np.count_nonzero(overlapped))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _rasterize_kernel(corners, first_rows, last_rows, start, stop, owners, overlapped):  # type: ignore[no-untyped-def]
     """Fill rows start to stop of the grid; `owners` and `overlapped` begin at row start."""
     n_columns = owners.shape[1]
@@ -267,7 +267,7 @@ def owned_samples(
     return Samples(texel_ids, sample_faces, barycentrics)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _list_tiles_kernel(  # type: ignore[no-untyped-def]
     owners, corners, first_line, first_row, per_side, n, texel_ids, faces, barycentrics
 ):

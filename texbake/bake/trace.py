@@ -6,7 +6,6 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from texbake.bake.cast import Caster, open_caster
 from texbake.bake.distances import measure_reach
@@ -25,6 +24,7 @@ from texbake.bake.texels import (
     snap_uvs,
 )
 from texbake.bake.watertight import retry_watertight
+from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
@@ -210,7 +210,7 @@ def _hits(
     return hits
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _hits_kernel(lines, found, scale, hits):  # type: ignore[no-untyped-def]
     sample_barycentrics, directions, fronts = lines
     faces, barycentrics, distances = found

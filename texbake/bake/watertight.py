@@ -15,11 +15,11 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.bake.found import Found, refine_kernel
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import Rays
+from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
@@ -135,7 +135,7 @@ def _order_along_curve(points: FloatArray) -> npt.NDArray[np.int64]:
     return np.argsort(keys, kind="stable")
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _retry_kernel(triangles, band, lines, axes, tree, cull, results):  # type: ignore[no-untyped-def]
     """Hold triangles band[0] to band[1] against the rays near them; keep each ray's nearest."""
     positions, face_corners, center, scale = triangles
@@ -188,7 +188,7 @@ def _retry_kernel(triangles, band, lines, axes, tree, cull, results):  # type: i
                 distances[i] = distance
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _intersect(corners, lines, z, i):  # type: ignore[no-untyped-def]
     """Distance, barycentrics of the second and third corner, and facing (> 0: the front).
 
@@ -223,7 +223,7 @@ def _intersect(corners, lines, z, i):  # type: ignore[no-untyped-def]
     return distance, v / total, w / total, total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cross_sign_exact(px, py, qx, qy):  # type: ignore[no-untyped-def]
     """Return px qy - py qx, with the exact sign."""
     one, two = px * qy, py * qx
@@ -234,7 +234,7 @@ def _cross_sign_exact(px, py, qx, qy):  # type: ignore[no-untyped-def]
     return difference + (_product_error(px, qy, one) - _product_error(py, qx, two))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _product_error(a, b, product):  # type: ignore[no-untyped-def]
     """Return a b - product without error (Dekker 1971)."""
     split_a, split_b = 134217729.0 * a, 134217729.0 * b

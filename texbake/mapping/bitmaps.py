@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 LongArray = npt.NDArray[np.int64]
@@ -146,7 +146,7 @@ def place_charts(
     return places if fits else None
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks):  # type: ignore[no-untyped-def]
     """Mark each cell that a face touches, or comes nearer to than `margin`, in its pose's mask."""
     n_poses = corners.shape[2]
@@ -166,7 +166,7 @@ def _mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, mas
             masks[start + begin : start + end + 1] = 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
     """Least and greatest x of what of a triangle lies between two heights, which it reaches."""
     left, right = np.inf, -np.inf
@@ -183,7 +183,7 @@ def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
     return left, right
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _place_kernel(masks, starts, boxes, order, half_widths, hurried, runs, places):  # type: ignore[no-untyped-def]
     """Put the charts one after another where they end lowest; return whether all found a place.
 
@@ -229,7 +229,7 @@ def _place_kernel(masks, starts, boxes, order, half_widths, hurried, runs, place
     return True
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _spans_of(mask, turn, spans):  # type: ignore[no-untyped-def]
     """Write the runs of marked cells of a turned mask as (row, begin, end); return their number."""
     height, width = mask.shape
@@ -257,7 +257,7 @@ def _spans_of(mask, turn, spans):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _lowest_place(spans, width, height, runs, first, below):  # type: ignore[no-untyped-def]
     """Lowest, then leftmost free place for all spans, from row `first` on, with a top `below`."""
     n_rows, n_columns = runs.shape
@@ -288,7 +288,7 @@ def _lowest_place(spans, width, height, runs, first, below):  # type: ignore[no-
     return -1, -1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _block(spans, x, y, half_widths, blocked, runs):  # type: ignore[no-untyped-def]
     """Block the cells near a chart that has been placed, and renew the runs of their rows."""
     n_rows, n_columns = runs.shape

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.seams import border_edges, chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -96,7 +96,7 @@ def _edge_darkness(pixels: FloatArray) -> float:
     return _EDGE_DARKNESS * min(size / _ROOMY_PX, 1.0)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fill_kernel(pixels, colors, half_edge, edge_light, n_samples, sums):  # type: ignore[no-untyped-def]
     """Add up the colors of the samples that each face covers, and their number."""
     n_rows, n_columns = sums.shape[:2]
@@ -128,7 +128,7 @@ def _fill_kernel(pixels, colors, half_edge, edge_light, n_samples, sums):  # typ
                     sums[row, column, 3] += 1.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _outline_kernel(ends, radius, n_samples, masks):  # type: ignore[no-untyped-def]
     """Set the bit of each sample that lies within `radius` of a line from end to end."""
     n_rows, n_columns = masks.shape

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Depth of an overlap, as a share of the texture, that is not one: what float32, or the six
@@ -93,7 +93,7 @@ def _overlaps(
     return overlapping, layers
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _overlap_kernel(corners, order, starts, depth, layered, overlapping, layers):  # type: ignore[no-untyped-def]
     """Compare each face with those before it of its group, which is order[starts[i]:starts[i + 1]].
 
@@ -132,7 +132,7 @@ def _overlap_kernel(corners, order, starts, depth, layered, overlapping, layers)
                 layers[face] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cell_boxes(corners, faces):  # type: ignore[no-untyped-def]
     """Cells of a square grid that the bounding boxes of faces touch; cells along its side."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -153,12 +153,12 @@ def _cell_boxes(corners, faces):  # type: ignore[no-untyped-def]
     return boxes, n_cells
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _overlap(one, other, depth):  # type: ignore[no-untyped-def]
     return not (_parts(one, other, depth) or _parts(other, one, depth))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _parts(one, other, depth):  # type: ignore[no-untyped-def]
     """Whether an edge of `one` has all of `other` beyond it; so has a face thinner than `depth`."""
     for i in range(3):

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 AnyArray = npt.NDArray[Any]
@@ -191,7 +191,7 @@ def _neighbors(vertices: IntArray) -> IntArray:
     return neighbors.reshape(-1, 3)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pair_edges_kernel(keys, edges, starts, neighbors):  # type: ignore[no-untyped-def]
     """Pair edges of one key, first come, first served; `edges` lists them sorted by key."""
     waiting = 0  # the first edge of this key that may still be free; all free ones run its way
@@ -207,7 +207,7 @@ def _pair_edges_kernel(keys, edges, starts, neighbors):  # type: ignore[no-untyp
             neighbors[other] = edge // 3
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fans_kernel(vertices, neighbors, unmapped, preserving, fans, fan_preserving):  # type: ignore[no-untyped-def]
     """Number the fans: write each corner's fan and each fan's orientation; return how many.
 

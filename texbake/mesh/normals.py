@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
@@ -166,7 +166,7 @@ def _position_scale(positions: FloatArray) -> float:
     return unit_scale(max(float(positions.max()), -float(positions.min())))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _scaled_edge(positions, scale, tail, head):  # type: ignore[no-untyped-def]
     return (
         positions[head, 0] * scale - positions[tail, 0] * scale,
@@ -175,12 +175,12 @@ def _scaled_edge(positions, scale, tail, head):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _area_vector(ab, ac):  # type: ignore[no-untyped-def]
     """Cross product of two edges and its length; the length is 0 where it is only rounding."""
     cross = (
@@ -196,7 +196,7 @@ def _area_vector(ab, ac):  # type: ignore[no-untyped-def]
     return cross, length
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _face_normals_kernel(positions, faces, scale, start, stop, normals):  # type: ignore[no-untyped-def]
     for face in range(start, stop):
         ab = _scaled_edge(positions, scale, faces[face, 0], faces[face, 1])
@@ -206,7 +206,7 @@ def _face_normals_kernel(positions, faces, scale, start, stop, normals):  # type
             normals[face, axis] = cross[axis] / length if length > 0.0 else 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _vertex_normals_kernel(positions, faces, scale, start, stop, normals):  # type: ignore[no-untyped-def]
     """Add every face to those of its corners that lie in start to stop - 1; then normalize them."""
     for face in range(len(faces)):

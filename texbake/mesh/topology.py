@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
@@ -214,7 +214,7 @@ def _n_distinct(indices: IntArray) -> int:
     return int(used.sum())
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _root_kernel(parents, vertex):  # type: ignore[no-untyped-def]
     while parents[vertex] != vertex:
         parents[vertex] = parents[parents[vertex]]
@@ -222,7 +222,7 @@ def _root_kernel(parents, vertex):  # type: ignore[no-untyped-def]
     return vertex
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _components_kernel(faces, parents, components):  # type: ignore[no-untyped-def]
     """Join the vertices of each face under the least of them, then number the sets in order."""
     for face in range(len(faces)):
@@ -245,7 +245,7 @@ def _components_kernel(faces, parents, components):  # type: ignore[no-untyped-d
     return n_components
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _has_pinched_vertex_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
     """Whether some vertex has more than one fan of faces, in a closed and oriented mesh.
 

@@ -31,8 +31,8 @@ _BAND = 1 << 13
 _STACK_SIZE = 63 + 31 + 2
 
 # The square of the sine of the angle at its first corner under which a triangle is taken as its
-# three edges, no point of it lying further from them than 1e-10 of their length.
-_SLIVER_SINE_SQUARED = 1e-20
+# three edges: its height is then a hundred roundings of its length, or less.
+_SLIVER_SINE_SQUARED = 1e-28
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +259,8 @@ def _closest_on_triangle(ab, ac, ap):  # type: ignore[no-untyped-def]
     v, w, sliver = 0.0, 0.0, True
     if ab_ab > 0.0:
         height = _minus(ac, _weighted(ab, ab, ab_ac / ab_ab, 0.0))
+        # Twice, because on a needle the first leaves rounding that is not small beside the height.
+        height = _minus(height, _weighted(ab, ab, _dot(ab, height) / ab_ab, 0.0))
         height_squared = _dot(height, height)
         if height_squared > _SLIVER_SINE_SQUARED * ac_ac:
             sliver = False

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
@@ -65,7 +65,7 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     return firsts
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _hash_rows_kernel(words, start, stop, hashes):  # type: ignore[no-untyped-def]
     """Hash rows start to stop - 1 (multiply and shift, as MurmurHash2 by Austin Appleby)."""
     factor = np.uint64(0xC6A4A7935BD1E995)
@@ -80,7 +80,7 @@ def _hash_rows_kernel(words, start, stop, hashes):  # type: ignore[no-untyped-de
         hashes[row] = np.uint32(mixed >> np.uint64(32))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _weld_part_kernel(words, hashes, part, firsts):  # type: ignore[no-untyped-def]
     """Weld the rows whose hash falls into one part, with open addressing and linear probing."""
     n_rows = 0

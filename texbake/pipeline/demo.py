@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from texbake.files import PathLike
+from texbake.files import PathLike, make_folder
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import orange
-from texbake.pipeline.folder import make_folder
 from texbake.pipeline.options import DEMO_FOLDER, DemoOptions
 from texbake.pipeline.run import RunResult, run
 from texbake.progress import ProgressSink, Stages

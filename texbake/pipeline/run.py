@@ -18,12 +18,11 @@ import numpy as np
 
 from texbake.bake.bake import bake
 from texbake.bake.result import BakeResult
-from texbake.files import PathLike, check_writable
+from texbake.files import PathLike, check_writable, make_folder
 from texbake.mapping.atlas import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.pipeline.folder import make_folder
 from texbake.pipeline.options import RunOptions
 from texbake.pipeline.report import comparison_report, comparison_table, write_report
 from texbake.progress import ProgressSink, StageRecord, Stages

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 
@@ -35,7 +35,7 @@ MAX_CORNERS = 8
 _BAND = 65536
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def to_grid(x, y, w, width, height):  # type: ignore[no-untyped-def]
     """Snap a point of clip space, w above 0, to the grid: column and row in 1/256 of a sample."""
     column = (0.5 + 0.5 * x / w) * width
@@ -43,7 +43,7 @@ def to_grid(x, y, w, width, height):  # type: ignore[no-untyped-def]
     return np.int64(np.floor(column * SUBPIXELS + 0.5)), np.int64(np.floor(row * SUBPIXELS + 0.5))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def to_clip(matrix, position, out):  # type: ignore[no-untyped-def]
     """Homogeneous clip coordinates x, y, z, w of a position, written to `out`."""
     for i in range(4):
@@ -55,7 +55,7 @@ def to_clip(matrix, position, out):  # type: ignore[no-untyped-def]
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _project_kernel(positions, matrix, width, height, grid, depths, start, stop):  # type: ignore[no-untyped-def]
     clip = np.empty(4)
     guard_x = 2.0 * GUARD / width
@@ -111,7 +111,7 @@ def project(
     return grid, depths
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _inside(corner, plane, guard_x, guard_y):  # type: ignore[no-untyped-def]
     """How far a point of clip space is inside a plane: near, left, right, bottom, top."""
     if plane == 0:
@@ -125,7 +125,7 @@ def _inside(corner, plane, guard_x, guard_y):  # type: ignore[no-untyped-def]
     return guard_y * corner[3] - corner[1]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cut(inside, outside, distance_in, distance_out, out):  # type: ignore[no-untyped-def]
     """Point of an edge on a plane, always reckoned from the end inside."""
     along = distance_in / (distance_in - distance_out)
@@ -133,7 +133,7 @@ def _cut(inside, outside, distance_in, distance_out, out):  # type: ignore[no-un
         out[k] = inside[k] + along * (outside[k] - inside[k])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def clip_polygon(polygon, scratch, n_corners, width, height):  # type: ignore[no-untyped-def]
     """Cut a convex polygon by the near plane and the guard band, in place.
 

@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.errors import OptionError
+from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.weld import weld_rows
@@ -173,7 +173,7 @@ def _lattice_vertices(
     return vertices.astype(np.int32), n_shared + len(corners) * n_inside
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _base_kernel(face_ids, weights, piece_weights, base_ids, base_weights, start, stop):  # type: ignore[no-untyped-def]
     n_pieces = len(piece_weights)
     for row in range(start, stop):

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.render.clip import (
@@ -47,7 +47,7 @@ _CHUNK = 65536
 _NARROW = 12
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-untyped-def]
     """Grid positions and depths of the corners of what clipping leaves of a triangle.
 
@@ -70,7 +70,7 @@ def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-
     return n_corners
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _doubled_area(points, i):  # type: ignore[no-untyped-def]
     """Twice the area of piece i of a fan, in grid units squared; negative seen from the front."""
     along_x = points[i + 1, 0] - points[0, 0]
@@ -78,7 +78,7 @@ def _doubled_area(points, i):  # type: ignore[no-untyped-def]
     return along_x * (points[i + 2, 1] - points[0, 1]) - along_y * (points[i + 2, 0] - points[0, 0])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sort_kernel(scene, show_back, survivors, spans, counts, start, stop):  # type: ignore[no-untyped-def]
     faces, grid, width, height = scene[1], scene[3], scene[5], scene[6]
     polygon = np.empty((MAX_CORNERS, 4))
@@ -121,7 +121,7 @@ def _sort_kernel(scene, show_back, survivors, spans, counts, start, stop):  # ty
     return n_survivors
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _scatter_kernel(survivors, spans, next_places, sorted_faces):  # type: ignore[no-untyped-def]
     for i in range(len(survivors)):
         for band in range(spans[i, 0], spans[i, 1] + 1):
@@ -129,7 +129,7 @@ def _scatter_kernel(survivors, spans, next_places, sorted_faces):  # type: ignor
             next_places[band] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _row_range(value, step, threshold, first, last):  # type: ignore[no-untyped-def]
     """Narrow first..last to the k for which value + k step is at least the threshold."""
     if step > 0:
@@ -141,7 +141,7 @@ def _row_range(value, step, threshold, first, last):  # type: ignore[no-untyped-
     return first, last
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
     """Draw piece i of a fan, corners 0, i + 1 and i + 2, into some rows."""
     area = _doubled_area(points, i)
@@ -185,7 +185,7 @@ def _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, dep
                     face_ids[row, left + k] = face
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _draw_kernel(scene, show_back, band_faces, first_row, stop_row, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
     faces, grid, vertex_depths = scene[1], scene[3], scene[4]
     polygon = np.empty((MAX_CORNERS, 4))

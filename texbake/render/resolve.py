@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from texbake.files import PathLike
+from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.render.shade import Shading
@@ -67,7 +67,7 @@ class Frame:
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _resolve_kernel(  # type: ignore[no-untyped-def]
     face_ids,
     depths,

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.render.camera import Camera
@@ -65,7 +65,7 @@ class Shading:
     normals: FloatImage
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mean(values, corners, face, weight1, weight2, out):  # type: ignore[no-untyped-def]
     """Values of a face's corners, weighted."""
     for k in range(out.shape[0]):
@@ -76,7 +76,7 @@ def _mean(values, corners, face, weight1, weight2, out):  # type: ignore[no-unty
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _bend(normal, tangents, weight1, weight2, texel):  # type: ignore[no-untyped-def]
     """Replace `normal` by x T + y B + z N; `tangents` are the (3, 4) of the face."""
     weight0 = 1.0 - weight1 - weight2
@@ -90,7 +90,7 @@ def _bend(normal, tangents, weight1, weight2, texel):  # type: ignore[no-untyped
     normal[2] = texel[0] * tz + y * (nx * ty - ny * tx) + texel[2] * nz
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _light(normal, to_eye, lights, base, out):  # type: ignore[no-untyped-def]
     """Light that leaves a surface of color `base` toward the eye.
 
@@ -119,7 +119,7 @@ def _light(normal, to_eye, lights, base, out):  # type: ignore[no-untyped-def]
             out[k] += lights[i, 3 + k] * (base[k] * incidence + highlight)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _shade_kernel(  # type: ignore[no-untyped-def]
     face_ids,
     weights,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.render.clip import to_clip
@@ -44,7 +44,7 @@ class Visibility:
     back_facing: npt.NDArray[np.bool_]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _barycentrics_kernel(positions, faces, matrix, face_ids, weights, back_facing, start, stop):  # type: ignore[no-untyped-def]
     height, width = face_ids.shape
     a, b, c = np.empty(4), np.empty(4), np.empty(4)

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.errors import OptionError
+from texbake.kernels import kernel
 from texbake.parallel import run_bands
 
 _CONVENTIONS = ("opengl", "directx")
@@ -28,7 +28,7 @@ _FLAT_NOISE = 4e-6
 _BAND = 1 << 19
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _quantize_kernel(values, factors, offsets, noise, top, codes, start, stop):  # type: ignore[no-untyped-def]
     n_channels = values.shape[1]
     for i in range(start, stop):

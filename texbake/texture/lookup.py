@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.errors import OptionError
+from texbake.kernels import kernel
 from texbake.parallel import run_bands
 
 REPEAT = 0
@@ -30,7 +30,7 @@ _WRAPS = {"repeat": REPEAT, "clamp": CLAMP}
 _BAND = 1 << 18
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def row_of_v(v, height):  # type: ignore[no-untyped-def]
     """Continuous row, down from the top edge, of a v that goes up from the bottom edge.
 
@@ -65,7 +65,7 @@ def texel_coordinates(
     return np.stack([uvs[..., 0] * width, row_of_v.py_func(uvs[..., 1], height)], axis=-1)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def bilinear(image, u, v, wrap, out):  # type: ignore[no-untyped-def]
     """Interpolate the four texels about (u, v) into `out`; to be called from kernels.
 
@@ -121,7 +121,7 @@ def bilinear(image, u, v, wrap, out):  # type: ignore[no-untyped-def]
         out[channel] = above + along_y * (below - above)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _lookup_kernel(image, uvs, wrap, out, start, stop):  # type: ignore[no-untyped-def]
     for i in range(start, stop):
         bilinear(image, uvs[i, 0], uvs[i, 1], wrap, out[i])

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.errors import OptionError
+from texbake.kernels import kernel
 from texbake.parallel import run_bands
 
 # Columns of a band of the first pass, and rows of one of the second.
@@ -50,7 +50,7 @@ class NearestOwners:
     n_meeting: int
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _column_kernel(charts, reach, nearest, other, owners, start, stop):  # type: ignore[no-untyped-def]
     """Vertical offsets, down, to the nearest owner and to the nearest of another chart.
 
@@ -100,7 +100,7 @@ def _column_kernel(charts, reach, nearest, other, owners, start, stop):  # type:
                     other[row, column] = -up
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _meet(row_charts, row, last, before, chart):  # type: ignore[no-untyped-def]
     """Take one more row of charts into the state of a sweep over columns."""
     for x in range(len(row_charts)):
@@ -111,7 +111,7 @@ def _meet(row_charts, row, last, before, chart):  # type: ignore[no-untyped-def]
         chart[x] = met if owned else chart[x]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  # type: ignore[no-untyped-def]
     """Nearest owners of rows start on, and how many texels of each row two charts reach.
 
@@ -151,7 +151,7 @@ def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  
         meeting[row] = count
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _search_window(squares, reach, n, best, shift):  # type: ignore[no-untyped-def]
     """Columns to the nearest owner for each of n texels, `_NONE` where there is none within reach.
 
@@ -171,7 +171,7 @@ def _search_window(squares, reach, n, best, shift):  # type: ignore[no-untyped-d
             shift[x] = dx if nearer else shift[x]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _count_meeting(owners, squares, other_squares, reach, n, shift):  # type: ignore[no-untyped-def]
     """How many of n texels, not owned, have an owner of another chart than the nearest in reach."""
     low = 1 << 30

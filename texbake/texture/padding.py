@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.parallel import run_bands
 from texbake.texture.nearest import NearestOwners, nearest_owner
 
@@ -28,7 +28,7 @@ _ROW_BAND = 128
 FloatImage = npt.NDArray[np.float32]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _spread_kernel(values, indices, background, out, start, stop):  # type: ignore[no-untyped-def]
     n_channels = values.shape[1]
     for i in range(start, stop):
@@ -120,7 +120,7 @@ def pad(
     )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _push_kernel(values, mask, coarse, coarse_mask, start, stop):  # type: ignore[no-untyped-def]
     """Means of the valid, finite texels of each 2 x 2 block, for coarse rows start on."""
     height, width, n_channels = values.shape
@@ -145,7 +145,7 @@ def _push_kernel(values, mask, coarse, coarse_mask, start, stop):  # type: ignor
             coarse_mask[row, column] = count > 0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pull_kernel(values, mask, coarse, start, stop):  # type: ignore[no-untyped-def]
     """Fill rows start on, where not valid, with the coarser level, interpolated bilinearly."""
     width, n_channels = values.shape[1:]

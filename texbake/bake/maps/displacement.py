@@ -8,11 +8,11 @@ light mesh by it gives the dense surface back.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from texbake.bake.hits import Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import Float32Array, MapKind
+from texbake.kernels import kernel
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -41,7 +41,7 @@ def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 DISPLACEMENT = MapKind("displacement", 1, "height", displacement_values, lambda options: (0.0,))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _displacement_kernel(faces, barycentrics, offsets, normals, corners, values):  # type: ignore[no-untyped-def]
     for i in range(len(faces)):
         b, c = float(barycentrics[i, 0]), float(barycentrics[i, 1])

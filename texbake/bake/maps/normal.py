@@ -8,12 +8,12 @@ B = w cross(N, T). So the three are inverted as they stand, exactly, and only th
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from texbake.bake.hits import Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import Float32Array, MapKind
 from texbake.bake.options import BakeOptions
+from texbake.kernels import kernel
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -63,7 +63,7 @@ def _neutral(options: BakeOptions) -> tuple[float, ...]:
 NORMAL = MapKind("normal", 3, "normal", normal_values, _neutral)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _high_normals_kernel(faces, barycentrics, normals, corners, values):  # type: ignore[no-untyped-def]
     for i in range(len(faces)):
         b, c = float(barycentrics[i, 0]), float(barycentrics[i, 1])
@@ -79,7 +79,7 @@ def _high_normals_kernel(faces, barycentrics, normals, corners, values):  # type
         values[i, 2] = z / length
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _tangent_space_kernel(faces, barycentrics, normals, corners, tangents, normalize, values):  # type: ignore[no-untyped-def]
     for i in range(len(faces)):
         face = faces[i]

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from numba import njit
 
 from texbake.errors import FileFormatError
+from texbake.kernels import kernel
 from texbake.mesh.files.source import ByteArray, line_number
 
 _MAX_DIGITS = 19  # 10**19 - 1 still fits 64 bits
@@ -64,7 +65,7 @@ def _multiply_kernel(a, b):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _scale_kernel(digits, power):  # type: ignore[no-untyped-def]
     """The float64 nearest to digits * 10**power, or NaN where that is not settled here."""
     if digits <= _EXACT_INTEGERS and -22 <= power <= 22:
@@ -100,7 +101,7 @@ def _scale_kernel(digits, power):  # type: ignore[no-untyped-def]
     return math.ldexp(np.float64(mantissa), exponent - 52)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def decimal_kernel(data, at, stop):  # type: ignore[no-untyped-def]
     """Read the word that begins at `at`; it ends at white space, a backslash or `stop`.
 
@@ -152,7 +153,7 @@ def decimal_kernel(data, at, stop):  # type: ignore[no-untyped-def]
     return (-value if negative else value), i
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _numbers_kernel(data, start, stop, lead, fill, values, lines, hard, tally):  # type: ignore[no-untyped-def]
     """Count words and lines into `tally`, or with `fill` read them; see `parse_numbers`."""
     n_values, n_lines, n_hard = 0, 0, 0

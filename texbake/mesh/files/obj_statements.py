@@ -14,6 +14,7 @@ from numba import njit
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
+from texbake.kernels import kernel
 from texbake.mesh.files.decimals import decimal_kernel, read_word
 from texbake.mesh.files.source import ByteArray, line_number
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -117,7 +118,7 @@ def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArra
     return sizes, corners
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _lines_kernel(data, fill, nexts, offsets):  # type: ignore[no-untyped-def]
     """Advance `nexts` of each statement's kind, and with `fill` put down where it stands."""
     at = 3 if len(data) > 2 and data[0] == 0xEF and data[1] == 0xBB and data[2] == 0xBF else 0
@@ -195,7 +196,7 @@ def _ends_kernel(data, at):  # type: ignore[no-untyped-def]
     return at >= len(data) or data[at] == 10 or data[at] == 13 or data[at] == 35
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _words_kernel(data, starts, start, stop, values, n_words):  # type: ignore[no-untyped-def]
     """Read the numbers of some lines; those that `values` has no column for are only counted."""
     for row in range(start, stop):
@@ -226,7 +227,7 @@ def _count_before_kernel(offsets, at):  # type: ignore[no-untyped-def]
     return low
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _corners_kernel(data, starts, start, stop, ends, v, vt, vn, corners):  # type: ignore[no-untyped-def]
     """Read the corners of some f lines; v, vt, vn are the offsets of those lines."""
     for row in range(start, stop):

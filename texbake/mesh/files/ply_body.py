@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
+from texbake.kernels import kernel
 from texbake.mesh.files.ply_header import Element
 
 
@@ -144,7 +144,7 @@ def _ragged_columns(
     return columns, end
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _walk_kernel(body, at, layout, big_endian, offsets, sizes):  # type: ignore[no-untyped-def]
     """Find the units and number of values of each property of each row.
 
@@ -173,7 +173,7 @@ def _walk_kernel(body, at, layout, big_endian, offsets, sizes):  # type: ignore[
     return -1, at
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _gather_kernel(body, offsets, lengths, units):  # type: ignore[no-untyped-def]
     """Copy the pieces of the body after each other."""
     slot = 0

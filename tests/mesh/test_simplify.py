@@ -1,0 +1,352 @@
+"""Lighter meshes: counts reached, what is kept, and how close they come."""
+
+import numpy as np
+import pytest
+
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.distance import surface_distance
+from texbake.mesh.files import read_mesh
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
+from texbake.mesh.simplify import simplify, simplify_with_report
+from texbake.mesh.simplify_options import QUALITIES
+
+BOTH = pytest.mark.parametrize("quality", QUALITIES)
+
+
+def open_edges(mesh):
+    """Directed edges without their opposite; also checks that none is used twice."""
+    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    directed = {tuple(edge) for edge in edges.tolist()}
+    assert len(directed) == len(edges), "two faces wind the same edge the same way"
+    return {edge for edge in directed if edge[::-1] not in directed}
+
+
+def signed_volume(mesh):
+    return np.linalg.det(mesh.positions[mesh.faces]).sum() / 6.0
+
+
+def rows(array):
+    return {row.tobytes() for row in np.ascontiguousarray(array)}
+
+
+def assert_clean(mesh):
+    """No vertex unused, no face degenerate or twice."""
+    assert np.array_equal(np.unique(mesh.faces), np.arange(mesh.n_vertices))
+    a, b, c = mesh.faces.T
+    assert not ((a == b) | (b == c) | (c == a)).any()
+    turned = [np.roll(face, -int(face.argmin())) for face in mesh.faces]
+    assert len(rows(turned)) == mesh.n_faces
+
+
+def assert_same(a, b):
+    fields = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "face_groups")
+    for field in (*fields, "colors"):
+        left, right = getattr(a, field), getattr(b, field)
+        assert (left is None) == (right is None)
+        assert left is None or left.tobytes() == right.tobytes()
+
+
+def folded_sheet():
+    """Two flat squares at a right angle, finely cut, with a normal for each side of the fold."""
+    x, y = plane(20, 20).positions[:, :2].T
+    side = plane(20, 20)
+    positions = np.concatenate(
+        [np.stack([x, y, 0.0 * x], axis=1), np.stack([1.0 + 0.0 * x, y, -x], axis=1)]
+    )
+    faces = np.concatenate([side.faces, side.faces + side.n_vertices])
+    normal_faces = np.repeat([[0, 0, 0], [1, 1, 1]], side.n_faces, axis=0)
+    return Mesh(
+        positions=positions,
+        faces=faces,
+        normals=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
+        normal_faces=normal_faces,
+    )
+
+
+@BOTH
+@pytest.mark.parametrize("n_faces", [4, 20, 500, 1000])
+def test_closed_meshes_reach_the_count_and_stay_closed(n_faces, quality):
+    mesh = orange(20_000)
+    light, report = simplify_with_report(mesh, n_faces, quality=quality)
+    # Edges of a closed surface collapse two faces at a time.
+    assert n_faces - 1 <= light.n_faces <= n_faces
+    assert report.reached
+    assert report.notes == ()
+    assert_clean(light)
+    assert not open_edges(light)
+    assert signed_volume(light) > 0.0
+
+
+def test_fast_keeps_a_subset_of_the_vertices_bit_for_bit():
+    # Far from the origin, where float32 has 0.06 for its last place.
+    mesh = icosphere(5)
+    mesh = mesh.replace(positions=mesh.positions * [1.0, 2.0, 3.0] + [1e6, -3e6, 2e6])
+    light = simplify(mesh, 300)
+    assert light.n_faces == 300
+    assert rows(light.positions) <= rows(mesh.positions)
+
+
+@BOTH
+def test_size_and_place_change_nothing(quality):
+    mesh = orange(6000)
+    near = simplify(mesh, 200, quality=quality)
+    scale, offset = 2.0**-20, np.array([0.5, -0.25, 1.0])
+    far = simplify(mesh.replace(positions=(mesh.positions + offset) * scale), 200, quality=quality)
+    assert np.array_equal(near.faces, far.faces)
+    # The offset rounds to 2^-53; PyMeshLab's optimal points carry that through a linear system.
+    assert far.positions / scale - offset == pytest.approx(near.positions, abs=1e-6)
+
+
+@BOTH
+def test_threads_and_runs_change_nothing(quality):
+    mesh = orange(20_000)
+    assert_same(
+        simplify(mesh, 400, quality=quality, threads=1),
+        simplify(mesh, 400, quality=quality, threads=3),
+    )
+
+
+def test_best_comes_closer_than_fast():
+    mesh = orange(60_000)
+    fast, best = (simplify_with_report(mesh, 500, quality=quality)[1] for quality in QUALITIES)
+    assert best.distance.rms < 0.7 * fast.distance.rms
+    assert fast.distance.rms_relative < 0.005
+
+
+@BOTH
+def test_a_mesh_with_no_more_faces_is_returned_itself(quality):
+    mesh = cube()
+    light, report = simplify_with_report(mesh, 12, quality=quality)
+    assert light is mesh
+    assert report.method == "unchanged"
+    assert report.distance.max == 0.0
+
+
+@BOTH
+def test_flat_parts_cost_nothing(quality):
+    # A finely cut box comes down to its 12 triangles and loses nothing.
+    x, y, z = (
+        plane(8, 8).replace(positions=np.roll(plane(8, 8).positions, shift, axis=1))
+        for shift in range(3)
+    )
+    sides = [x, y, z]
+    positions = [side.positions for side in sides]
+    positions += [1.0 - side.positions for side in sides]
+    faces = np.concatenate([x.faces + 81 * number for number in range(6)])
+    # Each side faces its own way: +z, +x, +y at 0 must be turned, those at 1 through the center too.
+    box = Mesh(positions=np.concatenate(positions), faces=faces[:, ::-1])
+    light, report = simplify_with_report(box, 12, quality=quality)
+    assert light.n_faces == 12
+    assert report.distance.max < 1e-6
+
+
+@BOTH
+def test_a_short_boundary_stays_where_it_is(quality):
+    sheet = plane(10, 10, lambda x, y: 0.1 * np.sin(6.0 * x) * np.cos(5.0 * y))
+    sheet = sheet.replace(uvs=None, uv_faces=None)
+    light = simplify(sheet, 160, quality=quality)  # the boundary has 40 edges
+    assert light.n_faces <= 160
+
+    def boundary(mesh):
+        return rows(mesh.positions[np.unique(list(open_edges(mesh)))])
+
+    if quality == "fast":
+        assert boundary(light) == boundary(sheet)
+    assert len(boundary(light)) == 40
+
+
+@BOTH
+def test_a_long_boundary_keeps_its_shape(quality):
+    mesh = grid_sphere(100, 200, pole_margin=0.6)
+    light, report = simplify_with_report(mesh, 300, quality=quality)
+    assert light.n_faces <= 300
+    edge = light.positions[np.unique(list(open_edges(light)))]
+    # Rings at z = ± cos 0.6; the sag of 300 triangles on a unit sphere is about 0.02.
+    assert np.abs(np.abs(edge[:, 2]) - np.cos(0.6)).max() < 0.02
+    assert report.distance.max_relative < 0.02
+
+
+@BOTH
+def test_a_hard_edge_is_kept_with_its_normals(quality):
+    mesh = folded_sheet()
+    light, report = simplify_with_report(mesh, 40, quality=quality)
+    assert light.n_faces <= 40
+    assert light.normals is not None
+    assert report.distance.max < 1e-6
+    corners = light.positions[light.faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses /= np.linalg.norm(crosses, axis=1, keepdims=True)
+    assert np.einsum("fx,fcx->fc", crosses, light.normals[light.normal_faces]) == pytest.approx(
+        np.ones((light.n_faces, 3))
+    )
+
+
+@BOTH
+def test_texture_coordinates_and_their_seam_are_kept(quality):
+    mesh = uv_sphere(40, 80)
+    light, report = simplify_with_report(mesh, 600, quality=quality)
+    assert 570 < light.n_faces <= 600
+    assert light.uvs is not None
+    assert report.notes == (() if quality == "fast" else ("only fast keeps texture coordinates",))
+    corners = light.positions[light.faces]
+    uvs = light.corner_uvs()
+    # Every corner has the longitude and latitude of its place; the pole has any longitude.
+    assert np.cos(np.pi * (1.0 - uvs[..., 1])) == pytest.approx(corners[..., 2], abs=1e-12)
+    off_pole = np.abs(corners[..., 2]) < 0.999
+    turns = np.arctan2(corners[..., 1], corners[..., 0]) / (2.0 * np.pi) - uvs[..., 0]
+    assert np.abs(turns - np.round(turns))[off_pole].max() < 1e-12
+    # And no triangle runs backwards across the seam.
+    a, b, c = np.moveaxis(uvs, 1, 0)
+    assert (np.linalg.det(np.stack([b - a, c - a], axis=1)) > 0.0).mean() > 0.98
+
+
+def test_too_few_faces_for_the_seams_are_said_to_be():
+    # Every face its own island in texture space: no edge is free to collapse.
+    mesh = icosphere(3)
+    corner_ids = np.arange(3 * mesh.n_faces).reshape(-1, 3)
+    uvs = np.random.default_rng(0).uniform(size=(3 * mesh.n_faces, 2))
+    light, report = simplify_with_report(mesh.replace(uvs=uvs, uv_faces=corner_ids), 100)
+    assert light.n_faces == 100
+    assert light.uvs is None
+    assert report.notes == ("too few faces to keep its texture coordinates",)
+
+
+@BOTH
+def test_groups_and_colors_follow(quality):
+    mesh = icosphere(4)
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    mesh = mesh.replace(
+        face_groups=(centers[:, 2] > 0.0).astype(int),
+        group_names=("south", "north"),
+        colors=0.5 + 0.5 * mesh.positions,
+    )
+    light = simplify(mesh, 400, quality=quality)
+    assert light.group_names == ("south", "north")
+    heights = light.positions[light.faces].mean(axis=1)[:, 2]
+    # The border is a zigzag about z = 0 of the width of a triangle.
+    assert np.array_equal(
+        light.face_groups[np.abs(heights) > 0.1], heights[np.abs(heights) > 0.1] > 0
+    )
+    # float32, and for `best` the nearest point: a vertex may lie off the facets by their sag.
+    assert light.colors == pytest.approx(0.5 + 0.5 * light.positions, abs=0.02)
+
+
+def test_smooth_normals_go_and_the_surface_gives_them_again():
+    mesh = icosphere(4)
+    mesh = mesh.replace(normals=mesh.positions, normal_faces=mesh.faces)
+    assert simplify(mesh, 200).normals is None
+
+
+@BOTH
+def test_unwelded_triangles_are_joined(quality):
+    mesh = icosphere(4)
+    soup = Mesh(
+        positions=mesh.positions[mesh.faces].reshape(-1, 3),
+        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
+    )
+    light = simplify(soup, 300, quality=quality)
+    assert light.n_faces == 300
+    assert_clean(light)
+    assert not open_edges(light)
+
+
+@BOTH
+def test_many_separate_parts_come_down_by_losing_the_small_ones(quality):
+    part = icosphere(1)
+    rng = np.random.default_rng(4)
+    places, sizes = rng.uniform(-10.0, 10.0, size=(60, 3)), np.geomspace(0.01, 3.0, 60)
+    mesh = Mesh(
+        positions=np.concatenate(
+            [part.positions * s + p for s, p in zip(sizes, places, strict=True)]
+        ),
+        faces=np.concatenate([part.faces + part.n_vertices * number for number in range(60)]),
+    )
+    light, report = simplify_with_report(mesh, 120, quality=quality)
+    assert 0 < light.n_faces <= 120
+    assert report.reached
+
+
+@BOTH
+def test_duplicate_and_degenerate_faces_go(quality):
+    mesh = icosphere(3)
+    extra = [[0, 0, 1], [2, 2, 2]]
+    mesh = mesh.replace(faces=np.concatenate([mesh.faces, mesh.faces[:50], extra]))
+    light = simplify(mesh, 400, quality=quality)
+    assert light.n_faces <= 400
+    assert_clean(light)
+
+
+@BOTH
+def test_nothing_but_degenerate_faces_is_an_error(quality):
+    mesh = Mesh(positions=np.eye(3), faces=[[0, 0, 1]] * 10)
+    with pytest.raises(MeshError, match="three distinct corners"):
+        simplify(mesh, 5, quality=quality)
+
+
+def test_wrong_options_are_errors():
+    with pytest.raises(OptionError, match="at least 4"):
+        simplify(icosphere(2), 3)
+    with pytest.raises(OptionError, match="fast, best"):
+        simplify(icosphere(2), 10, quality="worst")
+
+
+def test_report_is_plain_data():
+    import json
+
+    _, report = simplify_with_report(icosphere(3), 100)
+    values = json.loads(json.dumps(report.to_json()))
+    assert values["n_faces"] == 100
+    assert values["reached"] is True
+    assert values["distance"]["rms_relative"] == report.distance.rms_relative
+
+
+def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_path):
+    from texbake.mesh import quadric_collapse
+
+    worker = tmp_path / "worker.py"
+    worker.write_text("import os; os.abort()")
+    monkeypatch.setattr(quadric_collapse, "_WORKER", worker)
+    light, report = simplify_with_report(icosphere(3), 100, quality="best")
+    assert light.n_faces == 100
+    assert report.method == "meshoptimizer"
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    "name",
+    [
+        "broken/cycloidal.ply",
+        "broken/inverted_triangles.obj",
+        "broken/openscad-nonmanifold-crash.obj",
+        "broken/self_intersectA.obj",
+        "mikktspace/rancid_geometry.obj",  # crashes PyMeshLab
+        "mikktspace/obliterated.obj",
+        "meshes/mengerSponge3.glb",
+    ],
+)
+@BOTH
+def test_broken_meshes_come_down_too(data_dir, name, quality):
+    mesh = read_mesh(data_dir / name)
+    light, report = simplify_with_report(mesh, 500, quality=quality)
+    assert 0 < light.n_faces <= 500
+    assert report.reached
+    assert np.isfinite(light.positions).all()
+    assert_clean(light)
+    if quality == "fast":
+        assert rows(light.positions) <= rows(mesh.positions)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("name", "n_faces"), [("koala", 7116), ("skull", 10312), ("spot", 1654), ("penguin", 6720)]
+)
+def test_best_beats_fast_on_real_meshes(data_dir, name, n_faces):
+    mesh = read_mesh(data_dir / "pairs" / name / "high.obj")
+    rms = {}
+    for quality in QUALITIES:
+        light = simplify(mesh, n_faces, quality=quality)
+        assert light.n_faces == n_faces
+        rms[quality] = surface_distance(mesh, light, n_samples=20_000).rms_relative
+    assert rms["best"] < 0.65 * rms["fast"]
+    assert rms["fast"] < 0.0015

@@ -1,0 +1,61 @@
+"""Stages: what listeners hear, and what is kept for the report."""
+
+import pytest
+
+from texbake.progress import Stages, peak_memory_bytes
+
+
+class Ear:
+    def __init__(self):
+        self.heard = []
+
+    def started(self, stage, total, unit):
+        self.heard.append(("started", stage, total, unit))
+
+    def advanced(self, stage, done):
+        self.heard.append(("advanced", stage, done))
+
+    def finished(self, stage, seconds):
+        assert seconds >= 0
+        self.heard.append(("finished", stage))
+
+
+def test_a_listener_hears_all_in_order():
+    ear = Ear()
+    with Stages(ear).stage("cast rays", total=10, unit="rays") as advance:
+        advance(4)
+        advance(6)
+    assert ear.heard == [
+        ("started", "cast rays", 10, "rays"),
+        ("advanced", "cast rays", 4),
+        ("advanced", "cast rays", 10),
+        ("finished", "cast rays"),
+    ]
+
+
+def test_a_stage_that_fails_is_finished_too():
+    ear = Ear()
+    stages = Stages(ear)
+    with pytest.raises(ValueError, match="bad"), stages.stage("read"):
+        raise ValueError("bad")
+    assert ear.heard[-1] == ("finished", "read")
+    assert [record.name for record in stages.records] == ["read"]
+
+
+def test_parts_of_one_name_add_up_and_are_not_shown():
+    ear = Ear()
+    stages = Stages(ear)
+    with stages.stage("bake", recorded=False):
+        for _ in range(3):
+            with stages.part("rasterize"):
+                pass
+            with stages.part("cast"):
+                pass
+    assert [record.name for record in stages.records] == ["rasterize", "cast"]
+    assert [event[1] for event in ear.heard] == ["bake", "bake"]
+
+
+def test_peak_memory_is_that_of_this_process():
+    peak = peak_memory_bytes()
+    # A Python process with numpy holds tens of megabytes, and a machine of tests less than a TB.
+    assert peak is None or 1e7 < peak < 1e12
