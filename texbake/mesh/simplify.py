@@ -20,12 +20,10 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import SurfaceDistance, surface_distance
-from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.nearest import with_nearest_attributes
 from texbake.mesh.quadric_collapse import collapse_edges
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
 from texbake.mesh.stream_collapse import (
@@ -34,7 +32,6 @@ from texbake.mesh.stream_collapse import (
     cluster_stream,
     collapse_stream,
 )
-from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.vertex_stream import (
     VertexStream,
     gather,
@@ -210,7 +207,7 @@ def _simplified(
             raise MeshError(f"{mesh.name}: no face of it has three distinct corners; mend it first")
         fast = _fast(mesh, start, n_faces, threads)
         result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
-    return _with_nearest(result.mesh, mesh, threads), result.method, result.notes
+    return with_nearest_attributes(result.mesh, mesh, threads), result.method, result.notes
 
 
 def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
@@ -297,27 +294,3 @@ def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Resu
         return beyond, distance.rms
 
     return min(results, key=order)
-
-
-def _with_nearest(light: Mesh, mesh: Mesh, threads: int | None) -> Mesh:
-    """Give a light mesh the groups and colors that it lacks, from the nearest points of `mesh`."""
-    groups = mesh.face_groups if light.face_groups is None else None
-    colors = mesh.colors if light.colors is None else None
-    if groups is not None and len(mesh.group_names) == 1:
-        ids = np.zeros(light.n_faces, dtype=np.int32)
-        light = light.replace(face_groups=ids, group_names=mesh.group_names)
-        groups = None
-    if groups is None and colors is None:
-        return light
-    frame = LocalFrame.around(mesh)
-    tree = TriangleTree.build(frame.to_local(mesh.positions), mesh.faces, threads=threads)
-    points = frame.to_local(light.positions)
-    if groups is not None:
-        centers = points[light.faces].mean(axis=1)
-        _, nearest, _ = tree.closest_points(centers, threads=threads)
-        light = light.replace(face_groups=groups[nearest], group_names=mesh.group_names)
-    if colors is not None:
-        _, nearest, weights = tree.closest_points(points, threads=threads)
-        blended = np.einsum("nc,ncx->nx", weights, colors[mesh.faces[nearest]])
-        light = light.replace(colors=blended)
-    return light

@@ -1,13 +1,8 @@
 """Closest points on triangles, found with a bounding volume hierarchy.
 
-Based on: Christer Ericson, "Real-Time Collision Detection", 2005, section 5.1.5 (closest point on a
-triangle); Tero Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d
-trees", High-Performance Graphics 2012 (splitting triangles in Morton order where their highest
-differing bit changes).
-
-Departs from Ericson, whose products of products lose all their digits on slivers: weights come from
-the height over the first edge, and a triangle without area to speak of is taken as its three edges.
-Triangles of one Morton code are split in the middle, so that the depth of the tree is bounded.
+Based on: Tero Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d trees",
+High-Performance Graphics 2012: triangles in Morton order are split where their highest differing
+bit changes. Triangles of one code are split in the middle, so that the depth is bounded.
 """
 
 from __future__ import annotations
@@ -20,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from texbake.mesh.closest_point import closest_on_triangle, dot, minus, point_at, weighted
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
@@ -29,10 +25,6 @@ _BAND = 1 << 13
 # Levels: one for each of the 63 bits that triangles are split by at most, one for each halving of
 # the 2^31 triangles at most of one code. The stack holds one node a level, and two at the last.
 _STACK_SIZE = 63 + 31 + 2
-
-# The square of the sine of the angle at its first corner under which a triangle is taken as its
-# three edges: its height is then a hundred roundings of its length, or less.
-_SLIVER_SINE_SQUARED = 1e-28
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,70 +218,6 @@ def _box_distance_squared(boxes, node, p):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(nogil=True, cache=True)
-def _minus(a, b):  # type: ignore[no-untyped-def]
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@njit(nogil=True, cache=True)
-def _weighted(a, b, v, w):  # type: ignore[no-untyped-def]
-    return v * a[0] + w * b[0], v * a[1] + w * b[1], v * a[2] + w * b[2]
-
-
-@njit(nogil=True, cache=True)
-def _point(values, row):  # type: ignore[no-untyped-def]
-    return values[row, 0], values[row, 1], values[row, 2]
-
-
-@njit(nogil=True, cache=True)
-def _along(numerator, denominator):  # type: ignore[no-untyped-def]
-    """Where on an edge, from 0 to 1; 0 on an edge without length."""
-    return min(max(numerator / denominator, 0.0), 1.0) if denominator > 0.0 else 0.0
-
-
-@njit(nogil=True, cache=True)
-def _closest_on_triangle(ab, ac, ap):  # type: ignore[no-untyped-def]
-    """Weights of b and c at the point closest to p, and its squared distance."""
-    ab_ab, ab_ac, ac_ac = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
-    ab_ap, ac_ap = _dot(ab, ap), _dot(ac, ap)
-    v, w, sliver = 0.0, 0.0, True
-    if ab_ab > 0.0:
-        height = _minus(ac, _weighted(ab, ab, ab_ac / ab_ab, 0.0))
-        # Twice, because on a needle the first leaves rounding that is not small beside the height.
-        height = _minus(height, _weighted(ab, ab, _dot(ab, height) / ab_ab, 0.0))
-        height_squared = _dot(height, height)
-        if height_squared > _SLIVER_SINE_SQUARED * ac_ac:
-            sliver = False
-            w = _dot(height, ap) / height_squared
-            v = (ab_ap - w * ab_ac) / ab_ab
-            if v > 0.0 and w > 0.0 and v + w < 1.0:
-                offset = _minus(ap, _weighted(ab, ac, v, w))
-                return v, w, _dot(offset, offset)
-    # The closest point lies on an edge that p is beyond.
-    best, best_v, best_w = np.inf, 0.0, 0.0
-    for edge in range(3):
-        if edge == 0 and (sliver or w <= 0.0):
-            edge_v, edge_w = _along(ab_ap, ab_ab), 0.0
-        elif edge == 1 and (sliver or v <= 0.0):
-            edge_v, edge_w = 0.0, _along(ac_ap, ac_ac)
-        elif edge == 2 and (sliver or v + w >= 1.0):
-            bc = _minus(ac, ab)
-            edge_w = _along(_dot(bc, _minus(ap, ab)), _dot(bc, bc))
-            edge_v = 1.0 - edge_w
-        else:
-            continue
-        offset = _minus(ap, _weighted(ab, ac, edge_v, edge_w))
-        squared = _dot(offset, offset)
-        if squared < best:
-            best, best_v, best_w = squared, edge_v, edge_w
-    return best_v, best_w, best
-
-
-@njit(nogil=True, cache=True)
 def _closest_points_kernel(  # type: ignore[no-untyped-def]
     tree, points, max_distance, start, stop, distances, face_ids, barycentrics
 ):
@@ -297,13 +225,13 @@ def _closest_points_kernel(  # type: ignore[no-untyped-def]
     stack = np.empty(_STACK_SIZE, dtype=np.int32)
     bounds = np.empty(_STACK_SIZE)
     limit = max_distance * max_distance
-    nearby = _point(
+    nearby = point_at(
         positions, faces[order[0], 0]
     )  # a point of the surface, close to the last answer
     for k in range(start, stop):
-        p = _point(points, k)
-        offset = _minus(p, nearby)
-        best, best_face, best_v, best_w = min(limit, _dot(offset, offset)), -1, 0.0, 0.0
+        p = point_at(points, k)
+        offset = minus(p, nearby)
+        best, best_face, best_v, best_w = min(limit, dot(offset, offset)), -1, 0.0, 0.0
         while True:
             stack[0], bounds[0], size = 0, 0.0, 1
             while size > 0:
@@ -314,10 +242,10 @@ def _closest_points_kernel(  # type: ignore[no-untyped-def]
                 first, count = nodes[node, 0], nodes[node, 1]
                 for slot in range(first, first + count):
                     face = order[slot]
-                    a = _point(positions, faces[face, 0])
-                    ab = _minus(_point(positions, faces[face, 1]), a)
-                    ac = _minus(_point(positions, faces[face, 2]), a)
-                    v, w, squared = _closest_on_triangle(ab, ac, _minus(p, a))
+                    a = point_at(positions, faces[face, 0])
+                    ab = minus(point_at(positions, faces[face, 1]), a)
+                    ac = minus(point_at(positions, faces[face, 2]), a)
+                    v, w, squared = closest_on_triangle(ab, ac, minus(p, a))
                     if squared < best or (squared == best and best_face < 0):
                         best, best_face, best_v, best_w = squared, face, v, w
                 if count == 0:
@@ -338,8 +266,8 @@ def _closest_points_kernel(  # type: ignore[no-untyped-def]
         distances[k] = math.sqrt(best)
         barycentrics[k, 0] = max(1.0 - best_v - best_w, 0.0)
         barycentrics[k, 1], barycentrics[k, 2] = best_v, best_w
-        a = _point(positions, faces[best_face, 0])
-        ab = _minus(_point(positions, faces[best_face, 1]), a)
-        ac = _minus(_point(positions, faces[best_face, 2]), a)
-        on_face = _weighted(ab, ac, best_v, best_w)
+        a = point_at(positions, faces[best_face, 0])
+        ab = minus(point_at(positions, faces[best_face, 1]), a)
+        ac = minus(point_at(positions, faces[best_face, 2]), a)
+        on_face = weighted(ab, ac, best_v, best_w)
         nearby = (a[0] + on_face[0], a[1] + on_face[1], a[2] + on_face[2])
