@@ -16,7 +16,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     machine code can be written to, or its disk is full, it is compiled again in each process.
     """
     try:
-        compiled = njit(nogil=True, cache=True)(function)
+        compiled = njit(nogil=True, cache=True, error_model="numpy")(function)
     except RuntimeError:  # numba: no locator available
         return njit(nogil=True)(function)
     save = compiled._cache.save_overload

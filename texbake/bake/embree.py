@@ -26,16 +26,16 @@ from texbake.errors import DependencyError
 from texbake.kernels import callback
 
 PACKET = 16  # rays a call
-# Places of the fields of RTCRay and RTCHit, in words of 4 bytes; in a packet each is PACKET wide.
+# Places of the fields of RTCRay and RTCHit among those of a packet; each is PACKET words wide.
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, FLAGS = 0, 3, 4, 7, 8, 9, 11
-NORMAL, HIT_U, HIT_V, FACE_ID, GEOMETRY_ID, INSTANCE_ID = 12, 15, 16, 17, 18, 19
-RAY_WORDS = 21
+NORMAL, HIT_U, HIT_V, QUAD_ID, GEOMETRY_ID, INSTANCE_ID = 12, 15, 16, 17, 18, 19
+_RAY_WORDS = 21
 
 _FLAG_COMPACT, _FLAG_ROBUST = 2, 4
 _QUALITY_MEDIUM = 1
-_GEOMETRY_TRIANGLES = 0
+_GEOMETRY_QUADS = 1
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
-_FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
+_FORMAT_UINT4, _FORMAT_FLOAT3 = 0x5004, 0x9003
 _QUERY_COHERENT = 1 << 16
 _QUERY_ARGUMENT_FILTER = 1 << 1
 _ALL_FEATURES = 0xFFFFFFFF
@@ -67,7 +67,6 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcCommitGeometry": (None, [ctypes.c_void_p]),
     "rtcAttachGeometry": (ctypes.c_uint, [ctypes.c_void_p, ctypes.c_void_p]),
     "rtcCommitScene": (None, [ctypes.c_void_p]),
-    "rtcIntersect1": (None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
     "rtcIntersect16": (None, [ctypes.c_void_p] * 4),
 }
 
@@ -115,38 +114,63 @@ def load_library() -> ctypes.CDLL:
     return library
 
 
+class RayPacket:
+    """Room for RTCRayHit16 and its mask, at multiples of 64 bytes.
+
+    Attributes
+    ----------
+    valid : (PACKET,) int32
+        -1 for a lane that holds a ray, 0 for one that does not.
+    words : (21 * PACKET,) float32
+        Field after field, each with one word a lane.
+    ids : (21 * PACKET,) int32
+        The same memory, for the fields that are integers.
+    """
+
+    def __init__(self) -> None:
+        self.words = _aligned_words(_RAY_WORDS * PACKET)
+        self.ids = self.words.view(np.int32)
+        self.valid = _aligned_words(PACKET).view(np.int32)
+
+
+def _aligned_words(n: int) -> npt.NDArray[np.float32]:
+    words = np.zeros(n + 16, dtype=np.float32)
+    skipped = -(words.ctypes.data // 4) % 16
+    return words[skipped : skipped + n]
+
+
 class EmbreeScene:
-    """A ray tree over triangles, and the addresses that a kernel needs to cast rays at it.
+    """A ray tree over quads, and the addresses that a kernel needs to cast rays at it.
 
     Parameters
     ----------
     positions : (V, 3) float32
         Local coordinates.
-    faces : (F, 3) int32
-        Shared with the library, not copied.
+    quads : (Q, 4) int32
+        See `quads.pair_faces`; shared with the library, not copied.
     threads : int
         Threads that build the tree.
     """
 
     def __init__(
-        self, positions: npt.NDArray[np.float32], faces: npt.NDArray[np.int32], threads: int
+        self, positions: npt.NDArray[np.float32], quads: npt.NDArray[np.int32], threads: int
     ) -> None:
         self._library = library = load_library()
         # The library reads 16 bytes at a vertex of 12, so the buffer needs some after its end.
         self._vertices = np.zeros((len(positions) + 2, 3), dtype=np.float32)
         self._vertices[: len(positions)] = positions
-        self._faces = faces
+        self._quads = quads
         self._device = library.rtcNewDevice(f"threads={threads},hugepages=1".encode())
         self._scene = library.rtcNewScene(self._device)
         library.rtcSetSceneFlags(self._scene, _FLAG_COMPACT | _FLAG_ROBUST)
         library.rtcSetSceneBuildQuality(self._scene, _QUALITY_MEDIUM)
-        geometry = library.rtcNewGeometry(self._device, _GEOMETRY_TRIANGLES)
+        geometry = library.rtcNewGeometry(self._device, _GEOMETRY_QUADS)
         for slot, layout, array, count in (
-            (_BUFFER_INDEX, _FORMAT_UINT3, faces, len(faces)),
+            (_BUFFER_INDEX, _FORMAT_UINT4, quads, len(quads)),
             (_BUFFER_VERTEX, _FORMAT_FLOAT3, self._vertices, len(positions)),
         ):
             library.rtcSetSharedGeometryBuffer(
-                geometry, slot, 0, layout, array.ctypes.data, 0, 12, count
+                geometry, slot, 0, layout, array.ctypes.data, 0, array.strides[0], count
             )
         library.rtcSetGeometryEnableFilterFunctionFromArguments(geometry, True)
         library.rtcCommitGeometry(geometry)
@@ -157,21 +181,26 @@ class EmbreeScene:
         if error:
             self.close()
             raise DependencyError(f"embreex: Embree could not build its tree (error {error})")
-        self._packet_arguments = _IntersectArguments(_QUERY_COHERENT, _ALL_FEATURES)
+        self._any_arguments = _IntersectArguments(_QUERY_COHERENT, _ALL_FEATURES)
         self._front_arguments = _IntersectArguments(
-            _QUERY_ARGUMENT_FILTER, _ALL_FEATURES, None, _skip_back_faces.address
+            _QUERY_COHERENT | _QUERY_ARGUMENT_FILTER, _ALL_FEATURES, None, _skip_back_faces.address
         )
 
-    @property
-    def addresses(self) -> tuple[int, int, int, int, int]:
-        """Of the scene, the packet and the single query, and the arguments of the two."""
-        return (
+    def addresses(self, packet: RayPacket) -> npt.NDArray[np.uintp]:
+        """Return what a kernel needs for a packet.
+
+        Addresses of the query, the scene, the packet's mask, the packet, and the arguments for
+        hits on any face and on front faces.
+        """
+        values = (
+            ctypes.cast(self._library.rtcIntersect16, ctypes.c_void_p).value,
             self._scene,
-            _address(self._library.rtcIntersect16),
-            _address(self._library.rtcIntersect1),
-            ctypes.addressof(self._packet_arguments),
+            packet.valid.ctypes.data,
+            packet.words.ctypes.data,
+            ctypes.addressof(self._any_arguments),
             ctypes.addressof(self._front_arguments),
         )
+        return np.array(values, dtype=np.uintp)
 
     def close(self) -> None:
         """Free the tree. The scene must not be used afterwards."""
@@ -179,10 +208,6 @@ class EmbreeScene:
             self._library.rtcReleaseScene(self._scene)
             self._library.rtcReleaseDevice(self._device)
             self._scene = self._device = None
-
-
-def _address(function: Any) -> int:
-    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
 
 
 @intrinsic
@@ -216,13 +241,15 @@ def _pointer_to(typing_context, address):  # type: ignore[no-untyped-def]
 
 @callback(types.void(types.CPointer(types.uintp)))
 def _skip_back_faces(arguments):  # type: ignore[no-untyped-def]
-    """Refuse a hit whose surface does not face the ray's start (RTCFilterFunctionN, one ray)."""
-    fields = carray(arguments, 5)
-    valid = carray(_pointer_to(fields[0]), 1, np.int32)
-    ray = carray(_pointer_to(fields[3]), 12, np.float32)
-    normal = carray(_pointer_to(fields[4]), 3, np.float32)
-    facing = (
-        normal[0] * ray[DIRECTION] + normal[1] * ray[DIRECTION + 1] + normal[2] * ray[DIRECTION + 2]
-    )
-    if facing >= 0.0:
-        valid[0] = 0
+    """Refuse hits on surfaces that do not face their ray's start (RTCFilterFunctionN)."""
+    fields = carray(arguments, 6)
+    n = np.intp(fields[5] & np.uintp(0xFFFFFFFF))  # an unsigned int, and padding after it
+    valid = carray(_pointer_to(fields[0]), n, np.int32)
+    rays = carray(_pointer_to(fields[3]), 12 * n, np.float32)
+    normals = carray(_pointer_to(fields[4]), 3 * n, np.float32)
+    for lane in range(n):
+        facing = 0.0
+        for axis in range(3):
+            facing += normals[axis * n + lane] * rays[(DIRECTION + axis) * n + lane]
+        if facing >= 0.0:
+            valid[lane] = 0

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from texbake.bake.cast import Caster, open_caster
-from texbake.bake.distances import measure_reach
 from texbake.bake.found import Found
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.options import BakeOptions
@@ -23,7 +22,6 @@ from texbake.bake.texels import (
     rasterize_uv,
     snap_uvs,
 )
-from texbake.bake.watertight import retry_watertight
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
@@ -101,6 +99,8 @@ class Trace:
         """Make the rays' field; distances that were not given are measured first."""
         options = self.options
         if (self.front is None and self.cage is None) or self.back is None:
+            from texbake.bake.distances import measure_reach
+
             with self.stages.stage("measure distances"):
                 reach = measure_reach(
                     self.high, self.low, frame, caster, options.rays, options.threads
@@ -147,6 +147,8 @@ class Trace:
         return missed
 
     def _second_look(self, missed: list[tuple[Samples, Rays]], frame: LocalFrame) -> Hits:
+        from texbake.bake.watertight import retry_watertight
+
         samples = Samples.joined([part for part, _ in missed])
         rays = Rays.joined([part for _, part in missed])
         found = retry_watertight(

@@ -7,10 +7,12 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texbake.files import PathLike, replacing
-from texbake.render.compare import Comparison
+
+if TYPE_CHECKING:
+    from texbake.render.compare import Comparison
 
 
 def write_report(path: PathLike, report: Mapping[str, Any]) -> None:

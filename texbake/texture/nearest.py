@@ -112,6 +112,14 @@ def _meet(row_charts, row, last, before, chart):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _all_owned(charts, row, left, right):  # type: ignore[no-untyped-def]
+    least = 0
+    for x in range(left, right):
+        least = min(least, charts[row, x])
+    return least == 0
+
+
+@kernel
 def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  # type: ignore[no-untyped-def]
     """Nearest owners of rows start on, and how many texels of each row two charts reach.
 
@@ -134,7 +142,7 @@ def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  
         count = 0
         for left in range(0, width, _SEGMENT):
             right = min(left + _SEGMENT, width)
-            if charts[row, left:right].min() >= 0:
+            if _all_owned(charts, row, left, right):
                 for x in range(left, right):
                     indices[row, x] = row * width + x
                 continue
