@@ -85,7 +85,7 @@ def bake(
     for hits in trace.hits():
         with stages.part("make maps"):
             sums.add(hits)
-            distances.add(hits)
+            distances.add(hits, threads=options.threads)
         if options.keep_hits:
             kept.append(hits)
     all_hits = Hits.joined(kept) if kept else None
@@ -191,7 +191,8 @@ def _finished(
     """Turn sums into padded maps; also the number of texels where two charts' padding meets."""
     options = inputs.options
     with stages.stage("pad"):
-        texel_charts = np.where(texel_faces == NO_FACE, NO_FACE, chart_ids(inputs.low)[texel_faces])
+        # NO_FACE is -1, and so the last entry: it has no chart.
+        texel_charts = np.append(chart_ids(inputs.low), NO_FACE).astype(np.int32)[texel_faces]
         surroundings = Surroundings(texel_charts, has_data, options)
     maps = {}
     for kind in kinds:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.options import BakeOptions
 from texbake.bake.trace import TraceCounts
+from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 
 _PERCENTILES = (1, 5, 50, 95, 99)
@@ -24,9 +25,16 @@ class DistanceSummary:
         self._some: list[npt.NDArray[np.float32]] = []
         self._least, self._greatest = np.inf, 0.0
 
-    def add(self, hits: Hits) -> None:
+    def add(self, hits: Hits, *, threads: int | None = None) -> None:
         """Take in the hits of a part of the trace."""
-        squares = np.einsum("ij,ij->i", hits.offsets, hits.offsets)
+        offsets = hits.offsets
+        squares = np.empty(len(offsets), dtype=np.float32)
+
+        def measure(start: int, stop: int) -> None:
+            band = offsets[start:stop]
+            np.einsum("ij,ij->i", band, band, out=squares[start:stop])
+
+        run_bands(measure, len(offsets), band=1 << 18, threads=threads)
         is_hit = hits.high_faces != NO_HIT
         if not is_hit.all():
             squares = squares[is_hit]

@@ -9,6 +9,9 @@ from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import MapKind
 from texbake.kernels import kernel
+from texbake.parallel import run_bands
+
+_BAND = 1 << 18
 
 
 class TexelSums:
@@ -31,9 +34,18 @@ class TexelSums:
         is_hit = hits.high_faces != NO_HIT
         if not is_hit.all():
             hits = hits.where(is_hit)
-        for kind, sums in self._sums.items():
-            _add_kernel(hits.texel_ids, kind.values(hits, self._inputs), sums)
-        _count_kernel(hits.texel_ids, self.n_hits)
+        options = self._inputs.options
+        # Only with one sample a texel can no two bands meet in a texel.
+        band = _BAND if options.samples == 1 else max(len(hits), 1)
+        values = {kind: kind.values(hits, self._inputs) for kind in self._sums}
+
+        def add(start: int, stop: int) -> None:
+            texel_ids = hits.texel_ids[start:stop]
+            for kind, sums in self._sums.items():
+                _add_kernel(texel_ids, values[kind][start:stop], sums)
+            _count_kernel(texel_ids, self.n_hits)
+
+        run_bands(add, len(hits), band=band, threads=options.threads)
 
     def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
         """(height, width, channels) float32: means of what hit, the neutral value elsewhere.
@@ -43,7 +55,12 @@ class TexelSums:
         options = self._inputs.options
         sums = self._sums.pop(kind)
         neutral = np.array(kind.neutral(options), dtype=np.float32)
-        _mean_kernel(sums, self.n_hits, neutral, kind.coding == "normal")
+        is_normal = kind.coding == "normal"
+
+        def divide(start: int, stop: int) -> None:
+            _mean_kernel(sums[start:stop], self.n_hits[start:stop], neutral, is_normal)
+
+        run_bands(divide, len(sums), band=_BAND, threads=options.threads)
         return sums.reshape(options.height, options.width, kind.channels)
 
 

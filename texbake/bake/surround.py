@@ -37,7 +37,7 @@ class Surroundings:
         self._owners = None
         self.n_meeting = 0
         if options.padding > 0:
-            sources = np.where(has_data, texel_charts, NO_FACE).astype(np.int32)
+            sources = np.where(self._missed, np.int32(NO_FACE), texel_charts)
             owners = nearest_owner(sources, options.padding, threads=options.threads)
             self._owners, self.n_meeting = owners.indices, owners.n_meeting
             self._valid = (owners.indices >= 0) & ~self._missed
