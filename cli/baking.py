@@ -44,6 +44,7 @@ def bake_to_files(
         Fields of `BakeOptions`, all but `maps`.
     """
     options = BakeOptions(maps=tuple(files), **choices)
+    check_distinct([*files.values(), miss_map, report], [high, low, cage])
     _check_outputs(files, folder, miss_map, report, options)
     import texbake
     from texbake.pipeline.report import write_report
@@ -92,7 +93,6 @@ def _check_outputs(
     from texbake.bake.maps import MAPS
     from texbake.texture.image import check_image_format
 
-    check_distinct([*files.values(), miss_map, report])
     for name, path in files.items():
         check_image_format(path, options.bits, channels=MAPS[name].channels)
         if folder is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -34,11 +35,18 @@ def check_report(path: Path | None) -> None:
         check_writable(path)
 
 
-def check_distinct(outputs: Sequence[Path | None]) -> None:
-    """Raise if two outputs are one file."""
-    seen = set()
+def check_distinct(outputs: Sequence[Path | None], inputs: Sequence[Path | None] = ()) -> None:
+    """Raise if two outputs are one file, or if one would overwrite an input.
+
+    None is fine. A mesh that the result may replace is no input in this sense.
+    """
+    read = {os.path.realpath(path) for path in inputs if path is not None}
+    written = set()
     for path in outputs:
         if path is not None:
-            if path.resolve() in seen:
+            file = os.path.realpath(path)
+            if file in written:
                 raise OptionError(f"{path}: two outputs have this name; give each its own")
-            seen.add(path.resolve())
+            if file in read:
+                raise OptionError(f"{path}: it is also an input; give the output another name")
+            written.add(file)

@@ -32,4 +32,5 @@ texbake bake-normals "$high" "$folder/light_uv.obj" -o "$folder/normal_directx.p
 # Look at it, and ask how close it comes.
 texbake preview "$folder/light_uv.obj" --normal-map "$folder/maps/normal.png" \
     --size 800x600 --view 30,30 -o "$folder/preview.png"
-texbake compare "$high" "$folder/light_uv.obj" --normal-map "$folder/maps/normal.png"
+texbake compare "$high" "$folder/light_uv.obj" --normal-map "$folder/maps/normal.png" \
+    -o "$folder/compare.png"

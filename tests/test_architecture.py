@@ -137,6 +137,17 @@ def test_the_command_line_imports_only_texbake() -> None:
     assert not wrong
 
 
+def test_machine_code_is_kept_on_disk_in_one_way() -> None:
+    """With `cache=True` numba fails where no folder can be written to; `kernels` sees to that."""
+    users = {
+        module
+        for module in modules()
+        for node in ast.walk(tree_of(module))
+        if isinstance(node, ast.Call) and any(word.arg == "cache" for word in node.keywords)
+    }
+    assert users == {"texbake.kernels"}
+
+
 def test_no_module_imports_itself_by_a_detour() -> None:
     graph = {
         module: {name for name in imports_of(module, when_run=True) if name in modules()} - {module}

@@ -96,3 +96,25 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
     for look in (check_writable, lambda path: replacing(path).__enter__()):
         with pytest.raises(FileError, match=why):
             look(tmp_path / name)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
+    pipe, link = tmp_path / "pipe.png", tmp_path / "link.png"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    for path in pipe, link:
+        with pytest.raises(FileError, match="a device or a pipe"):
+            check_writable(path)
+        with pytest.raises(FileError, match="a device or a pipe"), replacing(path):
+            pass
+    assert pipe.is_fifo()
+    assert sorted(tmp_path.iterdir()) == [link, pipe]
+
+
+def test_links_in_a_circle_are_told(tmp_path: Path) -> None:
+    link = tmp_path / "a.png"
+    link.symlink_to(link)
+    with pytest.raises(FileError, match="in a circle"):
+        check_writable(link)
+    assert link.is_symlink()

@@ -11,7 +11,7 @@ SCRIPT = """
 import sys
 sys.path.insert(0, {folder!r})
 import doubled
-print(doubled.doubled(21.0))
+print(doubled.doubled(21.0), doubled.ratio(1.0, 0.0))
 """
 MODULE = """
 from texbake.kernels import callback, kernel
@@ -20,6 +20,10 @@ from numba import types
 @kernel
 def doubled(x):
     return 2.0 * x
+
+@kernel
+def ratio(x, y):
+    return x / y
 
 @callback(types.double(types.double))
 def called_back(x):
@@ -45,7 +49,7 @@ def test_a_kernel_runs_without_a_place_for_its_machine_code(tmp_path, place):
         text=True,
         check=False,
     )
-    assert process.stdout == "42.0\n", process.stderr
+    assert process.stdout == "42.0 inf\n", process.stderr
 
 
 def test_a_full_disk_costs_the_cache_and_not_the_work(tmp_path):
@@ -63,4 +67,4 @@ def test_a_full_disk_costs_the_cache_and_not_the_work(tmp_path):
         check=False,
         preexec_fn=no_file_may_grow,
     )
-    assert process.stdout == "42.0\n", process.stderr
+    assert process.stdout == "42.0 inf\n", process.stderr

@@ -1,5 +1,8 @@
 """Stages: what listeners hear, and what is kept for the report."""
 
+import subprocess
+import sys
+
 import pytest
 
 from texbake.progress import Stages, peak_memory_bytes
@@ -59,3 +62,11 @@ def test_peak_memory_is_that_of_this_process():
     peak = peak_memory_bytes()
     # A Python process with numpy holds tens of megabytes, and a machine of tests less than a TB.
     assert peak is None or 1e7 < peak < 1e12
+
+
+def test_peak_memory_is_not_that_of_the_process_before():
+    held = bytearray(1 << 29)
+    held[:: 1 << 12] = bytes(len(held) >> 12)  # touched, so that it is in memory
+    script = "from texbake.progress import peak_memory_bytes; print(peak_memory_bytes())"
+    told = subprocess.check_output([sys.executable, "-c", script], text=True)
+    assert told == "None\n" or int(told) < len(held)

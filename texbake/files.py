@@ -24,7 +24,8 @@ def replacing(path: PathLike) -> Iterator[Path]:
     Raises
     ------
     FileError
-        The folder is missing or cannot be written, the disk is full, or `path` is a folder.
+        The folder is missing or cannot be written, the disk is full, or `path` is a folder, a
+        device or a pipe.
     """
     target = _target_of(path)
     temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}{target.suffix}")
@@ -66,6 +67,11 @@ def _target_of(path: PathLike) -> Path:
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
+    if target.is_symlink():
+        raise FileError(f"{path}: its links lead in a circle; give another name")
+    if target.exists() and not target.is_file():
+        # Renaming over a device such as /dev/full would take it from the whole machine.
+        raise FileError(f"{path}: it is a device or a pipe; give the name of a file")
     if not target.parent.is_dir():
         raise FileError(f"{path}: there is no folder {target.parent}; make it first")
     return target

@@ -18,7 +18,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     try:
         compiled = njit(nogil=True, cache=True, error_model="numpy")(function)
     except RuntimeError:  # numba: no locator available
-        return njit(nogil=True)(function)
+        return njit(nogil=True, error_model="numpy")(function)
     save = compiled._cache.save_overload
 
     def save_if_possible(*arguments: Any) -> None:

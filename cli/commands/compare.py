@@ -65,7 +65,7 @@ def compare(
     difference side by side.
     """
     output = output or Path(f"{low.stem}_compare.png")
-    check_distinct([output, report])
+    check_distinct([output, report], [high, low, normal_map, displacement, albedo])
     check_picture(output)
     check_report(report)
     import texbake

@@ -15,7 +15,7 @@ from ..options import (
     picture_options,
     threads_option,
 )
-from ..outputs import check_picture
+from ..outputs import check_distinct, check_picture
 from ..terminal import Terminal, terminal_options
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def preview(
     A normal map says in its file which space and convention it has; one that does not is taken for
     tangent space and OpenGL. Heights are decoded by what their file says, or are model units.
     """
+    check_distinct([output], [mesh, normal_map, displacement, albedo])
     check_picture(output)
     import texbake
 

@@ -59,6 +59,7 @@ def simplify(
     how many faces were reached and how far the two surfaces lie apart, both ways.
     """
     check_distinct([output, report])
+    check_distinct([report], [mesh])  # the output may replace the mesh
     check_mesh(output)
     check_report(report)
     import texbake

@@ -66,6 +66,7 @@ def unwrap(
     """
     options = UnwrapOptions(method=method, size=size, padding=padding)
     check_distinct([output, layout, report])
+    check_distinct([layout, report], [mesh])  # the output may replace the mesh
     check_mesh(output)
     check_picture(layout)
     check_report(report)

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 import texbake
+from texbake.bake import trace
 from texbake.bake.bake import bake, remap
+from texbake.bake.embreex_caster import EmbreexCaster
 from texbake.bake.options import BakeOptions
 from texbake.errors import CageError, MissError, OptionError, UvError
+from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.mesh.tangents import corner_tangents
+from texbake.render.displace import displace
+from texbake.render.maps import heights_from
 from texbake.texture.encoding import encode_normals
 
 
@@ -201,6 +207,15 @@ def test_misses_are_told_and_never_filled():
         assert not (picture[:, :32] == [255, 40, 60]).all(axis=2).any()
 
 
+def test_many_misses_are_looked_at_once_more_and_stay_misses():
+    """More rays than one tree of the second look holds, and far longer than the triangles."""
+    low, half = plane(), half_a_plane()
+    options = BakeOptions(size=300, front=1.0, back=1.0)
+    report = bake(half, low, options).report
+    assert report.counts.rays_missed == report.texels_missed == 300 * 150
+    assert report.counts.rays_recovered == 0
+
+
 def test_fail_on_miss():
     options = BakeOptions(size=16, front=0.1, back=0.1, fail_on_miss=49.9)
     with pytest.raises(MissError, match=r"50\.000 %"):
@@ -232,6 +247,60 @@ def test_supersampled_texels_average_what_hit():
     )
 
 
+def test_a_cage_and_a_front_distance_contradict_each_other():
+    low = uv_sphere(8, 16)
+    with pytest.raises(OptionError, match="front, cage"):
+        bake(icosphere(3), low, BakeOptions(front=0.1), cage=low)
+
+
+def test_a_bake_through_embreex_is_the_same(monkeypatch):
+    """Where the library beside the wheel is not found, by its public interface."""
+    high, low = icosphere(5), uv_sphere(8, 12)
+    options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
+    native = bake(high, low, options)
+    monkeypatch.setattr(
+        trace, "open_caster", lambda high, frame, threads: EmbreexCaster(high, frame)
+    )
+    through_embreex = bake(high, low, options)
+    assert (native.report.caster, through_embreex.report.caster) == ("Embree, packets", "embreex")
+    np.testing.assert_array_equal(native.has_data, through_embreex.has_data)
+    for name in options.maps:
+        # A ray on an edge may take either face: the same point and normal to float32 rounding.
+        np.testing.assert_allclose(
+            native.maps[name].values, through_embreex.maps[name].values, atol=1e-5
+        )
+
+
+def test_tangents_of_the_file_are_used():
+    """Turned by a quarter, they turn the map's x and y by a quarter."""
+    high = plane(40, 40, lambda x, y: 0.02 * np.sin(6 * x + 3 * y))
+    low = plane()
+    tangents = corner_tangents(low)
+    turned = tangents.copy()
+    turned[..., :3] = [0, 1, 0]  # along v, where MikkTSpace has them along u
+    options = BakeOptions(size=32, front=0.1, back=0.1)
+    own = bake(high, low.replace(tangents=turned), options).maps["normal"].values
+    usual = bake(high, low, options).maps["normal"].values
+    np.testing.assert_allclose(own[..., 0], usual[..., 1], atol=1e-6)
+    np.testing.assert_allclose(own[..., 1], -usual[..., 0], atol=1e-6)
+    assert np.abs(usual[..., 0] - usual[..., 1]).max() > 0.05
+
+
+def test_displacing_the_light_mesh_gives_the_dense_surface_back(tmp_path):
+    def bumps(theta, phi):
+        return 1 + 0.04 * np.sin(5 * theta) ** 2 * np.sin(6 * phi)
+
+    high, low = uv_sphere(200, 400, bumps), uv_sphere(12, 24)
+    baked = bake(high, low, BakeOptions(size=512, maps=("displacement",), samples=4))
+    for name in "heights.exr", "heights.png":
+        baked.maps["displacement"].write(tmp_path / name)
+        displaced = displace(low, heights_from(tmp_path / name), segments=24)
+        before, after = surface_distance(high, low), surface_distance(high, displaced)
+        # What is left is the size of the pieces: 288 of them around, and heights between texels.
+        assert after.rms < before.rms / 30
+        assert after.max < before.max / 8
+
+
 def test_a_cage_takes_the_place_of_the_front_distance():
     low = uv_sphere(8, 16)
     high = low.replace(positions=low.positions * 1.3)
@@ -247,6 +316,17 @@ def test_a_cage_takes_the_place_of_the_front_distance():
     # Along the radius of a vertex the surfaces are 0.3 apart; within a face the chord is nearer.
     values = result.maps["displacement"].values[result.has_data]
     assert 0.27 < values.min() <= values.max() < 0.3001
+
+
+def test_with_a_cage_the_back_alone_is_measured():
+    low = uv_sphere(8, 16)
+    cage = low.replace(positions=low.positions * 1.5, name="cage.obj")
+    report = bake(low, low, BakeOptions(size=16), cage=cage).report
+    assert report.measured
+    assert report.front is None
+    assert report.back > 0
+    given = bake(low, low, BakeOptions(size=16, back=0.1), cage=cage).report
+    assert not given.measured
 
 
 @pytest.mark.parametrize("other", [uv_sphere(8, 15), icosphere(2)])
@@ -288,6 +368,8 @@ def test_remap_equals_a_bake_of_the_other_maps():
         np.testing.assert_array_equal(again.maps[name].values, direct.maps[name].values)
     with pytest.raises(OptionError, match="keep_hits"):
         remap(direct, high, low, other)
+    with pytest.raises(OptionError, match="not the meshes that were traced"):
+        remap(kept, icosphere(2), low, other)
 
 
 def test_padding_meets_and_overlaps_are_warned_of():
@@ -329,6 +411,12 @@ def test_the_report_is_json_and_tells_the_stages():
         {"size": 0},
         {"size": 100_000},
         {"size": (16, 0)},
+        {"size": (16, 16, 16)},
+        {"size": 64.0},
+        {"size": "64"},
+        {"samples": 4.0},
+        {"padding": 16384},
+        {"padding": 1.5},
         {"samples": 3},
         {"front": -1.0},
         {"back": float("nan")},

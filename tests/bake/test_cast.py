@@ -189,7 +189,7 @@ def test_without_the_native_library_embreex_is_used(monkeypatch):
     def fail(*arguments, **options):
         raise DependencyError("embreex: no Embree library lies beside the package")
 
-    monkeypatch.setattr(cast, "NativeCaster", fail)
+    monkeypatch.setattr(cast, "load_library", fail)
     high = cube()
     assert isinstance(open_caster(high, LocalFrame.around(high)), EmbreexCaster)
 

@@ -6,9 +6,7 @@ A dense sphere of 3,996,000 triangles as binary PLY, a light one of 512 as OBJ, 
 16-bit PNG with 16 texels of padding and 1 sample. Both programs run in a process a bake. "File to
 file" is reading the meshes, baking and writing the map, with their own code loaded (and kernels
 compiled); below it stands the whole process. Blender runs where TEXBAKE_BLENDER_PYTHON names a
-Python with bpy 5.0.1.
-`--slow-peers`
-adds pymeshlab, which takes minutes.
+Python with bpy 5.0.1. `--slow-peers` adds pymeshlab, which takes minutes.
 """
 
 from __future__ import annotations
@@ -45,7 +43,7 @@ def make_meshes(folder):
 
 
 def run_process(command, **environment):
-    """Wall seconds and peak resident bytes of one process, and what it printed."""
+    """Wall seconds of one process, and what it printed."""
     start = time.perf_counter()
     process = subprocess.Popen(
         [str(word) for word in command],
@@ -53,12 +51,10 @@ def run_process(command, **environment):
         stderr=subprocess.DEVNULL,
         env={**os.environ, **environment},
     )
-    output = process.stdout.read()
-    _, status, usage = os.wait4(process.pid, 0)
-    seconds = time.perf_counter() - start
-    if status:
+    output = process.communicate()[0]
+    if process.returncode:
         raise SystemExit(f"this failed: {' '.join(map(str, command))}")
-    return seconds, usage.ru_maxrss * 1024, output
+    return time.perf_counter() - start, output
 
 
 def bake_with(python, script, folder, size, **environment):
@@ -67,9 +63,9 @@ def bake_with(python, script, folder, size, **environment):
         python, HERE / script, folder / "dense.ply", folder / "light.obj", folder / "map.png",
         size, DISTANCE, PADDING,
     ]  # fmt: skip
-    whole, peak, output = run_process(command, **environment)
+    whole, output = run_process(command, **environment)
     figures = json.loads(output.decode().strip().splitlines()[-1])
-    return figures["import"] + figures["bake"] + figures["save"], whole, peak
+    return figures["import"] + figures["bake"] + figures["save"], whole, figures["peak"]
 
 
 def texbake_bake(folder, size, **environment):

@@ -254,3 +254,34 @@ def test_reading_is_not_disturbed_by_what_is_written(workplace: Path, invoke: In
     invoke("unwrap low.obj -o low.obj --size 128")
     after = read_mesh("low.obj")
     np.testing.assert_array_equal(before.positions, after.positions)
+
+
+def test_no_input_is_overwritten(snapshot: Callable[[], dict[str, bytes]], invoke: Invoke) -> None:
+    before = snapshot()
+    Path("alias.json").symlink_to("low.obj")
+    before["alias.json"] = before["low.obj"]
+    for line in (
+        "bake-normals high.ply low.obj -o new.png --report low.obj",
+        "bake-normals high.ply low.obj -o new.png --report alias.json",
+        "unwrap low.obj -o new.obj --report low.obj",
+        "simplify high.ply -o new.obj --faces 100 --report high.ply",
+        "preview low.obj --normal-map out.png -o out.png",
+        "compare high.ply low.obj --normal-map out.png -o out.png",
+    ):
+        assert "also an input" in invoke(line, exit_code=2).output
+        assert snapshot() == before
+
+
+def test_links_in_a_circle(workplace: Path, invoke: Invoke) -> None:
+    Path("round.png").symlink_to("round.png")
+    assert "in a circle" in invoke("bake-normals high.ply low.obj -o round.png", 1).output
+
+
+def test_a_closed_standard_output(workplace: Path, script: Path) -> None:
+    done = subprocess.run(
+        ["sh", "-c", f"'{script}' info low.obj >&-"],
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+    )
+    assert "Traceback" not in done.stderr

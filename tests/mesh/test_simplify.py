@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.errors import MeshError, OptionError
+from texbake.errors import DependencyError, MeshError, OptionError
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
@@ -311,6 +311,16 @@ def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_
     light, report = simplify_with_report(icosphere(3), 100, quality="best")
     assert light.n_faces == 100
     assert report.method == "meshoptimizer"
+    assert any("PyMeshLab crashed" in note for note in report.notes)
+
+
+def test_a_library_that_does_not_load_is_told_and_not_passed_over(monkeypatch, tmp_path):
+    from texbake.mesh import quadric_collapse
+
+    (tmp_path / "pymeshlab.py").write_text("raise ImportError('libGL.so.1: no such file')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(DependencyError, match=r"does not load: libGL\.so\.1"):
+        quadric_collapse.collapse_edges(icosphere(2), 100, keep_boundary=False)
 
 
 @pytest.mark.realdata

@@ -76,6 +76,8 @@ def bake(
     kinds = map_kinds(options.maps)
     if cage is not None:
         check_cage(cage, low)
+        if options.front is not None:
+            raise OptionError("front, cage: rays start on the cage; give one of the two")
     stages = Stages(progress)
     trace = Trace(high, low, options, cage, stages)
     inputs = BakeInputs(high, low, options)
@@ -101,17 +103,30 @@ def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> Ba
         Of a bake with `keep_hits` of the same two meshes.
     options
         `maps`, `space`, `high_shading`, `padding` and `fill` count, and what says how files are
-        written; size, samples and rays are those of the trace.
+        written; size, samples and all that says how rays go are those of the trace.
 
     Raises
     ------
     OptionError
-        The result kept no hits.
+        The result kept no hits, or the meshes have other numbers of faces.
     """
     if result.hits is None:
         raise OptionError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
+    if (high.n_faces, low.n_faces) != (result.report.n_high_faces, result.report.n_low_faces):
+        raise OptionError(
+            f"remap: {high.name} and {low.name} are not the meshes that were traced "
+            f"({result.report.high} and {result.report.low}); give those"
+        )
     traced = result.report.options
-    options = replace(options, size=traced.size, samples=traced.samples, rays=traced.rays)
+    options = replace(
+        options,
+        size=traced.size,
+        samples=traced.samples,
+        rays=traced.rays,
+        front=traced.front,
+        back=traced.back,
+        cull_back_faces=traced.cull_back_faces,
+    )
     kinds = map_kinds(options.maps)
     stages = Stages()
     inputs = BakeInputs(high, low, options)
@@ -155,7 +170,8 @@ def _result(
         options=options,
         front=trace.front,
         back=trace.back or 0.0,
-        measured=(options.front, options.back) != (trace.front, trace.back),
+        measured=options.back is None or (options.front is None and trace.cage is None),
+        caster=trace.caster,
         texels=options.width * options.height,
         texels_covered=n_covered,
         texels_missed=n_missed,
@@ -176,7 +192,7 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
         raise MissError(
             f"{inputs.low.name}: {n_missed} texels ({percent:.3f} %) found no surface of "
             f"{inputs.high.name}, more than the {limit:g} % allowed; raise --front and --back, "
-            "or look with --miss-map"
+            "or see them with --miss-map and without --fail-on-miss"
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from texbake.bake.embree import load_library
 from texbake.bake.embreex_caster import EmbreexCaster
 from texbake.bake.found import Found
 from texbake.bake.native_caster import NativeCaster
@@ -18,7 +19,9 @@ from texbake.mesh.mesh import Mesh
 
 
 class Caster(Protocol):
-    """Finds the first surface along rays."""
+    """Finds the first surface along rays; `name` is what reports call it."""
+
+    name: str
 
     def cast(self, rays: Rays, *, cull_back_faces: bool = True) -> Found:
         """Find the nearest hit of each ray within its length.
@@ -33,6 +36,7 @@ class Caster(Protocol):
 def open_caster(high: Mesh, frame: LocalFrame, *, threads: int | None = None) -> Caster:
     """Build a ray tree over the dense mesh; through embreex's own interface where need be."""
     try:
-        return NativeCaster(high, frame, threads=threads)
+        load_library()
     except DependencyError:
         return EmbreexCaster(high, frame)
+    return NativeCaster(high, frame, threads=threads)

@@ -180,7 +180,10 @@ class EmbreeScene:
         error = library.rtcGetDeviceError(self._device)
         if error:
             self.close()
-            raise DependencyError(f"embreex: Embree could not build its tree (error {error})")
+            raise DependencyError(
+                f"embreex: Embree could not build its tree over {len(quads)} quads "
+                f"(error {error}); if memory ran out, simplify the dense mesh first"
+            )
         self._any_arguments = _IntersectArguments(_QUERY_COHERENT, _ALL_FEATURES)
         self._front_arguments = _IntersectArguments(
             _QUERY_COHERENT | _QUERY_ARGUMENT_FILTER, _ALL_FEATURES, None, _skip_back_faces.address

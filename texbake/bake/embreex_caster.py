@@ -17,6 +17,8 @@ _MOST_BACK_FACES = 64  # surfaces passed through from behind before a ray counts
 class EmbreexCaster:
     """Casts all rays in one call, and those that met a back face again from behind it."""
 
+    name = "embreex"
+
     def __init__(self, high: Mesh, frame: LocalFrame) -> None:
         try:
             from embreex.mesh_construction import TriangleMesh

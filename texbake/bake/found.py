@@ -49,7 +49,8 @@ def refine_kernel(triangles, lines, results):  # type: ignore[no-untyped-def]
     """Find where each ray meets the plane of the triangle it hit, in float64, in place.
 
     Based on: Möller, Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997. A triangle
-    so thin or so edge-on that the determinant vanishes keeps what the caster found.
+    so thin or so edge-on that the determinant vanishes keeps the distance that the caster found,
+    and its barycentrics where it told some, else its first corner.
     """
     positions, triangle_corners, center, scale = triangles
     origins, directions, _ = lines
@@ -77,9 +78,12 @@ def refine_kernel(triangles, lines, results):  # type: ignore[no-untyped-def]
             continue
         u = -(qx * cx + qy * cy + qz * cz) / slope
         v = (qx * bx + qy * by + qz * bz) / slope
-        # float32 found it inside, so it lies outside by rounding at most: back onto the triangle.
+        # float32 found it inside, so it lies outside by rounding, which is much only on a triangle
+        # seen edge-on: back onto the triangle, and the distance of that point along the ray.
         u = min(max(u, 0.0), 1.0)
         v = min(max(v, 0.0), 1.0 - u)
         barycentrics[i, 0] = u
         barycentrics[i, 1] = v
-        distances[i] = (ox * nx + oy * ny + oz * nz) / slope
+        distances[i] = (
+            (u * bx + v * cx - ox) * dx + (u * by + v * cy - oy) * dy + (u * bz + v * cz - oz) * dz
+        )

@@ -14,7 +14,10 @@ NO_HIT = -1
 
 @dataclass(frozen=True, eq=False)
 class Hits(Rows):
-    """The trace of a bake; n is the number of samples that a face of the light mesh owns.
+    """The trace of a bake: a row for each sample that a face of the light mesh owns.
+
+    A sample that was found only at the second look has two: a miss in its place, and its hit at the
+    end.
 
     Attributes
     ----------

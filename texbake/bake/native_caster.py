@@ -38,6 +38,8 @@ _RAYS_A_BAND = 1 << 14  # a multiple of PACKET, so that packets are the same for
 class NativeCaster:
     """Casts packets of rays from compiled code, several threads at once."""
 
+    name = "Embree, packets"
+
     def __init__(self, high: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
         self._threads = resolve_threads(threads)
         positions = frame.to_local(high.positions).astype(np.float32)

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options import MAX_SIZE, UnwrapOptions, check_size
 
-MAX_SIZE = 16384  # texels a side: 2^14, so that fixed-point coordinates of samples fit 30 bits
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
 RAYS = ("smooth", "vertex", "face")
@@ -85,9 +84,7 @@ class BakeOptions:
     def __post_init__(self) -> None:
         if not self.maps or not isinstance(self.maps, tuple):
             raise OptionError("maps: name at least one map to make, in a tuple")
-        for length in self.width, self.height:
-            if not 1 <= length <= MAX_SIZE:
-                raise OptionError(f"size: {length} is out of range; it must be 1 to {MAX_SIZE}")
+        check_size(self.size)
         _check_choice("samples", self.samples, SAMPLES)
         _check_choice("space", self.space, SPACES)
         _check_choice("convention", self.convention, CONVENTIONS)
@@ -101,8 +98,10 @@ class BakeOptions:
                 raise OptionError(f"{name}: {distance} is no distance; it must be 0 or more")
         if self.front == 0 and self.back == 0:
             raise OptionError("front, back: both are 0, so that no ray has any length")
-        if self.padding < 0:
-            raise OptionError(f"padding: {self.padding} is negative; it must be 0 or more texels")
+        if not (isinstance(self.padding, int) and 0 <= self.padding < MAX_SIZE):
+            raise OptionError(
+                f"padding: {self.padding} is out of range; it must be 0 to {MAX_SIZE - 1} texels"
+            )
         if self.fail_on_miss is not None and not 0 <= self.fail_on_miss <= 100:
             raise OptionError(f"fail-on-miss: {self.fail_on_miss} is no percentage of 0 to 100")
         if self.scale is not None and not (self.scale != 0 and math.isfinite(self.scale)):
@@ -129,6 +128,6 @@ class BakeOptions:
 
 
 def _check_choice(name: str, value: object, choices: tuple[object, ...]) -> None:
-    if value not in choices:
+    if value not in choices or isinstance(value, float):  # 4.0 equals 4, and is no number of rays
         known = ", ".join(str(choice) for choice in choices if choice is not None)
         raise OptionError(f"{name}: {value} is not one of {known}")

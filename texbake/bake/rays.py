@@ -17,7 +17,7 @@ from texbake.errors import CageError
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
-from texbake.mesh.normals import face_normals, shading_normals, smooth_normals
+from texbake.mesh.normals import face_normals, flat_normals, shading_normals, smooth_normals
 from texbake.parallel import run_bands
 
 
@@ -102,6 +102,7 @@ class RayField:
                 rays.directions[start:stop],
                 rays.lengths[start:stop],
                 rays.fronts[start:stop],
+                (np.empty(3), np.empty(3)),
             )
 
         run_bands(fill, n, band=1 << 15, threads=self._threads)
@@ -114,8 +115,7 @@ def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:
         return smooth_normals(low), low.faces
     if kind == "vertex":
         return shading_normals(low)
-    corners = np.repeat(np.arange(low.n_faces, dtype=np.int32)[:, np.newaxis], 3, axis=1)
-    return face_normals(low), corners
+    return flat_normals(low)
 
 
 def check_cage(cage: Mesh, low: Mesh) -> None:
@@ -131,13 +131,12 @@ def check_cage(cage: Mesh, low: Mesh) -> None:
 
 @kernel
 def _rays_kernel(  # type: ignore[no-untyped-def]
-    faces, barycentrics, surface, field, reach, origins, directions, lengths, fronts
+    faces, barycentrics, surface, field, reach, origins, directions, lengths, fronts, scratch
 ):
     positions, starts, corners = surface
     normals, normal_corners, face_normals = field
     front, back, has_cage = reach
-    point = np.empty(3)
-    outward = np.empty(3)
+    point, outward = scratch
     for i in range(len(faces)):
         face = faces[i]
         b, c = barycentrics[i, 0], barycentrics[i, 1]

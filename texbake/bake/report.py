@@ -22,16 +22,17 @@ class DistanceSummary:
     """How far the two surfaces lie apart, gathered while the hits go by."""
 
     def __init__(self) -> None:
-        self._some: list[npt.NDArray[np.float32]] = []
+        self._some: list[npt.NDArray[np.float64]] = []
         self._least, self._greatest = np.inf, 0.0
 
     def add(self, hits: Hits, *, threads: int | None = None) -> None:
         """Take in the hits of a part of the trace."""
         offsets = hits.offsets
-        squares = np.empty(len(offsets), dtype=np.float32)
+        squares = np.empty(len(offsets))
 
         def measure(start: int, stop: int) -> None:
-            band = offsets[start:stop]
+            # float64, so that no unit of length is too small or too large to be squared
+            band = offsets[start:stop].astype(np.float64)
             np.einsum("ij,ij->i", band, band, out=squares[start:stop])
 
         run_bands(measure, len(offsets), band=1 << 18, threads=threads)
@@ -69,6 +70,8 @@ class BakeReport:
         Distances that the rays went; the front is None with a cage, which has one a vertex.
     measured : bool
         Whether one of them was measured.
+    caster : str
+        What cast the rays.
     texels, texels_covered, texels_missed : int
         Of the map; covered by the light mesh; covered without a hit in any sample.
     texels_overlapping : int
@@ -91,6 +94,7 @@ class BakeReport:
     front: float | None
     back: float
     measured: bool
+    caster: str
     texels: int
     texels_covered: int
     texels_missed: int
@@ -166,10 +170,18 @@ class BakeReport:
                 f"{counts.rays_recovered:,} recovered, "
                 f"{counts.rays_past_back_faces:,} past back faces",
             ),
+            (
+                "overlap, outside",
+                f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} faces",
+            ),
             ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
-            ("total", f"{self.seconds:.2f} s"),
+            ("total", f"{self.seconds:.2f} s{self._peak()}"),
         ]
+
+    def _peak(self) -> str:
+        peaks = [stage.peak_memory_bytes for stage in self.stages if stage.peak_memory_bytes]
+        return f", peak memory {max(peaks) / 1e9:.2f} GB" if peaks else ""
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as plain values, for `json.dump`."""

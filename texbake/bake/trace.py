@@ -52,8 +52,11 @@ class Trace:
     Attributes
     ----------
     counts : TraceCounts
-    front, back : float
-        Distances that the rays went, in model units; measured ones once the trace has begun.
+    front, back : float or None
+        Distances that the rays went, in model units; measured ones once the trace has begun. The
+        front stays None with a cage.
+    caster : str
+        What cast the rays, once the trace has begun.
     texel_faces : (H, W) int32
         Face of the light mesh that owns the texel (its first owned sample), `NO_FACE` for none.
     """
@@ -66,7 +69,10 @@ class Trace:
     counts: TraceCounts = field(default_factory=TraceCounts)
 
     def __post_init__(self) -> None:
-        self.front, self.back = self.options.front, self.options.back
+        # A cage has a front distance of its own at each vertex.
+        self.front = self.options.front if self.cage is None else None
+        self.back = self.options.back
+        self.caster = ""
         self._grid = SampleGrid(
             self.options.width, self.options.height, self.options.samples_per_side
         )
@@ -85,6 +91,7 @@ class Trace:
         self.counts.faces_without_uv_area = faces.n_zero_area
         with self.stages.stage("build ray tree", total=self.high.n_faces, unit="triangles"):
             caster = open_caster(self.high, frame, threads=self.options.threads)
+        self.caster = caster.name
         try:
             field = self._field(frame, caster)
             missed = yield from self._first_look(faces, field, caster, frame)
@@ -98,14 +105,15 @@ class Trace:
     def _field(self, frame: LocalFrame, caster: Caster) -> RayField:
         """Make the rays' field; distances that were not given are measured first."""
         options = self.options
-        if (self.front is None and self.cage is None) or self.back is None:
+        if self.back is None or (self.front is None and self.cage is None):
             from texbake.bake.distances import measure_reach
 
             with self.stages.stage("measure distances"):
                 reach = measure_reach(
                     self.high, self.low, frame, caster, options.rays, options.threads
                 )
-            self.front = reach.front if self.front is None else self.front
+            if self.front is None and self.cage is None:
+                self.front = reach.front
             self.back = reach.back if self.back is None else self.back
         with self.stages.part("prepare light mesh"):
             return RayField(

@@ -50,13 +50,14 @@ def retry_watertight(
         found.faces[part], found.barycentrics[part], found.distances[part], back = _nearest(
             triangles, lines, cull_back_faces, threads
         )
+        # Told by the distances that both come from; refining them moves one by its last bits.
+        reach = np.where(found.faces[part] == NO_HIT, lines[2], found.distances[part])
+        found.passed_back[part] = back <= reach
         refine_kernel(
             triangles,
             lines,
             (found.faces[part], found.barycentrics[part], found.distances[part]),
         )
-        reach = np.where(found.faces[part] == NO_HIT, lines[2], found.distances[part])
-        found.passed_back[part] = back <= reach
     return found
 
 
@@ -103,36 +104,56 @@ def _tree_over_pieces(
     has the children 2 i + 1 and 2 i + 2; leaves beyond the last piece have empty boxes. Boxes are
     (2 * n_leaves - 1, 6): least x, y, z and greatest, grown by rounding's 1e-9 of the local frame.
     """
-    origins, directions, lengths = lines
+    lengths = lines[2]
     longest = float(lengths.max(initial=0.0))
     n_pieces = int(np.clip(longest / (8.0 * typical_edge), 1, _MOST_PIECES))
-    cuts = np.linspace(0.0, 1.0, n_pieces + 1)[:, np.newaxis, np.newaxis] * lengths[:, np.newaxis]
-    points = origins + directions * cuts
-    lows = (np.minimum(points[:-1], points[1:]) - 1e-9).reshape(-1, 3)
-    highs = (np.maximum(points[:-1], points[1:]) + 1e-9).reshape(-1, 3)
-    order = _order_along_curve((lows + highs) / 2)
+    keys = np.empty(n_pieces * len(lengths), dtype=np.uint64)
+    _curve_kernel(lines, n_pieces, keys)
+    order = np.argsort(keys, kind="stable")
     n_leaves = 1 << (len(order) - 1).bit_length()
     boxes = np.empty((2 * n_leaves - 1, 6))
-    boxes[:, :3], boxes[:, 3:] = np.inf, -np.inf
-    leaves = slice(n_leaves - 1, n_leaves - 1 + len(order))
-    boxes[leaves, :3], boxes[leaves, 3:] = lows[order], highs[order]
-    level = n_leaves - 1
-    while level > 0:
-        children, parent = boxes[level : 2 * level + 1], level // 2
-        boxes[parent:level, :3] = np.minimum(children[0::2, :3], children[1::2, :3])
-        boxes[parent:level, 3:] = np.maximum(children[0::2, 3:], children[1::2, 3:])
-        level = parent
-    return boxes, order % len(origins)
+    _boxes_kernel(lines, n_pieces, order, boxes)
+    return boxes, order // n_pieces
 
 
-def _order_along_curve(points: FloatArray) -> npt.NDArray[np.int64]:
-    """Order points along a Morton curve, so that neighbors share a branch of the tree."""
-    cells = np.clip((points + 1.0) * 512.0, 0, 1023).astype(np.uint64)
-    keys = np.zeros(len(points), dtype=np.uint64)
-    for bit in range(10):
+@kernel
+def _curve_kernel(lines, n_pieces, keys):  # type: ignore[no-untyped-def]
+    """Place of each piece's middle on a Morton curve, so that neighbors share a branch."""
+    origins, directions, lengths = lines
+    for i in range(len(keys)):
+        ray = i // n_pieces
+        along = lengths[ray] * (i % n_pieces + 0.5) / n_pieces
+        key = np.uint64(0)
         for axis in range(3):
-            keys |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return np.argsort(keys, kind="stable")
+            point = origins[ray, axis] + directions[ray, axis] * along
+            cell = np.uint64(min(max((point + 1.0) * 512.0, 0.0), 1023.0))
+            for bit in range(10):
+                shifted = (cell >> np.uint64(bit)) & np.uint64(1)
+                key |= shifted << np.uint64(3 * bit + axis)
+        keys[i] = key
+
+
+@kernel
+def _boxes_kernel(lines, n_pieces, order, boxes):  # type: ignore[no-untyped-def]
+    """Boxes of the leaves, in the order of the pieces, and then of the nodes over them."""
+    origins, directions, lengths = lines
+    first_leaf = len(boxes) // 2
+    for leaf in range(len(boxes) - first_leaf):
+        box = boxes[first_leaf + leaf]
+        box[:3], box[3:] = np.inf, -np.inf
+        if leaf < len(order):
+            ray, piece = order[leaf] // n_pieces, order[leaf] % n_pieces
+            for axis in range(3):
+                start, step = origins[ray, axis], directions[ray, axis] * lengths[ray] / n_pieces
+                one, other = start + step * piece, start + step * (piece + 1)
+                box[axis] = min(one, other) - 1e-9
+                box[axis + 3] = max(one, other) + 1e-9
+    for node in range(first_leaf - 1, -1, -1):
+        for axis in range(3):
+            boxes[node, axis] = min(boxes[2 * node + 1, axis], boxes[2 * node + 2, axis])
+            boxes[node, axis + 3] = max(
+                boxes[2 * node + 1, axis + 3], boxes[2 * node + 2, axis + 3]
+            )
 
 
 @kernel

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from texbake.errors import OptionError
 
 METHODS = ("atlas",)
-MAX_SIZE = 16384  # texels a side, the most that a bake takes
+MAX_SIZE = 16384  # texels a side: 2^14, so that what a bake counts in stays within its integers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +37,7 @@ class UnwrapOptions:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise OptionError(f"method: {self.method} is not one of {', '.join(METHODS)}")
-        if not isinstance(self.size, int) and len(self.size) != 2:
-            raise OptionError(f"size: {self.size} is neither a number nor (width, height)")
-        for length in self.width, self.height:
-            if not 1 <= length <= MAX_SIZE:
-                raise OptionError(f"size: {length} is out of range; it must be 1 to {MAX_SIZE}")
+        check_size(self.size)
         if self.padding < 0:
             raise OptionError(f"padding: {self.padding} is negative; it must be 0 or more texels")
         if 2 * self.padding >= min(self.width, self.height):
@@ -61,3 +57,13 @@ class UnwrapOptions:
     def height(self) -> int:
         """Number of rows."""
         return self.size if isinstance(self.size, int) else self.size[1]
+
+
+def check_size(size: object) -> None:
+    """Raise `OptionError` unless it is a number of texels a side, or (width, height)."""
+    sides = size if isinstance(size, tuple) else (size, size)
+    if len(sides) != 2 or not all(isinstance(side, int) for side in sides):
+        raise OptionError(f"size: {size!r} is neither a number nor (width, height)")
+    for length in sides:
+        if not 1 <= length <= MAX_SIZE:
+            raise OptionError(f"size: {length} is out of range; it must be 1 to {MAX_SIZE}")

@@ -9,44 +9,45 @@ the height over the first edge, and a triangle without area to speak of is taken
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from texbake.kernels import kernel
 
 # The square of the sine of the angle at its first corner under which a triangle is taken as its
 # three edges: its height is then a hundred roundings of its length, or less.
 _SLIVER_SINE_SQUARED = 1e-28
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def point_at(values, row):  # type: ignore[no-untyped-def]
     """A row of an (n, 3) array."""
     return values[row, 0], values[row, 1], values[row, 2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def minus(a, b):  # type: ignore[no-untyped-def]
     """Difference of two vectors."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def dot(a, b):  # type: ignore[no-untyped-def]
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def weighted(a, b, v, w):  # type: ignore[no-untyped-def]
     """Sum of v times a and w times b."""
     return v * a[0] + w * b[0], v * a[1] + w * b[1], v * a[2] + w * b[2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _along(numerator, denominator):  # type: ignore[no-untyped-def]
     """Where on an edge, from 0 to 1; 0 on an edge without length."""
     return min(max(numerator / denominator, 0.0), 1.0) if denominator > 0.0 else 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def closest_on_triangle(ab, ac, ap):  # type: ignore[no-untyped-def]
     """Weights of b and c at the point closest to p, and its squared distance.
 

@@ -16,8 +16,8 @@ from functools import cache
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 
@@ -150,7 +150,7 @@ def _pore_depths(directions: FloatArray, pores: _Pores) -> FloatArray:
     return depths
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pore_depth_kernel(
     directions: FloatArray,
     centers: FloatArray,

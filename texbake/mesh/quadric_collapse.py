@@ -51,7 +51,7 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
     Raises
     ------
     DependencyError
-        PyMeshLab is not installed.
+        PyMeshLab is not installed, or a library that it needs.
     """
     if find_spec("pymeshlab") is None:
         raise DependencyError("simplify: pymeshlab is missing; pip install pymeshlab")
@@ -72,6 +72,13 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
                 timeout=_SECONDS_TO_START + _SECONDS_A_FACE * mesh.n_faces,
                 capture_output=True,
                 check=False,
+            )
+        import_error = folder / "import_error.txt"
+        if import_error.exists():
+            reason = " ".join(import_error.read_text(encoding="utf-8").split())
+            raise DependencyError(
+                f"simplify: pymeshlab does not load: {reason}; "
+                "install what it needs, or ask for quality fast"
             )
         reduced = [_reduced(path, mesh, frame) for path in sorted(folder.glob("reduced-*.npz"))]
     return [result for result in reduced if result is not None]

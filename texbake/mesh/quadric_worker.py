@@ -1,6 +1,7 @@
 """Runs PyMeshLab's quadric edge collapse in a process of its own: `quadric_worker.py FOLDER`.
 
-Reads `mesh.npz` and writes `reduced-0.npz` and perhaps `reduced-1.npz`, each as soon as it is made.
+Reads `mesh.npz` and writes `reduced-0.npz` and perhaps `reduced-1.npz`, each as soon as it is made;
+or, where PyMeshLab does not load, `import_error.txt`.
 It is a script, started by `quadric_collapse`, and imports nothing of texbake, to start quickly.
 """
 
@@ -14,7 +15,11 @@ import numpy as np
 
 def main(folder: Path) -> None:
     """Collapse with the topology kept, and without where that does not reach the count."""
-    import pymeshlab
+    try:
+        import pymeshlab
+    except ImportError as error:  # such as an OpenGL library that is not installed
+        (folder / "import_error.txt").write_text(str(error), encoding="utf-8")
+        return
 
     with np.load(folder / "mesh.npz") as mesh:
         positions, faces, n_faces = mesh["positions"], mesh["faces"], int(mesh["n_faces"])

@@ -48,6 +48,9 @@ _TRIES = 6
 
 _COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
 
+# Of the faces asked for, that an attempt must leave to be taken before others are tried.
+_MOST_OF_IT = 0.75
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimplifyReport:
@@ -211,18 +214,31 @@ def _simplified(
 
 
 def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
-    """First attempt that reaches the count, else the one with the fewest faces."""
+    """First attempt that reaches the count and most of it, else the one that comes nearest.
+
+    Dropping separate parts can leave next to nothing of a mesh of many parts; then joining them is
+    the better of two bad ways.
+    """
     results: list[_Result] = []
     for stream, reduce, method, notes in _attempts(mesh, start, n_faces, threads):
         light = _reach(mesh, stream, reduce, n_faces)
         if light is None:
             continue
         results.append(_Result(light, stream, method, notes))
-        if light.n_faces <= n_faces:
+        if _MOST_OF_IT * n_faces <= light.n_faces <= n_faces:
             return results[-1]
+    reached = [result for result in results if result.mesh.n_faces <= n_faces]
+    if reached:
+        result = max(reached, key=lambda result: result.mesh.n_faces)
+        few = f"only {result.mesh.n_faces} faces are left of the {n_faces} asked for"
+        return result if 2 * result.mesh.n_faces > n_faces else _noted(result, few)
     result = min(results, key=lambda result: result.mesh.n_faces)
     stopped = f"it does not come below {result.mesh.n_faces} faces: its topology stands in the way"
-    return replace(result, notes=(*result.notes, stopped))
+    return _noted(result, stopped)
+
+
+def _noted(result: _Result, note: str) -> _Result:
+    return replace(result, notes=(*result.notes, note))
 
 
 def _attempts(
@@ -287,6 +303,10 @@ def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Resu
         light = gather(reduced, stream, stream.faces)
         if light is not None:
             results.append(_Result(light, start, "meshoptimizer, then pymeshlab", given_up))
+
+    if len(results) == 1:
+        broken = "PyMeshLab crashed or made nothing of it, so that this is what fast makes"
+        return replace(fast, notes=(*fast.notes, broken))
 
     def order(result: _Result) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from texbake.kernels import kernel
 from texbake.mesh.closest_point import closest_on_triangle, dot, minus, point_at, weighted
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
@@ -148,7 +148,7 @@ def _morton_order(
     return ids, keys
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _morton_kernel(positions, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys):  # type: ignore[no-untyped-def]
     for face in range(start, stop):
         code = np.uint64(0)
@@ -164,7 +164,7 @@ def _morton_kernel(positions, faces, low, cells_a_unit, axis_bits, id_bits, star
         keys[face] = (code << np.uint64(id_bits)) | np.uint64(face)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _build_kernel(positions, faces, ids, codes, boxes, nodes):  # type: ignore[no-untyped-def]
     """Split ranges of the order from the top, then join boxes from the bottom; number of nodes."""
     nodes[0, 0], nodes[0, 1] = 0, len(ids)
@@ -209,7 +209,7 @@ def _build_kernel(positions, faces, ids, codes, boxes, nodes):  # type: ignore[n
     return n_nodes
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _box_distance_squared(boxes, node, p):  # type: ignore[no-untyped-def]
     dx = max(boxes[node, 0] - p[0], 0.0, p[0] - boxes[node, 3])
     dy = max(boxes[node, 1] - p[1], 0.0, p[1] - boxes[node, 4])
@@ -217,7 +217,7 @@ def _box_distance_squared(boxes, node, p):  # type: ignore[no-untyped-def]
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _closest_points_kernel(  # type: ignore[no-untyped-def]
     tree, points, max_distance, start, stop, distances, face_ids, barycentrics
 ):
