@@ -28,7 +28,8 @@ def replacing(path: PathLike) -> Iterator[Path]:
         device or a pipe.
     """
     target = _target_of(path)
-    temporary = target.with_name(f".{target.stem[:40]}.{secrets.token_hex(4)}{target.suffix}")
+    # Not the target's own name: some writers take only names that are UTF-8.
+    temporary = target.with_name(f".texbake-{secrets.token_hex(6)}{target.suffix}")
     try:
         # Made here, so that an unwritable folder is found before the work and not after it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))

@@ -445,3 +445,25 @@ def test_unknown_map_and_missing_uvs():
         bake(icosphere(1), plane(), BakeOptions(maps=("albedo",)))
     with pytest.raises(UvError, match="no texture coordinates"):
         bake(icosphere(1), icosphere(1))
+
+
+def test_faces_that_own_no_texel_are_told():
+    """A sliver between two rows of centers, and a face beneath another."""
+    low = plane()
+    uvs = np.vstack([low.uvs, [[0.0, 0.5], [1.0, 0.5], [1.0, 0.501]]])
+    positions = np.vstack([low.positions, [[0, 0, 1], [1, 0, 1], [1, 1, 1]]])
+    faces = np.vstack([low.faces, [[4, 5, 6]], low.faces[:1]])
+    uv_faces = np.vstack([low.uv_faces, [[4, 5, 6]], low.uv_faces[:1]])
+    mesh = Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=uv_faces)
+    report = bake(low, mesh, BakeOptions(size=16, front=0.1, back=0.1)).report
+    assert report.faces_without_texel == 2
+    assert any("2 of 4 faces own no texel" in warning for warning in report.warnings)
+
+
+def test_a_mesh_turned_inside_out_misses_everything_and_is_told_why():
+    low = uv_sphere(8, 16)
+    inside_out = low.replace(faces=low.faces[:, ::-1])
+    report = bake(inside_out, low, BakeOptions(size=32, front=0.1, back=0.1)).report
+    assert report.miss_percent == 100.0
+    assert report.counts.rays_past_back_faces == report.counts.rays_cast
+    assert any("inside out" in warning for warning in report.warnings)

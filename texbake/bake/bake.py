@@ -176,6 +176,7 @@ def _result(
         texels_covered=n_covered,
         texels_missed=n_missed,
         texels_overlapping=trace.counts.samples_overlapping / options.samples,
+        faces_without_texel=_count_unseen(inputs.low.n_faces, trace.texel_faces),
         padding_meets=meets,
         counts=trace.counts,
         distance_percentiles=distances.percentiles(),
@@ -183,6 +184,13 @@ def _result(
         versions=library_versions(),
     )
     return BakeResult(maps, report, hits, trace.texel_faces, has_data)
+
+
+def _count_unseen(n_faces: int, texel_faces: IntArray) -> int:
+    """How many faces own no texel."""
+    seen = np.zeros(n_faces + 1, dtype=np.bool_)
+    seen[texel_faces] = True  # NO_FACE is -1, and so the last entry
+    return n_faces - int(np.count_nonzero(seen[:-1]))
 
 
 def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:

@@ -76,6 +76,9 @@ class BakeReport:
         Of the map; covered by the light mesh; covered without a hit in any sample.
     texels_overlapping : int
         Samples that several faces cover, in texels; the first face wins.
+    faces_without_texel : int
+        Faces of the light mesh that own no texel: thinner than the samples lie apart, covered by
+        others, or without area or outside the square.
     padding_meets : int
         Texels that the padding of two charts wants.
     counts : TraceCounts
@@ -99,6 +102,7 @@ class BakeReport:
     texels_covered: int
     texels_missed: int
     texels_overlapping: float
+    faces_without_texel: int
     padding_meets: int
     counts: TraceCounts
     distance_percentiles: dict[int, float]
@@ -119,31 +123,34 @@ class BakeReport:
     def warnings(self) -> list[str]:
         """What the user should look at, a sentence each."""
         counts = self.counts
+        hint = "see them with --miss-map"
+        if self.miss_percent > 50.0:
+            hint = "are its faces turned inside out, or the distances too short?"
         checks = (
             (
                 self.texels_missed,
-                f"{self.texels_missed:,} texels ({self.miss_percent:.2f} %) found "
-                "no dense surface and are left neutral; see them with --miss-map",
+                f"{self.texels_missed:,} texels ({self.miss_percent:.2f} %) found no dense surface "
+                f"and are left neutral; {hint}",
             ),
             (
                 counts.samples_overlapping,
-                f"texture coordinates overlap on "
-                f"{self.texels_overlapping:,.0f} texels; the first face wins",
+                f"texture coordinates overlap on {self.texels_overlapping:,.0f} texels; "
+                "the first face wins",
             ),
             (
                 counts.faces_outside_tile,
-                f"{counts.faces_outside_tile:,} faces reach outside the "
-                "unit square; what lies outside is not baked",
+                f"{counts.faces_outside_tile:,} faces reach outside the unit square; "
+                "what lies outside is not baked",
             ),
             (
-                counts.faces_without_uv_area,
-                f"{counts.faces_without_uv_area:,} faces have no area "
-                "in texture space and get no texel",
+                self.faces_without_texel,
+                f"{self.faces_without_texel:,} of {self.n_low_faces:,} faces own no texel, "
+                f"{counts.faces_without_uv_area:,} of them without area in texture space",
             ),
             (
                 self.padding_meets,
-                f"the padding of two charts meets on {self.padding_meets:,} "
-                "texels; use less padding or leave more room between charts",
+                f"the padding of two charts meets on {self.padding_meets:,} texels; "
+                "use less padding or leave more room between charts",
             ),
         )
         return [message for count, message in checks if count]
