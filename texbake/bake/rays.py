@@ -17,7 +17,7 @@ from texbake.errors import CageError
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
-from texbake.mesh.normals import face_normals, flat_normals, shading_normals, smooth_normals
+from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
 from texbake.parallel import run_bands
 
 
@@ -77,7 +77,6 @@ class RayField:
         self.back = float(frame.length_to_local(back))
         self.positions = frozen(frame.to_local(low.positions))
         self.faces = low.faces
-        self.face_normals = frozen(face_normals(low))
         if cage is not None:
             check_cage(cage, low)
         self.starts = self.positions if cage is None else frozen(frame.to_local(cage.positions))
@@ -96,7 +95,7 @@ class RayField:
                 samples.faces[start:stop],
                 samples.barycentrics[start:stop],
                 (self.positions, self.starts, self.faces),
-                (self.normals, self.normal_faces, self.face_normals),
+                (self.normals, self.normal_faces),
                 (self.front, self.back, self._has_cage),
                 rays.origins[start:stop],
                 rays.directions[start:stop],
@@ -134,7 +133,7 @@ def _rays_kernel(  # type: ignore[no-untyped-def]
     faces, barycentrics, surface, field, reach, origins, directions, lengths, fronts, scratch
 ):
     positions, starts, corners = surface
-    normals, normal_corners, face_normals = field
+    normals, normal_corners = field
     front, back, has_cage = reach
     point, outward = scratch
     for i in range(len(faces)):
@@ -165,11 +164,7 @@ def _rays_kernel(  # type: ignore[no-untyped-def]
         length = np.sqrt(square)
         # A cage that touches the surface, or unit normals that cancel to rounding: no direction.
         if length < 1e-12:
-            length = 0.0
-            for axis in range(3):
-                outward[axis] = face_normals[face, axis]
-                length += abs(outward[axis])
-            length = 1.0 if length > 0.0 else 0.0
+            length = _face_normal(positions, corners[face], outward)
             fronts[i] = 0.0 if has_cage else front
         else:
             fronts[i] = length if has_cage else front
@@ -178,3 +173,15 @@ def _rays_kernel(  # type: ignore[no-untyped-def]
             unit = outward[axis] / length if length > 0.0 else 0.0
             origins[i, axis] = point[axis] + fronts[i] * unit
             directions[i, axis] = -unit
+
+
+@kernel
+def _face_normal(positions, corners, normal):  # type: ignore[no-untyped-def]
+    """Write a face's normal, as long as twice its area, and return that length."""
+    a, b, c = corners[0], corners[1], corners[2]
+    for axis in range(3):
+        y, z = (axis + 1) % 3, (axis + 2) % 3
+        normal[axis] = (positions[b, y] - positions[a, y]) * (positions[c, z] - positions[a, z]) - (
+            positions[b, z] - positions[a, z]
+        ) * (positions[c, y] - positions[a, y])
+    return np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])

@@ -113,10 +113,9 @@ def _meet(row_charts, row, last, before, chart):  # type: ignore[no-untyped-def]
 
 @kernel
 def _all_owned(charts, row, left, right):  # type: ignore[no-untyped-def]
-    least = 0
-    for x in range(left, right):
-        least = min(least, charts[row, x])
-    return least == 0
+    while left < right and charts[row, left] >= 0:
+        left += 1
+    return left == right
 
 
 @kernel
