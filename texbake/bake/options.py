@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.options import MAX_SIZE, UnwrapOptions, check_size
+from texbake.mapping.options import MAX_SIZE, TextureOptions, UnwrapOptions
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
@@ -17,7 +17,7 @@ SAMPLES = (1, 4, 16, 64)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BakeOptions:
+class BakeOptions(TextureOptions):
     """What `bake` does where the caller does not say otherwise.
 
     Attributes
@@ -63,7 +63,6 @@ class BakeOptions:
     """
 
     maps: tuple[str, ...] = ("normal",)
-    size: int | tuple[int, int] = 1024
     samples: int = 1
     space: str = "tangent"
     convention: str = "opengl"
@@ -82,9 +81,9 @@ class BakeOptions:
     threads: int | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.maps or not isinstance(self.maps, tuple):
             raise OptionError("maps: name at least one map to make, in a tuple")
-        check_size(self.size)
         _check_choice("samples", self.samples, SAMPLES)
         _check_choice("space", self.space, SPACES)
         _check_choice("convention", self.convention, CONVENTIONS)
@@ -110,16 +109,6 @@ class BakeOptions:
             raise OptionError(f"mid: {self.mid} is not a finite number")
         if self.threads is not None and self.threads < 1:
             raise OptionError(f"threads: {self.threads} is too few; it must be at least 1")
-
-    @property
-    def width(self) -> int:
-        """Texels in a row."""
-        return self.size if isinstance(self.size, int) else self.size[0]
-
-    @property
-    def height(self) -> int:
-        """Number of rows."""
-        return self.size if isinstance(self.size, int) else self.size[1]
 
     @property
     def samples_per_side(self) -> int:
