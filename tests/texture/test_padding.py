@@ -1,10 +1,34 @@
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from texbake.errors import OptionError
-from texbake.texture.padding import nearest_owner, pad, push_pull, spread
+from texbake.texture.padding import nearest_owner, push_pull, spread
+
+
+class Padded(NamedTuple):
+    values: np.ndarray
+    is_padding: np.ndarray
+    n_meeting: int
+
+
+def pad(values, chart_ids, padding, *, background=0.0):
+    """Dilate one map, as a bake does."""
+    owners = nearest_owner(chart_ids, padding)
+    return Padded(
+        spread(values, owners.indices, background=background),
+        (owners.indices >= 0) & (np.asarray(chart_ids) < 0),
+        owners.n_meeting,
+    )
+
+
+def test_padding_of_a_row():
+    padded = pad(np.array([[[0.0], [7.0], [0.0], [0.0]]]), np.array([[-1, 0, -1, -1]]), 1)
+    assert padded.values[0, :, 0].tolist() == [7.0, 7.0, 7.0, 0.0]
+    assert padded.is_padding[0].tolist() == [True, False, True, False]
 
 
 @st.composite

@@ -10,7 +10,6 @@ weights are 0 or 1 in every level.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from texbake.kernels import kernel
 from texbake.parallel import run_bands
 from texbake.texture.nearest import NearestOwners, nearest_owner
 
-__all__ = ["NearestOwners", "Padded", "nearest_owner", "pad", "push_pull", "spread"]
+__all__ = ["NearestOwners", "nearest_owner", "push_pull", "spread"]
 
 # Rows a band: some milliseconds of work.
 _ROW_BAND = 128
@@ -75,49 +74,6 @@ def spread(
 
     run_bands(work, len(flat), band=_ROW_BAND * max(width, 1), threads=threads)
     return out.reshape(height, width, n_channels)
-
-
-@dataclass(frozen=True)
-class Padded:
-    """A map with its padding.
-
-    Attributes
-    ----------
-    values : (H, W, C) float32
-    is_padding : (H, W) bool
-        Texels that no chart owns and that took a value.
-    n_meeting : int
-        Texels that no chart owns, within the padding of two charts or more.
-    """
-
-    values: FloatImage
-    is_padding: npt.NDArray[np.bool_]
-    n_meeting: int
-
-
-def pad(
-    values: npt.NDArray[Any],
-    chart_ids: npt.NDArray[np.int32],
-    padding: int,
-    *,
-    background: float | npt.ArrayLike = 0.0,
-    threads: int | None = None,
-) -> Padded:
-    """Dilate one map: `nearest_owner` and `spread` in one call.
-
-    Examples
-    --------
-    >>> values = np.array([[[0.0], [7.0], [0.0], [0.0]]])
-    >>> padded = pad(values, np.array([[-1, 0, -1, -1]]), 1)
-    >>> padded.values[0, :, 0].tolist(), padded.is_padding[0].tolist()
-    ([7.0, 7.0, 7.0, 0.0], [True, False, True, False])
-    """
-    owners = nearest_owner(chart_ids, padding, threads=threads)
-    return Padded(
-        values=spread(values, owners.indices, background=background, threads=threads),
-        is_padding=(owners.indices >= 0) & (np.asarray(chart_ids) < 0),
-        n_meeting=owners.n_meeting,
-    )
 
 
 @kernel
