@@ -94,7 +94,7 @@ def _check_outputs(
     from texbake.texture.image import check_image_format
 
     for name, path in files.items():
-        check_image_format(path, options.bits, channels=MAPS[name].channels)
+        check_image_format(path, options.bits, channels=MAPS[name].channels, lossless=True)
         if folder is None:
             check_writable(path)
     if folder is not None:

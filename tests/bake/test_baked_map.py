@@ -84,7 +84,7 @@ def test_options_say_what_write_is_not_told(tmp_path):
     ("name", "bits", "error"),
     [
         ("n.tga", 16, OptionError), ("n.png", 32, OptionError), ("n.gif", None, FileFormatError),
-        ("n", None, FileFormatError), ("missing/n.png", None, FileError),
+        ("n.jpg", 8, OptionError), ("n", None, FileFormatError), ("missing/n.png", None, FileError),
     ],
 )  # fmt: skip
 def test_what_a_format_cannot_hold_is_one_clear_error(baked, tmp_path, name, bits, error):

@@ -85,7 +85,9 @@ class BakedMap:
         ------
         OptionError, FileError
         """
-        bits = check_image_format(path, bits or self.options.bits, channels=self.kind.channels)
+        bits = check_image_format(
+            path, bits or self.options.bits, channels=self.kind.channels, lossless=True
+        )
         code_bits = 32 if holds_floats(path, bits) else bits
         n_clipped = 0
         if self.kind.coding == "normal":

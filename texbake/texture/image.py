@@ -95,7 +95,12 @@ _OIIO_TYPES = {"uint8": "uint8", "uint16": "uint16", "float16": "half", "float32
 
 
 def check_image_format(
-    path: PathLike, bits: int | None = None, *, color: bool = False, channels: int | None = None
+    path: PathLike,
+    bits: int | None = None,
+    *,
+    color: bool = False,
+    channels: int | None = None,
+    lossless: bool = False,
 ) -> int:
     """Bits a channel of a file to be written; raise now if it could not be.
 
@@ -111,6 +116,8 @@ def check_image_format(
         Whether it is color, for that choice.
     channels
         Number of channels, where it is known.
+    lossless
+        Refuse a format that does not keep what it is given.
 
     Raises
     ------
@@ -120,6 +127,8 @@ def check_image_format(
         The format does not hold that many bits or channels.
     """
     kind = _format_of(path)
+    if lossless and kind is _JPEG:
+        raise OptionError(f"{path}: JPEG changes what it is given; use png, exr, tif or tga")
     if bits is None:
         return kind.color_bits if color else kind.data_bits
     if bits not in kind.bits:
