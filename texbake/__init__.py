@@ -35,10 +35,10 @@ if TYPE_CHECKING:
         UnwrapError,
         UvError,
     )
-    from texbake.mapping.atlas import UnwrapReport, unwrap, unwrap_with_report
     from texbake.mapping.distortion import Distortion, distortion
     from texbake.mapping.layout import draw_layout
     from texbake.mapping.options import UnwrapOptions
+    from texbake.mapping.unwrap import UnwrapReport, unwrap, unwrap_with_report
     from texbake.mesh.distance import SurfaceDistance, surface_distance
     from texbake.mesh.files import read_mesh, write_mesh
     from texbake.mesh.info import MeshInfo, mesh_info
@@ -73,7 +73,7 @@ _NAMES = {
         "UnwrapError",
         "UvError",
     ),
-    "texbake.mapping.atlas": ("UnwrapReport", "unwrap", "unwrap_with_report"),
+    "texbake.mapping.unwrap": ("UnwrapReport", "unwrap", "unwrap_with_report"),
     "texbake.mapping.distortion": ("Distortion", "distortion"),
     "texbake.mapping.layout": ("draw_layout",),
     "texbake.mapping.options": ("UnwrapOptions",),

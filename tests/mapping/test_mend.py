@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.mend import Charts, mended_charts
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.mend import mended_charts
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane

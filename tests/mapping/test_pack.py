@@ -7,7 +7,7 @@ from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.pack import Packing, pack_charts
+from texbake.mapping.atlas.pack import Packing, pack_charts
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]

@@ -11,8 +11,11 @@ from texbake.mapping.options import UnwrapOptions
 
 
 def test_width_and_height_of_a_square_and_of_a_rectangle() -> None:
-    assert (UnwrapOptions(size=512).width, UnwrapOptions(size=512).height) == (512, 512)
-    assert (UnwrapOptions(size=(512, 64)).width, UnwrapOptions(size=(512, 64)).height) == (512, 64)
+    assert (UnwrapOptions(size=512).width_px, UnwrapOptions(size=512).height_px) == (512, 512)
+    assert (UnwrapOptions(size=(512, 64)).width_px, UnwrapOptions(size=(512, 64)).height_px) == (
+        512,
+        64,
+    )
 
 
 @pytest.mark.parametrize(

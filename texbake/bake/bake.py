@@ -151,13 +151,13 @@ def _result(
     distances: DistanceSummary,
 ) -> BakeResult:
     options = inputs.options
-    has_data = (sums.n_hits > 0).reshape(options.height, options.width)
+    has_data = (sums.n_hits > 0).reshape(options.height_px, options.width_px)
     n_covered = int(np.count_nonzero(trace.texel_faces != NO_FACE))
     n_missed = n_covered - int(np.count_nonzero(has_data))
     if n_covered == 0:
         raise UvError(
             f"{inputs.low.name}: its texture coordinates cover no texel of a "
-            f"{options.width} x {options.height} map; use a greater --size or new coordinates"
+            f"{options.width_px} x {options.height_px} map; use a greater --size or new coordinates"
         )
     _check_misses(n_missed, n_covered, inputs)
     maps, meets = _finished(kinds, sums, inputs, has_data, trace.texel_faces, stages)
@@ -172,7 +172,7 @@ def _result(
         back=trace.back or 0.0,
         measured=options.back is None or (options.front is None and trace.cage is None),
         caster=trace.caster,
-        texels=options.width * options.height,
+        texels=options.width_px * options.height_px,
         texels_covered=n_covered,
         texels_missed=n_missed,
         texels_overlapping=trace.counts.samples_overlapping / options.samples,

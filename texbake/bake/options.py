@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.options import MAX_SIZE, TextureOptions, UnwrapOptions
+from texbake.mapping.atlas_options import AtlasOptions
+from texbake.mapping.texture_options import MAX_SIZE, TextureOptions
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
@@ -72,7 +73,7 @@ class BakeOptions(TextureOptions):
     rays: str = "smooth"
     high_shading: str = "smooth"
     cull_back_faces: bool = True
-    padding: int = UnwrapOptions.padding
+    padding: int = AtlasOptions.padding
     fill: str = "none"
     fail_on_miss: float | None = None
     mid: float | None = None

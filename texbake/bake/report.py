@@ -166,7 +166,8 @@ class BakeReport:
             ("meshes", f"{self.n_high_faces:,} faces onto {self.n_low_faces:,}"),
             (
                 "size",
-                f"{self.options.width} x {self.options.height}, {self.options.samples} samples",
+                f"{self.options.width_px} x {self.options.height_px}, "
+                f"{self.options.samples} samples",
             ),
             ("distances", f"front {front}, back {self.back:.6g}{measured}"),
             ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
@@ -193,7 +194,7 @@ class BakeReport:
     def to_json(self) -> dict[str, Any]:
         """Return everything as plain values, for `json.dump`."""
         values = asdict(self)
-        values["size"] = [self.options.width, self.options.height]
+        values["size"] = [self.options.width_px, self.options.height_px]
         values["miss_percent"] = self.miss_percent
         values["seconds"] = self.seconds
         values["warnings"] = self.warnings

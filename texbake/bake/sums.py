@@ -24,7 +24,7 @@ class TexelSums:
     """
 
     def __init__(self, kinds: list[MapKind], inputs: BakeInputs) -> None:
-        n_texels = inputs.options.width * inputs.options.height
+        n_texels = inputs.options.width_px * inputs.options.height_px
         self._inputs = inputs
         self._sums = {kind: np.zeros((n_texels, kind.channels), dtype=np.float32) for kind in kinds}
         self.n_hits = np.zeros(n_texels, dtype=np.uint8)
@@ -61,7 +61,7 @@ class TexelSums:
             _mean_kernel(sums[start:stop], self.n_hits[start:stop], neutral, is_normal)
 
         run_bands(divide, len(sums), band=_BAND, threads=options.threads)
-        return sums.reshape(options.height, options.width, kind.channels)
+        return sums.reshape(options.height_px, options.width_px, kind.channels)
 
 
 @kernel

@@ -74,7 +74,7 @@ class Trace:
         self.back = self.options.back
         self.caster = ""
         self._grid = SampleGrid(
-            self.options.width, self.options.height, self.options.samples_per_side
+            self.options.width_px, self.options.height_px, self.options.samples_per_side
         )
         self.texel_faces: IntArray = np.full(
             (self._grid.height, self._grid.width), NO_FACE, dtype=np.int32

@@ -2,78 +2,59 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from texbake.errors import OptionError
+from texbake.mapping.atlas_options import AtlasOptions
+from texbake.mapping.option_checks import check_choice
+from texbake.mapping.projection_options import ProjectionOptions
+from texbake.mapping.transform_options import TransformOptions
 
-METHODS = ("atlas",)
-MAX_SIZE = 16384  # texels a side: 2^14, so that what a bake counts in stays within its integers
-
-
-@dataclass(frozen=True, kw_only=True)
-class TextureOptions:
-    """How large a texture is; what unwraps for one and what bakes one agree on it.
-
-    Attributes
-    ----------
-    size : int or (int, int)
-        Texels a side, or (width, height).
-    """
-
-    size: int | tuple[int, int] = 1024
-
-    def __post_init__(self) -> None:
-        sides = self.size if isinstance(self.size, tuple) else (self.size, self.size)
-        if len(sides) != 2 or not all(isinstance(side, int) for side in sides):
-            raise OptionError(f"size: {self.size!r} is neither a number nor (width, height)")
-        for length in sides:
-            if not 1 <= length <= MAX_SIZE:
-                raise OptionError(f"size: {length} is out of range; it must be 1 to {MAX_SIZE}")
-
-    @property
-    def width(self) -> int:
-        """Texels in a row."""
-        return self.size if isinstance(self.size, int) else self.size[0]
-
-    @property
-    def height(self) -> int:
-        """Number of rows."""
-        return self.size if isinstance(self.size, int) else self.size[1]
+# The methods, and which options each of them reads beside those that all share.
+METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
+    "atlas": ("padding", "quality", "max_stretch", "timeout", "tiles", "by_group", "keep"),
+    "planar": ("axis", "normal", "fit", "sides"),
+    "cylindrical": ("axis", "center", "theta", "height", "caps"),
+    "spherical": ("axis", "center", "theta"),
+    "box": ("center", "overlap", "padding"),
+    "two-part": ("axis", "center", "theta", "height", "surface", "via", "eye"),
+    "parametric": ("linear",),
+    "projector": ("camera", "fov", "matrix", "unseen"),
+}
+METHODS = tuple(METHOD_OPTIONS)
+_OF_SOME_METHODS = {name for names in METHOD_OPTIONS.values() for name in names}
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnwrapOptions(TextureOptions):
+class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
     """What `unwrap` does where the caller does not say otherwise.
+
+    Further attributes are those of `ProjectionOptions`, `TransformOptions` and `AtlasOptions`. One
+    that the method does not read must keep its default.
 
     Attributes
     ----------
     method : str
-        `atlas`: charts cut by xatlas, packed into one square or rectangle.
-    size : int or (int, int)
-        Texels a side of the texture that the coordinates are for, or (width, height).
-    padding : int
-        Texels that a bake may pad each chart by: no texel lies within `padding` of two charts, and
-        none that a chart touches within `padding` of the border.
-    timeout : float, optional
-        Seconds after which the cutting of charts is given up. None: a minute and as long again as
-        a mesh of that many faces should ever need.
+        `atlas` for charts of little stretch, or a classical mapping.
+    keep : bool
+        Atlas: leave the mesh's own coordinates as charts and only pack them.
+    only : str, optional
+        Name of the one group of faces to map; the others keep what they have.
     """
 
     method: str = "atlas"
-    padding: int = 4
-    timeout: float | None = None
+    keep: bool = False
+    only: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.method not in METHODS:
-            raise OptionError(f"method: {self.method} is not one of {', '.join(METHODS)}")
-        if self.padding < 0:
-            raise OptionError(f"padding: {self.padding} is negative; it must be 0 or more texels")
-        if 2 * self.padding >= min(self.width, self.height):
-            raise OptionError(
-                f"padding: {self.padding} texels at both borders leave nothing of "
-                f"{self.width} x {self.height}; take less padding or a larger size"
-            )
-        if self.timeout is not None and not (self.timeout > 0 and math.isfinite(self.timeout)):
-            raise OptionError(f"timeout: {self.timeout} is no length of time; it must be above 0")
+        check_choice("method", self.method, METHODS)
+        read = METHOD_OPTIONS[self.method]
+        for field in fields(self):
+            unread = field.name in _OF_SOME_METHODS and field.name not in read
+            if unread and getattr(self, field.name) != field.default:
+                raise OptionError(f"{field.name}: the method {self.method} does not use it")
+        if self.via == "reflection" and self.eye is None:
+            raise OptionError("eye: a reflection needs it; give the point that looks, X,Y,Z")
+        if self.eye is not None and self.via != "reflection":
+            raise OptionError(f"eye: via {self.via} does not use it")

@@ -20,11 +20,12 @@ from pathlib import Path
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.mend import GRID_CELLS, Charts, mended_charts
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.mend import GRID_CELLS, mended_charts
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 
-_WORKER = Path(__file__).with_name("charts_worker.py")
+_WORKER = Path(__file__).with_name("cut_worker.py")
 
 # Boundaries between cells are put off the middle by this fraction of a cell, so that coordinates
 # on a regular raster (binary or decimal) do not lie on them, where the last bit would decide.

@@ -9,13 +9,13 @@ ignores get a point for coordinates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import connected_faces, edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -38,39 +38,6 @@ _SLIVER_WIDTH = 4.0 / GRID_CELLS
 
 # Overlaps no deeper than this are two borders that snapping brought together.
 _OVERLAP_DEPTH = 0.5 / GRID_CELLS
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Charts:
-    """A mesh flattened in pieces, each laid out for itself about its own origin.
-
-    Attributes
-    ----------
-    uvs : (T, 2) float64
-        Coordinates, in the unit of the points: a chart has the area that its faces have in space.
-    faces : (F, 3) int32
-        Indices into `uvs`; the three are equal in a face that lies in no chart.
-    chart_ids : (T,) int32
-        Chart of each coordinate; charts are numbered from 0 without gaps.
-    n_ignored : int
-        Faces that lie in no chart, because they have no area on the grid, or next to none.
-    n_mirrored : int
-        Charts that came out mirrored and were turned over.
-    n_split : int
-        Charts that were made by taking apart those that lay on themselves.
-    """
-
-    uvs: FloatArray
-    faces: IntArray
-    chart_ids: IntArray
-    n_ignored: int
-    n_mirrored: int
-    n_split: int
-
-    @property
-    def n_charts(self) -> int:
-        """Number of charts."""
-        return int(self.chart_ids.max()) + 1
 
 
 def mended_charts(

@@ -1,6 +1,6 @@
 """The child process that runs xatlas: a mesh in on stdin, its charts out on stdout.
 
-Run as a script, by `charts.py`, with nothing of texbake loaded, so that it starts in little more
+Run as a script, by `cut.py`, with nothing of texbake loaded, so that it starts in little more
 than the time that numpy takes to load. xatlas is compiled code that may crash or never return on
 hostile meshes; here it takes nothing else with it.
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping import charts
-from texbake.mapping.charts import cut_charts, snapped_points
+from texbake.mapping.atlas import cut
+from texbake.mapping.atlas.cut import cut_charts, snapped_points
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
@@ -19,7 +19,7 @@ def worker(folder: Path, monkeypatch: pytest.MonkeyPatch, code: str) -> None:
     """Let a script of the test take the place of the worker."""
     script = folder / "worker.py"
     script.write_text(f"import os, sys, time\n{code}\n")
-    monkeypatch.setattr(charts, "_WORKER", script)
+    monkeypatch.setattr(cut, "_WORKER", script)
 
 
 def test_a_flat_mesh_is_one_chart_with_its_own_lengths() -> None:
@@ -148,6 +148,6 @@ def test_an_interrupt_takes_the_worker_along(
 
 
 def test_without_xatlas(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(charts, "find_spec", lambda name: None)
+    monkeypatch.setattr(cut, "find_spec", lambda name: None)
     with pytest.raises(DependencyError, match="pip install xatlas"):
         cut_charts(cube())

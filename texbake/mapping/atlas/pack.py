@@ -22,7 +22,7 @@ import numpy as np
 
 from texbake.errors import UnwrapError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.bitmaps import Grid, place_charts, rasterize_charts
+from texbake.mapping.atlas.bitmaps import Grid, place_charts, rasterize_charts
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _MOST_CELLS = 1024  # cells along the longer side of the grid

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from texbake.mapping.charts import cut_charts
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.cut import cut_charts
+from texbake.mapping.atlas.pack import pack_charts
 from texbake.mapping.distortion import Distortion, distortion
-from texbake.mapping.mend import Charts
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.pack import pack_charts
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, StageRecord, Stages
 
@@ -127,7 +127,7 @@ def unwrap_with_report(
     stages = Stages(progress)
     charts, result, fill = _unwrapped(mesh, options, stages)
     with stages.stage("measure"):
-        measured = distortion(result, (options.width, options.height))
+        measured = distortion(result, (options.width_px, options.height_px))
     return result, UnwrapReport(
         mesh=mesh.name,
         n_faces=mesh.n_faces,
@@ -151,7 +151,7 @@ def _unwrapped(mesh: Mesh, options: UnwrapOptions, stages: Stages) -> tuple[Char
             charts.uvs,
             charts.faces,
             charts.chart_ids,
-            size=(options.width, options.height),
+            size=(options.width_px, options.height_px),
             padding=options.padding,
             name=mesh.name,
         )

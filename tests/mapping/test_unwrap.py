@@ -6,9 +6,9 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.atlas import unwrap, unwrap_with_report
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.unwrap import unwrap, unwrap_with_report
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane

@@ -1,0 +1,1 @@
+"""Charts cut, flattened, joined and packed: texture coordinates for any mesh."""

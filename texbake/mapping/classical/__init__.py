@@ -1,0 +1,1 @@
+"""The classical mappings: closed formulas from a position or normal to (s, t)."""
