@@ -16,6 +16,7 @@ import numpy as np
 
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.parametric.grid import grid_quads, ids_around, split_quads
 
 Field = Callable[[FloatArray, FloatArray], Any]
 
@@ -39,7 +40,7 @@ def plane(n_x: int = 1, n_y: int = 1, height_at: Field | None = None) -> Mesh:
     _check_count("plane: n_y", n_y, 1)
     x, y = np.meshgrid(np.arange(n_x + 1) / n_x, np.arange(n_y + 1) / n_y)
     z = _evaluated(height_at, x, y, 0.0)
-    faces = _split_quads(_grid_quads(n_y, n_x)[:, [0, 3, 2, 1]])
+    faces = split_quads(grid_quads(n_y, n_x)[:, [0, 3, 2, 1]])
     return Mesh(
         positions=np.stack([x, y, z], axis=-1).reshape(-1, 3),
         faces=faces,
@@ -53,7 +54,7 @@ def cube() -> Mesh:
     """Cube of side 1 about the origin: 8 vertices, 12 triangles, no texture coordinates."""
     corners = [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
     quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    return Mesh(positions=np.array(corners), faces=_split_quads(np.array(quads)), name="cube")
+    return Mesh(positions=np.array(corners), faces=split_quads(np.array(quads)), name="cube")
 
 
 def grid_sphere(
@@ -85,7 +86,7 @@ def grid_sphere(
         raise OptionError(f"grid_sphere: pole_margin is {pole_margin}; give one between 0 and π/2")
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
     phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
-    faces = _around(n_theta, n_phi)[_split_quads(_grid_quads(n_theta - 1, n_phi))]
+    faces = ids_around(n_theta, n_phi)[split_quads(grid_quads(n_theta - 1, n_phi))]
     positions = _from_spherical(theta, phi, radius_at)
     return Mesh(positions=positions, faces=faces, name="grid sphere")
 
@@ -127,10 +128,10 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
     n_inner, last_row = n_rows * (n_lon + 1), (n_rows - 1) * (n_lon + 1)
     north_fan = np.stack([n_inner + column, column, column + 1], axis=-1)
     south_fan = np.stack([n_inner + n_lon + column, last_row + column + 1, last_row + column], -1)
-    bands = _split_quads(_grid_quads(n_rows - 1, n_lon))
+    bands = split_quads(grid_quads(n_rows - 1, n_lon))
     uv_faces = np.concatenate([north_fan, bands, south_fan])
     pole_ids = n_rows * n_lon + np.repeat([0, 1], n_lon)
-    position_of_uv = np.concatenate([_around(n_rows, n_lon), pole_ids])
+    position_of_uv = np.concatenate([ids_around(n_rows, n_lon), pole_ids])
     return Mesh(
         positions=np.concatenate([_from_spherical(theta, phi, radius_at), poles]),
         faces=position_of_uv[uv_faces],
@@ -191,24 +192,6 @@ def _from_spherical(theta: FloatArray, phi: FloatArray, radius_at: Field | None)
     r_flat = r * np.sin(theta)
     x, y, z = r_flat * np.cos(phi), r_flat * np.sin(phi), r * np.cos(theta)
     return np.stack([x, y, z], axis=-1).reshape(-1, 3)
-
-
-def _grid_quads(n_rows: int, n_columns: int) -> IntArray:
-    """(n_rows · n_columns, 4): corners of grid cells: itself, next row, diagonal, next column."""
-    first = (np.arange(n_rows)[:, None] * (n_columns + 1) + np.arange(n_columns)).ravel()
-    return first.astype(np.int32)[:, None] + np.array(
-        [0, n_columns + 1, n_columns + 2, 1], dtype=np.int32
-    )
-
-
-def _around(n_rows: int, n_columns: int) -> IntArray:
-    """Vertex ids of a grid whose column `n_columns` is column 0 again."""
-    columns = np.arange(n_columns + 1) % n_columns
-    return (np.arange(n_rows)[:, None] * n_columns + columns).ravel().astype(np.int32)
-
-
-def _split_quads(quads: IntArray) -> IntArray:
-    return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
 
 
 def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:

@@ -1,0 +1,215 @@
+"""Profiles and patches as files, in every layout, and what is wrong with a wrong one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake import FileError, FileFormatError, OptionError, make
+from texbake.mesh.parametric.patches import read_patches
+from texbake.mesh.parametric.profile import read_profile
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write text or bytes to a file and return its path."""
+
+    def written(content):
+        path = tmp_path / "given.txt"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return written
+
+
+# ---- profiles
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0 0\n1 0.5\n1 2\n",
+        "# a jar\n\n0, 0\n 1,0.5 # foot\r\n+1e0\t2.0",
+        "\ufeff0 0\n1 .5\n1 2",
+    ],
+)
+def test_profiles_are_read(written, text):
+    assert read_profile(written(text)).tolist() == [[0, 0], [1, 0.5], [1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "the file is empty"),
+        ("# nothing\n", "fewer than two points"),
+        ("1 1\n", "fewer than two points"),
+        ("1 1\n1 1\n1 1\n", "fewer than two points"),
+        ("0 0\n0 1\n", "it lies on the axis"),
+        ("0 0\n1 1\n-0.5 2\n", "line 3: the radius -0.5 is negative"),
+        ("0 0\n\nnan 1\n", "line 3: 'nan' is not finite"),
+        ("0 0\n1 -inf\n", "line 2: '-inf' is not finite"),
+        ("0 0\n1 1e999\n", "line 2: '1e999' is not finite"),
+        ("0 0\n1\n", "line 2: it has 1 words; a point needs 2 numbers"),
+        ("0 0\n1 2 3\n", "line 2: it has 3 words; a point needs 2 numbers"),
+        ("0 0\none two\n", "line 2: 'one' is not a number"),
+        (b"0 0\n\0\0", "it is not a profile; it holds binary data"),
+        (b"0 0\n\xff\xfe 1", "it is not a profile; it is not text in UTF-8"),
+    ],
+)
+def test_wrong_profiles_are_one_clear_line(written, content, message):
+    path = written(content)
+    with pytest.raises(FileFormatError) as caught:
+        make("revolution", profile=path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("profile", "message"),
+    [
+        ([], "the shape"),
+        ([(1, 1)], "fewer than two points"),
+        ([(0, 0), (0, 1)], "on the axis"),
+        ([(1, 0), (-1, 1)], "a radius is negative"),
+        ([(1, 0), (1, np.nan)], "not finite"),
+        ([(1, 0, 0), (1, 1, 0)], "the shape"),
+        ([("a", "b")], "not an array of numbers"),
+    ],
+)
+def test_wrong_arrays_of_profiles(profile, message):
+    with pytest.raises(OptionError, match=message):
+        make("revolution", profile=profile)
+
+
+def test_files_that_are_not_there(tmp_path):
+    for options in {"profile": tmp_path / "no.txt"}, {"profile": str(tmp_path)}:
+        with pytest.raises(FileError):
+            make("revolution", **options)
+    with pytest.raises(FileError, match="no such file"):
+        make("bezier", patches=tmp_path / "no.txt")
+
+
+# ---- patches
+
+POINTS = np.arange(84.0).reshape(28, 3) / 8
+FIRST = list(range(1, 17))
+# The second patch has the last column of the first one for its first.
+SECOND = [n for row in range(4) for n in (4 * row + 4, *range(17 + 3 * row, 20 + 3 * row))]
+CONTROL = np.array([POINTS[np.array(FIRST) - 1], POINTS[np.array(SECOND) - 1]]).reshape(-1, 4, 4, 3)
+
+
+def rows(table, separator):
+    return [separator.join(f"{number:g}" for number in row) for row in table]
+
+
+def shared(separator=","):
+    """The layout of the classic teapot's data."""
+    lines = ["2", *rows([FIRST, SECOND], separator), "28", *rows(POINTS, separator)]
+    return "\n".join(lines) + "\n"
+
+
+def degrees():
+    lines = ["2"]
+    for patch in CONTROL:
+        lines += ["3 3", *rows(patch.reshape(-1, 3), " ")]
+    return "\n".join(lines)
+
+
+def alone():
+    return "\n".join(rows(CONTROL.reshape(-1, 3), " "))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        shared(),
+        shared(", "),
+        shared(" "),
+        shared().replace("\n", " # of a pot\r\n"),
+        shared(",").replace("\n", ",\n"),
+        degrees(),
+        alone(),
+        "2\n" + alone(),
+        "# points\n\n" + alone(),
+    ],
+)
+def test_every_layout_gives_the_same_patches(written, text):
+    np.testing.assert_array_equal(read_patches(written(text)), CONTROL)
+
+
+def without(text, number):
+    """Text without one of its lines, counted from 1."""
+    lines = text.splitlines()
+    del lines[number - 1]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "the file is empty"),
+        ("# nothing\n", "it has no patches"),
+        (b"2\n\0\1\2", "it is not a patch file; it holds binary data"),
+        (b"\x89PNG\r\n\x1a\n", "it is not a patch file; it is not text"),
+        ("It was a dark and stormy night.\n", "line 1: 'It was a dark and st' is no number of"),
+        ("0\n", "line 1: '0' is no number of patches"),
+        ("-3\n", "line 1: '-3' is no number of patches"),
+        ("2\n", "it ends before patch 1 of 2"),
+        # holes in indices
+        (shared().replace(",16\n", "\n"), "line 2: patch 1 of 2 has 15 indices; it needs 16"),
+        (shared().replace(",16\n", ",16,17\n"), "line 2: patch 1 of 2 has 17 indices"),
+        (without(shared(), 3), "line 3: patch 2 of 2 has 1 indices; it needs 16"),
+        ("2\n" + rows([FIRST], ",")[0], "it ends before patch 2 of 2"),
+        (shared().replace(",16\n", ",29\n"), "line 2: patch 1 has the index 29; there are points"),
+        (
+            shared().replace("\n1,2,", "\n0,2,"),
+            "line 2: patch 1 has the index 0; there",
+        ),
+        (shared().replace("\n1,2,", "\n1.5,2,"), "line 2: patch 1 has '1.5' for an index"),
+        (shared().replace("\n1,2,", "\n-,2,"), "line 2: patch 1 has '-' for an index"),
+        # holes in points
+        ("\n".join(shared().splitlines()[:3]), "it ends before the number of points"),
+        (without(shared(), 4), "line 4: '0 0.125 0.25' is no number of points"),
+        (without(shared(), 20), "it has 27 of 28 points"),
+        (shared() + "1,2,3\n", "line 33: it goes on after the last of 28 points"),
+        (shared().replace("0,0.125,0.25", "0,0.125"), "line 5: it has 2 words; a point needs 3"),
+        (shared().replace("0,0.125,0.25", "0,nan,0"), "line 5: 'nan' is not finite"),
+        (shared().replace("0,0.125,0.25", "0,x,0"), "line 5: 'x' is not a number"),
+        # patches short of points
+        (without(degrees(), 10), "line 18: patch 1 of 2 ends after 15 points; it needs 16"),
+        (without(degrees(), 35), "it ends where patch 2 of 2 has 15 points; it needs 16"),
+        (degrees().replace("3 3", "3 4", 1), "line 2: patch 1 of 2 begins with '3 4'"),
+        (degrees() + "\n3 3", "line 36: it goes on after the last of 32 points"),
+        (without(alone(), 5), "it ends where patch 2 of 2 has 15 points; it needs 16"),
+        ("2\n" + without(alone(), 32), "it ends where patch 2 of 2 has 15 points"),
+        ("3\n" + alone(), "it ends where patch 3 of 3 has 0 points"),
+        ("1\n" + alone(), "line 18: it goes on after the last of 16 points"),
+        ("999999999999\n" + alone(), "it ends where patch 3 of 999999999999 has 0 points"),
+        ("999999999999\n1 2 3 4", "line 2: patch 1 of 999999999999 has 4 indices"),
+    ],
+)
+def test_a_hole_is_told_with_its_patch_and_line(written, content, message):
+    path = written(content)
+    with pytest.raises(FileFormatError) as caught:
+        make("bezier", patches=path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_teapot_of_the_classic_layout_reads_whole(written):
+    # 32 patches on 306 points, as many as the classic has; these lie in rows of 10 patches.
+    patches = [[(9 * patch + n) % 306 + 1 for n in range(16)] for patch in range(32)]
+    points = np.random.default_rng(0).normal(size=(306, 3)).round(5)
+    text = "\n".join(["32", *rows(patches, ","), "306", *rows(points, ",")])
+    found = read_patches(written(text))
+    assert found.shape == (32, 4, 4, 3)
+    np.testing.assert_array_equal(found.reshape(32, 16, 3), points[np.array(patches) - 1])
+
+
+def test_paths_may_be_strings(written, monkeypatch):
+    path = written(shared())
+    monkeypatch.chdir(path.parent)
+    assert make("bezier", patches=path.name, resolution=1).n_faces == 2 * 2
+    assert isinstance(path, Path)

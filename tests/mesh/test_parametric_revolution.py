@@ -1,0 +1,287 @@
+"""Surfaces about an axis, against their closed forms, their volumes and their topology."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake import OptionError, make
+from texbake.mesh.normals import face_normals
+from texbake.mesh.topology import find_edges, genus
+
+# A few roundings of numbers up to about 2.
+ROUNDING = 2e-15
+
+CLOSED = {
+    "sphere": ({}, 0),
+    "torus": ({}, 1),
+    "cylinder": ({"caps": True}, 0),
+    "cone": ({"caps": True}, 0),
+}
+
+
+def volume(mesh):
+    """What faces enclose about the y axis: the flux of (x, 0, z) / 2, of which lids have none."""
+    a, b, c = np.moveaxis(mesh.positions[mesh.faces], 1, 0)
+    return ((a + b + c) / 6 * [1, 0, 1] * np.cross(b - a, c - a)).sum() / 2
+
+
+def texture_areas(mesh):
+    a, b, c = np.moveaxis(mesh.corner_uvs(), 1, 0)
+    return 0.5 * np.linalg.det(np.stack([b - a, c - a], axis=1))
+
+
+def corners_of(mesh):
+    """u, v, positions and normals of all corners, one after the other."""
+    u, v = mesh.corner_uvs().reshape(-1, 2).T
+    return u, v, mesh.positions[mesh.faces].reshape(-1, 3), corner_normals(mesh).reshape(-1, 3)
+
+
+def corner_normals(mesh):
+    return mesh.normals[mesh.normal_faces]
+
+
+def around(u, radius, height):
+    angle = 2 * np.pi * (u - 0.5)
+    height = np.broadcast_to(height, u.shape)
+    return np.stack([radius * np.sin(angle), height, radius * np.cos(angle)], axis=-1)
+
+
+def sphere(u, v):
+    normals = around(u, np.sin(np.pi * v), -np.cos(np.pi * v))
+    return normals, normals
+
+
+def torus(u, v):
+    tube = 2 * np.pi * (v - 0.5)
+    points = around(u, 1 + 0.4 * np.cos(tube), 0.4 * np.sin(tube))
+    return points, around(u, np.cos(tube), np.sin(tube))
+
+
+def cylinder(u, v):
+    return around(u, 1.0, 2 * v - 1), around(u, 1.0, 0.0)
+
+
+def cone(u, v):
+    slope = np.sqrt(5.0)
+    return around(u, 1 - v, 2 * v - 1), around(u, 2 / slope, 1 / slope)
+
+
+@pytest.mark.parametrize("surface", [sphere, torus, cylinder, cone])
+@pytest.mark.parametrize("resolution", [(3, 3), (8, 5), (37, 20)])
+def test_corners_follow_the_closed_form(surface, resolution):
+    u, v, positions, normals = corners_of(make(surface.__name__, resolution=resolution))
+    points, directions = surface(u, v)
+    assert np.abs(positions - points).max() < ROUNDING
+    # At a pole each face has the normal of its own middle u, which its coordinate is.
+    assert np.abs(normals - directions).max() < ROUNDING
+
+
+@pytest.mark.parametrize("shape", CLOSED)
+@pytest.mark.parametrize("resolution", [(3, 3), (16, 8), (65, 30)])
+def test_closed_shapes_are_closed_by_their_indices(shape, resolution):
+    options, handles = CLOSED[shape]
+    mesh = make(shape, resolution=resolution, **options)
+    edges = find_edges(mesh.faces)
+    assert edges.closed
+    assert not edges.misoriented.any()
+    assert genus(mesh.faces, edges, mesh.n_vertices) == handles
+    assert volume(mesh) > 0
+    assert len(np.unique(mesh.positions, axis=0)) == mesh.n_vertices
+
+
+@pytest.mark.parametrize(
+    ("shape", "options"),
+    [
+        ("sphere", {}),
+        ("torus", {}),
+        *((shape, {"caps": caps}) for shape in ("cylinder", "cone") for caps in (False, True)),
+        *((shape, {"caps": True, "sides": 5}) for shape in ("cylinder", "cone")),
+    ],
+)
+def test_faces_look_where_their_normals_do_and_are_not_mirrored(shape, options):
+    mesh = make(shape, resolution=(32, 12), **options)
+    towards = np.einsum("fi,fci->fc", face_normals(mesh), corner_normals(mesh))
+    assert towards.min() > 0.9
+    assert texture_areas(mesh).min() > 0
+
+
+def test_counts_and_texture_are_those_of_the_grid():
+    mesh = make("sphere", resolution=(12, 7))
+    assert (mesh.n_faces, mesh.n_vertices) == (2 * 12 * 6, 12 * 6 + 2)
+    assert texture_areas(mesh).sum() == pytest.approx(1 - 1 / 7)  # fans cover half of their band
+    torus = make("torus", resolution=(12, 7))
+    assert (torus.n_faces, torus.n_vertices) == (2 * 12 * 7, 12 * 7)
+    assert texture_areas(torus).sum() == pytest.approx(1)
+    assert len(torus.uvs) == 13 * 8
+    open_cylinder = make("cylinder", resolution=(12, 7))
+    assert (open_cylinder.n_faces, open_cylinder.n_vertices) == (2 * 12 * 7, 12 * 8)
+    assert find_edges(open_cylinder.faces).boundary.sum() == 2 * 12
+
+
+def test_the_seam_is_at_the_back_and_the_front_in_the_middle():
+    mesh = make("sphere", resolution=(8, 4))
+    for u, z in (0.0, -1.0), (1.0, -1.0), (0.5, 1.0):
+        at = np.flatnonzero((mesh.uvs == [u, 0.5]).all(axis=1))
+        (vertex,) = set(mesh.faces[np.isin(mesh.uv_faces, at)].tolist())
+        assert mesh.positions[vertex].tolist() == [0.0, 0.0, z]
+
+
+@pytest.mark.parametrize("sides", [3, 4, 7])
+@pytest.mark.parametrize("resolution", [None, 5, (20, 3)])
+def test_prisms_and_pyramids_have_their_volumes_and_flat_sides(sides, resolution):
+    foot = 0.5 * sides * np.sin(2 * np.pi / sides)
+    for shape, part in ("cylinder", 1.0), ("cone", 1 / 3):
+        mesh = make(shape, sides=sides, caps=True, resolution=resolution, height=3)
+        assert volume(mesh) == pytest.approx(foot * 3 * part, rel=1e-14)
+        away = np.abs(corner_normals(mesh) - face_normals(mesh)[:, None]).max()
+        assert away < 1e-14  # a cross product of numbers up to 3
+        assert len(mesh.normals) == sides + len(mesh.group_names) - 1
+        assert find_edges(mesh.faces).closed
+
+
+def test_a_prism_of_default_resolution_has_one_square_a_side():
+    assert make("cylinder", sides=6).n_faces == 12
+    assert make("cone", sides=4).n_faces == 4
+
+
+def test_each_cap_is_a_disk_in_a_tile_of_its_own():
+    mesh = make("cylinder", caps=True, resolution=(16, 2), radius=3)
+    assert mesh.group_names == ("side", "bottom", "top")
+    corners, points = mesh.corner_uvs(), mesh.positions[mesh.faces]
+    for part, up in (1, 1), (2, -1):
+        faces = mesh.face_groups == part
+        assert faces.sum() == 16
+        disk = corners[faces] - [part + 0.5, 0.5]
+        np.testing.assert_allclose(disk, points[faces][..., [0, 2]] * [1, up] / 6, atol=ROUNDING)
+    assert corners[mesh.face_groups == 0].max() == 1.0
+    # The center is one coordinate, and each corner of the rim one in the cap.
+    assert len(mesh.uvs) == 17 * 3 + 2 * 17
+
+
+def test_a_cone_has_one_cap():
+    assert make("cone", caps=True).group_names == ("side", "bottom")
+
+
+# ---- profiles
+
+
+def lathe(profile, **options):
+    return make("revolution", profile=profile, **{"resolution": (24, 1), **options})
+
+
+def test_a_profile_gives_the_shapes_that_have_names():
+    for profile, shape in (
+        ([(1, -1), (1, 1)], "cylinder"),
+        ([(1, -1), (0, 1)], "cone"),
+    ):
+        named, turned = make(shape, resolution=(24, 6)), lathe(profile, resolution=(24, 6))
+        np.testing.assert_array_equal(named.faces, turned.faces)
+        np.testing.assert_array_equal(named.positions, turned.positions)
+        np.testing.assert_array_equal(named.uvs, turned.uvs)
+        np.testing.assert_allclose(named.normals, turned.normals, atol=ROUNDING)
+
+
+def test_it_faces_outwards_from_whichever_end_it_is_listed():
+    points = [(0.0, 0.0), (1.0, 0.2), (0.7, 1.0), (0.0, 1.5)]
+    up, down = lathe(points), lathe(points[::-1])
+    assert volume(up) > 0
+    np.testing.assert_array_equal(up.positions, down.positions)
+    np.testing.assert_array_equal(up.faces, down.faces)
+
+
+def test_v_is_the_length_along_the_profile():
+    mesh = lathe([(1, 0), (1, 3), (2, 3)])
+    assert sorted(set(mesh.uvs[:, 1].tolist())) == [0.0, 0.75, 1.0]
+
+
+def test_long_segments_get_more_rows_and_every_point_stays():
+    mesh = lathe([(1, 0), (1, 9), (2, 9)], resolution=(8, 10))
+    assert mesh.n_faces == 2 * 8 * 10
+    heights = set(mesh.positions[:, 1].tolist())
+    assert heights == set(range(10))
+    assert lathe([(1, 0), (1, 9), (2, 9)], resolution=(8, 1)).n_faces == 2 * 8 * 2
+
+
+def test_a_fine_half_circle_is_a_sphere_with_its_normals():
+    steps = np.arange(181)
+    circle = np.stack([np.sin(np.pi * steps / 180), -np.cos(np.pi * steps / 180)], axis=-1)
+    circle[[0, -1], 0] = 0.0
+    mesh = lathe(circle, resolution=(90, 1))
+    edges = find_edges(mesh.faces)
+    assert genus(mesh.faces, edges, mesh.n_vertices) == 0
+    _, v, positions, normals = corners_of(mesh)
+    inner = (v > 0) & (v < 1)
+    assert np.abs(normals - positions)[inner].max() < 1e-14  # means of evenly spaced chords
+    assert normals[v == 1.0].tolist() == [[0.0, 1.0, 0.0]] * 90
+    assert normals[v == 0.0].tolist() == [[0.0, -1.0, 0.0]] * 90
+
+
+def test_creases_are_where_the_profile_turns_sharply():
+    profile = [(1, 0), (1, 1), (1.1, 2)]  # turns by 5.7 degrees
+    smooth, hard = lathe(profile), lathe(profile, crease=5)
+    assert len(smooth.normals) == 24 * 3
+    assert len(hard.normals) == 24 * 2  # one of each segment
+    assert smooth.n_vertices == hard.n_vertices == 24 * 3
+    assert len(smooth.uvs) == len(hard.uvs) == 25 * 3
+    assert np.linalg.norm(smooth.normals, axis=1) == pytest.approx(np.ones(72), abs=1e-15)
+
+
+def test_a_closed_profile_is_a_ring():
+    square = [(1, 0), (2, 0), (2, 1), (1, 1), (1, 0)]
+    for points in square, square[::-1], square[2:] + square[1:3]:
+        mesh = lathe(points)
+        edges = find_edges(mesh.faces)
+        assert genus(mesh.faces, edges, mesh.n_vertices) == 1
+        # Pappus: the area goes around the centroid, at 1.5, on a polygon of 24 sides.
+        assert volume(mesh) == pytest.approx((4 - 1) * 12 * np.sin(2 * np.pi / 24), rel=1e-14)
+        assert texture_areas(mesh).sum() == pytest.approx(1)
+
+
+def test_a_profile_that_touches_the_axis_in_the_middle_hangs_by_a_vertex():
+    mesh = lathe([(1, -1), (0, 0), (1, 1)])
+    assert mesh.n_vertices == 2 * 24 + 1
+    assert mesh.n_faces == 2 * 24
+    assert (face_normals(mesh) != 0).any(axis=1).all()
+    assert np.isfinite(mesh.normals).all()
+
+
+def test_pieces_on_the_axis_and_repeated_points_make_no_faces():
+    plain = lathe([(0, 0), (1, 0), (1, 1), (0, 1)])
+    more = lathe([(0, -2), (0, -1), (0, 0), (1, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 7)])
+    np.testing.assert_array_equal(plain.positions, more.positions)
+    np.testing.assert_array_equal(plain.uvs, more.uvs)
+
+
+def test_part_of_a_turn_is_open_with_its_middle_at_the_front():
+    mesh = lathe([(1, 0), (1, 1)], turns=0.5, resolution=(4, 1))
+    assert mesh.n_vertices == 5 * 2
+    assert find_edges(mesh.faces).boundary.sum() == 2 * 4 + 2
+    x, _, z = mesh.positions.T
+    assert z.min() == pytest.approx(0, abs=1e-16)
+    assert sorted(x.tolist())[::9] == [-1.0, 1.0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 9999), st.integers(-9999, 9999)).map(lambda p: np.divide(p, 1000)),
+        min_size=2,
+        max_size=8,
+    ),
+    st.sampled_from([0.0, 30.0, 90.0]),
+)
+def test_any_profile_gives_a_sound_mesh_or_one_clear_error(points, crease):
+    try:
+        mesh = lathe(points, crease=crease, resolution=(5, 6))
+    except OptionError as error:
+        assert str(error).startswith("profile: it ")
+        return
+    assert np.isfinite(mesh.normals).all()
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-12)
+    assert mesh.uvs.min() >= 0
+    assert mesh.uvs.max() <= 1
+    edges = find_edges(mesh.faces)
+    assert not edges.non_manifold.any()
+    assert not edges.misoriented.any()
+    assert volume(mesh) >= -1e-9 * np.abs(mesh.positions).max() ** 3

@@ -1,0 +1,1 @@
+"""Surfaces made from (u, v), which they carry as their texture coordinates."""

@@ -1,0 +1,255 @@
+"""How a lattice of (u, v) becomes a mesh: lines, seams, poles, and the arrays of a `Mesh`.
+
+A surface is laid out on lines of constant u (columns) and of constant v (rows), cut open where it
+closes on itself. Nodes are where they cross. Several nodes can be one vertex: at a seam, where a
+normal jumps along a crease, or at a pole, where a whole row is one point. Each node has its own
+texture coordinates and normal, and those that are equal at one vertex are stored once.
+
+The triangle of a square with a side that is one point has its own node there, in the middle of
+that side: the fan around a pole takes the middle u of each of its faces. To name such nodes,
+positions on the lattice are counted in half steps: line k is 2 k.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+def grid_quads(n_rows: int, n_columns: int) -> IntArray:
+    """(n_rows · n_columns, 4): corners of grid cells: itself, next row, diagonal, next column."""
+    first = (np.arange(n_rows)[:, None] * (n_columns + 1) + np.arange(n_columns)).ravel()
+    return first.astype(np.int32)[:, None] + np.array(
+        [0, n_columns + 1, n_columns + 2, 1], dtype=np.int32
+    )
+
+
+def ids_around(n_rows: int, n_columns: int) -> IntArray:
+    """Vertex ids of a grid whose column `n_columns` is column 0 again."""
+    columns = np.arange(n_columns + 1) % n_columns
+    return (np.arange(n_rows)[:, None] * n_columns + columns).ravel().astype(np.int32)
+
+
+def split_quads(quads: IntArray) -> IntArray:
+    """(2 Q, 3) int32: two triangles of each quad, along the diagonal from its first corner."""
+    return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
+
+
+def open_lines(n_steps: int) -> IntArray:
+    """Lines from one border to the other, each of vertices of its own."""
+    return np.arange(n_steps + 1, dtype=np.int32)
+
+
+def closed_lines(n_steps: int) -> IntArray:
+    """Lines of which the last has the vertices of the first."""
+    return np.arange(n_steps + 1, dtype=np.int32) % n_steps
+
+
+def half_steps(values: FloatArray) -> FloatArray:
+    """(2 L - 1, ...): values at the lines, and between two of them their mean."""
+    result = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    result[0::2] = values
+    result[1::2] = 0.5 * (values[:-1] + values[1:])
+    return result
+
+
+def part_way(
+    first: npt.ArrayLike, last: npt.ArrayLike, step: npt.ArrayLike, steps: npt.ArrayLike
+) -> FloatArray:
+    """Values after so many of equal steps from one to another, counted from the nearer end.
+
+    Both ends come out exactly, values that are the same stay so, and the way back has the same
+    points bit by bit.
+    """
+    first, last, step, steps = (np.asarray(given) for given in (first, last, step, steps))
+    near = 2 * step <= steps
+    start, towards = np.where(near, first, last), np.where(near, last, first)
+    result: FloatArray = start + (towards - start) * (np.where(near, step, steps - step) / steps)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Triangles between nodes of a lattice.
+
+    Attributes
+    ----------
+    nodes : (N, 2) int32
+        Column and row of each node, in half steps; with more columns, what else a node belongs to.
+    vertex_ids : (N,) int32
+        The vertex that each node is at.
+    faces : (F, 3) int32
+        Indices into `nodes`, counter-clockwise where u goes right and v up.
+    """
+
+    nodes: IntArray
+    vertex_ids: IntArray
+    faces: IntArray
+
+
+def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Nodes where lines cross, and the squares between them.
+
+    Parameters
+    ----------
+    columns : (C,) int32
+        Which line of vertices each column is. Two neighbors that are the same are the two sides
+        of a crease, with no squares between them.
+    rows : (R,) int32
+        The same of rows.
+
+    Returns
+    -------
+    nodes : (C R, 2) int32
+        As in `Grid`, row by row.
+    quads : (Q, 4) int32
+        Nodes of the corners of each square, counter-clockwise.
+    """
+    nodes = np.stack(np.meshgrid(2 * np.arange(len(columns)), 2 * np.arange(len(rows))), axis=-1)
+    across = np.flatnonzero(columns[:-1] != columns[1:])
+    along = np.flatnonzero(rows[:-1] != rows[1:])
+    first = (along[:, None] * len(columns) + across).ravel()
+    quads = first[:, None] + np.array([0, 1, len(columns) + 1, len(columns)])
+    return nodes.reshape(-1, 2).astype(np.int32), quads.astype(np.int32)
+
+
+def make_grid(
+    columns: IntArray, rows: IntArray, *, poles: BoolArray | None = None, twisted: bool = False
+) -> Grid:
+    """Lay a surface out on lines.
+
+    Parameters
+    ----------
+    columns, rows
+        As for `lattice`.
+    poles : (R,) bool, optional
+        Rows that are one vertex each.
+    twisted
+        The last column has the vertices of the first in reverse, as on a Möbius strip.
+
+    Returns
+    -------
+    Grid
+        Two triangles a square, one at a pole, in the order of squares: row by row.
+    """
+    nodes, quads = lattice(columns, rows)
+    column, row = nodes.T // 2
+    vertex_columns, vertex_rows = columns[column], rows[row]
+    if twisted:
+        last = column == len(columns) - 1
+        vertex_rows[last] = vertex_rows[last][::-1]
+    if poles is not None:
+        vertex_columns[poles[row]] = 0
+    vertex_ids = vertex_rows * (columns.max() + 1) + vertex_columns
+    return triangulate(nodes, vertex_ids, quads)
+
+
+def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> Grid:
+    """Split squares into triangles; one with a side that is a single vertex becomes one triangle.
+
+    Parameters
+    ----------
+    nodes, vertex_ids
+        As in `Grid`.
+    quads : (Q, 4) int32
+        Nodes of squares, counter-clockwise.
+
+    Returns
+    -------
+    Grid
+        With a node more, in the middle of such a side, for each of them. What is left of a square
+        with two such sides, or with opposite corners in one vertex, and has no area by its
+        vertices, is dropped.
+    """
+    corners = vertex_ids[quads]
+    shrunk = corners == np.roll(corners, -1, axis=1)  # side k, from corner k to the next
+    n_shrunk = shrunk.sum(axis=1)
+    triangles = quads[:, [[0, 1, 2], [0, 2, 3]]]
+    kept = np.ones((len(quads), 2), dtype=bool)
+    kept[n_shrunk > 1] = False
+    fans, sides = np.nonzero(shrunk & (n_shrunk == 1)[:, None])
+    if len(fans):
+        starts, ends = quads[fans, sides], quads[fans, (sides + 1) % 4]
+        triangles[fans, 0, 0] = len(nodes) + np.arange(len(fans))
+        triangles[fans, 0, 1] = quads[fans, (sides + 2) % 4]
+        triangles[fans, 0, 2] = quads[fans, (sides + 3) % 4]
+        kept[fans, 1] = False
+        nodes = np.concatenate([nodes, (nodes[starts] + nodes[ends]) // 2])
+        vertex_ids = np.concatenate([vertex_ids, vertex_ids[starts]])
+    faces = triangles[kept]
+    a, b, c = vertex_ids[faces].T
+    return Grid(nodes, vertex_ids, faces[(a != b) & (b != c) & (c != a)])
+
+
+def grid_mesh(
+    grid: Grid,
+    *,
+    name: str,
+    positions: FloatArray,
+    uvs: FloatArray,
+    normals: FloatArray | None = None,
+    face_groups: IntArray | None = None,
+    group_names: tuple[str, ...] = (),
+) -> Mesh:
+    """Mesh of a grid, without vertices, coordinates and normals that no face uses.
+
+    Parameters
+    ----------
+    grid : Grid
+    name
+        Of the mesh.
+    positions : (N, 3) float64
+        Of each node; of several nodes at one vertex, the first counts.
+    uvs : (N, 2) float64
+        Those that are equal at one vertex are stored once.
+    normals : (N, 3) float64, optional
+        Those that are equal are stored once.
+    face_groups : (F,) int32, optional
+    group_names
+        As in `Mesh`.
+    """
+    from texbake.mesh.weld import weld_rows  # brings numba
+
+    used = np.zeros(len(grid.nodes), dtype=bool)
+    used[grid.faces.ravel()] = True
+    kept = np.flatnonzero(used)
+    node_faces = (np.cumsum(used, dtype=np.int32) - 1)[grid.faces]
+
+    vertex_of, first_nodes = _numbered(_firsts_of(grid.vertex_ids[kept]))
+    uvs = uvs[kept]
+    uv_of, first_uvs = _numbered(weld_rows(np.column_stack([vertex_of, uvs])))
+    mesh = Mesh(
+        positions=positions[kept][first_nodes] + 0.0,  # -0.0 becomes 0.0
+        faces=vertex_of[node_faces],
+        uvs=uvs[first_uvs],
+        uv_faces=uv_of[node_faces],
+        face_groups=face_groups,
+        group_names=group_names,
+        name=name,
+    )
+    if normals is None:
+        return mesh
+    normals = normals[kept] + 0.0
+    normal_of, first_normals = _numbered(weld_rows(normals))
+    return mesh.replace(normals=normals[first_normals], normal_faces=normal_of[node_faces])
+
+
+def _firsts_of(ids: IntArray) -> IntArray:
+    """Index of the first of the equal numbers that each number is one of."""
+    firsts = np.empty(int(ids.max(initial=-1)) + 1, dtype=np.int32)
+    # Of several values for one place numpy keeps the last, so they come in reverse.
+    firsts[ids[::-1]] = np.arange(len(ids), dtype=np.int32)[::-1]
+    return firsts[ids]
+
+
+def _numbered(firsts: IntArray) -> tuple[IntArray, npt.NDArray[np.intp]]:
+    """Number what each row is, from the first rows that equal them; and those first rows."""
+    is_first = firsts == np.arange(len(firsts), dtype=np.int32)
+    numbers = np.cumsum(is_first, dtype=np.int32) - 1
+    return numbers[firsts], np.flatnonzero(is_first)

@@ -1,0 +1,202 @@
+"""Files of bicubic Bézier patches, in the three layouts in which the classic teapot is found.
+
+Shared points, as in the data of F. Crow's article; indices begin at 1::
+
+    32
+    1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16
+    ... a line of 16 indices for each patch
+    306
+    1.4,0.0,2.4
+    ... a line for each point
+
+Patches one after the other, each with its degrees and 16 points (the BPT layout)::
+
+    28
+    3 3
+    1.4 0.0 2.4
+    ... 16 lines
+
+Points alone, 16 lines a patch, with or without the number of patches before them.
+
+In all of them the first four points are the first row of a patch: u goes along a row, v from row to
+row, and the surface faces the side from which u, v turn counter-clockwise.
+
+Based on: F. Crow, "The Origins of the Teapot", IEEE Computer Graphics and Applications 7(1), 1987.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError, OptionError
+from texbake.files import PathLike
+from texbake.mesh.mesh import FloatArray
+from texbake.mesh.parametric.lines import Line, parse_row, read_lines
+
+_N_POINTS = 16  # of a patch
+
+
+def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
+    """Patches of a file, or of an array that a caller has at hand; see `read_patches`.
+
+    Raises
+    ------
+    OptionError
+        The array is none of patches.
+    """
+    if isinstance(source, (str, os.PathLike)):
+        return read_patches(source)
+    try:
+        patches = np.asarray(source, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError("patches: it is not an array of numbers") from error
+    if patches.ndim != 4 or patches.shape[1:] != (4, 4, 3) or len(patches) == 0:
+        raise OptionError(
+            f"patches: an array of the shape {patches.shape} is none; give (n, 4, 4, 3)"
+        )
+    if not np.isfinite(patches).all():
+        raise OptionError("patches: a point is not finite")
+    return patches
+
+
+def read_patches(path: PathLike) -> FloatArray:
+    """Read a file of bicubic Bézier patches, in any layout that this module's docstring shows.
+
+    Blanks or commas part the numbers of a line; `#` begins a comment.
+
+    Returns
+    -------
+    (P, 4, 4, 3) float64
+        Control points: patch, row, column.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is no such file, or has a hole; the message names the patch and the line.
+    """
+    lines = read_lines(path, "a patch file")
+    if not lines:
+        raise FileFormatError(f"{path}: it has no patches; it holds comments alone")
+    if len(lines[0].words) == 3:
+        points = _separate(path, lines, None)
+    else:
+        n_patches, rest = _count(path, lines[0], "patches"), lines[1:]
+        width = len(rest[0].words) if rest else 0
+        # Only shared points have a second number alone on its line; a hole must not hide them.
+        if width in (2, 3) and not any(_is_count(line) for line in rest):
+            points = (_with_degrees if width == 2 else _separate)(path, rest, n_patches)
+        else:
+            points = _shared(path, rest, n_patches)
+    return points.reshape(-1, 4, 4, 3)
+
+
+def _shared(path: PathLike, lines: Sequence[Line], n_patches: int) -> FloatArray:
+    """Patches of indices into points that follow."""
+    rows = []
+    for patch in range(1, n_patches + 1):
+        if patch > len(lines):
+            raise FileFormatError(f"{path}: it ends before patch {patch} of {n_patches}")
+        line = lines[patch - 1]
+        if len(line.words) != _N_POINTS:
+            raise FileFormatError(
+                f"{path}: line {line.number}: patch {patch} of {n_patches} has "
+                f"{len(line.words)} indices; it needs {_N_POINTS}"
+            )
+        rows.append(line)
+    if len(lines) == n_patches:
+        raise FileFormatError(f"{path}: it ends before the number of points")
+    n_points = _count(path, lines[n_patches], "points")
+    indices = np.array(
+        [_indices(path, line, patch, n_points) for patch, line in enumerate(rows, start=1)]
+    )
+    of_points = lines[n_patches + 1 :]
+    if len(of_points) < n_points:
+        raise FileFormatError(f"{path}: it has {len(of_points)} of {n_points} points; it was cut")
+    _refuse_more(path, of_points, n_points)
+    points = np.array([parse_row(path, line, 3, "a point") for line in of_points])
+    found: FloatArray = points[indices - 1]
+    return found
+
+
+def _indices(path: PathLike, line: Line, patch: int, n_points: int) -> list[int]:
+    """Indices of one patch, from 1."""
+    indices = []
+    for word in line.words:
+        try:
+            index = int(word)
+        except ValueError as error:
+            raise FileFormatError(
+                f"{path}: line {line.number}: patch {patch} has {word[:20]!r} for an index"
+            ) from error
+        if not 1 <= index <= n_points:
+            raise FileFormatError(
+                f"{path}: line {line.number}: patch {patch} has the index {index}; "
+                f"there are points 1 to {n_points}"
+            )
+        indices.append(index)
+    return indices
+
+
+def _with_degrees(path: PathLike, lines: Sequence[Line], n_patches: int) -> FloatArray:
+    """Patches of a line of degrees and 16 points each."""
+    of_points: list[Line] = []
+    for number, line in enumerate(lines):
+        patch, place = divmod(number, _N_POINTS + 1)
+        if place > 0 and len(line.words) == 2:
+            raise FileFormatError(
+                f"{path}: line {line.number}: patch {patch + 1} of {n_patches} ends after "
+                f"{place - 1} points; it needs {_N_POINTS}"
+            )
+        if place == 0 and patch < n_patches and line.words != ["3", "3"]:
+            raise FileFormatError(
+                f"{path}: line {line.number}: patch {patch + 1} of {n_patches} begins with "
+                f"{' '.join(line.words)[:20]!r}; only degrees of 3 3 are read"
+            )
+        if place > 0 or patch >= n_patches:
+            of_points.append(line)
+    return _separate(path, of_points, n_patches)
+
+
+def _separate(path: PathLike, lines: Sequence[Line], n_patches: int | None) -> FloatArray:
+    """Patches of 16 points each; as many as there are where no number of them is known."""
+    if n_patches is None:
+        n_patches = -(-len(lines) // _N_POINTS)
+    _refuse_more(path, lines, _N_POINTS * n_patches)
+    rows = [
+        parse_row(path, line, 3, f"a point of patch {number // _N_POINTS + 1}")
+        for number, line in enumerate(lines)
+    ]
+    patch, n_left = divmod(len(rows), _N_POINTS)
+    if patch < n_patches:
+        raise FileFormatError(
+            f"{path}: it ends where patch {patch + 1} of {n_patches} has {n_left} points; "
+            f"it needs {_N_POINTS}"
+        )
+    return np.array(rows)
+
+
+def _is_count(line: Line) -> bool:
+    """Whether a line is a whole number, alone."""
+    return len(line.words) == 1 and line.words[0].isascii() and line.words[0].isdigit()
+
+
+def _count(path: PathLike, line: Line, what: str) -> int:
+    """Read a number of things, alone on its line."""
+    if not _is_count(line) or int(line.words[0]) < 1:
+        raise FileFormatError(
+            f"{path}: line {line.number}: {' '.join(line.words)[:20]!r} is no number of {what}"
+        )
+    return int(line.words[0])
+
+
+def _refuse_more(path: PathLike, lines: Sequence[Line], n_points: int) -> None:
+    if len(lines) > n_points:
+        raise FileFormatError(
+            f"{path}: line {lines[n_points].number}: it goes on after the last of {n_points} points"
+        )

@@ -1,0 +1,164 @@
+"""Surfaces of revolution about the y axis: cylinder, cone, sphere, torus, and any profile.
+
+All close on themselves vertex by vertex, face outwards, and have normals of the closed form. A pole
+is one vertex; there, each face takes the normal at its own middle u, which at the tip of a cone is
+that of the side below it and at the poles of a sphere is the axis.
+
+Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, section 2-3, example 4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.parametric.around import Columns, flat_columns, round_columns
+from texbake.mesh.parametric.grid import grid_mesh, make_grid
+from texbake.mesh.parametric.options import check_triangles
+from texbake.mesh.parametric.outline import (
+    Outline,
+    half_circle,
+    profile_outline,
+    straight_outline,
+    whole_circle,
+)
+
+
+def make_cylinder(
+    *, resolution: tuple[int, int], radius: float, height: float, sides: int | None, caps: bool
+) -> Mesh:
+    """Cylinder, or prism, about the origin; see `_side_and_caps`."""
+    return _side_and_caps("cylinder", resolution, (radius, radius), height, sides, caps)
+
+
+def make_cone(
+    *, resolution: tuple[int, int], radius: float, height: float, sides: int | None, caps: bool
+) -> Mesh:
+    """Cone, or pyramid, with its tip at the top; see `_side_and_caps`."""
+    return _side_and_caps("cone", resolution, (radius, 0.0), height, sides, caps)
+
+
+def make_sphere(*, resolution: tuple[int, int], radius: float) -> Mesh:
+    """Sphere about the origin; u is the longitude, v the latitude."""
+    outline = half_circle(radius, resolution[1])
+    return _swept(round_columns(resolution[0]), outline, "sphere")
+
+
+def make_torus(*, resolution: tuple[int, int], radius: float, minor_radius: float) -> Mesh:
+    """Torus about the origin; v goes around the tube and is 1/2 where it is farthest out."""
+    outline = whole_circle(radius, minor_radius, resolution[1])
+    return _swept(round_columns(resolution[0]), outline, "torus")
+
+
+def make_revolution(
+    *, resolution: tuple[int, int], profile: FloatArray, turns: float, crease: float
+) -> Mesh:
+    """Surface of revolution of a profile.
+
+    Parameters
+    ----------
+    resolution
+        Squares around, and about how many along the profile.
+    profile : (n, 2) float64
+        As `profile_outline` takes it. Where it touches the axis between its ends, two parts of the
+        surface hang together by one vertex.
+    turns
+        Up to 1, a whole turn; less leaves the surface open, with its middle at the front.
+    crease
+        Degrees.
+    """
+    outline = profile_outline(profile, resolution[1], crease)
+    check_triangles(2 * resolution[0] * (int(outline.lines.max()) + 1))
+    return _swept(round_columns(resolution[0], turns), outline, "revolution")
+
+
+def _swept(columns: Columns, outline: Outline, name: str) -> Mesh:
+    """Sweep an outline through all columns, with (u, v) as texture coordinates."""
+    grid = make_grid(columns.lines, outline.lines, poles=outline.points[:, 0] == 0.0)
+    column, row = grid.nodes[:, 0], grid.nodes[:, 1] // 2
+    return grid_mesh(
+        grid,
+        name=name,
+        positions=_points(columns, outline, column, row),
+        uvs=np.stack([columns.u[column], outline.v[row]], axis=-1),
+        normals=_normals(columns, outline, column, row),
+    )
+
+
+def _side_and_caps(
+    name: str,
+    resolution: tuple[int, int],
+    radii: tuple[float, float],
+    height: float,
+    sides: int | None,
+    caps: bool,
+) -> Mesh:
+    """Straight outline, swept, with flat ends where asked for.
+
+    The side fills the unit square; its groups, where there are caps, are `side`, `bottom` and
+    `top`. The bottom is a disk in the tile to the right of it, 1 < u < 2, and the top one in the
+    next, both as seen from outside with +x to the right: no two parts overlap, and an image that
+    repeats is whole on each.
+    """
+    n_u, n_v = resolution
+    columns = round_columns(n_u) if sides is None else flat_columns(n_u, sides)
+    low, high = -0.5 * height, 0.5 * height
+    side = straight_outline((radii[0], low), (radii[1], high), n_v)
+    if not caps:
+        return _swept(columns, side, name)
+    outlines = [straight_outline((0.0, low), (radii[0], low), 1), side]
+    if radii[1] > 0.0:
+        outlines.append(straight_outline((radii[1], high), (0.0, high), 1))
+    outline, parts = _joined(outlines)
+    grid = make_grid(columns.lines, outline.lines, poles=outline.points[:, 0] == 0.0)
+    column, row = grid.nodes[:, 0], grid.nodes[:, 1] // 2
+    positions = _points(columns, outline, column, row)
+    uvs = np.stack([columns.u[column], outline.v[row]], axis=-1)
+    for part, tile, up in (0, 1, 1.0), (2, 2, -1.0):
+        of_cap = parts[row] == part
+        disk = positions[of_cap][:, [0, 2]] * [1.0, up] / (2.0 * radii[0])
+        uvs[of_cap] = disk + np.array([tile + 0.5, 0.5])
+    of_faces = np.array([1, 0, 2], dtype=np.int32)[parts[row[grid.faces[:, 1]]]]
+    return grid_mesh(
+        grid,
+        name=name,
+        positions=positions,
+        uvs=uvs,
+        normals=_normals(columns, outline, column, row),
+        face_groups=of_faces,
+        group_names=("side", "bottom", "top")[: len(outlines)],
+    )
+
+
+def _joined(outlines: list[Outline]) -> tuple[Outline, npt.NDArray[np.intp]]:
+    """Outlines that go on where the one before ends, with a crease there; and rows' outlines."""
+    lines, last = [], 0
+    for outline in outlines:
+        lines.append(outline.lines + last)
+        last += int(outline.lines[-1])
+    joined = Outline(
+        lines=np.concatenate(lines),
+        points=np.concatenate([outline.points for outline in outlines]),
+        normals=np.concatenate([outline.normals for outline in outlines]),
+        v=np.concatenate([outline.v for outline in outlines]),
+    )
+    return joined, np.repeat(np.arange(len(outlines)), [len(outline.v) for outline in outlines])
+
+
+def _points(columns: Columns, outline: Outline, column: IntArray, row: IntArray) -> FloatArray:
+    """(N, 3): points at half-step columns and whole rows."""
+    x, z = columns.points[column].T
+    radius, height = outline.points[row].T
+    return np.stack([radius * x, height, radius * z], axis=-1)
+
+
+def _normals(columns: Columns, outline: Outline, column: IntArray, row: IntArray) -> FloatArray:
+    """(N, 3): unit normals there; a flat side is less steep than the edges between sides."""
+    x, z = columns.normals[column].T
+    outwards, upwards = outline.normals[row].T
+    upwards = columns.inner_radius * upwards
+    normals = np.stack([outwards * x, upwards, outwards * z], axis=-1)
+    if columns.inner_radius != 1.0:
+        normals /= np.hypot(outwards, upwards)[:, None]
+    return normals
