@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from texbake.errors import OptionError
-from texbake.mapping.atlas_options import AtlasOptions
-from texbake.mapping.option_checks import check_choice
-from texbake.mapping.projection_options import ProjectionOptions
-from texbake.mapping.transform_options import TransformOptions
+from texbake.mapping.options.atlas import AtlasOptions
+from texbake.mapping.options.checks import check_choice
+from texbake.mapping.options.projection import ProjectionOptions
+from texbake.mapping.options.transform import TransformOptions
 
 # The methods, and which options each of them reads beside those that all share.
 METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
@@ -17,7 +17,7 @@ METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
     "cylindrical": ("axis", "center", "theta", "height", "caps"),
     "spherical": ("axis", "center", "theta"),
     "box": ("center", "overlap", "padding"),
-    "two-part": ("axis", "center", "theta", "height", "surface", "via", "eye"),
+    "two-part": ("axis", "center", "theta", "height", "surface", "via", "eye", "padding"),
     "parametric": ("linear",),
     "projector": ("camera", "fov", "matrix", "unseen"),
 }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.errors import OptionError
-from texbake.mapping.option_checks import CheckedOptions, check_choice, check_numbers
+from texbake.mapping.options.checks import CheckedOptions, check_choice, check_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class TransformOptions(CheckedOptions):
     ----------
     warp : str, (str, float) or function, optional
         `twirl` turns points about (1/2, 1/2) the more the nearer they are, by so many degrees at
-        the middle; `bulge` magnifies the middle (a strength below 1, negative to pinch); `power`
+        the middle; `bulge` magnifies the middle by 1 / (1 - strength), negative to pinch; `power`
         takes s and t to a power. A function gets (n, 2) coordinates and returns as many.
     flip : str, optional
         `s`, `t` or `st`: mirror about 1/2.
@@ -55,8 +55,8 @@ class TransformOptions(CheckedOptions):
             name, strength = (self.warp, 1.0) if isinstance(self.warp, str) else self.warp
             check_choice("warp", name, tuple(WARPS))
             check_numbers("warp", (strength,), 1)
-            if name == "bulge" and not strength < 1:
-                raise OptionError(f"warp: a bulge of {strength} folds over; it must be below 1")
+            if name == "bulge" and not -1.25 < strength < 1:
+                raise OptionError(f"warp: a bulge of {strength} folds over; above -1.25, below 1")
             if name == "power" and not strength > 0:
                 raise OptionError(f"warp: a power of {strength} is not above 0")
         if self.flip is not None:

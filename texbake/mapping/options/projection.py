@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.option_checks import (
+from texbake.mapping.options.checks import (
     CheckedOptions,
+    Matrix,
     Vector,
     check_choice,
     check_direction,
@@ -21,8 +22,6 @@ FITS = ("bounds", "pca")
 SURFACES = ("plane", "cylinder", "sphere", "box")
 VIAS = ("surface-normal", "object-normal", "centroid", "reflection")
 UNSEEN = ("aside", "project")
-
-Matrix = tuple[tuple[float, float, float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +39,7 @@ class ProjectionOptions(CheckedOptions):
         Of the plane, instead of `axis`.
     fit : str
         Plane: `bounds` keeps the axes of the model, `pca` lies along the two directions in which
-        its points spread most.
+        its points spread most, or turns within the plane where an axis or normal is given.
     sides : bool
         Plane: put the faces that look away beside the others, so that none is mirrored.
     center : (x, y, z), optional

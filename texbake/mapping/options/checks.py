@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from texbake.errors import OptionError
 
 Vector = tuple[float, float, float]
+Matrix = tuple[tuple[float, float, float, float], ...]
 
 
 class CheckedOptions:
@@ -43,8 +44,10 @@ def check_direction(name: str, values: object) -> None:
 
 
 def check_interval(name: str, values: object) -> None:
-    """Raise `OptionError` unless the value is two finite numbers that differ."""
+    """Raise `OptionError` unless the value is two finite numbers whose difference is usable."""
     check_numbers(name, values, 2)
     assert isinstance(values, Sequence)
-    if values[0] == values[1]:
+    length = abs(values[1] - values[0])
+    # Below one rounding of its ends, a range has no points between them to tell apart.
+    if not (length > 2.0**-52 * max(map(abs, values)) and 1e-300 < length < math.inf):
         raise OptionError(f"{name}: {values!r} is an empty range; give two numbers that differ")

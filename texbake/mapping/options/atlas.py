@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.option_checks import check_choice
-from texbake.mapping.texture_options import TextureOptions
+from texbake.mapping.options.checks import check_choice
+from texbake.mapping.options.texture import TextureOptions
 
 QUALITIES = ("fast", "good", "best")
 MAX_TILES = 100  # UDIM 1001 to 1100
@@ -23,15 +23,15 @@ class AtlasOptions(TextureOptions):
         Texels that a bake may pad each chart by: no texel lies within `padding` of two charts, and
         none that a chart touches within `padding` of the border.
     quality : str
-        `fast`: parts of the mesh are cut into charts side by side and packed as they are. `good`:
-        charts are relaxed and joined as far as the stretch of the mesh stays what it was. `best`:
-        they are joined as far as the stretch stays within reason, and more packings are tried.
+        `fast`: the mesh is divided into parts that are laid flat and packed as they are. `good`:
+        parts are halved until they are hardly stretched, and joined again where that costs none.
+        `best`: charts may stretch more, so that there are fewer, and more packings are tried.
     max_stretch : float, optional
         Most L2 stretch that a chart may have, above 1; charts above it are cut further. None: no
         such bound.
     timeout : float, optional
-        Seconds after which the cutting of a part into charts is given up and done in a simpler
-        way. None: a minute and as long again as a mesh of that many faces should ever need.
+        Seconds after which xatlas, which cuts what cannot be laid flat, is given up on a part; that
+        is cut by its normals then. None: a minute and 10 ms a face.
     tiles : int
         Textures that the charts are spread over, side by side as UDIM tiles: 1001 is the unit
         square, 1002 the one to its right, 1011 the one above.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.option_checks import CheckedOptions
+from texbake.mapping.options.checks import CheckedOptions
 
 MAX_SIZE = 16384  # texels a side: 2^14, so that what a bake counts in stays within its integers
 

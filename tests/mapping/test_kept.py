@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from texbake import unwrap, unwrap_with_report
+from texbake.errors import UvError
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.atlas.kept import kept_charts
+from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.projected import with_coordinates
+from texbake.mapping.seams import chart_ids
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, icosphere, plane
+
+
+def stacked(mesh: Mesh) -> Mesh:
+    """Every face on the same triangle of the texture."""
+    return with_coordinates(
+        mesh, np.tile([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]], (mesh.n_faces, 1, 1))
+    )
+
+
+def test_charts_keep_their_shapes_and_sizes() -> None:
+    mesh = unwrap(icosphere(2), size=512)
+    packed = unwrap(mesh, keep=True, size=(256, 512), padding=8)
+    before, after = (m.corner_uvs() * s for m, s in ((mesh, [1, 2]), (packed, [1, 2])))
+    # Square texels: the coordinates of the first were read as those of a texture of 256 x 512.
+    ratios = np.linalg.norm(after[:, 1] - after[:, 0], axis=1) / np.linalg.norm(
+        before[:, 1] - before[:, 0], axis=1
+    )
+    assert ratios == pytest.approx(ratios[0], rel=1e-9)
+    assert np.array_equal(chart_ids(packed), chart_ids(mesh))
+
+
+def test_what_lay_on_one_another_lies_side_by_side() -> None:
+    mesh = stacked(cube())
+    assert overlapping_faces(mesh.corner_uvs()).all()
+    packed, report = unwrap_with_report(mesh, keep=True)
+    assert not overlapping_faces(packed.corner_uvs()).any()
+    assert report.n_charts == 12
+
+
+def test_mirrored_charts_stay_mirrored() -> None:
+    mesh = plane(2, 2)
+    mirrored = with_coordinates(mesh, mesh.corner_uvs() * [-1.0, 1.0])
+    assert (signed_areas(unwrap(mirrored, keep=True).corner_uvs()) < 0.0).all()
+
+
+def test_charts_are_in_model_units() -> None:
+    mesh = plane(3, 2)
+    charts = kept_charts(mesh.replace(positions=2.0 * mesh.positions), (512, 512))
+    assert np.abs(signed_areas(charts.uvs[charts.faces])).sum() == pytest.approx(4.0)
+
+
+def test_there_must_be_coordinates_to_keep() -> None:
+    with pytest.raises(UvError, match="no texture coordinates"):
+        unwrap(cube(), keep=True)
+    with pytest.raises(UvError, match="no area in the texture"):
+        unwrap(with_coordinates(cube(), np.zeros((12, 3, 2))), keep=True)
