@@ -1,0 +1,173 @@
+"""Cylindrical mapping against closed forms; heights, arcs, and caps."""
+
+import math
+
+import numpy as np
+import pytest
+
+from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.classical.cylindrical import cylindrical
+from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.shapes import icosphere
+
+FRONTS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}  # coordinates along e1, e2 and the axis
+
+
+def mapped(mesh, **choices):
+    return cylindrical(mesh, UnwrapOptions(method="cylindrical", **choices))
+
+
+def prism(n_sides, radius=1.0, height=2.0):
+    """Closed prism about y, from 0 to its height, with a corner at angle 0."""
+    angles = 2.0 * np.pi * np.arange(n_sides) / n_sides
+    ring = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=1) * radius
+    up = np.array([0.0, height, 0.0])
+    positions = np.concatenate([ring, ring + up, [0.0 * up, up]])
+    low = np.arange(n_sides)
+    high, next_low = low + n_sides, (low + 1) % n_sides
+    next_high = next_low + n_sides
+    bottom, top = np.full(n_sides, 2 * n_sides), np.full(n_sides, 2 * n_sides + 1)
+    columns = [
+        (low, next_low, next_high),
+        (low, next_high, high),
+        (bottom, next_low, low),
+        (top, high, next_high),
+    ]
+    faces = np.concatenate([np.stack(column, axis=1) for column in columns])
+    return Mesh(positions=positions, faces=faces)
+
+
+@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize("seed", range(4))
+def test_points_about_a_center_are_the_closed_form(axis, seed):
+    rng = np.random.default_rng(seed)
+    positions = (rng.normal(size=(300, 1, 3)) + 0.02 * rng.normal(size=(300, 3, 3))).reshape(-1, 3)
+    mesh = Mesh(positions=positions, faces=np.arange(900).reshape(-1, 3))
+    center = tuple(rng.normal(size=3).tolist())
+    theta, height = (-30.0, 200.0), (0.25, -1.5)
+    found = mapped(mesh, axis=axis, center=center, theta=theta, height=height)
+    x, y, z = ((positions - center)[mesh.faces][..., i] for i in FRONTS[axis])
+    assert np.abs(found.corners[..., 1] - (z - 0.25) / (-1.5 - 0.25)).max() < 1e-9
+    angles = np.degrees(np.arctan2(y, x))
+    s = (angles + 30.0) / 230.0
+    turns = (found.corners[..., 0] - s) * 230.0 / 360.0
+    assert np.abs(turns - np.round(turns)).max() < 1e-9
+    spans = np.ptp(found.corners[..., 0], axis=1) * 230.0 / 360.0
+    assert (spans > 0.5).sum() <= found.tallies.get("faces around the axis", 0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_heights_go_from_the_lowest_to_the_highest_corner(seed):
+    axis = np.random.default_rng(seed).normal(size=3)
+    mesh = icosphere(2)
+    t = mapped(mesh, axis=tuple(axis.tolist()), center=(5, 6, 7)).corners[..., 1]
+    heights = mesh.positions @ axis / np.linalg.norm(axis)
+    expected = (heights - heights.min()) / np.ptp(heights)
+    assert np.abs(t - expected[mesh.faces]).max() < 1e-12
+    assert t.min() == 0.0
+    assert t.max() == 1.0
+
+
+def test_heights_and_angles_are_measured_from_the_center():
+    mesh = Mesh(positions=[[1, 5, 1], [3, 7, 1], [1, 9, 4]], faces=[[0, 1, 2]])
+    found = mapped(mesh, center=(1, 6, 1), height=(-1, 3), theta=(0, 360))
+    # A corner on the axis takes its face's own angle: that of (2, 3) in (e1, e2) = (z, x) / 3.
+    own = math.degrees(math.atan2(2, 3)) / 360.0
+    assert found.corners[0] == pytest.approx(
+        np.array([[own, 0.0], [0.25, 0.5], [0.0, 1.0]]), abs=1e-12
+    )
+    assert found.tallies == {"faces touching the axis": 1}
+
+
+def test_a_flat_mesh_has_one_height():
+    mesh = Mesh(positions=[[1, 5, 1], [3, 5, 1], [1, 5, 4]], faces=[[0, 1, 2]])
+    assert not mapped(mesh).corners[..., 1].any()
+    assert np.isfinite(mapped(mesh, caps=True).corners).all()
+
+
+def test_without_caps_ends_get_the_formula():
+    n_sides = 12
+    found = mapped(prism(n_sides))
+    assert found.tallies == {"faces touching the axis": 2 * n_sides}
+    t = found.corners[2 * n_sides :, :, 1]
+    assert np.array_equal(np.unique(t), [0.0, 1.0])
+    assert np.ptp(found.corners[..., 0], axis=1).max() == pytest.approx(1.0 / n_sides, abs=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.5, 2.0, 40.0])
+@pytest.mark.parametrize("theta", [(-180.0, 180.0), (0.0, 90.0)])
+def test_side_and_caps_have_one_density_and_none_is_mirrored(theta, height):
+    n_sides, radius = 64, 1.5
+    mesh = prism(n_sides, radius, height)
+    found = mapped(mesh, caps=True, theta=theta)
+    assert found.tallies == {"caps above": n_sides, "caps below": n_sides}
+    areas = signed_areas(found.corners)
+    assert (areas > 0.0).all()
+    ratios = areas / surface_areas(mesh.positions[mesh.faces])
+    side, caps = ratios[: 2 * n_sides], ratios[2 * n_sides :]
+    assert np.abs(caps / caps[0] - 1.0).max() < 1e-9
+    # Along the side, arcs are laid out and not chords; that is all the difference.
+    half = math.pi / n_sides
+    assert side / caps[0] == pytest.approx(np.full(2 * n_sides, half / math.sin(half)), rel=1e-9)
+
+
+def test_caps_lie_above_the_side_apart_and_within_the_square():
+    n_sides = 32
+    for height in 0.5, 2.0, 40.0:
+        found = mapped(prism(n_sides, 1.0, height), caps=True).corners
+        side, below, above = np.split(found, [2 * n_sides, 3 * n_sides])
+        assert min(above[..., 1].min(), below[..., 1].min()) > side[..., 1].max()
+        assert below[..., 0].min() > above[..., 0].max()
+        assert found.min() >= -1e-12
+        assert found.max() <= 1.0 + 1e-12
+        # Disks: as far from their middles as the radius in the texture.
+        scale = np.ptp(side[..., 1]) / height
+        for cap in above, below:
+            middle = (cap[..., 0].min() + cap[..., 0].max()) / 2.0, cap[..., 1].mean()
+            middle = np.array([middle[0], (cap[..., 1].min() + cap[..., 1].max()) / 2.0])
+            rims = np.linalg.norm(cap - middle, axis=2)
+            assert np.sort(np.unique(np.round(rims / scale, 9))) == pytest.approx(
+                [0.0, 1.0], abs=1e-9
+            )
+
+
+def test_caps_are_folded_out_from_the_front():
+    mesh = prism(4)  # corners at +z (the front), +x, -z, -x
+    corners = mapped(mesh, caps=True).corners
+    places = {}
+    for name, faces in (("above", slice(12, 16)), ("below", slice(8, 12))):
+        by_vertex = dict(
+            zip(mesh.faces[faces].ravel() % 4, corners[faces].reshape(-1, 2), strict=True)
+        )
+        rim = {
+            v: p
+            for v, p in zip(mesh.faces[faces].ravel(), corners[faces].reshape(-1, 2), strict=True)
+            if v < 8
+        }
+        places[name] = {v % 4: p for v, p in rim.items()}
+        assert len(by_vertex) == 4
+    front, right, back, left = range(4)
+    above, below = places["above"], places["below"]
+    assert above[front][1] < above[right][1] < above[back][1]
+    assert below[front][1] > below[right][1] > below[back][1]
+    assert above[left][0] < above[right][0]
+    assert below[left][0] < below[right][0]
+
+
+def test_what_looks_less_than_45_degrees_from_the_axis_is_a_cap():
+    mesh = icosphere(3)
+    axis = np.array([0.3, 1.0, 0.2])
+    cosines = face_normals(mesh) @ axis / np.linalg.norm(axis)
+    found = mapped(mesh, axis=tuple(axis.tolist()), caps=True)
+    assert found.tallies["caps above"] == (cosines > math.sqrt(0.5)).sum()
+    assert found.tallies["caps below"] == (cosines < -math.sqrt(0.5)).sum()
+    assert (signed_areas(found.corners) > 0.0).all()
+
+
+def test_corners_beyond_the_height_stay_clear_of_the_caps():
+    mesh = prism(16)
+    found = mapped(mesh, caps=True, height=(-1.5, -0.5)).corners  # the side goes from -1 to 1
+    assert found[32:, :, 1].min() > found[:32, :, 1].max()
+    assert found[:32, :, 1].min() >= 0.0

@@ -1,0 +1,158 @@
+"""Planar mapping against closed forms; which way pictures are turned, fits, and sides."""
+
+import numpy as np
+import pytest
+
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.classical.planar import planar
+from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.shapes import cube, icosphere, plane
+
+
+def mapped(mesh, **choices):
+    return planar(mesh, UnwrapOptions(method="planar", **choices))
+
+
+def rotation(seed):
+    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q * np.sign(np.linalg.det(q))
+
+
+@pytest.mark.parametrize(
+    ("axis", "right", "up"),
+    [
+        ("z", (1, 0, 0), (0, 1, 0)),
+        ("x", (0, 0, -1), (0, 1, 0)),
+        ("y", (1, 0, 0), (0, 0, -1)),
+        ((0, -2, 0), (1, 0, 0), (0, 0, 1)),
+        ((0, 0, -1), (-1, 0, 0), (0, 1, 0)),
+    ],
+)
+def test_the_plane_drops_one_coordinate_and_fits_the_square(axis, right, up):
+    positions = np.random.default_rng(4).normal(size=(90, 3)) * (3.0, 2.0, 1.0)
+    mesh = Mesh(positions=positions, faces=np.arange(90).reshape(-1, 3))
+    corners = mapped(mesh, axis=axis).corners.reshape(-1, 2)
+    flat = np.stack([positions @ right, positions @ up], axis=1)
+    flat -= flat.min(axis=0)
+    assert np.abs(corners - flat / flat.max()).max() < 1e-14
+    assert corners.min() == 0.0
+    assert corners.max() == 1.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_normal_is_a_parallel_projection_that_is_not_mirrored(seed):
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=3)
+    mesh = icosphere(2)
+    corners = mapped(mesh, normal=tuple(normal.tolist())).corners
+    normal /= np.linalg.norm(normal)
+    # Distances in the plane, which need no frame, and the sign of areas.
+    flat = mesh.positions - (mesh.positions @ normal)[:, None] * normal
+    edges = np.linalg.norm((np.roll(flat[mesh.faces], -1, axis=1) - flat[mesh.faces]), axis=2)
+    found = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    scale = found.sum() / edges.sum()
+    assert np.abs(found - scale * edges).max() < 1e-9
+    facing = face_normals(mesh) @ normal
+    assert np.array_equal(signed_areas(corners) > 0.0, facing > 0.0)
+    assert np.ptp(corners[..., 1]) == pytest.approx(
+        np.ptp(mesh.positions @ [0, 1, 0]) * scale, rel=0.5
+    )
+
+
+def test_a_cube_is_seen_from_its_front_with_four_faces_edge_on():
+    found = mapped(cube())
+    assert found.tallies == {"faces seen from behind": 2, "faces seen edge-on": 8}
+    assert sorted(np.unique(np.abs(signed_areas(found.corners)))) == [0.0, 0.5]
+
+
+def test_sides_lie_in_a_half_each_and_none_is_mirrored():
+    # Turned, so that no face is edge-on.
+    mesh = icosphere(3).replace(positions=icosphere(3).positions @ rotation(1))
+    found = mapped(mesh, axis="x", sides=True)
+    away = face_normals(mesh)[:, 0] < 0.0
+    assert found.tallies == {"faces seen from behind": int(away.sum())}
+    front, back = found.corners[~away], found.corners[away]
+    assert (signed_areas(found.corners) > 0.0).all()
+    assert front[..., 0].max() <= 0.5
+    assert back[..., 0].min() >= 0.5
+    assert found.corners.min() == 0.0
+    assert 1.0 - 1e-12 < found.corners[..., 0].max() <= 1.0
+    # One scale; and seen from behind, what is to the left in front is to the right.
+    right, up = -mesh.positions[:, 2], mesh.positions[:, 1]
+    scale = 0.5 / np.ptp(right)
+    s = np.where(away[:, None], 1.0 - scale * (right - right.min())[mesh.faces], 0.0)
+    s[~away] = scale * (right - right.min())[mesh.faces[~away]]
+    assert np.abs(found.corners[..., 0] - s).max() < 1e-12
+    assert np.abs(found.corners[..., 1] - scale * (up - up.min())[mesh.faces]).max() < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_pca_lays_a_turned_rectangle_along_s(seed):
+    flat = plane(8, 4)
+    turn = rotation(seed)
+    corners = (flat.positions - (0.5, 0.5, 0.0)) * (4.0, 1.0, 0.0)
+    # Divided unevenly: more triangles at one end must not turn it.
+    corners[:, 0] += 0.4 * np.cos(np.pi * corners[:, 0] / 4.0)
+    mesh = flat.replace(positions=corners @ turn.T + 10.0)
+    found = mapped(mesh, fit="pca").corners.reshape(-1, 2)
+    assert np.ptp(found, axis=0) == pytest.approx([1.0, 0.25], abs=1e-9)
+    expected = (corners[:, :2] + (2.0, 0.5))[mesh.faces].reshape(-1, 2) / 4.0
+    ways = [expected, (1.0, 0.25) - expected]  # either end first, and never mirrored
+    assert min(np.abs(found - way).max() for way in ways) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pca_in_a_plane_that_is_given_turns_within_it(seed):
+    rng = np.random.default_rng(seed)
+    mesh = icosphere(2).replace(positions=icosphere(2).positions * (3.0, 1.0, 2.0) @ rotation(seed))
+    corners = mapped(mesh, axis="z", fit="pca").corners
+    bounds = mapped(mesh, axis="z").corners
+    scale = np.sqrt(np.abs(signed_areas(bounds)).sum() / np.abs(signed_areas(corners)).sum())
+    # The same picture but for a turn by at most a quarter and a scale.
+    moved = (bounds - bounds[0, 0]).reshape(-1, 2) @ (1.0, 1.0j)
+    turned = scale * ((corners - corners[0, 0]).reshape(-1, 2) @ (1.0, 1.0j))
+    ratios = turned[np.abs(moved) > 0.1] / moved[np.abs(moved) > 0.1]
+    assert np.abs(ratios - ratios[0]).max() < 1e-9
+    assert abs(ratios[0]) == pytest.approx(1.0, abs=1e-9)
+    assert ratios[0].real > 0.0
+    # Rows of random points of the surface no longer correlate.
+    areas = np.abs(
+        np.linalg.norm(
+            np.cross(*(np.diff(mesh.positions[mesh.faces], axis=1).swapaxes(0, 1))), axis=1
+        )
+    )
+    weights = rng.dirichlet((1.0, 1.0, 1.0), size=(2000, len(areas)))
+    points = np.einsum("kfc,fci->kfi", weights, corners)
+    centered = points - np.average(points.mean(axis=0), axis=0, weights=areas)
+    covariance = np.einsum("f,kfi,kfj->ij", areas, centered, centered) / areas.sum() / 2000
+    # Sampled 2000 times each of 320 faces: correlations are 1 / sqrt(640 000) = 0.00125 off.
+    assert abs(covariance[0, 1]) < 0.01 * np.sqrt(covariance[0, 0] * covariance[1, 1])
+    assert covariance[0, 0] >= covariance[1, 1]
+
+
+@pytest.mark.parametrize("mesh", [cube(), icosphere(2)], ids=["cube", "sphere"])
+def test_pca_of_what_spreads_evenly_is_the_front(mesh):
+    # Directions of equal variances are projected onto: a rounding away from the axes.
+    assert np.abs(mapped(mesh, fit="pca").corners - mapped(mesh).corners).max() < 1e-14
+
+
+def test_pca_looks_from_the_front_where_it_can():
+    tile = plane(1, 1).replace(positions=plane(1, 1).positions * (1.0, 0.5, 0.0))
+    assert np.array_equal(mapped(tile, fit="pca").corners, mapped(tile).corners)
+    # An open surface that faces backwards is seen from where it faces.
+    turned = tile.replace(faces=tile.faces[:, ::-1])
+    assert not mapped(turned, fit="pca").tallies
+    assert mapped(turned).tallies == {"faces seen from behind": 2}
+
+
+def test_a_plane_seen_edge_on_is_a_line_and_a_point_a_point():
+    found = mapped(plane(2, 2), axis="x")
+    assert found.tallies == {"faces seen edge-on": 8}
+    assert np.array_equal(np.unique(found.corners[..., 0]), [0.0])
+    assert np.array_equal(np.unique(found.corners[..., 1]), [0.0, 0.5, 1.0])
+    point = Mesh(positions=[[3, 4, 5]] * 3, faces=[[0, 1, 2]])
+    for fit in "bounds", "pca":
+        assert not mapped(point, fit=fit, sides=True).corners.any()

@@ -1,0 +1,249 @@
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.mapping.classical.occlusion import mostly_hidden
+from texbake.mapping.classical.projector import camera_matrix, projector
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.projected import Projected
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.render.camera import Camera
+from texbake.render.options import RenderOptions
+
+# Light along -z onto the unit square; r grows with the distance from the light.
+DOWN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def cast(mesh: Mesh, **options: object) -> Projected:
+    return projector(mesh, UnwrapOptions(method="projector", **options))
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    starts = np.cumsum([0] + [len(mesh.positions) for mesh in meshes[:-1]])
+    return Mesh(
+        positions=np.concatenate([mesh.positions for mesh in meshes]),
+        faces=np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=True)]),
+    )
+
+
+def moved(mesh: Mesh, scale: object, offset: object) -> Mesh:
+    return Mesh(positions=mesh.positions * scale + np.asarray(offset), faces=mesh.faces)
+
+
+def flipped(mesh: Mesh) -> Mesh:
+    return Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1])
+
+
+def lopsided() -> Mesh:
+    return moved(icosphere(3), (1.0, 2.0, 0.5), (3.0, -2.0, 7.0))
+
+
+@pytest.mark.parametrize(
+    ("camera", "fov"),
+    [((0.0, 0.0), 35.0), ((30.0, 20.0), 50.0), ((-200.0, 90.0), 20.0), ((70.0, -30.0, 9.0), 80.0)],
+)
+def test_the_camera_stands_where_that_of_a_preview_does(
+    camera: tuple[float, ...], fov: float
+) -> None:
+    mesh = lopsided()
+    options = RenderOptions(view=camera, fov=fov, width=100, height=100)  # type: ignore[arg-type]
+    clip = Camera.framing(mesh, options=options).clip_from_world(1.0)
+    points = np.column_stack([mesh.positions, np.ones(mesh.n_vertices)])
+    x, y, _, w = (points @ clip.T).T
+    s, t, _, q = (points @ camera_matrix(mesh, camera, fov).T).T  # type: ignore[arg-type]
+    np.testing.assert_allclose(q, w, rtol=1e-12)  # both are depths along the view
+    np.testing.assert_allclose(s / q, 0.5 + 0.5 * x / w, atol=1e-12)
+    np.testing.assert_allclose(t / q, 0.5 + 0.5 * y / w, atol=1e-12)
+    found = cast(mesh, camera=camera, fov=fov, unseen="project").corners
+    expected = np.stack([s / q, t / q], axis=1)[mesh.faces]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_framed_mesh_lies_in_the_picture() -> None:
+    corners = cast(lopsided(), camera=(25.0, 40.0), unseen="project").corners
+    assert corners.min() > 0.0
+    assert corners.max() < 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_matrix_does_what_numpy_does_with_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mesh = icosphere(2)
+    matrix = rng.normal(size=(4, 4))
+    matrix[3] = [*rng.normal(size=3) * 0.3, 2.0]  # q is above 2 - 0.3 * |normals| for most seeds
+    s, t, _, q = (np.column_stack([mesh.positions, np.ones(mesh.n_vertices)]) @ matrix.T).T
+    assert q.min() > 0.0
+    found = cast(mesh, matrix=tuple(map(tuple, matrix.tolist())), unseen="project").corners
+    expected = np.stack([s / q, t / q], axis=1)[mesh.faces]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_constant_q_divides_whatever_its_sign() -> None:
+    mesh = moved(cube(), 0.5, 0.5)
+    for q in (1.0, 4.0, -2.0):
+        scaled = tuple(tuple(q * value for value in row) for row in DOWN)
+        found = cast(mesh, matrix=scaled)
+        assert np.array_equal(found.corners, cast(mesh, matrix=DOWN).corners)
+        assert "faces behind the projector" not in found.tallies
+
+
+def test_of_a_convex_mesh_what_looks_to_the_projector_is_seen() -> None:
+    mesh = icosphere(3)
+    distance = 4.0  # all of it is in the picture
+    found = cast(mesh, camera=(0.0, 0.0, distance))
+    middles = mesh.positions[mesh.faces].mean(axis=1)
+    facing = np.einsum("ij,ij->i", face_normals(mesh), (0.0, 0.0, distance) - middles) > 0.0
+    assert found.tallies == {"faces turned away": int((~facing).sum())}
+    aside = found.corners[..., 0].max(axis=1) <= 0.0
+    assert np.array_equal(aside, ~facing)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_square_before_half_of_another_hides_half_of_its_faces(turned: bool) -> None:
+    before = moved(plane(3, 3), (0.5, 1.0, 1.0), (0.0, 0.0, 1.0))
+    both = joined(plane(8, 8), flipped(before) if turned else before)
+    found = cast(both, matrix=DOWN)
+    expected = {"faces hidden": 64}  # of the 128 behind; from either side
+    if turned:
+        expected["faces turned away"] = 18
+    assert found.tallies == expected
+    assert ((found.corners[..., 0] <= 0.0).all(axis=1).sum()) == sum(expected.values())
+
+
+def test_the_square_that_is_lit_casts_its_shadow_in_perspective() -> None:
+    # The light is at (1/2, 1/2, 2), so that a square of 1/4 at z = 1 shades one of 1/2 at z = 0.
+    before = moved(plane(), (0.25, 0.25, 1.0), (0.375, 0.375, 1.0))
+    depth = (0.0, 0.0, -1.0, 2.0)
+    matrix = ((1.0, 0.0, -0.5, 0.5), (0.0, 1.0, -0.5, 0.5), depth, depth)
+    found = cast(joined(plane(8, 8), before), matrix=matrix)
+    assert found.tallies == {"faces hidden": 32}  # 4 x 4 squares of 8 x 8
+
+
+def test_more_than_half_of_the_samples_decide() -> None:
+    # Samples of the lower triangle of the square lie at x = 1/2 (once), 2/3 (thrice) ... of it.
+    corners = plane().positions[plane().faces]
+    weights = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0
+    for edge in np.linspace(0.05, 0.95, 10):
+        before = moved(plane(), (edge, 1.0, 1.0), (0.0, 0.0, 1.0))
+        x = np.einsum("sc,fc->fs", weights, corners[..., 0])
+        n_hidden = int(((x < edge).sum(axis=1) > 2).sum())
+        found = cast(joined(plane(), before), matrix=DOWN)
+        assert found.tallies.get("faces hidden", 0) == n_hidden
+
+
+def test_hidden_faces_are_those_that_brute_force_finds() -> None:
+    rng = np.random.default_rng(5)
+    corners = rng.uniform(-0.5, 0.5, (60, 1, 3)) + rng.normal(0.0, 0.15, (60, 3, 3))
+    positions = corners.reshape(-1, 3)
+    faces = np.arange(180, dtype=np.int32).reshape(-1, 3)
+    tree = TriangleTree.build(positions, faces)
+    weights = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0
+    for seen_from in ([0.3, 0.2, 1.5, 1.0], [0.0, 0.6, 0.8, 0.0], [0.0, 0.0, 0.0, 1.0]):
+        eye = np.array(seen_from)
+        n_blocked = np.zeros(60)
+        for face in range(60):
+            for start in weights @ corners[face]:
+                along = eye[:3] - eye[3] * start
+                for other in range(60):
+                    a, b, c = corners[other]
+                    k, v, w = np.linalg.solve(np.stack([along, a - b, a - c], axis=1), a - start)
+                    inside = v >= 0.0 and w >= 0.0 and v + w <= 1.0
+                    if other != face and inside and 0.0 < k < (1.0 if eye[3] else np.inf):
+                        n_blocked[face] += 1
+                        break
+        expected = n_blocked > 2
+        assert 0 < expected.sum() < 60
+        for threads in (1, 2):
+            found = mostly_hidden(tree, np.arange(60), eye, threads=threads)
+            assert np.array_equal(found, expected)
+
+
+def test_r_says_from_which_side_parallel_light_comes() -> None:
+    up = (*DOWN[:2], (0.0, 0.0, 1.0, 0.0), DOWN[3])
+    silent = (*DOWN[:2], (0.0, 0.0, 0.0, 0.0), DOWN[3])
+    mirrored = ((-1.0, 0.0, 0.0, 1.0), *DOWN[1:])
+    silent_mirrored = (mirrored[0], *silent[1:])
+    for matrix, n_away in (
+        (DOWN, 0),
+        (up, 2),
+        (silent, 0),  # from where the picture is not mirrored
+        (mirrored, 0),
+        (silent_mirrored, 2),
+    ):
+        assert cast(plane(), matrix=matrix).tallies.get("faces turned away", 0) == n_away
+
+
+def test_aside_stays_out_of_the_picture_and_project_leaves_all() -> None:
+    mesh = moved(icosphere(2), 3.0, 0.0)  # larger than the picture
+    aside = cast(mesh, matrix=DOWN).corners
+    left = aside[..., 0].max(axis=1) <= 0.0
+    projected = cast(mesh, matrix=DOWN, unseen="project").corners
+    assert np.array_equal(projected, mesh.positions[mesh.faces][..., :2])
+    facing = face_normals(mesh)[:, 2] > 0.0
+    assert np.array_equal(aside[facing], projected[facing])
+    assert np.array_equal(aside[~facing], np.clip(projected[~facing], 0.0, 1.0) - (1.0, 0.0))
+    assert left[~facing].all()
+
+
+def test_a_projector_in_the_mesh_lights_what_is_before_it() -> None:
+    room = flipped(icosphere(3))
+    found = cast(room, camera=(0.0, 0.0, 1e-9), fov=90.0)
+    assert np.isfinite(found.corners).all()
+    behind = (room.positions[:, 2] >= -1e-9)[room.faces].any(axis=1)  # it looks along -z
+    assert found.tallies == {"faces behind the projector": int(behind.sum())}
+    outside = cast(icosphere(3), camera=(0.0, 0.0, 1e-9), fov=90.0)
+    assert sum(outside.tallies.values()) == room.n_faces  # none is lit from its back
+
+
+def test_corners_in_the_plane_of_the_projector_are_finite() -> None:
+    sideways = (
+        (1.0, 0.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 1.0, 0.0),
+    )
+    found = cast(plane(2, 2), matrix=sideways, unseen="project")  # q = z = 0 everywhere
+    assert np.isfinite(found.corners).all()
+    assert found.tallies == {"faces behind the projector": 8}
+
+
+def test_neither_size_nor_place_changes_anything() -> None:
+    mesh = moved(icosphere(3), (1.0, 2.0, 0.5), 0.0)
+    expected = cast(mesh, camera=(20.0, 30.0))
+    for scale, offset in ((1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)):
+        found = cast(moved(mesh, scale, offset), camera=(20.0, 30.0))
+        # 1e6 leaves positions ten digits.
+        np.testing.assert_allclose(found.corners, expected.corners, atol=1e-8)
+        assert found.tallies == expected.tallies
+
+
+def test_degenerate_meshes_get_coordinates() -> None:
+    point = Mesh(positions=np.ones((1, 3)), faces=np.zeros((2, 3), dtype=np.int32))
+    line = Mesh(positions=np.eye(3)[:2], faces=[[0, 1, 0]])
+    for mesh in (point, line, plane(), flipped(plane())):
+        found = cast(mesh)
+        assert np.isfinite(found.corners).all()
+    assert cast(point).tallies == {"faces turned away": 2}
+    assert cast(line).tallies == {"faces turned away": 1}
+
+
+def test_vertices_of_no_face_have_no_part_in_it() -> None:
+    mesh = icosphere(1)
+    far = Mesh(positions=np.concatenate([mesh.positions, [[1e300] * 3]]), faces=mesh.faces)
+    assert np.array_equal(cast(far).corners, cast(mesh).corners)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (((0.0,) * 4,) * 4, "one of its rows s, t and q is 0"),
+        ((*DOWN[:1], *DOWN[:1], *DOWN[2:]), "flatten the picture to a line"),
+        (((1e308, 0.0, 0.0, 0.0), *DOWN[1:3], (0.0, 0.0, 0.0, 1e-308)), "not finite"),
+    ],
+)
+def test_a_matrix_without_a_picture_is_one_error(matrix: object, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        cast(plane(), matrix=matrix)

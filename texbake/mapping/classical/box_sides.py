@@ -1,0 +1,195 @@
+"""Which of the six sides of a box each face of a mesh belongs to.
+
+By itself a face belongs to the side that its normal is nearest to. On noise, and on surfaces that
+lie evenly between two sides, that leaves a ragged border and single faces in the midst of another
+side. So the choice goes by normals averaged over the neighborhood, and small regions are joined to
+a side beside them, as long as each face looks to its side enough not to be squashed.
+
+A side is a number: 0 and 1 for +x and -x, 2 and 3 for +y and -y, 4 and 5 for +z and -z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.atlas.adjacency import merged_labels
+from texbake.mapping.classical.side_pictures import N_SIDES
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.weld import weld_rows
+
+BoolArray = npt.NDArray[np.bool_]
+
+DEFAULT_SIDE = 4  # +z, the front
+
+# Cosine between a face and its side, so that no face is shown at less than a quarter of its area.
+# A greater one leaves more single faces behind. The side nearest to a normal by itself has a cosine
+# of at least 3^-1/2 = 0.58.
+_LEAST_COSINE = 0.25
+
+_ROUNDS = 4  # of averaging normals, each over the faces next to a face
+_SMALL = 0.01  # of the connected surface it lies on; smaller regions are joined to others
+
+# Relative: normals this near to halfway between two sides go to the first of them, all of them,
+# so that the rounding of positions in float32 files does not deal out chamfers of 45 degrees.
+_TIE = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoxSides:
+    """Sides of faces.
+
+    Attributes
+    ----------
+    sides : (F,) int32
+    n_joined : int
+        Faces that belong to another side than that which their own normal is nearest to.
+    n_without_normal : int
+        Faces without area, which have the side that most of their outline touches, or +z.
+    """
+
+    sides: IntArray
+    n_joined: int
+    n_without_normal: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Borders:
+    """Pairs of different faces that share an edge, and its length; N of them, each both ways."""
+
+    faces: IntArray
+    neighbors: IntArray
+    lengths: FloatArray
+
+
+def box_sides(mesh: Mesh) -> BoxSides:
+    """Find the side of each face.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Vertices at one place are taken for one.
+
+    Returns
+    -------
+    BoxSides
+        A face with area looks to its side: the cosine between its normal and the side's is at
+        least 1/4, so that none is mirrored or squashed.
+    """
+    normals = face_normals(mesh)
+    points = LocalFrame.around(mesh).to_local(mesh.positions)
+    areas = surface_areas(points[mesh.faces])
+    borders = _borders(weld_rows(mesh.positions)[mesh.faces], points[mesh.faces])
+    without_normal: BoolArray = (normals == 0.0).all(axis=1)
+    allowed = _toward_sides(normals) >= _LEAST_COSINE
+    own = _nearest_sides(normals, allowed)
+    sides = _nearest_sides(_averaged(normals, areas, borders), allowed)
+    sides[without_normal] = _sides_beside(sides, without_normal, borders)
+    allowed[without_normal] = True
+    sides = _without_small_regions(sides, allowed, areas, borders)
+    return BoxSides(
+        sides=sides,
+        n_joined=int(((sides != own) & ~without_normal).sum()),
+        n_without_normal=int(without_normal.sum()),
+    )
+
+
+def _toward_sides(vectors: FloatArray) -> FloatArray:
+    """(F, 6) float64: component of each vector toward each side."""
+    return np.stack([vectors, -vectors], axis=2).reshape(-1, N_SIDES)
+
+
+def _nearest_sides(vectors: FloatArray, allowed: BoolArray) -> IntArray:
+    """(F,) int32: of the sides allowed, the one that a vector looks to most."""
+    toward = np.where(allowed, _toward_sides(vectors), -np.inf)
+    most = toward.max(axis=1, keepdims=True)
+    first = (toward >= most - _TIE * np.abs(most)).argmax(axis=1)
+    return np.asarray(first, dtype=np.int32)
+
+
+def _borders(corners: IntArray, points: FloatArray) -> _Borders:
+    """Faces side by side; where more than two meet at an edge, each and the next."""
+    ends = np.roll(corners, -1, axis=1)
+    keys = (np.minimum(corners, ends).astype(np.int64) << 32 | np.maximum(corners, ends)).ravel()
+    order = np.argsort(keys, kind="stable")
+    same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+    first, second = order[same] // 3, order[same + 1] // 3
+    edges = np.roll(points, -1, axis=1) - points
+    lengths = np.sqrt(np.einsum("fci,fci->fc", edges, edges)).ravel()[order[same]]
+    apart = first != second  # a face with one vertex twice borders on itself
+    first, second, lengths = first[apart], second[apart], lengths[apart]
+    return _Borders(
+        np.concatenate([first, second]).astype(np.int32),
+        np.concatenate([second, first]).astype(np.int32),
+        np.concatenate([lengths, lengths]),
+    )
+
+
+def _averaged(normals: FloatArray, areas: FloatArray, borders: _Borders) -> FloatArray:
+    """Normals averaged by area over the neighborhood, as far as no sharp edge or fold parts it."""
+    faces, neighbors = borders.faces, borders.neighbors
+    agree = np.einsum("ij,ij->i", normals[faces], normals[neighbors]) > 0.0
+    faces, neighbors = faces[agree], neighbors[agree]
+    averaged = normals * areas[:, None]
+    for _ in range(_ROUNDS):
+        for axis in range(3):
+            column = averaged[:, axis]
+            averaged[:, axis] += np.bincount(faces, column[neighbors], minlength=len(normals))
+    return averaged
+
+
+def _sides_beside(sides: IntArray, unknown: BoolArray, borders: _Borders) -> IntArray:
+    """Sides for the faces that have none: each connected lot takes that which it touches most."""
+    faces, neighbors = borders.faces, borders.neighbors
+    inside = unknown[faces] & unknown[neighbors]
+    lots = merged_labels(len(sides), faces[inside], neighbors[inside])
+    outline = unknown[faces] & ~unknown[neighbors]
+    places = lots[faces[outline]] * N_SIDES + sides[neighbors[outline]]
+    n_places = (int(lots.max()) + 1) * N_SIDES
+    touches = np.bincount(places, minlength=n_places).reshape(-1, N_SIDES)
+    lengths = np.bincount(places, borders.lengths[outline], minlength=n_places)
+    longest = np.where(touches > 0, lengths.reshape(-1, N_SIDES), -1.0).argmax(axis=1)
+    beside = np.where(touches.any(axis=1), longest, DEFAULT_SIDE)[lots]
+    return beside[unknown].astype(np.int32)
+
+
+def _without_small_regions(
+    sides: IntArray, allowed: BoolArray, areas: FloatArray, borders: _Borders
+) -> IntArray:
+    """Join small regions to sides beside them, where all their faces may.
+
+    A region joins that side, of those with a larger region beside it, with which it shares the
+    longest border; all regions at once. The largest that moves meets one that does not, so that
+    each round leaves fewer regions.
+    """
+    faces, neighbors = borders.faces, borders.neighbors
+    shells = merged_labels(len(sides), faces, neighbors)
+    least = _SMALL * np.bincount(shells, areas)[shells]
+    while True:
+        within = sides[faces] == sides[neighbors]
+        regions = merged_labels(len(sides), faces[within], neighbors[within])
+        n_regions = int(regions.max()) + 1
+        region_areas = np.bincount(regions, areas)
+        first_faces = np.unique(regions, return_index=True)[1]
+        ranks = np.empty(n_regions, dtype=np.int64)
+        ranks[np.argsort(region_areas, kind="stable")] = np.arange(1, n_regions + 1)
+
+        places = regions[faces[~within]] * N_SIDES + sides[neighbors[~within]]
+        n_places = n_regions * N_SIDES
+        shared = np.bincount(places, borders.lengths[~within], minlength=n_places)
+        largest = np.zeros(n_places, dtype=np.int64)
+        np.maximum.at(largest, places, ranks[regions[neighbors[~within]]])
+        fits = (largest > np.repeat(ranks, N_SIDES)).reshape(-1, N_SIDES)
+        fits &= (region_areas < least[first_faces])[:, None]
+        for side in range(N_SIDES):
+            fits[:, side] &= np.bincount(regions, ~allowed[:, side]) == 0
+        moving = fits.any(axis=1)
+        if not moving.any():
+            return sides
+        longest = np.where(fits, shared.reshape(-1, N_SIDES), -1.0).argmax(axis=1)
+        sides = np.where(moving, longest, sides[first_faces])[regions].astype(np.int32)

@@ -1,0 +1,141 @@
+"""Cylindrical mapping: (x, y, z) to radius, angle and height; s from the angle, t from the height.
+
+What looks along the axis is smeared by that formula, so that it can be mapped by a plane instead.
+Side and caps then lie in one texture at one texel density:
+
+    +-------------+ +-------------+
+    |  seen from  | |  seen from  |
+    |  the end of | |  the other  |
+    |  the axis   | |  end        |
+    +-------------+ +-------------+
+    +-----------------------------+
+    | side: angle x mean radius   |
+    |       and height            |
+    +-----------------------------+
+
+Based on: Bier, Sloan, "Two-part texture mappings", 1986 (the S mapping of the cylinder).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.classical.frames import LocalPoints, center_of, frame_about, points_about
+from texbake.mapping.classical.wrap import wrap_angles
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.projected import Projected
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals
+
+_CAP_COSINE = math.sqrt(0.5)  # faces whose normals lie within 45 degrees of the axis are caps
+_GAP = 1.0 / 64.0  # of the texture, between side and caps: 16 texels of 1024
+
+
+def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
+    """Map a mesh by the angles and heights of its points about an axis.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    options : UnwrapOptions
+        Of which `axis` (None: `y`), `center`, `theta`, `height` and `caps` are read.
+
+    Returns
+    -------
+    Projected
+        s as `wrap_angles` has it and t = (height - a) / (b - a), 0 where all corners are equally
+        high; faces of one height thus have no area in the texture unless they are `caps`. With
+        those, side and caps are scaled so that a length along the axis, one around it at the mean
+        radius of the side, and one on a cap are the same in the texture; all lies in the unit
+        square, but for faces across the seam, and for what lies outside of a `theta` or `height`
+        that was given. A face without area is no cap. Tallied are faces around the axis and
+        touching it, and caps.
+    """
+    frame = frame_about("y" if options.axis is None else options.axis)
+    local = points_about(mesh, center_of(mesh, options.center), frame)
+    if not options.caps:
+        angles = wrap_angles(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
+        t, _ = _heights(local, mesh.faces, options)
+        corners = np.stack([angles.s, t[mesh.faces]], axis=2)
+        return Projected(corners=corners, tallies=angles.tallies())
+    normals = face_normals(mesh)
+    cosines = normals @ frame[2]
+    side = np.abs(cosines) < _CAP_COSINE
+    return _with_caps(mesh, options, local, side=side, above=cosines > 0.0)
+
+
+def _with_caps(
+    mesh: Mesh,
+    options: UnwrapOptions,
+    local: LocalPoints,
+    *,
+    side: npt.NDArray[np.bool_],
+    above: npt.NDArray[np.bool_],
+) -> Projected:
+    """Map the side by its angles and heights, and the caps by planes above it."""
+    corners = np.empty((mesh.n_faces, 3, 2))
+    angles = wrap_angles(
+        local.points, mesh.faces[side], theta=options.theta, rounding=local.rounding
+    )
+    arc = math.radians(abs(options.theta[1] - options.theta[0]))
+    per_length = 1.0 / (arc * _mean_radius(local, mesh.faces, side))
+    t, length = _heights(local, mesh.faces[side], options)
+    corners[side, :, 0] = angles.s
+    corners[side, :, 1] = (t * (length * per_length))[mesh.faces[side]]
+
+    e1, e2, _ = local.points.T
+    tallies = angles.tallies()
+    right, top = 0.0, max(length * per_length, corners[side, :, 1].max(initial=0.0))
+    left, bottom = 0.0, top + (_GAP if side.any() else 0.0)
+    # The front, where the angle is 0, is at the foot of the cap above and at the head of that
+    # below, as if both were folded out of the side.
+    for name, faces, up in (
+        ("caps above", ~side & above, -e1),
+        ("caps below", ~side & ~above, e1),
+    ):
+        if faces.any():
+            plane = np.stack([e2, up], axis=1) * per_length
+            used = plane[mesh.faces[faces]]
+            low, high = used.reshape(-1, 2).min(axis=0), used.reshape(-1, 2).max(axis=0)
+            corners[faces] = used - low + (left, bottom)
+            right, top = left + high[0] - low[0], max(top, bottom + high[1] - low[1])
+            left = right + _GAP
+            tallies[name] = int(faces.sum())
+    corners /= max(1.0, right, top)
+    return Projected(corners=corners, tallies=tallies)
+
+
+def _heights(
+    local: LocalPoints, faces: IntArray, options: UnwrapOptions
+) -> tuple[FloatArray, float]:
+    """Coordinate t of each vertex, and the length along the axis over which it grows by 1.
+
+    The length is in local units. Without faces or a range of heights, t is 0 and so is it.
+    """
+    heights = local.points[:, 2]
+    if options.height is not None:
+        first, last = options.height[0] * local.scale, options.height[1] * local.scale
+    elif len(faces):
+        first, last = heights[faces].min(), heights[faces].max()
+    else:
+        first = last = 0.0
+    if abs(last - first) <= (local.rounding if options.height is None else 0.0):
+        return np.zeros(len(heights)), 0.0
+    return (heights - first) / (last - first), float(abs(last - first))
+
+
+def _mean_radius(local: LocalPoints, faces: IntArray, side: npt.NDArray[np.bool_]) -> float:
+    """Distance from the axis, averaged over the corners of the side by the areas of its faces.
+
+    Of all faces where there is no side; 1 where everything lies on the axis.
+    """
+    points = local.points[faces[side] if side.any() else faces]
+    areas = surface_areas(points)
+    total = float(areas.sum())
+    weights = areas / total if total > 0.0 else np.full(len(points), 1.0 / len(points))
+    mean = float((np.hypot(points[:, :, 0], points[:, :, 1]).mean(axis=1) * weights).sum())
+    return mean if mean > local.rounding else 1.0

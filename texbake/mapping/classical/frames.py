@@ -1,0 +1,157 @@
+"""Where a mapping stands: the frame about its axis, its center, and the points seen from there.
+
+A frame is three perpendicular unit vectors, right-handed, as rows: e1, the direction of angle 0;
+e2, the direction of a quarter turn; and the axis. About `y` they are (z, x, y), so that angle 0 is
+the front of a model that stands on its feet; about `z` (x, y, z) and about `x` (y, z, x).
+
+Points are taken about the center in float64 and scaled by a power of two, so that neither the size
+nor the place of a model changes more than the last bits of what is made from them.
+
+Based on: the rotation that takes one unit vector to another without turning about either, in the
+form of O. Rodrigues, 1840.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.options.checks import Vector
+from texbake.mapping.options.projection import AXES
+from texbake.mesh.frame import unit_scale
+from texbake.mesh.mesh import FloatArray, Mesh, frozen
+
+# Of the largest coordinate: half a unit in the last place for the coordinate, for the center, for
+# their difference and for each step of turning it into the frame.
+_ROUNDING = 8.0 * 2.0**-53
+
+
+@dataclass(frozen=True, eq=False)
+class LocalPoints:
+    """The vertices of a mesh, seen from a center in a frame.
+
+    Attributes
+    ----------
+    points : (V, 3) float64
+        Coordinates along e1, e2 and the axis: times `scale` what they are in the model.
+    scale : float
+        Local units a model unit, a power of two.
+    rounding : float
+        In local units: how far a point may lie from where it was meant, because its coordinates
+        and those of the center are rounded. A point no further from the axis is on it.
+    """
+
+    points: FloatArray
+    scale: float
+    rounding: float
+
+
+def frame_about(axis: str | Vector) -> FloatArray:
+    """Frame about an axis.
+
+    Parameters
+    ----------
+    axis : str or (x, y, z)
+        `x`, `y`, `z`, or a vector of any length above 0. A frame about any vector is that of the
+        nearest of x, y, z and their opposites (the first of several), turned onto it by the least
+        rotation. That of an opposite is half a turn about e1 away: (e1, -e2, -axis).
+
+    Returns
+    -------
+    (3, 3) float64
+        Rows e1, e2 and the axis; read-only.
+
+    Examples
+    --------
+    >>> frame_about("y")
+    array([[0., 0., 1.],
+           [1., 0., 0.],
+           [0., 1., 0.]])
+    """
+    vector = _unit(AXES[axis] if isinstance(axis, str) else axis)
+    nearest = int(np.abs(vector).argmax())
+    frame = np.roll(np.eye(3), -1 - nearest, axis=0)  # rows nearest + 1, nearest + 2, nearest
+    if vector[nearest] < 0.0:
+        frame[1:] *= -1.0
+    cross = np.cross(frame[2], vector)
+    # Rodrigues: v + cross x v + cross x (cross x v) / (1 + cos), where cos is at least 3^-1/2.
+    turned = np.cross(cross, frame)
+    turned = frame + turned + np.cross(cross, turned) / (1.0 + frame[2] @ vector)
+    return frozen(turned + 0.0)
+
+
+def upright_frame(normal: npt.ArrayLike) -> FloatArray:
+    """Frame of a picture of what faces a direction, as one sees it who looks at it upright.
+
+    Parameters
+    ----------
+    normal : (3,) float
+        From the thing to the viewer; of any length above 0.
+
+    Returns
+    -------
+    (3, 3) float64
+        Rows: right, up and the normal, read-only; right-handed, so that nothing is mirrored. Up is
+        +y as far as the normal lets it; seen from +y (above) it is -z and from -y +z, so that
+        right is +x in both, as on the map of a room that is seen from the front.
+
+    Examples
+    --------
+    >>> upright_frame((1, 0, 0))
+    array([[ 0.,  0., -1.],
+           [ 0.,  1.,  0.],
+           [ 1.,  0.,  0.]])
+    """
+    vector = _unit(normal)
+    right = np.array([vector[2], 0.0, -vector[0]])  # +y x normal
+    if np.hypot(right[0], right[2]) <= _ROUNDING:
+        right = np.array([1.0, 0.0, 0.0])
+    right = _unit(right)
+    return frozen(np.array([right, np.cross(vector, right), vector]) + 0.0)
+
+
+def center_of(mesh: Mesh, center: Vector | None) -> FloatArray:
+    """(3,) float64: the center asked for; None for the middle of the bounding box."""
+    if center is not None:
+        return frozen(np.array(center, dtype=np.float64))
+    low, high = mesh.bounds / 2.0  # halved first: the sum of large coordinates overflows
+    return frozen(low + high)
+
+
+def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalPoints:
+    """Vertices as seen from a center in a frame.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    center : (3,) float
+        In model units.
+    frame : (3, 3) float64
+        Rows, as `frame_about` has them.
+
+    Returns
+    -------
+    LocalPoints
+        Of all vertices; those that no face uses do not influence the others, and may overflow.
+        Vertices at one place have bit-equal points.
+    """
+    middle = np.asarray(center, dtype=np.float64)
+    largest = float(max(np.abs(mesh.bounds).max(), np.abs(middle).max()))
+    scale = unit_scale(largest)
+    points = np.empty((mesh.n_vertices, 3))
+    with np.errstate(over="ignore", invalid="ignore"):  # of vertices that no face uses
+        moved = [mesh.positions[:, i] * scale - middle[i] * scale for i in range(3)]
+        for row, (x, y, z) in enumerate(frame):
+            # Term by term: a matrix product may round equal points differently. No -0.0 is left,
+            # whose angle would be -pi where that of 0.0 is pi.
+            points[:, row] = x * moved[0] + y * moved[1] + z * moved[2] + 0.0
+    return LocalPoints(points, scale, _ROUNDING * (largest * scale))
+
+
+def _unit(vector: npt.ArrayLike) -> FloatArray:
+    """(3,) float64: a vector that is not zero, of length 1."""
+    values = np.asarray(vector, dtype=np.float64)
+    values = values / np.abs(values).max()  # so that squares neither overflow nor vanish
+    return np.asarray(values / np.linalg.norm(values))

@@ -1,0 +1,49 @@
+"""The surface's own parameters as texture coordinates, through a linear map.
+
+A surface made from (u, v) carries them as its texture coordinates. They become
+s = au u + bu v + cu and t = av u + bv v + cv: what repeats, turns or moves the texture.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.errors import OptionError
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.projected import Projected
+from texbake.mesh.mesh import Mesh
+
+
+def parametric(mesh: Mesh, options: UnwrapOptions) -> Projected:
+    """Map the mesh's own (u, v) to (s, t).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With texture coordinates, which are taken for the parameters.
+    options : UnwrapOptions
+        `linear` is read: (au, bu, cu, av, bv, cv). A map that is not invertible is allowed, and
+        flattens the texture.
+
+    Returns
+    -------
+    Projected
+        Corners that share (u, v) share (s, t), bit by bit. Nothing is tallied.
+
+    Raises
+    ------
+    UvError
+        The mesh has no texture coordinates.
+    OptionError
+        The map makes coordinates that float64 cannot hold.
+    """
+    mesh.corner_uvs()  # raises where there are none
+    assert mesh.uvs is not None and mesh.uv_faces is not None
+    au, bu, cu, av, bv, cv = options.linear
+    u, v = mesh.uvs[:, 0], mesh.uvs[:, 1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        mapped = np.stack([au * u + bu * v + cu, av * u + bv * v + cv], axis=-1)
+    corners = mapped[mesh.uv_faces]
+    if not np.isfinite(corners).all():
+        raise OptionError(f"linear: {options.linear} makes coordinates that are not finite")
+    return Projected(corners=corners)

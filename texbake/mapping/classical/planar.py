@@ -1,0 +1,158 @@
+"""Planar mapping: drop the coordinate along the normal of a plane.
+
+Based on: K. Pearson, "On lines and planes of closest fit to systems of points in space",
+Philosophical Magazine 2(11), 1901 (principal directions). It departs in taking them of the surface,
+in closed form over each triangle, not of the vertices, so that they do not depend on how the
+surface is divided.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.classical.frames import LocalPoints, center_of, points_about, upright_frame
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.projection import AXES
+from texbake.mapping.projected import Projected
+from texbake.mesh.mesh import FloatArray, Mesh
+
+# Relative to the sum of variances: what two of them differ by less than is rounding, also of
+# positions in float32, and the directions between them are free.
+_VARIANCE_ROUNDING = 1e-6
+
+# A cross product shorter than this times the square of the longest edge is rounding, not area.
+_AREA_ROUNDING = 8.0 * 2.0**-53
+
+
+def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
+    """Map a mesh onto a plane, as it looks from far away in the direction of the normal.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    options : UnwrapOptions
+        Of which `axis` or `normal` (neither: z), `fit` and `sides` are read. With the fit `pca`
+        and neither given, the normal is the direction in which the surface spreads least, seen
+        from the front (+z; or from above, or the right) unless nearly all would look away.
+
+    Returns
+    -------
+    Projected
+        s to the right and t up, as `upright_frame` has them; with `pca`, s along the direction of
+        the plane in which the surface spreads most, turned by at most a quarter from the right.
+        Both are scaled alike, so that the whole fits the unit square from (0, 0) on; where it has
+        no extent, all is (0, 0). Faces that look away are mirrored, or, with `sides`, lie in the
+        right half of the square as they look from behind. A face seen edge-on has no area in the
+        texture, and lies with those that face the viewer. Tallied are faces that look away and
+        faces seen edge-on.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import cube
+    >>> dict(planar(cube(), UnwrapOptions(method="planar")).tallies)
+    {'faces seen from behind': 2, 'faces seen edge-on': 8}
+    """
+    center = center_of(mesh, None)
+    given = options.normal or options.axis
+    if given is None and options.fit == "pca":
+        given = _flattest_normal(points_about(mesh, center, np.eye(3)).points, mesh)
+    normal = "z" if given is None else given
+    frame = upright_frame(AXES[normal] if isinstance(normal, str) else normal)
+    if options.fit == "pca":
+        frame = _turned_to_spread(frame, points_about(mesh, center, frame).points, mesh)
+    local = points_about(mesh, center, frame)
+    away, edge_on = _facing(local, mesh)
+    counts = {
+        "faces seen from behind": int(away.sum()),
+        "faces seen edge-on": int(edge_on.sum()),
+    }
+    return Projected(
+        corners=_placed(local, mesh, away if options.sides else None),
+        tallies={name: count for name, count in counts.items() if count},
+    )
+
+
+def _placed(local: LocalPoints, mesh: Mesh, aside: npt.NDArray[np.bool_] | None) -> FloatArray:
+    """(F, 3, 2): points of the plane, scaled to the unit square; with faces aside, its halves."""
+    used = local.points[:, :2][mesh.faces]
+    low = np.array([used[:, :, i].min() for i in (0, 1)])
+    right, top = (float(used[:, :, i].max()) for i in (0, 1))
+    width, height = right - low[0], top - low[1]
+    # Divided, not multiplied by 1 / extent, which rounds the far side beyond 1.
+    extent = max(width if aside is None else 2.0 * width, height)
+    if extent <= 2.0 * local.rounding:
+        return np.zeros_like(used)
+    corners = np.asarray((used - low) / extent)
+    if aside is not None:
+        corners[aside, :, 0] = 0.5 + (right - used[aside, :, 0]) / extent
+    return corners
+
+
+def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """(F,) bool: faces that look away from the viewer; and those seen edge-on, to rounding."""
+    x, y = local.points[:, 0][mesh.faces], local.points[:, 1][mesh.faces]
+    ux, uy = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]
+    vx, vy = x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
+    across = ux * vy - uy * vx
+    longest = np.sqrt(np.maximum(ux * ux + uy * uy, vx * vx + vy * vy))
+    edge_on = np.abs(across) <= longest * (_AREA_ROUNDING * longest + local.rounding)
+    return (across < 0.0) & ~edge_on, edge_on
+
+
+def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
+    """(3, 3) float64: how the surface spreads about its centroid.
+
+    The integral of p pT over a triangle of area A is A / 12 times the sum of p pT over its corners
+    and over their sum. Without area, corners count alike.
+    """
+    corners = points[mesh.faces]
+    areas = surface_areas(corners)
+    if not areas.sum() > 0.0:
+        areas = np.ones(len(corners))
+    areas /= areas.sum()
+    corners = corners - np.einsum("i,ij->j", areas, corners.mean(axis=1))
+    weights = np.repeat(areas, 4).reshape(-1, 4)
+    x, y, z = (
+        np.concatenate([column, column.sum(axis=1, keepdims=True)], axis=1)
+        for column in (corners[:, :, 0], corners[:, :, 1], corners[:, :, 2])
+    )
+    # Not a matrix product: that adds up in another order on another number of threads.
+    return np.array([[float((weights * a * b).sum()) for b in (x, y, z)] for a in (x, y, z)])
+
+
+def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, float]:
+    """Direction of least variance, on the side of +z; of +y or +x where it is far from z.
+
+    Where several directions have the least variance (a cube, a rod), the one nearest to z. Where
+    three quarters of what would be seen look away, as with an open surface that faces backwards, it
+    is the opposite.
+    """
+    variances = _variances(points, mesh)
+    values, vectors = np.linalg.eigh(variances)
+    free = vectors[:, values <= values[0] + _VARIANCE_ROUNDING * values.sum()]
+    for axis in (2, 1, 0):
+        normal = free @ free[axis]  # the axis projected onto the free directions
+        if math.sqrt(normal @ normal) > 0.5:  # one of three is at least 3^-1/2 for any of them
+            break
+    a, b, c = (points[mesh.faces[:, corner]] for corner in range(3))
+    seen = np.einsum("ij,j->i", np.cross(b - a, c - a), normal)
+    if seen.sum() < -0.5 * np.abs(seen).sum():
+        normal = -normal
+    return tuple(normal.tolist())
+
+
+def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> FloatArray:
+    """Turn a frame about its normal, by at most a quarter, so that right is where most spreads."""
+    variances = _variances(points, mesh)
+    across = 2.0 * variances[0, 1]
+    along = variances[0, 0] - variances[1, 1]
+    if math.hypot(across, along) <= _VARIANCE_ROUNDING * np.trace(variances):
+        return frame
+    angle = math.atan2(across, along) / 2.0
+    right, up, normal = frame
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([cos * right + sin * up, cos * up - sin * right, normal])

@@ -1,0 +1,79 @@
+"""Spherical mapping: longitude to s, latitude to t.
+
+A sphere pinches at its poles: all of s meets there in one point. A corner at a pole so has no
+longitude of its own and takes that of each of its faces, which fan out beside one another.
+
+Based on: Bier, Sloan, "Two-part texture mappings", 1986. It departs in taking both angles from
+atan2, which is as exact near the poles and the seam as elsewhere; the arc cosine is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.mapping.classical.frames import center_of, frame_about, points_about
+from texbake.mapping.classical.wrap import wrap_angles
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.projected import Projected
+from texbake.mesh.mesh import FloatArray, Mesh
+
+
+def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
+    """Map a mesh by the directions in which its points lie from a center.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    options : UnwrapOptions
+        Of which `axis` (None: `y`), `center` and `theta` are read.
+
+    Returns
+    -------
+    Projected
+        s as `wrap_angles` has it; t from 0 at the pole that the axis points away from to 1 at the
+        other. The center may lie outside of the mesh, which then covers part of the sphere, and
+        twice. A corner at the center has latitude 0. Tallied are faces around a pole and faces
+        touching one, and corners at the center.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import uv_sphere
+    >>> dict(spherical(uv_sphere(8, 16), UnwrapOptions(method="spherical", axis="z")).tallies)
+    {'faces touching a pole': 32}
+    """
+    frame = frame_about("y" if options.axis is None else options.axis)
+    local = points_about(mesh, center_of(mesh, options.center), frame)
+    angles = wrap_angles(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
+    t = latitude_coordinates(local.points, local.rounding)
+    at_center = np.abs(local.points).max(axis=1) <= local.rounding
+    n_at_center = int(at_center[mesh.faces].sum())
+    return Projected(
+        corners=np.stack([angles.s, t[mesh.faces]], axis=2),
+        tallies=angles.tallies("a pole")
+        | ({"corners at the center": n_at_center} if n_at_center else {}),
+    )
+
+
+def latitude_coordinates(points: FloatArray, rounding: float) -> FloatArray:
+    """Latitudes as a texture coordinate, t = 1/2 + latitude / pi.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        Coordinates along e1, e2 and the axis, about the center.
+    rounding : float
+        Points no further than this from the center have latitude 0, and those no further from the
+        axis are at a pole.
+
+    Returns
+    -------
+    (N,) float64
+        In [0, 1].
+    """
+    x, y, height = points.T
+    radius = np.hypot(x, y)
+    t = 0.5 + np.arctan2(height, radius) / np.pi
+    at_pole = radius <= rounding
+    t[at_pole] = np.where(height[at_pole] > 0.0, 1.0, 0.0)
+    t[at_pole & (np.abs(height) <= rounding)] = 0.5
+    return np.asarray(t)

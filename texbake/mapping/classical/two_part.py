@@ -1,0 +1,151 @@
+"""Two-part mapping: the texture goes onto a simple surface, and from there onto the object.
+
+    S mapping                     the (s, t) of a point of the intermediate surface: `intermediate`
+    O mapping, backward           which point of that surface belongs to a point x of the object:
+
+        surface-normal            the foot of x: the surface's own normal passes through x
+        object-normal             where x + k n leaves it, n the smooth normal of the object
+        centroid                  where the ray from the center through x leaves it
+        reflection                where the ray leaves it by which x mirrors it to the eye:
+                                  x + k (2 (n . v) n - v), v from x to the eye
+
+The surface stands around the mesh about `center` and `axis`: a plane before it, looked at from
+where the axis points to; a cylinder and a sphere through the points furthest from axis and center;
+a box that reaches equally far on both sides of the center. All four on all three ways give sixteen
+pairs; a sphere by its own normals and from the center is the same.
+
+Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
+1986. It departs in that rays start at the object and go outward only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from texbake.mapping.classical.frames import (
+    LocalPoints,
+    center_of,
+    frame_about,
+    points_about,
+    upright_frame,
+)
+from texbake.mapping.classical.intermediate import mapped_by_rays, surface_around
+from texbake.mapping.classical.intermediate_box import Box
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.projection import AXES
+from texbake.mapping.projected import Projected
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import smooth_normals
+
+
+def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
+    """Map a mesh through an intermediate surface.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its normals are `smooth_normals`, whatever it brings along, so that no face is torn.
+    options : UnwrapOptions
+        `surface`, `via`, `eye`, `axis` (None: `z` for the plane, `y` else), `center`, `theta` and
+        `height` are read; those of a surface that has none of it do nothing.
+
+    Returns
+    -------
+    Projected
+        (s, t) of the plane as `planar` fits it, of the cylinder as `cylindrical`, of the sphere as
+        `spherical` and of the box as `box` lays out its sides. Tallied beside what these tell are:
+
+        - corners without a ray, sent from the center: the normal is 0 (no face with area has the
+          vertex), or the eye is in the corner. They go by centroid.
+        - faces whose rays miss the surface, or meet it too far away (see `intermediate`), of which
+          one corner is enough: they go by surface-normal, which is the nearest point. At the
+          center, no ray of a centroid has a direction.
+        - faces across an edge of the box (see `intermediate_box`).
+    """
+    frame = _frame(options)
+    local = points_about(mesh, center_of(mesh, options.center), frame)
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.faces.ravel()] = True
+    # Others may lie anywhere, and their rays are followed with the rest.
+    local = replace(local, points=np.where(used[:, None], local.points, 0.0))
+    if options.surface == "box":
+        return _onto_box(mesh, local, frame, options)
+    surface = surface_around(local, mesh.faces, options)
+    # From the center, a sphere is met in the direction of its normal.
+    if options.via == "surface-normal" or (options.surface, options.via) == ("sphere", "centroid"):
+        return surface.coordinates(local.points, mesh.faces)
+    directions, tallies = _directions(mesh, local, frame, options)
+    return _joined(tallies, mapped_by_rays(surface, local.points, directions, mesh.faces))
+
+
+def _frame(options: UnwrapOptions) -> FloatArray:
+    """Rows of the surface's frame; the last is the axis."""
+    if options.surface != "plane":
+        return frame_about("y" if options.axis is None else options.axis)
+    axis = "z" if options.axis is None else options.axis
+    return upright_frame(AXES[axis] if isinstance(axis, str) else axis)
+
+
+def _onto_box(
+    mesh: Mesh, local: LocalPoints, frame: FloatArray, options: UnwrapOptions
+) -> Projected:
+    """Map through the box, whose own normals are chosen by the object's."""
+    box = Box.around(local, mesh.faces, options)
+    directions, tallies = _directions(mesh, local, frame, options)
+    mapped = box.mapped_by_normals if options.via == "surface-normal" else box.mapped_by_rays
+    return _joined(tallies, mapped(local.points, directions, mesh.faces))
+
+
+def _joined(tallies: dict[str, int], mapped: Projected) -> Projected:
+    """Return what was mapped, with tallies from before it."""
+    return Projected(corners=mapped.corners, tallies={**tallies, **mapped.tallies})
+
+
+def _directions(
+    mesh: Mesh, local: LocalPoints, frame: FloatArray, options: UnwrapOptions
+) -> tuple[FloatArray, dict[str, int]]:
+    """(V, 3) float64: unit directions of rays, 0 for a vertex at the center; and tallies.
+
+    For `surface-normal`, the object's normals.
+    """
+    outward = _unit(local.points, local.rounding)
+    if options.via == "centroid":
+        return outward, {}
+    directions = _turned(smooth_normals(mesh), frame)
+    if options.via == "reflection":
+        assert options.eye is not None
+        to_eye = np.array(options.eye) - center_of(mesh, options.center)
+        views = _turned(to_eye[None] * local.scale, frame) - local.points
+        directions = _mirrored(_unit(views, local.rounding), directions)
+    rayless = (directions == 0.0).all(axis=1)
+    directions[rayless] = outward[rayless]
+    n_rayless = int(rayless[mesh.faces].sum())
+    return directions, {
+        "corners without a ray, sent from the center": n_rayless
+    } if n_rayless else {}
+
+
+def _mirrored(views: FloatArray, normals: FloatArray) -> FloatArray:
+    """2 (n . v) n - v for unit vectors, 0 where either is 0."""
+    along = np.einsum("ij,ij->i", normals, views)[:, None]
+    mirrored = _unit(2.0 * along * normals - views, 0.0)
+    mirrored[(normals == 0.0).all(axis=1)] = 0.0
+    return mirrored
+
+
+def _turned(vectors: FloatArray, frame: FloatArray) -> FloatArray:
+    """(N, 3): vectors in the frame, term by term, so that equal ones stay equal."""
+    x, y, z = vectors.T
+    return np.stack([row[0] * x + row[1] * y + row[2] * z for row in frame], axis=1)
+
+
+def _unit(vectors: FloatArray, rounding: float) -> FloatArray:
+    """(N, 3): vectors of length 1; 0 for those that are no longer than rounding."""
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
+    none = largest[:, 0] <= rounding
+    scaled = vectors / np.where(none[:, None], 1.0, largest)  # so that no square overflows
+    scaled[none] = 0.0
+    lengths = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
+    return np.asarray(scaled / np.where(none[:, None], 1.0, lengths))
