@@ -1,5 +1,6 @@
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from texbake.errors import UvError
 from texbake.mapping.distortion import distortion
+from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
@@ -165,6 +167,84 @@ def test_the_same_square_twice_overlaps() -> None:
         uv_faces=both % 4,
     )
     assert distortion(mesh).n_overlapping == 4
+
+
+def test_two_charts_and_the_worst_faces_are_named() -> None:
+    mesh = squares_of_scales(1.0, 2.0)
+    found = distortion(mesh, size=100)
+    first, second = found.charts
+    assert (first.chart, first.n_faces, first.n_mirrored) == (0, 2, 0)
+    assert (first.area, first.fill) == pytest.approx((1.0, 1.0))
+    assert (second.area, second.fill) == pytest.approx((1.0, 4.0))
+    assert (first.texel_density, second.texel_density) == pytest.approx((100.0, 200.0))
+    # Each by itself is a square as it should be.
+    assert (first.l2_alone, second.l2_alone) == pytest.approx((1.0, 1.0))
+    assert [face.face for face in found.worst_faces] == [0, 1, 2, 3]
+    assert [face.chart for face in found.worst_faces] == [0, 0, 1, 1]
+    assert found.worst_faces[0].l2 == pytest.approx(1.0 / math.sqrt(0.4))
+    assert found.worst_faces[0].linf == pytest.approx(1.0 / math.sqrt(0.4))
+
+
+def test_no_more_than_ten_faces_are_named_and_they_are_the_worst() -> None:
+    mesh = plane(10, 1)
+    assert mesh.uvs is not None
+    # Columns ever narrower in the texture.
+    bent = mesh.replace(uvs=np.stack([np.sqrt(mesh.uvs[:, 0]), mesh.uvs[:, 1]], axis=1))
+    found = distortion(bent)
+    assert len(found.worst_faces) == 10
+    # u = √x has the derivative 1 / (2 √x): stretch grows with x.
+    centers = mesh.positions[mesh.faces].mean(axis=1)[:, 0]
+    assert {face.face for face in found.worst_faces} == set(np.argsort(-centers)[:10].tolist())
+    assert [face.l2 for face in found.worst_faces] == sorted(
+        (face.l2 for face in found.worst_faces), reverse=True
+    )
+
+
+def test_one_mirrored_face_among_many() -> None:
+    mesh = plane(4, 4)
+    assert mesh.uvs is not None
+    assert mesh.uv_faces is not None
+    # A face amid the others laid beside them, its corners the other way round.
+    mirrored = mesh.uvs[mesh.uv_faces[12]] * np.array([-1.0, 1.0]) + np.array([3.0, 0.0])
+    uv_faces = mesh.uv_faces.copy()
+    uv_faces[12] = [25, 26, 27]
+    uvs = np.concatenate([mesh.uvs, mirrored])
+    found = distortion(mesh.replace(uvs=uvs, uv_faces=uv_faces))
+    assert (found.n_mirrored, found.n_charts, found.n_tiles) == (1, 2, 2)
+    assert math.isinf(found.stretch.l2)
+    assert found.turned_stretch.l2 == pytest.approx(1.0)
+    assert found.turned_stretch.symmetric_dirichlet == pytest.approx(4.0)
+    assert [math.isinf(chart.stretch.l2) for chart in found.charts] == [False, True]
+    assert [chart.n_mirrored for chart in found.charts] == [0, 1]
+    sides = mesh.positions[mesh.faces[12]] - np.roll(mesh.positions[mesh.faces[12]], 1, axis=0)
+    assert found.seam_length == pytest.approx(np.linalg.norm(sides, axis=1).sum())
+
+
+def test_tiles_that_faces_lie_in() -> None:
+    mesh = squares_of_scales(1.0, 1.0)  # at u 0 and 20
+    found = distortion(mesh)
+    assert (found.n_tiles, found.fill, found.packing_efficiency) == pytest.approx((2, 2.0, 1.0))
+
+
+def test_everything_is_written_as_json() -> None:
+    found = distortion(mapped(plane(), [[-1.0, 0.0], [0.0, 1.0]]))
+    written = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert written["charts"][0]["l2"] is None
+    assert written["charts"][0]["l2_alone"] is None
+    assert written["charts"][0]["n_faces"] == 2
+    assert written["turned_stretch"]["l2"] == pytest.approx(1.0)
+    assert written["worst_faces"][0]["mirrored"] is True
+    assert {"seam_length", "fill", "packing_efficiency", "n_overlapping", "n_unsure"} <= set(
+        written
+    )
+
+
+@pytest.mark.realdata
+def test_a_real_atlas_is_measured_as_it_always_was(data_dir: Path) -> None:
+    found = distortion(read_mesh(data_dir / "pairs" / "spot" / "low_uv.obj"))
+    # xatlas leaves a few mirrored charts; nothing lies on anything else.
+    assert (found.n_charts, found.n_mirrored, found.n_overlapping) == (27, 10, 0)
+    assert found.turned_stretch.l2 == pytest.approx(1.0133, abs=1e-4)
 
 
 def test_errors() -> None:

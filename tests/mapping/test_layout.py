@@ -1,8 +1,12 @@
+import math
+
 import numpy as np
 import pytest
 
+from texbake.colors import diverging
 from texbake.errors import UvError
 from texbake.mapping.layout import draw_layout
+from texbake.mapping.layout_view import Tile
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
@@ -59,9 +63,97 @@ def test_charts_differ_in_color_and_the_same_comes_out_of_any_number_of_threads(
     assert draw_layout(mesh, 300, threads=3).tobytes() == picture.tobytes()
 
 
-def test_faces_without_area_and_outside_the_square_are_left_out() -> None:
-    blank = draw_layout(triangle((2, 2), (3, 2), (2, 3)), 32)
-    assert np.ptp(blank) == 0.0
-    assert np.ptp(draw_layout(triangle((-1, -1), (3, -1), (-1, 3)), 32)) > 0.0
+def test_faces_without_area_are_left_out() -> None:
+    blank = draw_layout(triangle((0.2, 0.2), (0.5, 0.5), (0.8, 0.8)), 32)
+    assert (blank[:4] == blank[0, 0]).all()
+    assert draw_layout(triangle((9, 9), (9, 9), (9, 9)), 32).shape == (32, 32, 3)
     with pytest.raises(UvError):
         draw_layout(cube())
+
+
+def test_tiles_stand_side_by_side_with_borders_and_numbers() -> None:
+    mesh = triangle((2.1, 1.1), (2.9, 1.1), (2.1, 1.9))
+    picture = draw_layout(mesh, 600)
+    assert picture.shape == (400, 600, 3)  # three columns of tiles, two rows
+    colored = np.ptp(picture, axis=2) > 0.05
+    rows, columns = np.nonzero(colored)
+    assert (rows.min(), rows.max()) == pytest.approx((20, 180), abs=2)
+    assert (columns.min(), columns.max()) == pytest.approx((420, 580), abs=2)
+    background = picture[300, 100, 0]
+    assert (picture[:, 200, 0] < background).all()  # a border from top to bottom
+    assert (picture[200, :, 0] < background).all()
+    for row in range(2):  # a number in the lower left corner of each tile
+        for column in range(3):
+            corner = picture[(1 - row) * 200 + 160 : (1 - row) * 200 + 196, column * 200 + 8 :]
+            assert corner[:, :40].min() < 0.1
+
+
+def test_what_leaves_the_unit_square_a_little_is_shown_as_well() -> None:
+    picture = draw_layout(triangle((0.5, 0.1), (1.25, 0.1), (0.5, 0.9)), 500)
+    assert picture.shape == (400, 500, 3)
+    colored = np.ptp(picture, axis=2) > 0.05
+    assert np.nonzero(colored)[1].max() > 480
+    # Rounding is no reason to show another tile.
+    assert draw_layout(triangle((0, 0), (1 + 1e-7, 0), (0, 1)), 64).shape == (64, 64, 3)
+
+
+def test_coordinates_over_thousands_of_tiles_end_in_a_picture() -> None:
+    picture = draw_layout(triangle((0, 0), (1e7, 0), (0, 1e3)), 64)
+    assert picture.shape == (1, 64, 3)
+
+
+def test_names_of_tiles() -> None:
+    names = [Tile(column=c, row=r).name for c, r in ((0, 0), (9, 0), (3, 2), (10, 0), (-1, 0))]
+    assert names == ["1001", "1010", "1024", "10, 0", "-1, 0"]
+
+
+def two_squares() -> Mesh:
+    """Unit squares in space; the texture has the right one twice as wide and high, or four times
+    as large, so that L2 of the left is √2.5 and of the right √(5/8)."""
+    square = plane()
+    assert square.uvs is not None
+    return Mesh(
+        positions=np.concatenate([square.positions, square.positions + np.array([2.0, 0.0, 0.0])]),
+        faces=np.concatenate([square.faces, square.faces + 4]),
+        uvs=np.concatenate([square.uvs * 0.25 + 0.05, square.uvs * 0.5 + 0.45]),
+        uv_faces=np.concatenate([square.faces, square.faces + 4]),
+    )
+
+
+def test_heat_is_amber_where_the_texture_is_stretched_and_blue_where_compressed() -> None:
+    picture = draw_layout(two_squares(), 400, heat=True)
+    assert picture.shape[0] > 400  # the scale below
+    stretched, compressed = picture[330, 60], picture[80, 240]
+    assert stretched[0] > 1.5 * stretched[2]
+    assert compressed[2] > 1.2 * compressed[0]
+    # The color is that of the scale at the same stretch.
+    left = math.log2(math.sqrt(2.5))
+    expected = diverging(np.rint(left * 64.0) / 64.0)
+    assert stretched == pytest.approx(expected, abs=0.01)
+    scale = picture[400 + 9]
+    assert np.abs(scale - expected).max(axis=1).min() < 0.02
+
+
+def test_a_perfect_map_has_no_heat_and_what_cannot_be_measured_is_gray() -> None:
+    picture = draw_layout(plane(4, 4), 400, heat=True)
+    assert np.ptp(picture[170, 140]) < 1e-3
+    flat = triangle((0, 0), (1, 0), (0, 1)).replace(positions=np.zeros((3, 3)))
+    gray = draw_layout(flat, 64, heat=True)[40, 10]
+    assert np.ptp(gray) == 0.0
+    assert gray[0] < 0.7
+
+
+def test_mirrored_faces_are_red_in_a_heat_map_too() -> None:
+    mirrored = draw_layout(triangle((0.1, 0.9), (0.9, 0.1), (0.1, 0.1)), 64, heat=True)[40, 20]
+    assert mirrored[0] > 10.0 * mirrored[1:].max()
+
+
+def test_cuts_are_darker_than_the_ends_of_the_surface() -> None:
+    mesh = plane(2, 1)
+    apart = mesh.corner_uvs() * 0.4 + 0.05
+    apart[2:] += np.array([0.2, 0.2])
+    each = np.arange(12, dtype=np.int32).reshape(-1, 3)
+    picture = draw_layout(mesh.replace(uvs=apart.reshape(-1, 2), uv_faces=each), 400)
+    light = picture.sum(axis=2)
+    end, cut = light[400 - 60, 16:24].min(), light[400 - 60, 96:104].min()
+    assert cut < 0.7 * end

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from texbake.mapping.overlap import overlap_layers, overlapping_faces
+from texbake.mapping import overlap
+from texbake.mapping.overlap import find_overlaps, overlap_layers, overlapping_faces
 from texbake.mesh.shapes import plane
 
 Array = npt.NDArray[np.float64]
@@ -80,3 +81,86 @@ def test_faces_of_other_charts_do_not_mind_each_other() -> None:
     corners = np.tile(plane().corner_uvs(), (3, 1, 1))
     charts = np.array([2, 2, 0, 0, 1, 1], dtype=np.int32)
     assert not overlap_layers(corners, charts, depth=1e-6).any()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
+def test_layers_are_the_lowest_that_faces_before_leave_free(seed: int, n_charts: int) -> None:
+    random = np.random.default_rng(seed)
+    corners = random.random((24, 1, 2)) + (random.random((24, 3, 2)) - 0.5) * 0.4
+    corners = np.round(corners * 64.0) / 64.0  # an overlap is deep or is none
+    charts = random.integers(0, n_charts, 24).astype(np.int32)
+    solid = np.linalg.det(corners[:, 1:] - corners[:, :1]) != 0.0
+    expected: list[int] = []
+    for i in range(24):
+        taken = {
+            expected[j]
+            for j in range(i)
+            if charts[i] == charts[j]
+            and solid[i]
+            and solid[j]
+            and common_area(corners[i], corners[j]) > 1e-9
+        }
+        expected.append(min(set(range(25)) - taken))
+    assert overlap_layers(corners, charts, depth=1e-6).tolist() == expected
+
+
+@pytest.mark.parametrize(("shift", "overlaps"), [(0.0, False), (5e-7, False), (1e-5, True)])
+def test_neighbors_touch_until_one_is_moved_into_the_other(shift: float, overlaps: bool) -> None:
+    square = plane().corner_uvs()
+    beside = square + np.array([1.0 - shift, 0.0])
+    assert overlapping_faces(np.concatenate([square, beside])).any() == overlaps
+
+
+def test_coordinates_of_float32_far_from_the_unit_square_only_touch() -> None:
+    grid = (
+        (plane(20, 20).corner_uvs() + np.array([913.0, 77.0])).astype(np.float32).astype(np.float64)
+    )
+    split = np.concatenate([grid, (grid + np.array([1.0, 0.0])).astype(np.float32)])
+    assert not overlapping_faces(split).any()
+
+
+def test_a_stack_and_faces_on_one_point() -> None:
+    # 20,000 faces on one another are 200 million pairs; one each is enough.
+    stack = np.tile(np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]), (20_000, 1, 1))
+    found = find_overlaps(stack)
+    assert found.overlapping.all()
+    assert not found.unsure.any()
+    assert not overlapping_faces(np.full((20_000, 3, 2), 0.3)).any()
+    assert not overlapping_faces(np.zeros((0, 3, 2))).any()
+
+
+def test_slivers_along_a_diagonal_and_around_a_point_only_touch() -> None:
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    strip = plane(20_000, 1).corner_uvs() * [0.7, 0.5] @ turn.T
+    angles = np.linspace(0.0, 2.0 * np.pi, 2001)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ring[-1] = ring[0]
+    fan = np.stack([np.zeros((2000, 2)), ring[:-1], ring[1:]], axis=1)
+    for corners in strip, fan:
+        found = find_overlaps(corners)
+        assert not found.overlapping.any()
+        assert not found.unsure.any()
+    covered = find_overlaps(np.concatenate([strip, [[[-9.0, -9.0], [9.0, -9.0], [0.0, 9.0]]]]))
+    assert covered.overlapping.all()
+
+
+def test_what_would_take_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(overlap, "_MOST_PAIRS", 0)
+    monkeypatch.setattr(overlap, "_LEAST_PAIRS_OF_A_FACE", 4)
+    angles = np.linspace(0.1, 1.3, 101)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    fan = np.stack([np.zeros((100, 2)), ring[:-1], ring[1:]], axis=1)
+    apart = fan[:1] + np.array([5.0, 0.0])
+    found = find_overlaps(np.concatenate([fan, apart, apart]))
+    assert found.overlapping.tolist() == [False] * 100 + [True, True]
+    assert found.unsure.any()
+    assert not (found.overlapping & found.unsure).any()
+
+
+def test_any_number_of_threads_finds_the_same() -> None:
+    random = np.random.default_rng(3)
+    corners = random.random((20_000, 1, 2)) + random.random((20_000, 3, 2)) * 0.005
+    one, three = (find_overlaps(corners, threads=n) for n in (1, 3))
+    assert np.array_equal(one.overlapping, three.overlapping)
+    assert 0.1 < one.overlapping.mean() < 0.9

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from texbake.errors import UvError
-from texbake.mapping.seams import border_edges, chart_ids, seam_length
+from texbake.mapping.seams import (
+    border_edges,
+    chart_ids,
+    connected_faces,
+    edge_ids,
+    seam_edges,
+    seam_length,
+)
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 
@@ -70,6 +77,41 @@ def test_a_long_strip_in_any_order_is_one_chart() -> None:
     shuffled = np.random.default_rng(0).permutation(mesh.n_faces)
     mesh = mesh.replace(faces=mesh.faces[shuffled], uv_faces=mesh.faces[shuffled])
     assert chart_ids(mesh).max() == 0
+
+
+def test_both_sides_of_a_cut_are_seams_and_the_ends_of_the_surface_are_none() -> None:
+    mesh = plane(2, 1)
+    assert mesh.uvs is not None
+    apart = mesh.corner_uvs().copy()
+    apart[2:] += [0.5, 0.0]  # the right half
+    each = np.arange(12, dtype=np.int32).reshape(-1, 3)
+    cut = mesh.replace(uvs=apart.reshape(-1, 2), uv_faces=each)
+    seams = seam_edges(cut)
+    assert seams.sum() == 2
+    rows, starts = np.nonzero(seams)
+    ends = mesh.positions[np.stack([mesh.faces[rows, starts], mesh.faces[rows, (starts + 1) % 3]])]
+    assert np.ptp(ends[..., 0]) == 0.0  # both are the line in the middle
+    assert seam_length(cut) == pytest.approx(np.linalg.norm(ends[1, 0] - ends[0, 0]))
+    assert not (seams & ~border_edges(cut)).any()
+    only_left = np.array([True, True, False, False])
+    assert not seam_edges(cut, only_left).any()
+
+
+def test_edges_are_numbered_without_gaps_and_faces_in_their_order() -> None:
+    random = np.random.default_rng(1)
+    faces = random.integers(0, 40, (60, 3))
+    edges = edge_ids(faces)
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    same = (ends[:, None] == ends[None]).all(axis=2)
+    assert np.array_equal(edges.ravel()[:, None] == edges.ravel()[None], same)
+    assert np.array_equal(np.unique(edges), np.arange(edges.max() + 1))
+    components = connected_faces(edges)
+    # Of the components by growing sets of faces until nothing changes.
+    linked = (edges[:, None, :, None] == edges[None, :, None, :]).any(axis=(2, 3))
+    reach = np.linalg.matrix_power(linked.astype(float), 60) > 0.0
+    assert np.array_equal(components[:, None] == components[None], reach)
+    _, firsts = np.unique(components, return_index=True)
+    assert np.array_equal(firsts, np.sort(firsts))
 
 
 def test_without_coordinates() -> None:

@@ -1,99 +1,186 @@
 """A picture of texture coordinates: charts in colors of their own, outlined, with their triangles.
 
-What is wrong stands out: mirrored faces are red, and the colors of faces that overlap mix.
+What is wrong stands out: mirrored faces are red, and the colors of faces that overlap mix. Cuts
+through the surface are darker than the ends of the surface itself.
 """
 
 from __future__ import annotations
 
-import colorsys
 import math
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.kernels import kernel
-from texbake.mapping.areas import signed_areas
-from texbake.mapping.seams import border_edges, chart_ids
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mapping.layout_view import (
+    BACKGROUND,
+    EDGE_PX,
+    HEAT_RANGE,
+    HEAT_TICKS,
+    HEAT_WORDS,
+    INK,
+    OUTLINE_DARKNESS,
+    OUTLINE_PX,
+    SEAM_DARKNESS,
+    Window,
+    edge_darkness,
+    face_colors,
+    heat_color,
+    legend_size,
+    linear,
+)
+from texbake.mapping.seams import border_edges, chart_ids, seam_edges
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.parallel import run_bands
+from texbake.text import text_coverage
+
+Picture = npt.NDArray[np.float32]
 
 _SAMPLES = 4  # a side of a pixel; their square must fit the bits of an outline mask
 _BAND = 128  # rows drawn at once
-_GAMMA = 2.2  # near enough to sRGB to choose colors by
-_BACKGROUND = 0.96
-_MIRRORED = (0.86, 0.10, 0.12)
-_OUTLINE_PX = 1.4
-_OUTLINE_DARKNESS = 0.75
-_EDGE_PX = 0.7
-_EDGE_DARKNESS = 0.45
-_ROOMY_PX = 12.0  # triangles smaller than this get fainter edges, or nothing else would be seen
+_TILE_PX = 1.0
+_TILE_DARKNESS = 0.5
+_LEAST_TILE_PX = 8.0  # of the side of a tile whose border is drawn
+_LEAST_NUMBERED_PX = 48.0
 
 
 def draw_layout(
-    mesh: Mesh, size: int | tuple[int, int] = 1024, *, threads: int | None = None
-) -> npt.NDArray[np.float32]:
-    """Draw the texture coordinates of a mesh over the unit square.
+    mesh: Mesh,
+    size: int | tuple[int, int] = 1024,
+    *,
+    heat: bool = False,
+    threads: int | None = None,
+) -> Picture:
+    """Draw the texture coordinates of a mesh.
+
+    The picture shows the unit square and whatever lies outside it. Where that takes several tiles,
+    their borders are drawn, with their UDIM numbers.
 
     Parameters
     ----------
     mesh : Mesh
-        With texture coordinates. What lies outside the unit square is not drawn.
+        With texture coordinates.
     size : int or (int, int)
-        Pixels a side, or (width, height).
+        Pixels a side, or (width, height), of one tile. A picture of several is as large along its
+        longer side.
+    heat
+        Color faces by their L2 stretch, relative to the mean of the mesh: blue where the texture is
+        compressed, amber where it is stretched, with a scale below the picture.
     threads
         None for every processor.
 
     Returns
     -------
     (H, W, 3) float32
-        Linear colors in [0, 1]; row 0 is the top, where v is 1.
+        Linear colors in [0, 1]; row 0 is the top.
 
     Raises
     ------
     UvError
         The mesh has no texture coordinates.
     """
-    width, height = (size, size) if isinstance(size, int) else size
     uvs = mesh.corner_uvs()
-    # Pixels, with y downwards as rows go.
-    pixels = np.ascontiguousarray((uvs * [1, -1] + [0, 1]) * [width, height])
-    colors = _face_colors(chart_ids(mesh))
-    colors[signed_areas(uvs) < 0.0] = np.array(_MIRRORED) ** _GAMMA
-    outlines = np.stack([pixels, np.roll(pixels, -1, axis=1)], axis=2)[border_edges(mesh)]
-    edge_light = 1.0 - _edge_darkness(pixels)
-    picture = np.empty((height, width, 3), dtype=np.float32)
+    window = Window.around(uvs, size)
+    pixels = np.ascontiguousarray(window.pixels(uvs))
+    colors = linear(face_colors(mesh, chart_ids(mesh), size, heat))
+    seams = seam_edges(mesh)
+    ends = np.stack([pixels, np.roll(pixels, -1, axis=1)], axis=2)
+    edge_light = 1.0 - edge_darkness(pixels)
+    borders = _tile_borders(window)
+    inks = (
+        (borders, _TILE_PX, _TILE_DARKNESS),
+        (ends[border_edges(mesh) & ~seams], OUTLINE_PX, OUTLINE_DARKNESS),
+        (ends[seams], OUTLINE_PX, SEAM_DARKNESS),
+    )
+    picture = np.empty((window.height, window.width, 3), dtype=np.float32)
 
     def draw_rows(start: int, stop: int) -> None:
-        sums = np.zeros((stop - start, width, 4))
-        _fill_kernel(pixels - [0, start], colors, _EDGE_PX / 2.0, edge_light, _SAMPLES, sums)
+        shape = stop - start, window.width
+        sums = np.zeros((*shape, 4))
+        _fill_kernel(pixels - [0, start], colors, EDGE_PX / 2.0, edge_light, _SAMPLES, sums)
         hits = sums[:, :, 3:]
         covered = np.minimum(hits / _SAMPLES**2, 1.0)
         rows = covered * (sums[:, :, :3] / np.maximum(hits, 1.0))
-        rows += (1.0 - covered) * _BACKGROUND**_GAMMA
-        masks = np.zeros((stop - start, width), dtype=np.uint16)
-        _outline_kernel(outlines - [0, start], _OUTLINE_PX / 2.0, _SAMPLES, masks)
-        bits = np.unpackbits(masks.view(np.uint8).reshape(stop - start, width, 2), axis=2)
-        inked = bits.sum(axis=2)[:, :, None] / _SAMPLES**2
-        picture[start:stop] = rows * (1.0 - _OUTLINE_DARKNESS * inked)
+        rows += (1.0 - covered) * linear(BACKGROUND)
+        for lines, width, darkness in inks:
+            rows *= 1.0 - darkness * _inked(lines - [0, start], width, shape)
+        picture[start:stop] = rows
 
-    run_bands(draw_rows, height, band=_BAND, threads=threads)
-    return picture
-
-
-def _face_colors(charts: IntArray) -> FloatArray:
-    """(F, 3) float64: linear colors, of unlike hues for charts of successive numbers."""
-    palette = [
-        # Hues from orange to magenta, since red means mirrored; the golden ratio spreads them.
-        colorsys.hls_to_rgb(0.07 + 0.83 * (chart * 0.618034 % 1.0), 0.70 + 0.05 * (chart % 3), 0.55)
-        for chart in range(int(charts.max()) + 1)
-    ]
-    return np.asarray((np.array(palette) ** _GAMMA)[charts])
+    run_bands(draw_rows, window.height, band=_BAND, threads=threads)
+    if len(borders):
+        _write_tile_names(picture, window)
+    return np.concatenate([picture, _legend(window.width)]) if heat else picture
 
 
-def _edge_darkness(pixels: FloatArray) -> float:
-    """How dark edges are drawn, by the size of a middling triangle."""
-    size = math.sqrt(2.0 * float(np.median(np.abs(signed_areas(pixels)))))
-    return _EDGE_DARKNESS * min(size / _ROOMY_PX, 1.0)
+def _tile_borders(window: Window) -> FloatArray:
+    """(N, 2, 2) float64: ends, in pixels, of the borders of tiles; none where there is one tile."""
+    if window.tile_side < _LEAST_TILE_PX:
+        return np.zeros((0, 2, 2))
+    corners = np.array([(tile.column, tile.row) for tile in window.tiles()], dtype=np.float64)
+    corners = corners.reshape(-1, 2)
+    square = np.array([[[0, 0], [1, 0]], [[1, 0], [1, 1]], [[1, 1], [0, 1]], [[0, 1], [0, 0]]])
+    ends = corners[:, None, None, :] + square
+    return np.ascontiguousarray(window.pixels(ends.reshape(-1, 2, 2)))
+
+
+def _inked(lines: FloatArray, width: float, shape: tuple[int, int]) -> FloatArray:
+    """(H, W, 1) float64: share of each pixel that lies on some line."""
+    masks = np.zeros(shape, dtype=np.uint16)
+    _outline_kernel(lines, width / 2.0, _SAMPLES, masks)
+    bits = np.unpackbits(masks.view(np.uint8).reshape(*shape, 2), axis=2)
+    return np.asarray(bits.sum(axis=2)[:, :, None] / _SAMPLES**2)
+
+
+def _write_tile_names(picture: Picture, window: Window) -> None:
+    """Write the name of each tile into its lower left corner."""
+    if window.tile_side < _LEAST_NUMBERED_PX:
+        return
+    size = max(10, min(round(window.tile_side / 10.0), 48))
+    for tile in window.tiles():
+        x, y = window.pixels(np.array([tile.column, tile.row], dtype=np.float64))
+        ink = text_coverage(tile.name, size)
+        margin = size // 3
+        plate = np.full((len(ink) + 2 * margin, ink.shape[1] + 2 * margin), 0.7, dtype=np.float32)
+        left, top = round(x) + 2, round(y) - 2 - len(plate)
+        _stamp(picture, plate, left, top, linear(BACKGROUND))
+        _stamp(picture, ink, left + margin, top + margin)
+
+
+def _legend(width: int) -> Picture:
+    """Scale of stretch, to stand below the picture: a bar, figures under it, words beside it."""
+    size = legend_size(width)
+    strip = np.empty((3 * size, width, 3), dtype=np.float32)
+    strip[:] = linear(BACKGROUND)
+    words = [text_coverage(word, size) for word in HEAT_WORDS]
+    room = max(words[0].shape[1], words[2].shape[1]) + 2 * size
+    has_words = width > 2 * room + 12 * size
+    left, right = (room, width - room) if has_words else (size, max(width - size, size + 1))
+    levels = np.linspace(-1.0, 1.0, right - left)
+    bar = linear(np.array([heat_color(HEAT_RANGE**level) for level in levels.tolist()]))
+    strip[size // 2 : size // 2 + size, left:right] = bar[: max(width - left, 0)]
+    for stretch, label in HEAT_TICKS:
+        ink = text_coverage(label, size)
+        x = left + (math.log(stretch, HEAT_RANGE) + 1.0) / 2.0 * (right - left)
+        _stamp(strip, ink, round(x - ink.shape[1] / 2.0), 2 * size - size // 4)
+    if has_words:
+        middle = size - len(words[0]) // 2
+        _stamp(strip, words[0], left - words[0].shape[1] - size // 2, middle)
+        _stamp(strip, words[2], right + size // 2, middle)
+        _stamp(strip, words[1], size // 2, 2 * size - size // 4)
+    return strip
+
+
+def _stamp(
+    picture: Picture, ink: Picture, left: int, top: int, color: FloatArray | None = None
+) -> None:
+    """Blend ink, dark if it has no other color, into a picture, as far as it lies within."""
+    height, width = picture.shape[:2]
+    top_cut, left_cut = max(-top, 0), max(-left, 0)
+    ink = ink[top_cut : max(height - top, 0), left_cut : max(width - left, 0), None]
+    rows = slice(top + top_cut, top + top_cut + ink.shape[0])
+    columns = slice(left + left_cut, left + left_cut + ink.shape[1])
+    color = linear(INK) if color is None else color
+    picture[rows, columns] += ink * (color.astype(np.float32) - picture[rows, columns])
 
 
 @kernel
@@ -104,6 +191,8 @@ def _fill_kernel(pixels, colors, half_edge, edge_light, n_samples, sums):  # typ
     lines = np.empty((3, 3))  # through the edges: the distance inwards is a x + b y + c
     for face in range(len(pixels)):
         x, y = pixels[face, :, 0], pixels[face, :, 1]
+        if y.max() < 0.0 or y.min() >= n_rows:
+            continue
         area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
         if area == 0.0:
             continue

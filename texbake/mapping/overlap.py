@@ -1,38 +1,104 @@
 """Faces that lie on one another in the texture.
 
 Two convex shapes do not overlap if a line along some edge of one of them parts them. Pairs to try
-come from a grid of about as many cells as there are faces.
+come from a tree of bounding boxes, packed over the faces in the order of a curve that fills the
+plane. To know that a face overlaps, one other is enough: a stack of thousands costs no more than
+one of two. What still could take the square of the number of faces, such as a hundred thousand
+slivers side by side along a diagonal, is bounded, and what was left out is told.
 
-Based on: Gottschalk, Lin, Manocha, "OBBTree", 1996 (the separating axis theorem).
+Based on: Gottschalk, Lin, Manocha, "OBBTree", 1996 (the separating axis theorem); Kamel, Faloutsos,
+"On Packing R-trees", 1993; Morton, "A computer oriented geodetic data base", 1966 (the order).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
 
 # Depth of an overlap, as a share of the texture, that is not one: what float32, or the six
-# decimals of many files, leave of coordinates on both sides of an edge.
+# decimals of many files, leave of coordinates on both sides of an edge; ...
 _DEPTH = 1e-6
+# ... and of the greatest coordinate: 4 units in the last place of a float32.
+_RELATIVE_DEPTH = 2.0**-22
+
+_FAN_OUT = 8  # children of a box
+_BAND = 4096  # faces looked at by one thread at a time
+# Faces that one is compared with before it is given up: all of them in meshes of up to 16,000
+# faces, and never fewer than 512. A common mesh takes about 12 a face.
+_MOST_PAIRS = 1 << 28
+_LEAST_PAIRS_OF_A_FACE = 512
 
 
-def overlapping_faces(corners: FloatArray) -> npt.NDArray[np.bool_]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Overlaps:
+    """Which faces lie on another.
+
+    Attributes
+    ----------
+    overlapping : (F,) bool
+    unsure : (F,) bool
+        Found to overlap nothing, but compared with only some of the faces that are near them,
+        because there are thousands of those.
+    """
+
+    overlapping: npt.NDArray[np.bool_]
+    unsure: npt.NDArray[np.bool_]
+
+
+def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlaps:
+    """Find the faces that cover, in the texture, something that another face covers too.
+
+    It is decided from the triangles themselves, not from texels. Overlaps less deep than a
+    millionth of the texture are rounding and count as none; so do those of faces thinner than that.
+
+    Parameters
+    ----------
+    corners : (F, 3, 2) float64
+        Texture coordinates of the corners.
+    threads
+        None for every processor.
+    """
+    overlapping, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
+    depth = max(_DEPTH, _RELATIVE_DEPTH * float(np.abs(corners).max(initial=0.0)))
+    corners = _along_their_edges(corners)
+    order = _in_order(corners, np.zeros(len(corners), dtype=np.int32), depth)
+    boxes, children = _packed_boxes(corners, order, None)
+    lines, places = _inward_lines(corners), np.arange(len(order))
+    no_layers = np.zeros(0, dtype=np.int32)
+    most = max(_LEAST_PAIRS_OF_A_FACE, _MOST_PAIRS // max(len(order), 1))
+
+    def look(start: int, stop: int) -> None:
+        _overlap_kernel(
+            corners, lines, order, boxes, children, depth, False, most, places[start:stop],
+            overlapping, unsure, no_layers,
+        )  # fmt: skip
+
+    run_bands(look, len(order), band=_BAND, threads=threads)
+    return Overlaps(overlapping=overlapping, unsure=unsure)
+
+
+def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt.NDArray[np.bool_]:
     """Find the faces that cover, in the texture, something that another face covers too.
 
     Parameters
     ----------
     corners : (F, 3, 2) float64
         Texture coordinates of the corners.
+    threads
+        None for every processor.
 
     Returns
     -------
     (F,) bool
-        False for faces that share an edge or a corner but no area, and for faces without area.
+        False for faces that share an edge or a corner but no area, and for faces without area;
+        see `find_overlaps` for those that could not be compared with all others.
 
     Examples
     --------
@@ -42,9 +108,7 @@ def overlapping_faces(corners: FloatArray) -> npt.NDArray[np.bool_]:
     >>> overlapping_faces(square - [[[0, 0]], [[0, 0.1]]])
     array([ True,  True])
     """
-    everything = np.array([0, len(corners)], dtype=np.int64)
-    overlapping, _ = _overlaps(corners, np.arange(len(corners)), everything, _DEPTH, layered=False)
-    return overlapping
+    return find_overlaps(corners, threads=threads).overlapping
 
 
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:
@@ -63,117 +127,165 @@ def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> In
     -------
     (F,) int32
         0 for every face of a chart without overlaps. A face takes the lowest layer that the faces
-        before it leave free.
+        before it leave free. The time grows with the number of overlaps.
     """
-    order = np.argsort(charts, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(np.bincount(charts))]).astype(np.int64)
-    _, layers = _overlaps(corners, order, starts, depth, layered=True)
+    corners = _along_their_edges(corners)
+    charts = np.ascontiguousarray(charts, dtype=np.int32)
+    layers = np.zeros(len(corners), dtype=np.int32)
+    order = _in_order(corners, charts, depth)
+    boxes, children = _packed_boxes(corners, order, charts)
+    lines, places = _inward_lines(corners), np.argsort(order, kind="stable")
+    found, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
+    _overlap_kernel(
+        corners, lines, order, boxes, children, depth, True, len(corners), places,
+        found, unsure, layers,
+    )  # fmt: skip
     return layers
 
 
-def _overlaps(
-    corners: FloatArray,
-    order: npt.NDArray[np.int64],
-    starts: npt.NDArray[np.int64],
-    depth: float,
-    *,
-    layered: bool,
-) -> tuple[npt.NDArray[np.bool_], IntArray]:
-    overlapping = np.zeros(len(corners), dtype=np.bool_)
-    layers = np.zeros(len(corners), dtype=np.int32)
-    _overlap_kernel(
-        np.ascontiguousarray(corners, dtype=np.float64),
-        order,
-        starts,
-        depth,
-        layered,
-        overlapping,
-        layers,
-    )
-    return overlapping, layers
+def _along_their_edges(corners: FloatArray) -> FloatArray:
+    """Corners turned so that the longest edges lie along an axis, as far as one turn can do it.
 
-
-@kernel
-def _overlap_kernel(corners, order, starts, depth, layered, overlapping, layers):  # type: ignore[no-untyped-def]
-    """Compare each face with those before it of its group, which is order[starts[i]:starts[i + 1]].
-
-    Each cell of a grid over the group keeps a chain of the faces whose bounding boxes touch it.
-    Without `layered`, pairs that are both known to overlap something are not looked at again.
+    Boxes around long triangles then hold little beside them.
     """
-    taken = np.full(len(corners) + 1, -1, dtype=np.int64)  # the last face that found a layer taken
-    for group in range(len(starts) - 1):
-        faces = order[starts[group] : starts[group + 1]]
-        if len(faces) < 2:
-            continue
-        boxes, n_cells = _cell_boxes(corners, faces)
-        heads = np.full(n_cells * n_cells, -1, dtype=np.int64)
-        n_links = 0
-        for box in boxes:
-            n_links += (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
-        links = np.empty((n_links, 2), dtype=np.int64)  # (face, next link)
-        n_links = 0
-        for i in range(len(faces)):
-            face = faces[i]
-            for row in range(boxes[i, 1], boxes[i, 3] + 1):
-                for cell in range(row * n_cells + boxes[i, 0], row * n_cells + boxes[i, 2] + 1):
-                    link = heads[cell]
-                    links[n_links, 0], links[n_links, 1] = face, link
-                    heads[cell] = n_links
-                    n_links += 1
-                    while link >= 0:
-                        other, link = links[link, 0], links[link, 1]
-                        known = overlapping[face] and overlapping[other]
-                        if (layered or not known) and _overlap(
-                            corners[face], corners[other], depth
-                        ):
-                            overlapping[face] = overlapping[other] = True
-                            taken[layers[other]] = face
-            while taken[layers[face]] == face:
-                layers[face] += 1
+    edges = np.roll(corners, -1, axis=1) - corners
+    lengths = (edges**2).sum(axis=2)
+    # As complex numbers squared, edges of opposite directions are one.
+    squared = (edges[..., 0] + 1j * edges[..., 1]) ** 2
+    longest = np.take_along_axis(squared, lengths.argmax(axis=1)[:, None], axis=1)
+    angle = -np.angle(longest.sum()) / 2.0
+    cos, sin = math.cos(angle), math.sin(angle)
+    s, t = corners[..., 0], corners[..., 1]
+    return np.ascontiguousarray(np.stack([cos * s - sin * t, sin * s + cos * t], axis=2))
+
+
+def _inward_lines(corners: FloatArray) -> FloatArray:
+    """(F, 3, 3) float64: a, b, c of each edge, where a s + b t + c is the distance inwards."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    lengths = np.hypot(edges[..., 0], edges[..., 1])
+    doubles = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
+    lengths = np.maximum(lengths, np.finfo(np.float64).tiny) * np.where(doubles < 0, -1, 1)[:, None]
+    a, b = -edges[..., 1] / lengths, edges[..., 0] / lengths
+    return np.stack([a, b, -(a * corners[..., 0] + b * corners[..., 1])], axis=2)
+
+
+def _in_order(corners: FloatArray, charts: IntArray, depth: float) -> npt.NDArray[np.int64]:
+    """Faces at least `depth` thick, by their charts and then along a curve through the plane."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    doubles = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    longest = np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
+    longest = np.maximum(longest, ((second - first) ** 2).sum(axis=1))
+    kept = np.flatnonzero(doubles > depth * np.sqrt(longest))
+    if len(kept) == 0:
+        return kept
+    middles = corners[kept].mean(axis=1)
+    low = middles.min(axis=0)
+    extent = max(float((middles.max(axis=0) - low).max()), np.finfo(np.float64).tiny)
+    cells = ((middles - low) / extent * 65535.0).astype(np.uint64)
+    codes = _spread_bits(cells[:, 0]) | _spread_bits(cells[:, 1]) << np.uint64(1)
+    codes |= charts[kept].astype(np.uint64) << np.uint64(32)
+    return kept[np.argsort(codes, kind="stable")]
+
+
+def _spread_bits(values: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """16 bits, each moved to twice its place."""
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        values = (values | values << np.uint64(shift)) & np.uint64(mask)
+    return values
+
+
+def _packed_boxes(
+    corners: FloatArray, order: npt.NDArray[np.int64], charts: IntArray | None
+) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Boxes around the faces in order, then around each `_FAN_OUT` of those, up to one.
+
+    Returns
+    -------
+    boxes : (B, 6) float64
+        Least s, t and chart, then the greatest. Row i is that of the i-th face in order, as long as
+        there are faces; the last is that of everything.
+    children : (B, 2) int64
+        First row within each box, and the one after the last; none within those of faces.
+    """
+    faces = corners[order]
+    ids = np.zeros(len(order)) if charts is None else charts[order].astype(np.float64)
+    level = np.column_stack([faces.min(axis=1), ids, faces.max(axis=1), ids])
+    levels = [level]
+    children = [np.zeros((len(level), 2), dtype=np.int64)]
+    start = 0
+    while len(level) > 1:
+        firsts = np.arange(0, len(level), _FAN_OUT)
+        stops = np.minimum(firsts + _FAN_OUT, len(level))
+        children.append(start + np.column_stack([firsts, stops]))
+        start += len(level)
+        level = np.column_stack(
+            [
+                np.minimum.reduceat(level[:, :3], firsts, axis=0),
+                np.maximum.reduceat(level[:, 3:], firsts, axis=0),
+            ]
+        )
+        levels.append(level)
+    return np.concatenate(levels), np.concatenate(children)
 
 
 @kernel
-def _cell_boxes(corners, faces):  # type: ignore[no-untyped-def]
-    """Cells of a square grid that the bounding boxes of faces touch; cells along its side."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for face in faces:
-        for axis in range(2):
-            low[axis] = min(low[axis], corners[face, :, axis].min())
-            high[axis] = max(high[axis], corners[face, :, axis].max())
-    n_cells = max(1, min(int(math.sqrt(len(faces))), 1024))
-    boxes = np.empty((len(faces), 4), dtype=np.int64)
-    for axis in range(2):
-        extent = high[axis] - low[axis]
-        scale = n_cells / extent if extent > 0.0 else 0.0
-        for i in range(len(faces)):
-            first = (corners[faces[i], :, axis].min() - low[axis]) * scale
-            last = (corners[faces[i], :, axis].max() - low[axis]) * scale
-            boxes[i, axis] = min(int(first), n_cells - 1)
-            boxes[i, 2 + axis] = min(int(last), n_cells - 1)
-    return boxes, n_cells
+def _overlap_kernel(  # type: ignore[no-untyped-def]
+    corners, lines, order, boxes, children, depth, layered, most, places, found, unsure, layers
+):
+    """Look for what lies under the faces at some places in order.
 
-
-@kernel
-def _overlap(one, other, depth):  # type: ignore[no-untyped-def]
-    return not (_parts(one, other, depth) or _parts(other, one, depth))
-
-
-@kernel
-def _parts(one, other, depth):  # type: ignore[no-untyped-def]
-    """Whether an edge of `one` has all of `other` beyond it; so has a face thinner than `depth`."""
-    for i in range(3):
-        x, y = one[i]
-        dx, dy = one[(i + 1) % 3, 0] - x, one[(i + 1) % 3, 1] - y
-        allowed = depth * math.sqrt(dx * dx + dy * dy)
-        # Twice the signed areas over the edge: distances from it times its length.
-        inside = dx * (one[(i + 2) % 3, 1] - y) - dy * (one[(i + 2) % 3, 0] - x)
-        if abs(inside) <= allowed:
-            return True
-        side = 1.0 if inside > 0.0 else -1.0
-        deepest = -np.inf
-        for corner in range(3):
-            over = dx * (other[corner, 1] - y) - dy * (other[corner, 0] - x)
-            deepest = max(deepest, side * over)
-        if deepest <= allowed:
-            return True
-    return False
+    Without `layered` one other face will do. With it all before the face are looked for, and it
+    takes the lowest layer that they leave free. Everything is written out here, since a call with
+    arrays would cost more than what it does.
+    """
+    stack = np.empty(_FAN_OUT * 64, dtype=np.int64)
+    # The last face that found a layer taken.
+    taken = np.full(len(corners) + 1 if layered else 0, -1, dtype=np.int64)
+    for place in places:
+        face = order[place]
+        left, low = boxes[place, 0] + depth, boxes[place, 1] + depth
+        right, high = boxes[place, 3] - depth, boxes[place, 4] - depth
+        chart = boxes[place, 2]
+        stack[0] = len(boxes) - 1
+        n_waiting, n_pairs = 1, 0
+        while n_waiting > 0:
+            n_waiting -= 1
+            row = stack[n_waiting]
+            for child in range(children[row, 0], children[row, 1]):
+                if (
+                    boxes[child, 0] < right
+                    and boxes[child, 3] > left
+                    and boxes[child, 1] < high
+                    and boxes[child, 4] > low
+                    and boxes[child, 2] <= chart
+                    and boxes[child, 5] >= chart
+                ):
+                    stack[n_waiting] = child
+                    n_waiting += 1
+            if row >= len(order) or row == place or (layered and order[row] > face):
+                continue
+            if n_pairs == most:
+                unsure[face] = True
+                break
+            n_pairs += 1
+            parted = False
+            one, other = face, order[row]
+            for edge in range(6):
+                if edge == 3:
+                    one, other = other, one
+                a, b, c = lines[one, edge % 3, 0], lines[one, edge % 3, 1], lines[one, edge % 3, 2]
+                if (
+                    a * corners[other, 0, 0] + b * corners[other, 0, 1] + c <= depth
+                    and a * corners[other, 1, 0] + b * corners[other, 1, 1] + c <= depth
+                    and a * corners[other, 2, 0] + b * corners[other, 2, 1] + c <= depth
+                ):
+                    parted = True
+                    break
+            if parted:
+                continue
+            found[face] = True
+            if not layered:
+                break
+            taken[layers[order[row]]] = face
+        while layered and taken[layers[face]] == face:
+            layers[face] += 1

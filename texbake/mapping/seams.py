@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows
+
+BoolArray = npt.NDArray[np.bool_]
 
 
 def chart_ids(mesh: Mesh) -> IntArray:
@@ -43,7 +46,7 @@ def chart_ids(mesh: Mesh) -> IntArray:
     return connected_faces(edge_ids(_texture_corners(mesh)))
 
 
-def border_edges(mesh: Mesh) -> npt.NDArray[np.bool_]:
+def border_edges(mesh: Mesh) -> BoolArray:
     """Edges that no other face shares in space and in the texture: the outlines of charts.
 
     Parameters
@@ -64,7 +67,35 @@ def border_edges(mesh: Mesh) -> npt.NDArray[np.bool_]:
     return _used_once(edge_ids(_texture_corners(mesh)))
 
 
-def seam_length(mesh: Mesh, faces: npt.NDArray[np.bool_] | None = None) -> float:
+def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
+    """Edges along which the texture is cut and the surface is not, on both sides of each cut.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With texture coordinates.
+    faces : (F,) bool, optional
+        The faces to look at, as if there were no others; None for all.
+
+    Returns
+    -------
+    (F, 3) bool
+        Of the edge from each corner to the next; False for faces that are not looked at.
+
+    Raises
+    ------
+    UvError
+        The mesh has no texture coordinates.
+    """
+    kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
+    in_texture = edge_ids(_texture_corners(mesh)[kept])
+    in_space = edge_ids(weld_rows(mesh.positions)[mesh.faces[kept]])
+    cut = np.zeros((mesh.n_faces, 3), dtype=bool)
+    cut[kept] = _used_once(in_texture) & ~_used_once(in_space)
+    return cut
+
+
+def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
     """Length, in model units, along which the texture is cut and the surface is not.
 
     Each cut is counted once, though both its sides are borders of charts: half the sum of the
@@ -82,12 +113,10 @@ def seam_length(mesh: Mesh, faces: npt.NDArray[np.bool_] | None = None) -> float
     UvError
         The mesh has no texture coordinates.
     """
-    kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
-    in_texture = edge_ids(_texture_corners(mesh)[kept])
-    in_space = edge_ids(weld_rows(mesh.positions)[mesh.faces[kept]])
-    corners = mesh.positions[mesh.faces[kept]]
-    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    return float(lengths[_used_once(in_texture) & ~_used_once(in_space)].sum()) / 2.0
+    rows, starts = np.nonzero(seam_edges(mesh, faces))
+    tails = mesh.positions[mesh.faces[rows, starts]]
+    heads = mesh.positions[mesh.faces[rows, (starts + 1) % 3]]
+    return float(np.linalg.norm(heads - tails, axis=1).sum()) / 2.0
 
 
 def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
@@ -103,10 +132,11 @@ def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
     (F, 3) int64
         Of the edge from each corner to the next; from 0 without gaps.
     """
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).astype(np.int64)
-    low, high = ends.min(axis=2), ends.max(axis=2)
-    _, ids = np.unique((low << 32 | high).ravel(), return_inverse=True)
-    return ids.reshape(-1, 3)
+    tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
+    ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
+    firsts = weld_rows(ends.reshape(-1, 2))
+    numbers = np.cumsum(firsts == np.arange(len(firsts))) - 1
+    return np.asarray(numbers[firsts].reshape(-1, 3), dtype=np.int64)
 
 
 def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
@@ -122,30 +152,19 @@ def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
     (F,) int32
         Numbered from 0 in the order of their first faces.
     """
-    n_faces = len(edges)
-    components = np.arange(n_faces, dtype=np.int64)
-    while True:
-        # Each face takes the least number around its edges; then numbers are followed to their
-        # ends, so that a chain of n faces takes log n rounds and not n.
-        least = np.full(int(edges.max()) + 1, n_faces, dtype=np.int64)
-        np.minimum.at(least, edges.ravel(), np.repeat(components, 3))
-        nearest = least[edges].min(axis=1)
-        if np.array_equal(nearest, components):
-            break
-        np.minimum.at(nearest, components, nearest.copy())
-        while not np.array_equal(nearest, nearest[nearest]):
-            nearest = nearest[nearest]
-        components = nearest
-    _, ids = np.unique(components, return_inverse=True)
-    return ids.astype(np.int32)
+    # Faces that share an edge hang together as faces that share a vertex do.
+    components, _ = face_components(edges.astype(np.int32), int(edges.max(initial=-1)) + 1)
+    return components
 
 
 def _texture_corners(mesh: Mesh) -> IntArray:
     """(F, 3) int32: equal for corners at one position with one texture coordinate."""
-    uvs: FloatArray = mesh.corner_uvs().reshape(-1, 2)
-    places = mesh.positions[mesh.faces.ravel()]
-    return weld_rows(np.concatenate([places, uvs], axis=1)).reshape(-1, 3)
+    mesh.corner_uvs()  # raises where there are none
+    assert mesh.uvs is not None
+    places = weld_rows(mesh.positions)[mesh.faces]
+    uvs = weld_rows(mesh.uvs)[mesh.uv_faces]
+    return weld_rows(np.stack([places, uvs], axis=2).reshape(-1, 2)).reshape(-1, 3)
 
 
-def _used_once(edges: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def _used_once(edges: npt.NDArray[np.int64]) -> BoolArray:
     return np.asarray(np.bincount(edges.ravel())[edges] == 1)

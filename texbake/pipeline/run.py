@@ -19,7 +19,8 @@ import numpy as np
 from texbake.bake.bake import bake
 from texbake.bake.result import BakeResult
 from texbake.files import PathLike, check_writable, make_folder
-from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
+from texbake.mapping.unwrap import unwrap_with_report
+from texbake.mapping.unwrap_report import UnwrapReport
 from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report

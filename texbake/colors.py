@@ -1,0 +1,83 @@
+"""Colors chosen by how they look: equal lightness for any hue, and a scale about a middle.
+
+Based on: Ottosson, "A perceptual color space for image processing", 2020 (Oklab); Moreland,
+"Diverging Color Maps for Scientific Visualization", 2009.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+# Oklab to cube roots of cone responses, and those cubed to linear sRGB.
+_CONES = np.array(
+    [
+        [1.0, 0.3963377774, 0.2158037573],
+        [1.0, -0.1055613458, -0.0638541728],
+        [1.0, -0.0894841775, -1.2914855480],
+    ]
+)
+_LINEAR_SRGB = np.array(
+    [
+        [4.0767416621, -3.3077115913, 0.2309699292],
+        [-1.2684380046, 2.6097574011, -0.3413193965],
+        [-0.0041960863, -0.7034186147, 1.7076147010],
+    ]
+)
+# Lightness, chroma and hue in degrees at both ends of the scale, and the lightness in its middle:
+# blue and amber, which the color-blind tell apart too, and neither of which is red.
+_LOW_END = (0.40, 0.17, 262.0)
+_HIGH_END = (0.50, 0.13, 62.0)
+_MIDDLE = 0.96
+
+
+def linear_from_oklch(
+    lightness: npt.ArrayLike, chroma: npt.ArrayLike, hue_deg: npt.ArrayLike
+) -> FloatArray:
+    """Linear light of colors in the polar form of Oklab.
+
+    Parameters
+    ----------
+    lightness : (...) float
+        0 is black, 1 white.
+    chroma : (...) float
+        0 is gray; 0.1 to 0.2 are strong colors. What no screen can show is clipped.
+    hue_deg : (...) float
+        About 30 is red, 110 yellow, 145 green, 260 blue.
+
+    Returns
+    -------
+    (..., 3) float64
+        In [0, 1].
+
+    Examples
+    --------
+    >>> linear_from_oklch(1.0, 0.0, 0.0).round(3)
+    array([1., 1., 1.])
+    """
+    lightness, chroma, hue = np.broadcast_arrays(lightness, chroma, np.radians(hue_deg))
+    lab = np.stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)], axis=-1)
+    return np.asarray(np.clip((lab @ _CONES.T) ** 3 @ _LINEAR_SRGB.T, 0.0, 1.0))
+
+
+def diverging(levels: npt.ArrayLike) -> FloatArray:
+    """Colors of a scale with a middle: blue at -1, nearly white at 0, amber at 1.
+
+    Parameters
+    ----------
+    levels : (...) float
+        Beyond the ends the colors stay.
+
+    Returns
+    -------
+    (..., 3) float64
+        Linear light; lightness falls evenly from the middle to either end.
+    """
+    levels = np.clip(np.asarray(levels, dtype=np.float64), -1.0, 1.0)
+    ends = np.where((levels < 0.0)[..., None], _LOW_END, _HIGH_END)
+    size = np.abs(levels)
+    return linear_from_oklch(
+        _MIDDLE + size * (ends[..., 0] - _MIDDLE), size * ends[..., 1], ends[..., 2]
+    )

@@ -1,0 +1,268 @@
+"""Texture coordinates as SVG: what `draw_layout` draws, for programs that paint over it.
+
+Faces of one color are told by the outline of what they cover, and lines that meet are told in one
+stroke, in whole numbers and their differences: 100,000 triangles take one or two megabytes. What is
+drawn comes in layers, which such programs can hide: `charts`, `mirrored`, `edges`, `outlines`,
+`seams`, `tiles` and `scale`.
+
+Based on: Scalable Vector Graphics (SVG) 1.1 (Second Edition), W3C, 2011.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from typing import Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.layout_view import (
+    BACKGROUND,
+    EDGE_PX,
+    HEAT_RANGE,
+    HEAT_TICKS,
+    HEAT_WORDS,
+    INK,
+    MIRRORED,
+    OUTLINE_DARKNESS,
+    OUTLINE_PX,
+    SEAM_DARKNESS,
+    Window,
+    edge_darkness,
+    face_colors,
+    heat_color,
+    legend_size,
+)
+from texbake.mapping.seams import border_edges, chart_ids, seam_edges
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.weld import weld_rows
+
+Points = npt.NDArray[np.int64]
+Ids = npt.NDArray[np.integer[Any]]
+
+# Units a pixel of the picture: whole numbers of these are fine enough to zoom in.
+_UNITS = 32
+_BAR_STEPS = 16
+_FAINTEST = 0.03  # edges below this darkness would not be seen, and are left out
+
+
+def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = False) -> str:
+    """Draw the texture coordinates of a mesh as an SVG document.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With texture coordinates.
+    size : int or (int, int)
+        Width and height at which one tile is shown, as for `draw_layout`.
+    heat
+        Color faces by their L2 stretch, as `draw_layout` does. Without it each chart is a path of
+        its own, called `chart-` and its number in `chart_ids`.
+
+    Raises
+    ------
+    UvError
+        The mesh has no texture coordinates.
+    """
+    window = Window.around(mesh.corner_uvs(), size)
+    pixels = window.pixels(mesh.corner_uvs())
+    points = np.rint(pixels * _UNITS).astype(np.int64)
+    ends = np.stack([points, np.roll(points, -1, axis=1)], axis=2)
+    borders, seams = border_edges(mesh), seam_edges(mesh)
+    height, parts = window.height, list(_filled(mesh, points, size, heat))
+    darkness = edge_darkness(pixels)
+    if darkness >= _FAINTEST:
+        parts.append(_strokes("edges", ends[~borders], EDGE_PX, darkness))
+    parts.append(_strokes("outlines", ends[borders & ~seams], OUTLINE_PX, OUTLINE_DARKNESS))
+    parts.append(_strokes("seams", ends[seams], OUTLINE_PX, SEAM_DARKNESS))
+    parts.append(_layer("tiles", _tiles(window)))
+    if heat:
+        parts.append(_layer("scale", _scale(window)))
+        height += 3 * legend_size(window.width)
+    title = escape("".join(letter for letter in mesh.name if letter.isprintable()))
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{window.width}" height="{height}" '
+        f'viewBox="0 0 {window.width * _UNITS} {height * _UNITS}">\n<title>{title}</title>\n'
+        f'<rect width="100%" height="100%" fill="{_hex(BACKGROUND)}"/>\n'
+    )
+    return head + "".join(parts) + "</svg>\n"
+
+
+def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool) -> Iterator[str]:
+    """Layers of faces: those of charts or of colors of the heat map, and mirrored ones."""
+    charts = chart_ids(mesh)
+    colors = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
+    mirrored = signed_areas(mesh.corner_uvs()) < 0.0
+    groups: Ids = charts
+    if heat:
+        groups = weld_rows(colors.astype(np.int32))
+    upright = np.flatnonzero(~mirrored)
+    _, firsts, numbers = np.unique(groups[upright], return_index=True, return_inverse=True)
+    paths = []
+    for first, loops in zip(firsts, _outlines(points[upright], numbers), strict=True):
+        face = upright[first]
+        color = _hex(colors[face] / 255.0)
+        # A stroke of the same color closes the hairlines that renderers leave between neighbors.
+        look = f'stroke="{color}"' if heat else f'id="chart-{charts[face]}"'
+        paths.append(f'<path {look} fill="{color}" d="{_data(loops, "z")}"/>\n')
+    yield _layer("charts", paths, f'stroke-width="{_UNITS // 2}"' if heat else "")
+    if mirrored.any():
+        (loops,) = _outlines(points[mirrored], np.zeros(int(mirrored.sum()), dtype=np.int64))
+        yield _layer("mirrored", [f'<path fill="{_hex(MIRRORED)}" d="{_data(loops, "z")}"/>\n'])
+
+
+def _outlines(points: Points, groups: Ids) -> list[list[Points]]:
+    """Loops around what the faces of each group cover, by the nonzero rule.
+
+    Faces of a group turn the same way. An edge that two of them walk in opposite directions is
+    within, so what is left of all edges are the loops.
+    """
+    ids, tails, heads = _ends(np.stack([points, np.roll(points, -1, axis=1)], axis=2))
+    owners = np.repeat(groups, 3)
+    rows = np.column_stack([owners, np.minimum(tails, heads), np.maximum(tails, heads)])
+    firsts = weld_rows(rows.astype(np.int32))
+    turns = np.bincount(firsts, np.where(tails < heads, 1.0, -1.0)).astype(np.int64)
+    edges = np.flatnonzero(turns)
+    edges = np.repeat(edges, np.abs(turns[edges]))
+    edges = edges[np.argsort(owners[edges], kind="stable")]
+    starts = np.searchsorted(owners[edges], np.arange(int(groups.max(initial=-1)) + 2))
+    along = (turns[edges] > 0) == (tails[edges] < heads[edges])
+    tails, heads = (
+        np.where(along, tails[edges], heads[edges]),
+        np.where(along, heads[edges], tails[edges]),
+    )
+    return [
+        [ids[walk] for walk in _walks(tails[start:stop], heads[start:stop], directed=True)]
+        for start, stop in pairwise(starts.tolist())
+    ]
+
+
+def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
+    """Layer of lines from end to end, each drawn once."""
+    ids, tails, heads = _ends(ends)
+    pairs = np.unique(np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], 1), axis=0)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    data = _data((ids[walk] for walk in _walks(*pairs.T, directed=False)), "")
+    look = (
+        f'fill="none" stroke="{_hex(INK)}" stroke-opacity="{darkness:.2g}" '
+        f'stroke-width="{width * _UNITS:.3g}" stroke-linejoin="round" stroke-linecap="round"'
+    )
+    return _layer(name, [f'<path d="{data}"/>\n'] if data else [], look)
+
+
+def _ends(ends: Points) -> tuple[Points, Points, Points]:
+    """Points without repeats, and the numbers of those that each line goes from and to."""
+    flat = ends.reshape(-1, 2)
+    firsts = weld_rows(flat.astype(np.int32))
+    is_first = firsts == np.arange(len(firsts))
+    numbers = (np.cumsum(is_first) - 1)[firsts]
+    return flat[is_first], numbers[0::2], numbers[1::2]
+
+
+def _walks(tails: Points, heads: Points, *, directed: bool) -> Iterator[list[int]]:
+    """Walks that together take each line once, as long as they come without searching.
+
+    Directed lines of which as many lead to a point as away from it give loops.
+    """
+    lines = np.arange(len(tails))
+    froms = tails if directed else np.concatenate([tails, heads])
+    tos = heads if directed else np.concatenate([heads, tails])
+    lines = lines if directed else np.concatenate([lines, lines])
+    places, numbers = np.unique(froms, return_inverse=True)
+    order = np.argsort(numbers, kind="stable")
+    counts = np.bincount(numbers)
+    stops = np.cumsum(counts).tolist()
+    nexts = [0, *stops[:-1]]
+    # From points where an odd number of lines meet a walk has to start or end.
+    starts = np.argsort(counts % 2 == 0, kind="stable").tolist()
+    number_of = dict(zip(places.tolist(), range(len(places)), strict=True))
+    leads_to, line_of = tos[order].tolist(), lines[order].tolist()
+    used = bytearray(len(tails))
+    for start in starts:
+        while True:
+            at: int | None = start
+            walk = [int(places[start])]
+            while at is not None:
+                while nexts[at] < stops[at] and used[line_of[nexts[at]]]:
+                    nexts[at] += 1
+                if nexts[at] == stops[at]:
+                    break
+                slot = nexts[at]
+                used[line_of[slot]] = 1
+                walk.append(leads_to[slot])
+                at = number_of.get(leads_to[slot])
+            if len(walk) == 1:
+                break
+            yield walk
+
+
+def _data(walks: Iterable[Points], end: str) -> str:
+    """Path data of walks through points; `end` closes each, where it is "z"."""
+    parts = []
+    for walk in walks:
+        steps = np.diff(walk[:-1] if end else walk, axis=0)  # "z" goes back by itself
+        numbers = " ".join(map(str, steps.ravel().tolist())).replace(" -", "-")
+        parts.append(f"M{walk[0][0]} {walk[0][1]}l{numbers}{end}")
+    return "".join(parts)
+
+
+def _tiles(window: Window) -> Iterator[str]:
+    """Border and name of each tile, if there are several."""
+    size = max(10.0, min(window.tile_side / 10.0, 48.0))
+    for tile in window.tiles():
+        corners = np.array([[tile.column, tile.row + 1.0], [tile.column + 1.0, tile.row]])
+        (x, y), (right, bottom) = np.rint(window.pixels(corners) * _UNITS).astype(int).tolist()
+        yield (
+            f'<rect x="{x}" y="{y}" width="{right - x}" height="{bottom - y}" fill="none" '
+            f'stroke="{_hex(INK)}" stroke-opacity="0.5" stroke-width="{_UNITS}"/>\n'
+        )
+        if window.tile_side > 4.0 * size:
+            yield _text(tile.name, x / _UNITS + size / 3.0, bottom / _UNITS - size / 3.0, size)
+
+
+def _scale(window: Window) -> Iterator[str]:
+    """Scale of stretch, as below the picture that `draw_layout` draws."""
+    size, top = legend_size(window.width), window.height
+    left, right = 7.0 * size, window.width - 7.0 * size
+    if right - left < 12.0 * size:
+        left, right = 1.0 * size, max(window.width - size, size + 1.0)
+    shares = [step / _BAR_STEPS for step in range(_BAR_STEPS + 1)]
+    stops = "".join(
+        f'<stop offset="{share:g}" '
+        f'stop-color="{_hex(heat_color(HEAT_RANGE ** (2.0 * share - 1.0)))}"/>'
+        for share in shares
+    )
+    yield f'<linearGradient id="stretch">{stops}</linearGradient>\n'
+    x, y, width, height = (
+        round(value * _UNITS) for value in (left, top + size / 2.0, right - left, size)
+    )
+    yield f'<rect x="{x}" y="{y}" width="{width}" height="{height}" fill="url(#stretch)"/>\n'
+    for stretch, label in HEAT_TICKS:
+        share = (math.log(stretch, HEAT_RANGE) + 1.0) / 2.0
+        x_px = left + share * (right - left)
+        yield _text(label, x_px, top + 2.6 * size, size, anchor="middle")
+    if left > 2.0 * size:
+        yield _text(HEAT_WORDS[0], left - size / 2.0, top + 1.3 * size, size, anchor="end")
+        yield _text(HEAT_WORDS[1], size / 2.0, top + 2.6 * size, size)
+        yield _text(HEAT_WORDS[2], right + size / 2.0, top + 1.3 * size, size)
+
+
+def _text(words: str, x_px: float, y_px: float, size_px: float, *, anchor: str = "start") -> str:
+    x, y, size = (round(value * _UNITS) for value in (x_px, y_px, size_px))
+    return (
+        f'<text x="{x}" y="{y}" font-size="{size}" font-family="sans-serif" '
+        f'text-anchor="{anchor}" fill="{_hex(INK)}">{escape(words)}</text>\n'
+    )
+
+
+def _layer(name: str, elements: Iterable[str], look: str = "") -> str:
+    inside = "".join(elements)
+    return f'<g id="{name}"{look and " " + look}>\n{inside}</g>\n' if inside else ""
+
+
+def _hex(color: Iterable[float]) -> str:
+    return "#" + "".join(f"{round(255.0 * channel):02x}" for channel in color)

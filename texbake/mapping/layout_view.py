@@ -1,0 +1,206 @@
+"""What a picture of texture coordinates shows, whatever draws it: the window, tiles and colors."""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.colors import diverging
+from texbake.errors import UvError
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.stretch import face_stretch
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+
+# sRGB-coded colors.
+BACKGROUND = (0.96, 0.96, 0.96)
+INK = (0.12, 0.12, 0.12)
+MIRRORED = (0.86, 0.10, 0.12)
+UNMEASURED = (0.75, 0.75, 0.75)
+
+# Lines: how wide they are drawn, and how dark, 1 for black. Cuts through the surface are darker
+# than its own ends.
+EDGE_PX = 0.7
+OUTLINE_PX = 1.4
+SEAM_DARKNESS = 0.85
+OUTLINE_DARKNESS = 0.55
+_EDGE_DARKNESS = 0.45
+_ROOMY_PX = 12.0  # triangles smaller than this get fainter edges, or nothing else would be seen
+
+# The heat map shows L2 stretch from this to its inverse; beyond them colors stay.
+HEAT_RANGE = 2.0
+_HEAT_STEPS = 64  # colors to either side of the middle: more than are told apart
+HEAT_TICKS = ((0.5, "0.5"), (2.0**-0.5, "0.7"), (1.0, "1"), (2.0**0.5, "1.4"), (2.0, "2"))
+HEAT_WORDS = ("compressed", "stretch L2", "stretched")
+
+_GAMMA = 2.2  # near enough to sRGB to choose colors by
+# Coordinates this near to the border of a tile lie on it: the rounding of float32 files.
+_ROUNDING = 1e-6
+_MOST_TILES = 128  # along a side; the borders of more would cover the picture
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tile:
+    """A unit square of texture space: its column, its row and what it is called."""
+
+    column: int
+    row: int
+
+    @property
+    def name(self) -> str:
+        """UDIM number where the tile has one, else column and row."""
+        if 0 <= self.column < 10 and 0 <= self.row < 900:
+            return str(1001 + self.column + 10 * self.row)
+        return f"{self.column}, {self.row}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """The part of texture space that a picture shows, and the size of the picture.
+
+    Attributes
+    ----------
+    low, high : (u, v)
+        Lower left and upper right corner.
+    width, height : int
+        In pixels.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    width: int
+    height: int
+
+    @classmethod
+    def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> Window:
+        """Window that holds the unit square, every face with area, and the tiles they lie in.
+
+        Parameters
+        ----------
+        uvs : (F, 3, 2) float64
+            Coordinates of the corners.
+        size : int or (int, int)
+            Pixels of a picture of one tile; one of more tiles is as large along its longer side.
+        """
+        sides = np.array([size, size] if isinstance(size, int) else size, dtype=np.float64)
+        shown = uvs[signed_areas(uvs) != 0.0]
+        low, high = np.zeros(2), np.ones(2)
+        if len(shown):
+            middles = np.floor(shown.mean(axis=1))
+            low = np.minimum(low, np.minimum(middles.min(axis=0), _on_tile(shown.min(axis=(0, 1)))))
+            high = np.maximum(
+                high, np.maximum(middles.max(axis=0) + 1.0, _on_tile(shown.max(axis=(0, 1))))
+            )
+        extent = high - low
+        width, height = np.maximum(np.rint(sides * extent / extent.max()), 1.0).astype(int).tolist()
+        return cls(
+            low=(float(low[0]), float(low[1])),
+            high=(float(high[0]), float(high[1])),
+            width=width,
+            height=height,
+        )
+
+    def pixels(self, uvs: FloatArray) -> FloatArray:
+        """(..., 2): coordinates in pixels, x to the right and y down from the upper left corner."""
+        low, high = np.array(self.low), np.array(self.high)
+        shares = (uvs - low) / (high - low)
+        return np.asarray((shares * [1, -1] + [0, 1]) * [self.width, self.height])
+
+    @property
+    def tile_side(self) -> float:
+        """Pixels of the shorter side of a tile."""
+        return min(
+            self.width / (self.high[0] - self.low[0]), self.height / (self.high[1] - self.low[1])
+        )
+
+    def tiles(self) -> Iterator[Tile]:
+        """Tiles that lie in the window, if there are several and few enough to be told apart."""
+        left, bottom = (math.floor(value) for value in self.low)
+        right, top = (math.ceil(value) for value in self.high)
+        if 1 < max(right - left, top - bottom) <= _MOST_TILES:
+            for row in range(bottom, top):
+                for column in range(left, right):
+                    yield Tile(column=column, row=row)
+
+
+def face_colors(
+    mesh: Mesh, charts: IntArray, size: int | tuple[int, int], heat: bool
+) -> FloatArray:
+    """Colors of faces: those of their charts or of their stretch; red where they are mirrored.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With texture coordinates.
+    charts : (F,) int32
+    size : int or (int, int)
+        Of the texture; its shape decides what a square texel is.
+    heat
+        Show stretch. Faces that have none, for want of area, are gray.
+
+    Returns
+    -------
+    (F, 3) float64
+        sRGB-coded.
+    """
+    colors = _heat_colors(mesh, size) if heat else _chart_palette(int(charts.max()) + 1)[charts]
+    colors[signed_areas(mesh.corner_uvs()) < 0.0] = MIRRORED
+    return colors
+
+
+def edge_darkness(pixels: FloatArray) -> float:
+    """How dark edges within charts are drawn, by the size of a middling triangle in pixels."""
+    size = math.sqrt(2.0 * float(np.median(np.abs(signed_areas(pixels)))))
+    return _EDGE_DARKNESS * min(size / _ROOMY_PX, 1.0)
+
+
+def legend_size(width: int) -> int:
+    """Height of the letters of a legend in pixels; it is three times as high itself."""
+    return max(9, min(width // 48, 28))
+
+
+def heat_color(stretch: float) -> tuple[float, float, float]:
+    """SRGB-coded color of an L2 stretch."""
+    red, green, blue = coded(diverging(math.log(stretch, HEAT_RANGE))).tolist()
+    return red, green, blue
+
+
+def linear(colors: FloatArray | tuple[float, float, float]) -> FloatArray:
+    """Linear light of coded colors."""
+    return np.asarray(np.asarray(colors, dtype=np.float64) ** _GAMMA)
+
+
+def coded(colors: FloatArray) -> FloatArray:
+    """Codes of colors in linear light."""
+    return np.asarray(colors ** (1.0 / _GAMMA))
+
+
+def _heat_colors(mesh: Mesh, size: int | tuple[int, int]) -> FloatArray:
+    colors = np.empty((mesh.n_faces, 3))
+    colors[:] = UNMEASURED
+    try:
+        found = face_stretch(mesh, size)
+    except UvError:  # no face has area: there is nothing to color
+        return colors
+    levels = np.clip(np.log(found.l2) / math.log(HEAT_RANGE), -1.0, 1.0)
+    colors[found.faces] = coded(diverging(np.rint(levels * _HEAT_STEPS) / _HEAT_STEPS))
+    return colors
+
+
+def _chart_palette(n_charts: int) -> FloatArray:
+    """(n, 3) float64: colors of unlike hues for charts of successive numbers."""
+    palette = [
+        # Hues from orange to magenta, since red means mirrored; the golden ratio spreads them.
+        colorsys.hls_to_rgb(0.07 + 0.83 * (chart * 0.618034 % 1.0), 0.70 + 0.05 * (chart % 3), 0.55)
+        for chart in range(n_charts)
+    ]
+    return np.array(palette)
+
+
+def _on_tile(values: FloatArray) -> FloatArray:
+    """Coordinates, those at the border of a tile but for rounding moved onto it."""
+    borders = np.rint(values)
+    return np.where(np.abs(values - borders) <= _ROUNDING * (1.0 + np.abs(values)), borders, values)

@@ -1,0 +1,211 @@
+"""How each face is stretched between the surface and the texture, and means over many faces.
+
+The surface is compared with the texture after both are scaled to a total area of 1, so that neither
+the size of the model nor how full the texture is changes a figure; and in square texels, so that a
+texture of 2048 x 1024 is measured as it is used.
+
+Based on: Sander, Snyder, Gortler, Hoppe, "Texture Mapping Progressive Meshes", 2001 (L2 and L∞
+stretch); Hormann, Lévy, Sheffer, "Mesh Parameterization: Theory and Practice", SIGGRAPH course
+notes, 2007 (quasi-conformal error); Smith, Schaefer, "Bijective Parameterization with Free
+Boundaries", 2015 (symmetric Dirichlet energy; without the factor 1/2 that some give it); Shay et
+al., arXiv 2208.01772, 2022 (angle and area distortion).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import UvError
+from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mesh.mesh import FloatArray, Mesh
+
+# An area below this times the square of the longest edge is rounding: subtracting, multiplying and
+# subtracting again leave up to 4 units of 2^-53 an edge.
+_AREA_ROUNDING = 8.0 * 2.0**-53
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Stretch of a mesh or of one chart; means are weighted by area in space.
+
+    With σ1 ≥ σ2 the singular values of the map from surface to texture and Γ = 1/σ2, γ = 1/σ1
+    those of the map back. Mirrored faces count as infinite in the first three.
+
+    Attributes
+    ----------
+    l2 : float
+        √ of the mean of (Γ² + γ²) / 2; 1 at best, for the mesh as a whole.
+    linf : float
+        Largest Γ.
+    symmetric_dirichlet : float
+        Mean of σ1² + σ2² + Γ² + γ²; 4 at best.
+    quasi_conformal : float
+        Mean of σ1/σ2; 1 at best.
+    angle : float
+        Mean of σ1/σ2 + σ2/σ1 - 2; 0 at best.
+    area : float
+        Mean of a/A + A/a - 2 with the areas of a face in the texture and on the surface; 0 at best.
+    """
+
+    l2: float
+    linf: float
+    symmetric_dirichlet: float
+    quasi_conformal: float
+    angle: float
+    area: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures by name; what is infinite becomes None."""
+        return {k: v if math.isfinite(v) else None for k, v in asdict(self).items()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FaceStretch:
+    """Stretch of each face that has area both in space and in the texture.
+
+    Attributes
+    ----------
+    faces : (M,) int64
+        Those faces, ascending.
+    areas : (M,) float64
+        In space, in squares of model units.
+    texel_areas : (M,) float64
+        In texels, negative where a face is mirrored.
+    greatest, least : (M,) float64
+        Γ and γ, the singular values of the map from texture to surface, with total areas of 1.
+    n_degenerate : int
+        Faces without area in space.
+    n_collapsed : int
+        Faces with area in space but none in the texture.
+    """
+
+    faces: npt.NDArray[np.int64]
+    areas: FloatArray
+    texel_areas: FloatArray
+    greatest: FloatArray
+    least: FloatArray
+    n_degenerate: int
+    n_collapsed: int
+
+    @property
+    def mirrored(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: faces that run clockwise in the texture."""
+        return self.texel_areas < 0.0
+
+    @property
+    def l2(self) -> FloatArray:
+        """(M,) float64: √((Γ² + γ²) / 2) of each face, as if none were mirrored."""
+        return np.sqrt((self.greatest**2 + self.least**2) / 2.0)
+
+
+def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
+    """Measure how each face is stretched.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With texture coordinates.
+    size : int or (int, int)
+        Texels a side, or (width, height).
+
+    Raises
+    ------
+    UvError
+        The mesh has no texture coordinates, or no face has area in space and in the texture.
+    """
+    corners = mesh.positions[mesh.faces]
+    texels = mesh.corner_uvs() * np.array([size, size] if isinstance(size, int) else size, float)
+    areas, texel_areas = surface_areas(corners), signed_areas(texels)
+    solid = areas > _AREA_ROUNDING * _longest_squares(corners)
+    flat = np.abs(texel_areas) > _AREA_ROUNDING * _longest_squares(texels)
+    faces = np.flatnonzero(solid & flat)
+    if len(faces) == 0:
+        raise UvError(
+            f"{mesh.name}: none of its faces has area both in space and in the texture; "
+            f"make coordinates with: texbake unwrap {mesh.name} -o OUT"
+        )
+    areas, texel_areas = areas[faces], texel_areas[faces]
+    greatest, least = _singular_values(corners[faces], texels[faces], areas, texel_areas)
+    unit = math.sqrt(np.abs(texel_areas).sum() / areas.sum())
+    return FaceStretch(
+        faces=faces,
+        areas=areas,
+        texel_areas=texel_areas,
+        greatest=greatest * unit,
+        least=least * unit,
+        n_degenerate=int((~solid).sum()),
+        n_collapsed=int((solid & ~flat).sum()),
+    )
+
+
+def stretch_by_group(
+    found: FaceStretch, groups: npt.NDArray[np.integer[Any]], *, turned: bool = False
+) -> list[Stretch]:
+    """Sum up the stretch of faces, group by group, at the scale of the whole.
+
+    Parameters
+    ----------
+    found : FaceStretch
+    groups : (M,) int
+        Group of each of its faces; from 0 without gaps.
+    turned
+        Take mirrored faces as if they were turned over, not as infinite.
+    """
+    n_groups = int(groups.max()) + 1
+    ratios, growths = found.greatest / found.least, found.greatest * found.least
+    doubled_l2 = found.greatest**2 + found.least**2
+    totals = np.bincount(groups, found.areas, n_groups)
+
+    def means(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(groups, values * found.areas, n_groups) / totals)
+
+    # A mirrored face has no finite stretch: no path of maps that keep area leads to it.
+    flips = np.bincount(groups, found.mirrored, n_groups) > 0
+    worst = np.where(flips & (not turned), math.inf, 1.0)
+    largest = np.zeros(n_groups)
+    np.maximum.at(largest, groups, found.greatest)
+    columns = (
+        worst * np.sqrt(means(doubled_l2) / 2.0),
+        worst * largest,
+        worst * means(doubled_l2 + found.greatest**-2.0 + found.least**-2.0),
+        means(ratios),
+        means(ratios + 1.0 / ratios - 2.0),
+        means(growths + 1.0 / growths - 2.0),
+    )
+    return [
+        Stretch(
+            l2=l2, linf=linf, symmetric_dirichlet=energy, quasi_conformal=qc, angle=angle, area=area
+        )
+        for l2, linf, energy, qc, angle, area in zip(*(c.tolist() for c in columns), strict=True)
+    ]
+
+
+def _longest_squares(corners: FloatArray) -> FloatArray:
+    """(F,) float64: squared length of the longest edge of each triangle, in 2 or 3 dimensions."""
+    edges = corners - np.roll(corners, 1, axis=1)
+    return np.asarray((edges**2).sum(axis=2).max(axis=1))
+
+
+def _singular_values(
+    corners: FloatArray, texels: FloatArray, areas: FloatArray, texel_areas: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(F,) float64 each: Γ and γ of the map from texture to surface, for faces with area."""
+    q1, q2, q3 = (corners[:, i] for i in range(3))
+    s1, s2, s3 = (texels[:, i, :1] for i in range(3))
+    t1, t2, t3 = (texels[:, i, 1:] for i in range(3))
+    d = 2.0 * texel_areas[:, None]
+    # About the first corner, so that a place far from the origin costs no digits.
+    along_s = ((q2 - q1) * (t3 - t1) - (q3 - q1) * (t2 - t1)) / d
+    along_t = ((q3 - q1) * (s2 - s1) - (q2 - q1) * (s3 - s1)) / d
+    a, b, c = (
+        (x * y).sum(axis=1) for x, y in ((along_s, along_s), (along_s, along_t), (along_t, along_t))
+    )
+    greater = (a + c + np.sqrt((a - c) ** 2 + 4.0 * b**2)) / 2.0
+    # Γ γ = A / a; the difference of a + c and the root would cancel.
+    lesser = (areas / texel_areas) ** 2 / greater
+    return np.sqrt(greater), np.sqrt(np.minimum(lesser, greater))

@@ -1,0 +1,89 @@
+"""A numbered checker: the picture that shows what texture coordinates do to any other.
+
+Cells are named as on a map: letters up the rows, A at the bottom, numbers along the columns. What
+reads backwards is mirrored; what stands on its head is turned; cells that are no squares are
+stretched; and one that is cut off goes on where its neighbor's name stands.
+"""
+
+from __future__ import annotations
+
+import string
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.colors import linear_from_oklch
+from texbake.errors import OptionError
+from texbake.text import text_coverage
+
+MAX_CELLS = len(string.ascii_uppercase)
+
+# Lightness of the two kinds of cells, in Oklab, and of their ink.
+_LIGHT, _DARK, _INK = 0.86, 0.70, 0.22
+_CHROMA = 0.11
+_LEAST_NAMED_PX = 14  # cells smaller than this have no room for a name
+
+
+def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.NDArray[np.float32]:
+    """Draw a checker whose cells have names and colors of their own.
+
+    Parameters
+    ----------
+    size : int or (int, int)
+        Texels a side, or (width, height).
+    n_cells : int
+        Cells along each side, up to 26. Their borders lie between texels: where the size is no
+        multiple of their number, some are a texel wider than others.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Linear light in [0, 1]; row 0, with the last letter, is the top. It can be repeated.
+
+    Raises
+    ------
+    OptionError
+        There are no cells, too many, or more than texels.
+
+    Examples
+    --------
+    >>> checker_image(64, 4).shape
+    (64, 64, 3)
+    """
+    width, height = (size, size) if isinstance(size, int) else size
+    if not 1 <= n_cells <= MAX_CELLS:
+        raise OptionError(f"n_cells: {n_cells} is out of range; it must be 1 to {MAX_CELLS}")
+    if min(width, height) < n_cells:
+        raise OptionError(f"size: {width} x {height} texels are too few for {n_cells} cells a side")
+    columns = np.arange(n_cells + 1) * width // n_cells
+    rows = height - np.arange(n_cells + 1) * height // n_cells  # from the bottom edge upwards
+    image = np.empty((height, width, 3), dtype=np.float32)
+    for row in range(n_cells):
+        for column in range(n_cells):
+            cell = image[rows[row + 1] : rows[row], columns[column] : columns[column + 1]]
+            lightness = _LIGHT if (row + column) % 2 else _DARK
+            # All hues along a row; along a column, the step between two of them.
+            hue = 360.0 * (column + row / n_cells) / n_cells
+            cell[:] = linear_from_oklch(lightness, _CHROMA, hue)
+            _name(cell, f"{string.ascii_uppercase[row]}{column + 1}")
+    return image
+
+
+def _name(cell: npt.NDArray[np.float32], name: str) -> None:
+    """Write a name into the middle of a cell, and a mark into its corner at the least u and v."""
+    height, width = cell.shape[:2]
+    if min(height, width) < _LEAST_NAMED_PX:
+        return
+    size = int(0.5 * min(height, width))
+    ink = text_coverage(name, size)
+    while ink.shape[1] > 0.8 * width and size > 1:
+        size -= 1
+        ink = text_coverage(name, size)
+    top, left = (height - ink.shape[0]) // 2, (width - ink.shape[1]) // 2
+    color = linear_from_oklch(_INK, 0.0, 0.0).astype(np.float32)
+    area = cell[top : top + ink.shape[0], left : left + ink.shape[1]]
+    area += ink[:, :, None] * (color - area)
+    # A triangle, so that names such as H8, the same on their heads, tell which way is up as well.
+    side = max(2, min(height, width) // 7)
+    for step in range(side):
+        cell[height - side + step, : step + 1] = color
