@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.mend import mended_charts
+from texbake.mapping.atlas.cutting.mend import mended_charts
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
@@ -17,8 +17,7 @@ NO_CHART = 2**32 - 1
 def mended(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts | None:
     """Mend coordinates that every vertex of a mesh has one of."""
     return mended_charts(
-        mesh.positions,
-        mesh.faces,
+        mesh.positions[mesh.faces],
         mesh.faces.astype(np.uint32),
         np.asarray(uvs, dtype=np.float32),
         np.asarray(chart_ids, dtype=np.uint32),
@@ -64,23 +63,6 @@ def test_every_chart_gets_its_own_map() -> None:
     assert charts.n_mirrored == 1
     areas = signed_areas(charts.uvs[charts.faces])
     assert areas == pytest.approx([0.5, 0.5, 0.125, 0.125], rel=1e-6)
-
-
-def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
-    mesh = Mesh(
-        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 0], [9, 9, 9]],
-        faces=[[4, 4, 4], [0, 1, 2], [1, 3, 2]],
-    )
-    uvs = [[0, 0], [1, 0], [0, 1], [0, 0], [0, 0]]
-    faces = np.array([[4, 4, 4], [0, 1, 2], [3, 3, 3]], dtype=np.uint32)
-    ids = np.array([0, 0, 0, NO_CHART, NO_CHART], dtype=np.uint32)
-    charts = mended_charts(mesh.positions, mesh.faces, faces, np.array(uvs, dtype=np.float32), ids)
-    assert charts is not None
-    assert charts.n_ignored == 2
-    assert charts.faces[1].tolist() == [0, 1, 2]
-    assert charts.faces[2].tolist() == [1, 1, 1]  # where vertex 1 is
-    assert len(set(charts.faces[0].tolist())) == 1
-    assert len(charts.uvs) == 3
 
 
 def test_no_chart_at_all() -> None:

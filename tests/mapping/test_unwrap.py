@@ -6,10 +6,12 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.distortion import distortion
+from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces
-from texbake.mapping.unwrap import unwrap, unwrap_with_report
+from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
 from texbake.mesh.files import read_mesh
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink
@@ -43,6 +45,13 @@ def assert_sound(before: Mesh, after: Mesh, padding: int, size: tuple[int, int])
     assert not overlapping_faces(corners).any()
 
 
+def grouped(mesh: Mesh) -> Mesh:
+    """Three bands from bottom to top, as groups."""
+    height = mesh.positions[mesh.faces, 1].mean(axis=1)
+    groups = np.digitize(height, [-0.4, 0.4]).astype(np.int32)
+    return mesh.replace(face_groups=groups, group_names=("low", "middle", "high"))
+
+
 @pytest.mark.parametrize("mesh", [cube(), icosphere(3), grid_sphere(20, 40), plane(5, 5)])
 @pytest.mark.parametrize("size", [256, (512, 128)])
 def test_made_meshes(mesh: Mesh, size: int | tuple[int, int]) -> None:
@@ -64,7 +73,8 @@ def test_hard_meshes(name: str) -> None:
     assert_sound(mesh, unwrapped, 1, (64, 64))
     solid = report.distortion.n_degenerate + report.distortion.n_measured
     assert solid == mesh.n_faces
-    assert report.n_ignored == report.distortion.n_degenerate
+    without_area = report.tallies.get("faces without area, which get one point each", 0)
+    assert without_area == report.distortion.n_degenerate
 
 
 def test_two_shells_in_one_place_get_coordinates_of_their_own() -> None:
@@ -123,10 +133,14 @@ def test_the_report_is_json_and_the_stages_are_told() -> None:
 
     listener = Listener()
     _, report = unwrap_with_report(icosphere(2), size=(256, 128), progress=listener)
-    assert listener.stages == ["cut charts", "pack charts", "measure"]
+    assert listener.stages == [
+        "cut charts", "relax charts", "join charts", "pack charts", "measure"
+    ]  # fmt: skip
     written = json.loads(json.dumps(report.to_json(), allow_nan=False))
     assert written["charts"] == report.n_charts
     assert written["options"]["size"] == [256, 128]
+    assert written["options"]["method"] == "atlas"
+    assert "theta" not in written["options"]  # nothing that an atlas does not read
     assert written["distortion"]["l2"] == report.distortion.stretch.l2
     assert written["seconds"] == pytest.approx(sum(s["seconds"] for s in written["stages"]))
 
@@ -146,9 +160,86 @@ def test_real_meshes(name: str, least_fill: float, data_dir: Path) -> None:
     assert report.distortion.n_measured == mesh.n_faces
 
 
+@pytest.mark.parametrize("method", [m for m in METHODS if m not in ("atlas", "parametric")])
+def test_classical_methods_keep_everything_but_the_coordinates(method: str) -> None:
+    mesh = grouped(icosphere(3))
+    mapped, report = unwrap_with_report(mesh, method=method)
+    assert np.array_equal(mapped.positions, mesh.positions)
+    assert np.array_equal(mapped.faces, mesh.faces)
+    assert mapped.uvs is not None and np.isfinite(mapped.uvs).all()
+    assert [stage.name for stage in report.stages] == [f"map ({method})", "measure"]
+    assert json.loads(json.dumps(report.to_json(), allow_nan=False))["options"]["method"] == method
+
+
+def test_a_function_is_told_by_its_name() -> None:
+    def shear(points: np.ndarray) -> np.ndarray:
+        return points @ [[1.0, 0.0], [0.5, 1.0]]
+
+    _, report = unwrap_with_report(icosphere(1), method="spherical", warp=shear)
+    assert report.to_json()["options"]["warp"] == "shear"
+
+
+def test_several_meshes_share_one_texture_at_one_density() -> None:
+    small, large = cube(), icosphere(2)
+    large = large.replace(positions=3.0 * large.positions)
+    results = unwrap_together([small, large], size=512, padding=2)
+    both = join_meshes([mesh for mesh, _ in results])
+    assert not overlapping_faces(both.corner_uvs()).any()
+    found = distortion(both, 512)
+    assert found.stretch.l2 < 1.03
+    densities = [report.distortion.texel_density for _, report in results]
+    assert densities[0] == pytest.approx(densities[1], rel=1e-3)
+
+
+def test_groups_get_tiles_of_their_own() -> None:
+    mesh = grouped(icosphere(3))
+    mapped, report = unwrap_with_report(mesh, size=256, padding=2, by_group=True)
+    tiles = np.floor(mapped.corner_uvs()).astype(int)
+    assert (tiles == tiles[:, :1]).all()  # no face lies in two
+    for group in range(3):
+        columns = tiles[mesh.face_groups == group][:, 0, 0]
+        assert (columns == columns[0]).all()
+    assert report.distortion.n_tiles == 3
+
+
+def test_more_tiles_hold_more_texels() -> None:
+    mesh = icosphere(3)
+    one, four = (unwrap_with_report(mesh, size=256, tiles=n)[1].distortion for n in (1, 4))
+    assert four.n_tiles > 1
+    assert four.texel_density > 1.5 * one.texel_density
+
+
+def test_no_chart_stretches_more_than_promised() -> None:
+    _, report = unwrap_with_report(icosphere(3), max_stretch=1.002)
+    assert max(chart.l2_alone for chart in report.distortion.charts) <= 1.002
+    assert report.notes == ()
+
+
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+def test_every_quality_is_sound(quality: str) -> None:
+    mesh = grid_sphere(24, 40)
+    mapped, report = unwrap_with_report(mesh, quality=quality, size=512)
+    assert_sound(mesh, mapped, 4, (512, 512))
+    assert report.distortion.stretch.l2 < {"fast": 1.06, "good": 1.03, "best": 1.1}[quality]
+
+
+def test_bytes_do_not_depend_on_threads() -> None:
+    mesh = icosphere(4)
+    first = unwrap(mesh, threads=1)
+    assert all(np.array_equal(unwrap(mesh, threads=n).uvs, first.uvs) for n in (2, 3))
+
+
+def test_only_an_atlas_takes_several_meshes() -> None:
+    with pytest.raises(OptionError, match="box maps one mesh at a time"):
+        unwrap_together([cube(), cube()], method="box")
+    with pytest.raises(OptionError, match="there is none"):
+        unwrap_together([])
+
+
 @pytest.mark.realdata
 def test_a_broken_mesh(data_dir: Path) -> None:
     mesh = read_mesh(data_dir / "broken" / "openscad-nonmanifold-crash.obj")
     unwrapped, report = unwrap_with_report(mesh, size=1024, padding=1)
     assert_sound(mesh, unwrapped, 1, (1024, 1024))
-    assert report.n_split_charts > 0  # coplanar faces that lie on one another
+    # Coplanar faces lie on one another.
+    assert report.tallies["charts made by taking apart others that lay on themselves"] > 0

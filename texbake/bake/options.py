@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
-from texbake.mapping.atlas_options import AtlasOptions
-from texbake.mapping.texture_options import MAX_SIZE, TextureOptions
+from texbake.mapping.options.atlas import AtlasOptions
+from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")

@@ -1,96 +1,67 @@
-"""Texture coordinates for any mesh: cut into charts, flattened, packed into one texture.
+"""Texture coordinates for a mesh, by any method.
 
 The mesh is taken as it comes and only gains coordinates: positions stay bit-equal and faces keep
-their order. Its size and place change nothing.
+their order. Its size and place change nothing but what is asked for in model units.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import Any
 
-from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cut import cut_charts
-from texbake.mapping.atlas.pack import pack_charts
-from texbake.mapping.distortion import Distortion, distortion
+import numpy as np
+
+from texbake.errors import OptionError
+from texbake.mapping.distortion import distortion
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.mapping.projected import Projected, with_coordinates
+from texbake.mapping.selection import faces_of_group, selected, with_selected_corners
+from texbake.mapping.transform import at_density, transformed
+from texbake.mapping.unwrap_report import UnwrapReport
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.progress import ProgressSink, Stages
+
+# Where each classical method has its function, which is called as its module is.
+_CLASSICAL = {
+    "planar": "planar",
+    "cylindrical": "cylindrical",
+    "spherical": "spherical",
+    "box": "box",
+    "two-part": "two_part",
+    "parametric": "parametric",
+    "projector": "projector",
+}
 
 
-@dataclass(frozen=True, kw_only=True)
-class UnwrapReport:
-    """Figures of one unwrap.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Mapped:
+    """Coordinates of one mesh by corner, and what a report says of them."""
 
-    Attributes
-    ----------
-    mesh : str
-        Its name.
-    n_faces : int
-    options : UnwrapOptions
-        As asked for.
-    n_charts : int
-        Pieces of the surface that the texture shows.
-    n_ignored : int
-        Faces that lie in no chart because they have no area; each has one point for coordinates.
-    n_mirrored_charts : int
-        Charts that came out mirrored and were turned over; none is left so.
-    n_split_charts : int
-        Charts made by taking apart those that lay on themselves; none is left so.
-    fill : float
-        Share of the texture that charts cover.
-    distortion : Distortion
-    stages : list of StageRecord
-    """
-
-    mesh: str
-    n_faces: int
-    options: UnwrapOptions
-    n_charts: int
-    n_ignored: int
-    n_mirrored_charts: int
-    n_split_charts: int
-    fill: float
-    distortion: Distortion
-    stages: list[StageRecord]
-
-    @property
-    def seconds(self) -> float:
-        """Time of all stages."""
-        return sum(stage.seconds for stage in self.stages)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as plain dicts, lists, numbers and strings."""
-        return {
-            "mesh": self.mesh,
-            "faces": self.n_faces,
-            "options": asdict(self.options),
-            "charts": self.n_charts,
-            "ignored_faces": self.n_ignored,
-            "mirrored_charts_mended": self.n_mirrored_charts,
-            "charts_split_off": self.n_split_charts,
-            "fill": self.fill,
-            "distortion": self.distortion.to_json(),
-            "seconds": self.seconds,
-            "stages": [asdict(stage) for stage in self.stages],
-        }
+    corners: FloatArray
+    tallies: dict[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def unwrap(
     mesh: Mesh,
     options: UnwrapOptions | None = None,
     *,
+    threads: int | None = None,
     progress: ProgressSink | None = None,
     **changes: Any,
 ) -> Mesh:
-    """Give a mesh texture coordinates in which no two faces overlap.
+    """Give a mesh texture coordinates.
 
     Parameters
     ----------
     mesh : Mesh
-        May have texture coordinates, which are not used.
+        Coordinates that it has are replaced, except where the method or an option uses them.
     options : UnwrapOptions, optional
-        None for `UnwrapOptions()`.
+        None for `UnwrapOptions()`: an atlas in which no two faces overlap.
+    threads
+        None for every processor; the result does not depend on it.
     progress
         Told of the stages.
     **changes
@@ -100,60 +71,142 @@ def unwrap(
     -------
     Mesh
         The same mesh with `uvs` and `uv_faces`; tangents that came with it, made for other
-        coordinates, are gone. A face without area gets the same point for its three corners.
+        coordinates, are gone. A face without area gets defined, finite coordinates.
 
     Raises
     ------
     UnwrapError
-        No face has area, xatlas crashed or took too long, or the charts do not fit.
+        Atlas: no face has an area, or the charts do not fit.
+    UvError
+        Coordinates that the method or an option builds on are missing.
     OptionError
-        A field has a value that it cannot have.
+        A field has a value that it cannot have, or names a group that is not there.
     """
-    _, result, _ = _unwrapped(
-        mesh, replace(options or UnwrapOptions(), **changes), Stages(progress)
-    )
-    return result
+    options = replace(options or UnwrapOptions(), **changes)
+    return _unwrapped([mesh], options, Stages(progress), threads)[0][0]
 
 
 def unwrap_with_report(
     mesh: Mesh,
     options: UnwrapOptions | None = None,
     *,
+    threads: int | None = None,
     progress: ProgressSink | None = None,
     **changes: Any,
 ) -> tuple[Mesh, UnwrapReport]:
     """Give a mesh texture coordinates, as `unwrap`, and measure them."""
+    return unwrap_together([mesh], options, threads=threads, progress=progress, **changes)[0]
+
+
+def unwrap_together(
+    meshes: Sequence[Mesh],
+    options: UnwrapOptions | None = None,
+    *,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+    **changes: Any,
+) -> list[tuple[Mesh, UnwrapReport]]:
+    """Give several meshes texture coordinates in one texture, at one texel density.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        Each is measured in its own model units.
+    options, threads, progress, **changes
+        As for `unwrap`; several meshes need the method `atlas`, by which no two faces overlap, of
+        whichever meshes they are.
+
+    Returns
+    -------
+    list of (Mesh, UnwrapReport)
+        In the order of the meshes. The stages are those of all together; the figures are those of
+        each mesh by itself.
+
+    Raises
+    ------
+    UnwrapError, UvError, OptionError
+        As `unwrap`.
+    """
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
-    charts, result, fill = _unwrapped(mesh, options, stages)
+    results = _unwrapped(meshes, options, stages, threads)
     with stages.stage("measure"):
-        measured = distortion(result, (options.width_px, options.height_px))
-    return result, UnwrapReport(
-        mesh=mesh.name,
-        n_faces=mesh.n_faces,
-        options=options,
-        n_charts=charts.n_charts,
-        n_ignored=charts.n_ignored,
-        n_mirrored_charts=charts.n_mirrored,
-        n_split_charts=charts.n_split,
-        fill=fill,
-        distortion=measured,
-        stages=stages.records,
-    )
-
-
-def _unwrapped(mesh: Mesh, options: UnwrapOptions, stages: Stages) -> tuple[Charts, Mesh, float]:
-    """Return the charts, the mesh with its coordinates, and how full the texture is."""
-    with stages.stage("cut charts"):
-        charts = cut_charts(mesh, timeout=options.timeout)
-    with stages.stage("pack charts"):
-        packing = pack_charts(
-            charts.uvs,
-            charts.faces,
-            charts.chart_ids,
-            size=(options.width_px, options.height_px),
-            padding=options.padding,
-            name=mesh.name,
+        measured = [distortion(mesh, (options.width_px, options.height_px)) for mesh, _ in results]
+    return [
+        (
+            mesh,
+            UnwrapReport(
+                mesh=mesh.name,
+                n_faces=mesh.n_faces,
+                options=options,
+                tallies=mapped.tallies,
+                notes=mapped.notes,
+                distortion=figures,
+                stages=stages.records,
+            ),
         )
-    result = mesh.replace(uvs=packing.uvs, uv_faces=charts.faces, tangents=None)
-    return charts, result, packing.fill
+        for (mesh, mapped), figures in zip(results, measured, strict=True)
+    ]
+
+
+def _unwrapped(
+    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+) -> list[tuple[Mesh, _Mapped]]:
+    """Choose faces, map them, and put their coordinates back into the meshes."""
+    if len(meshes) == 0:
+        raise OptionError("meshes: there is none to unwrap")
+    if options.only is None:
+        chosen = [np.ones(mesh.n_faces, dtype=bool) for mesh in meshes]
+        parts = list(meshes)
+    else:
+        chosen = [faces_of_group(mesh, options.only) for mesh in meshes]
+        parts = [selected(mesh, faces) for mesh, faces in zip(meshes, chosen, strict=True)]
+    if options.method == "atlas":
+        mapped = _mapped_by_atlas(parts, options, stages, threads)
+    elif len(meshes) > 1:
+        raise OptionError(f"method: {options.method} maps one mesh at a time; several need atlas")
+    else:
+        with stages.stage(f"map ({options.method})"):
+            mapped = [_mapped_classically(parts[0], options)]
+    results = []
+    for mesh, faces, part in zip(meshes, chosen, mapped, strict=True):
+        corners = part.corners + np.array(options.offset, dtype=np.float64)
+        corners, n_without = with_selected_corners(mesh, faces, corners)
+        if n_without:
+            part.tallies["faces of other groups without coordinates"] = n_without
+        results.append((with_coordinates(mesh, corners), part))
+    return results
+
+
+def _mapped_by_atlas(
+    parts: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+) -> list[_Mapped]:
+    """Coordinates in one atlas; its texel density is that of the packing."""
+    from texbake.mapping.atlas.atlas import make_atlas
+
+    mapped = []
+    for atlas in make_atlas(parts, options, stages, threads=threads):
+        charts = atlas.charts
+        tallies = {
+            "faces without area, which get one point each": charts.n_ignored,
+            "mirrored charts, turned over": charts.n_mirrored,
+            "charts made by taking apart others that lay on themselves": charts.n_split,
+        }
+        mapped.append(
+            _Mapped(
+                corners=transformed(atlas.corners, options),
+                tallies={name: count for name, count in tallies.items() if count},
+                notes=charts.notes,
+            )
+        )
+    return mapped
+
+
+def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
+    """Coordinates by a closed formula, moved on as the options ask."""
+    name = _CLASSICAL[options.method]
+    projected: Projected = getattr(import_module(f"texbake.mapping.classical.{name}"), name)(
+        part, options
+    )
+    corners = at_density(part, transformed(projected.corners, options), options)
+    return _Mapped(corners=corners, tallies=dict(projected.tallies))

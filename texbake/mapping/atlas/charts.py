@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, IntArray
 
@@ -42,3 +46,51 @@ class Charts:
     def n_charts(self) -> int:
         """Number of charts."""
         return int(self.chart_ids.max()) + 1
+
+
+def gathered_charts(
+    mesh_faces: IntArray, pieces: Sequence[tuple[IntArray, Charts]], notes: tuple[str, ...] = ()
+) -> Charts:
+    """Put the charts of parts of a mesh together.
+
+    Parameters
+    ----------
+    mesh_faces : (F, 3) int32
+        Vertices of the faces of the whole mesh.
+    pieces : sequence of ((n,) int32, Charts)
+        Faces of the mesh, and their charts; at least one. What is in none lies in no chart.
+    notes : tuple of str
+        What to tell of the whole; those of the pieces come after.
+    """
+    first_uvs = np.cumsum([0] + [len(charts.uvs) for _, charts in pieces])
+    first_charts = np.cumsum([0] + [charts.n_charts for _, charts in pieces])
+    faces = np.zeros_like(mesh_faces)
+    for (face_ids, charts), first_uv in zip(pieces, first_uvs, strict=False):
+        faces[face_ids] = charts.faces + np.int32(first_uv)
+    solid = np.flatnonzero((faces != faces[:, :1]).any(axis=1))
+    chart_ids = [c.chart_ids + np.int32(n) for (_, c), n in zip(pieces, first_charts, strict=False)]
+    return Charts(
+        uvs=np.concatenate([charts.uvs for _, charts in pieces]),
+        faces=_with_anchors(mesh_faces, solid, faces[solid]),
+        chart_ids=np.concatenate(chart_ids),
+        n_ignored=len(mesh_faces) - len(solid),
+        n_mirrored=sum(charts.n_mirrored for _, charts in pieces),
+        n_split=sum(charts.n_split for _, charts in pieces),
+        notes=notes + tuple(note for _, charts in pieces for note in charts.notes),
+    )
+
+
+def _with_anchors(
+    mesh_faces: IntArray, solid: npt.NDArray[np.integer], faces: npt.NDArray[np.integer]
+) -> IntArray:
+    """(F, 3) int32: `faces` for the solid ones; one coordinate for the corners of each other.
+
+    It is one that a solid face has at one of its vertices, where there is one.
+    """
+    none = np.iinfo(np.int32).max
+    at_vertex = np.full(int(mesh_faces.max()) + 1, none, dtype=np.int64)
+    np.minimum.at(at_vertex, mesh_faces[solid].ravel(), faces.ravel())
+    anchors = at_vertex[mesh_faces].min(axis=1)
+    all_faces = np.repeat(np.where(anchors < none, anchors, 0)[:, None], 3, axis=1)
+    all_faces[solid] = faces
+    return all_faces.astype(np.int32)

@@ -25,70 +25,78 @@ from texbake.mesh.mesh import FloatArray, IntArray
 # wider, hardly one coordinate in a thousand changes its cell by such a move.
 GRID_CELLS = 2.0**20
 
-_NO_CHART = np.uint32(2**32 - 1)
+NO_CHART = 2**32 - 1  # of coordinates that lie in none
+_TINY = np.finfo(np.float64).tiny
 _NONE = np.empty(0, dtype=np.intp)
 
-# Least width of a face in the plane, as a share of its width in space: what is squashed more than
-# a hundred times, or mirrored, has lost its shape.
-_LEAST_WIDTH = 0.01
+# Most L2 stretch of a face: what is squashed or sheared more, or mirrored, has lost its shape.
+_MOST_STRETCH = 10.0
 
 # Faces narrower than this in space lose their shape by the snapping to the grid, which moves each
-# corner by up to half a cell in each direction.
+# corner by up to half a cell in each direction. Those are taken out if their stretch is more than
+# this: nothing could be seen of them.
 _SLIVER_WIDTH = 4.0 / GRID_CELLS
+_MOST_SLIVER_STRETCH = 4.0
 
 # Overlaps no deeper than this are two borders that snapping brought together.
-_OVERLAP_DEPTH = 0.5 / GRID_CELLS
+OVERLAP_DEPTH = 0.5 / GRID_CELLS
 
 
 def mended_charts(
-    points: FloatArray,
-    mesh_faces: IntArray,
-    faces: npt.NDArray[np.uint32],
-    uvs: npt.NDArray[np.float32],
-    chart_ids: npt.NDArray[np.uint32],
+    corners: FloatArray,
+    faces: npt.NDArray[np.integer[Any]],
+    uvs: npt.NDArray[np.floating[Any]],
+    chart_ids: npt.NDArray[np.integer[Any]],
+    *,
+    even: bool = True,
 ) -> Charts | None:
     """Turn what xatlas gives into charts that neither overlap nor are mirrored.
 
     Parameters
     ----------
-    points : (V, 3) float64
-        On the grid, in the unit cube.
-    mesh_faces : (F, 3) int32
-        Indices into `points`.
-    faces : (F, 3) uint32
+    corners : (F, 3, 3) float64
+        Positions of the corners of the faces, on the grid, in the unit cube.
+    faces : (F, 3) int
         Indices into `uvs`.
-    uvs : (T, 2) float32
+    uvs : (T, 2) float
         Coordinates; those of a chart are meaningful up to a linear map.
-    chart_ids : (T,) uint32
+    chart_ids : (T,) int
         2^32 - 1 for coordinates that lie in no chart.
+    even : bool
+        Whether charts get the linear map that makes their stretch even, and their area in space;
+        or have both already.
 
     Returns
     -------
     Charts or None
         None where no face has an area.
     """
-    solid = np.flatnonzero((chart_ids[faces] != _NO_CHART).all(axis=1)) if len(uvs) else _NONE
+    solid = np.flatnonzero((chart_ids[faces] != NO_CHART).all(axis=1)) if len(uvs) else _NONE
     if len(solid) == 0:
         return None
-    corners = points[mesh_faces[solid]]
+    n_faces, corners = len(corners), corners[solid]
     kept, ids, flat = _renumbered(faces[solid].astype(np.int64), chart_ids)
-    upright, n_mirrored = _turned_over(uvs[kept].astype(np.float64), flat, ids)
-    evened = _evened(upright, flat, ids, corners)
+    laid, n_mirrored = _turned_over(uvs[kept].astype(np.float64), flat, ids)
+    if even:
+        laid = _evened(laid, flat, ids, corners)
 
-    widths = _widths(surface_areas(corners), corners)
-    lost = _widths(signed_areas(evened[flat]), evened[flat]) < _LEAST_WIDTH * widths
-    keep = ~(lost & (widths < _SLIVER_WIDTH))
+    widths = _widths(corners)
+    squares = _squared_stretch(corners, laid[flat])
+    lost = squares > _MOST_STRETCH**2
+    keep = (widths >= _SLIVER_WIDTH) | (squares <= _MOST_SLIVER_STRETCH**2)
     if not keep.any():
         return None
     solid, corners, flat, lost = solid[keep], corners[keep], flat[keep], lost[keep]
     n_charts = len(np.unique(ids[flat[:, 0]]))
-    flat, evened, ids = _taken_apart(corners, flat, evened, ids, lost)
+    flat, laid, ids = _taken_apart(corners, flat, laid, ids, lost)
     kept, ids, flat = _renumbered(flat, ids)
+    all_faces = np.zeros((n_faces, 3), dtype=np.int32)
+    all_faces[solid] = flat
     return Charts(
-        uvs=evened[kept],
-        faces=_with_points(mesh_faces, solid, flat),
+        uvs=laid[kept],
+        faces=all_faces,
         chart_ids=ids,
-        n_ignored=len(mesh_faces) - len(solid),
+        n_ignored=n_faces - len(solid),
         n_mirrored=n_mirrored,
         n_split=int(ids.max()) + 1 - n_charts,
     )
@@ -103,11 +111,24 @@ def _renumbered(
     return kept, ids.astype(np.int32), new_faces.reshape(-1, 3)
 
 
-def _widths(areas: FloatArray, corners: FloatArray) -> FloatArray:
-    """(F,) float64: height over the longest edge, in 2 or 3 dimensions, signed as the area is."""
+def _widths(corners: FloatArray) -> FloatArray:
+    """(F,) float64: height of a face over its longest edge, in space."""
     edges = corners - np.roll(corners, 1, axis=1)
     longest = np.sqrt((edges**2).sum(axis=2).max(axis=1))
-    return np.asarray(2.0 * areas / np.maximum(longest, np.finfo(np.float64).tiny))
+    return np.asarray(2.0 * surface_areas(corners) / np.maximum(longest, _TINY))
+
+
+def _squared_stretch(corners: FloatArray, uvs: FloatArray) -> FloatArray:
+    """(F,) float64: (Γ² + γ²) / 2 of the map from the plane; infinite for a mirrored face."""
+    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    # The columns of the map are (edges · uv_edges⁻¹); the inverse is the adjugate over 2 A.
+    across = edges[:, 0] * uv_edges[:, 1, 1:] - edges[:, 1] * uv_edges[:, 0, 1:]
+    up = edges[:, 1] * uv_edges[:, 0, :1] - edges[:, 0] * uv_edges[:, 1, :1]
+    areas = 2.0 * signed_areas(uvs)
+    squares = np.full(len(corners), np.inf)
+    sums = (across**2).sum(axis=1) + (up**2).sum(axis=1)
+    np.divide(sums, 2.0 * areas**2, out=squares, where=areas > 0.0)
+    return squares
 
 
 def _taken_apart(
@@ -122,7 +143,7 @@ def _taken_apart(
     Returns faces, coordinates and their chart ids; some coordinates may be in no use any more.
     """
     charts = chart_ids[faces[:, 0]]
-    layers = overlap_layers(uvs[faces], charts, depth=_OVERLAP_DEPTH)
+    layers = overlap_layers(uvs[faces], charts, depth=OVERLAP_DEPTH)
     layers[lost] = 0
     if not (layers.any() or lost.any()):
         return faces, uvs, chart_ids
@@ -153,22 +174,6 @@ def _laid_flat(corners: FloatArray) -> FloatArray:
     return flat
 
 
-def _with_points(
-    mesh_faces: IntArray, solid: npt.NDArray[np.integer[Any]], faces: npt.NDArray[np.int64]
-) -> IntArray:
-    """(F, 3) int32: `faces` for the solid ones; one coordinate for the corners of each other.
-
-    It is one that a solid face has at one of its vertices, where there is one.
-    """
-    none = np.iinfo(np.int32).max
-    at_vertex = np.full(int(mesh_faces.max()) + 1, none, dtype=np.int64)
-    np.minimum.at(at_vertex, mesh_faces[solid].ravel(), faces.ravel())
-    anchors = at_vertex[mesh_faces].min(axis=1)
-    all_faces = np.repeat(np.where(anchors < none, anchors, 0)[:, None], 3, axis=1)
-    all_faces[solid] = faces
-    return all_faces.astype(np.int32)
-
-
 def _turned_over(
     uvs: FloatArray, faces: npt.NDArray[np.int64], chart_ids: IntArray
 ) -> tuple[FloatArray, int]:
@@ -197,7 +202,7 @@ def _evened(
     # J Jᵀ = U G⁻¹ Uᵀ with the edges U in texture and their Gram matrix G in space; |G| = 4 A².
     gram = np.einsum("fik,fjk->fij", edges, edges)
     adjugates = np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2) - gram
-    weights = adjugates / (4.0 * np.maximum(areas, np.finfo(np.float64).tiny))[:, None, None]
+    weights = adjugates / (4.0 * np.maximum(areas, _TINY))[:, None, None]
     moments = np.einsum("fik,fij,fjl->fkl", uv_edges, weights, uv_edges)
     sums = [np.bincount(face_charts, moments[:, i, j]) for i in (0, 1) for j in (0, 1)]
     maps = _inverse_square_roots(np.array(sums, dtype=np.float64).T.reshape(-1, 2, 2))

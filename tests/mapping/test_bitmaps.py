@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation
+
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
+from texbake.mapping.atlas.packing.place import place_charts
+from texbake.mapping.atlas.packing.poses import Poses, least_box_angles
+from texbake.mapping.atlas.packing.separate import Search, pair_weights, separate
+from texbake.mapping.atlas.packing.shapes import Shapes, shapes_of
+
+SEARCH = Search(samples=20, radius=8, step=4, patience=100, work=100_000_000)
+
+
+def random_bitmaps(seed: int, n_charts: int) -> Bitmaps:
+    """Blobs of up to 12 x 12 cells, in two poses each, with holes and bays."""
+    random = np.random.default_rng(seed)
+    boxes = random.integers(3, 13, (n_charts, 2, 2))
+    n_cells = boxes.prod(axis=2)
+    starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
+    masks = (random.random(n_cells.sum()) < 0.8).astype(np.uint8)
+    masks[starts] = 1
+    return Bitmaps(boxes=boxes, shifts=np.zeros((n_charts, 2, 2)), starts=starts, masks=masks)
+
+
+def mask_of(bitmaps: Bitmaps, chart: int, pose: int, turn: int) -> np.ndarray:
+    width, height = bitmaps.boxes[chart, pose]
+    start = bitmaps.starts[chart, pose]
+    # Rows go up, so that a turn counter-clockwise is one clockwise of rows that go down.
+    return np.rot90(bitmaps.masks[start : start + width * height].reshape(height, width), -turn)
+
+
+def stamped(mask: np.ndarray, place: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    grid = np.zeros(shape, dtype=np.uint8)
+    grid[place[1] : place[1] + mask.shape[0], place[0] : place[0] + mask.shape[1]] = mask
+    return grid
+
+
+@pytest.mark.parametrize("hurry", [0, 1, 2])
+@pytest.mark.parametrize("padding", [0, 1, 3])
+def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
+    bitmaps = random_bitmaps(padding, 30)
+    grid = Grid.over((90, 120), padding, most_cells=200)
+    placed = place_charts(bitmaps, np.arange(30, dtype=np.int32), grid, hurry=hurry)
+    assert placed.n_missing == 0
+    reach = len(grid.half_widths) // 2
+    near = np.array([np.abs(np.arange(2 * reach + 1) - reach) <= half for half in grid.half_widths])
+    taken = np.zeros((grid.height, grid.width), dtype=bool)
+    for chart, place in enumerate(placed.places):
+        mask = mask_of(bitmaps, chart, place[2], place[3])
+        cells = stamped(mask, place, taken.shape).astype(bool)
+        assert cells.sum() == mask.sum()
+        assert not (cells & taken).any()
+        assert placed.tops[chart] == place[1] + len(mask)
+        taken |= binary_dilation(cells, near)
+
+
+def test_charts_without_a_place_are_left_out() -> None:
+    bitmaps = random_bitmaps(1, 30)
+    grid = Grid.over((24, 24), 0, most_cells=200)
+    order = np.arange(30, dtype=np.int32)
+    placed = place_charts(bitmaps, order, grid, all_or_nothing=False)
+    found = placed.places[:, 0] >= 0
+    assert 0 < placed.n_missing == 30 - found.sum() < 30
+    assert place_charts(bitmaps, order[found], grid).n_missing == 0
+
+
+def test_shapes_are_the_cells_of_turned_bitmaps_and_what_is_near_them() -> None:
+    bitmaps = random_bitmaps(2, 6)
+    grid = Grid.over((64, 64), 2, most_cells=64)
+    shapes = shapes_of(bitmaps, grid.half_widths, turns=4)
+    reach = len(grid.half_widths) // 2
+    near = np.array([np.abs(np.arange(2 * reach + 1) - reach) <= half for half in grid.half_widths])
+    for chart in range(6):
+        for orientation in range(8):
+            mask = mask_of(bitmaps, chart, orientation // 4, orientation % 4)
+            assert (shapes.boxes[chart, orientation] == mask.shape[::-1]).all()
+            wide = np.pad(mask, shapes.margin).astype(bool)
+            for runs, starts, expected in (
+                (shapes.spans, shapes.starts, wide),
+                (shapes.reach, shapes.reach_starts, binary_dilation(wide, near)),
+            ):
+                cells = np.zeros_like(wide)
+                for row, begin, end in runs[slice(*starts[chart, orientation])] + shapes.margin:
+                    assert not cells[row, begin:end].any()
+                    cells[row, begin:end] = True
+                assert (cells == expected).all()
+
+
+def overlap_of(shapes: Shapes, places: np.ndarray, size: tuple[int, int]) -> int:
+    """Cells of each chart in the reach of each later one."""
+    masks = np.zeros((2, len(places), size[1] + 40, size[0] + 40), dtype=bool)
+    for chart, (x, y, orientation) in enumerate(places):
+        for kind, (runs, starts) in enumerate(
+            ((shapes.spans, shapes.starts), (shapes.reach, shapes.reach_starts))
+        ):
+            for row, begin, end in runs[slice(*starts[chart, orientation])]:
+                masks[kind, chart, y + row + 20, x + begin + 20 : x + end + 20] = True
+    n = len(places)
+    return sum(int((masks[0, a] & masks[1, b]).sum()) for a in range(n) for b in range(a + 1, n))
+
+
+@pytest.mark.parametrize("padding", [0, 2])
+def test_charts_on_one_heap_are_moved_apart(padding: int) -> None:
+    bitmaps = random_bitmaps(3, 16)
+    half_widths = Grid.over((64, 64), padding, most_cells=64).half_widths
+    shapes = shapes_of(bitmaps, half_widths, turns=4)
+    places = np.full((16, 3), 20, dtype=np.int32)
+    places[:, 2] = 0
+    weights = pair_weights(np.full(16, 60.0))
+    size = (70, 64)
+    apart, overlap, _ = separate(shapes, places, weights, size=size, search=SEARCH, seed=1)
+    assert overlap == 0 == overlap_of(shapes, apart, size)
+    assert overlap_of(shapes, places, size) > 0
+    boxes = shapes.boxes[np.arange(16), apart[:, 2]]
+    assert (apart[:, :2] >= 0).all()
+    assert (apart[:, :2] + boxes <= size).all()
+
+
+def test_charts_that_have_no_room_overlap_as_told() -> None:
+    shapes = shapes_of(random_bitmaps(4, 12), np.zeros(1, dtype=np.int32), turns=4)
+    places = np.zeros((12, 3), dtype=np.int32)
+    weights = pair_weights(np.full(12, 60.0))
+    size = (20, 20)
+    found, overlap, _ = separate(shapes, places, weights, size=size, search=SEARCH, seed=1)
+    assert 0 < overlap < overlap_of(shapes, places, size)
+    assert overlap == overlap_of(shapes, found, size)
+
+
+def test_a_turned_rectangle_is_turned_back_to_its_least_box() -> None:
+    angle = np.radians(-33.0)
+    corners = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 2.0], [0.0, 2.0]])
+    uvs = corners @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    ids = np.zeros(4, dtype=np.int32)
+    found = least_box_angles(uvs, ids)
+    assert found == pytest.approx([-angle])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    poses = Poses.turned(uvs, faces, ids, np.stack([found, found + np.pi / 2], axis=1))
+    assert poses.extents == pytest.approx(np.array([[[5.0, 2.0], [2.0, 5.0]]]))
+
+
+def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
+    uvs = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [3.0, 0.0], [7.4, 0.0], [3.0, 6.4]])
+    faces = np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32)
+    ids = np.repeat(np.arange(2, dtype=np.int32), 3)
+    poses = Poses.turned(uvs, faces, ids, np.zeros((2, 1)))
+    bitmaps = poses.bitmaps(1.0, -0.5)
+    # The triangle of 4.4 x 6.4 lies in the middle of 4 x 6 cells, with centers from (0.7, 0.7) on:
+    # 5, 4, 2 and 1 of the columns are below its long side.
+    assert (np.add.reduceat(bitmaps.masks, bitmaps.starts.ravel()) == [1, 12]).all()

@@ -1,0 +1,178 @@
+"""The atlas: charts made, bounded and packed, of one mesh or of several into one texture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.cutting.cut import cut_charts, snapped_points
+from texbake.mapping.atlas.flattening.relax import relaxed_charts
+from texbake.mapping.atlas.joining.bound import bounded_charts
+from texbake.mapping.atlas.joining.join import joined_charts
+from texbake.mapping.atlas.kept import kept_charts
+from texbake.mapping.atlas.packing.pack import pack_charts
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.stretch import face_stretch
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.progress import Stages
+
+# Most L2 stretch of a mesh that joining charts may lead to. `good` also never goes above what the
+# charts had before.
+_GOOD_STRETCH = 1.03
+_BEST_STRETCH = 1.09
+# Work that joining may take, as `joined_charts` counts it: what large noisy scans and meshes with
+# hundreds of charts end by.
+_JOIN_WORK = {"good": 300, "best": 1000}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Atlas:
+    """Packed coordinates of one mesh.
+
+    Attributes
+    ----------
+    corners : (F, 3, 2) float64
+        Texture coordinates, tile k of UDIM moved by (k % 10, k // 10).
+    charts : Charts
+        Before they were packed, in model units.
+    """
+
+    corners: FloatArray
+    charts: Charts
+
+
+def make_atlas(
+    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, *, threads: int | None = None
+) -> list[Atlas]:
+    """Make charts of meshes and pack them all into one texture, or its tiles.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        At least one. All get the same texels a model unit.
+    options : UnwrapOptions
+        Its fields of `AtlasOptions`, `keep` and `texel_density`.
+    stages : Stages
+    threads
+        None for every processor.
+
+    Raises
+    ------
+    UnwrapError
+        No face of a mesh has an area, or the charts do not fit.
+    UvError
+        Charts are to be kept and there are none.
+    """
+    all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
+    first_uvs = np.cumsum([0] + [len(charts.uvs) for charts in all_charts])
+    first_charts = np.cumsum([0] + [charts.n_charts for charts in all_charts])
+    with stages.stage("pack charts"):
+        packing = pack_charts(
+            np.concatenate([charts.uvs for charts in all_charts]),
+            np.concatenate(
+                [c.faces + np.int32(first) for c, first in zip(all_charts, first_uvs, strict=False)]
+            ),
+            np.concatenate(
+                [
+                    c.chart_ids + np.int32(first)
+                    for c, first in zip(all_charts, first_charts, strict=False)
+                ]
+            ),
+            size=(options.width_px, options.height_px),
+            padding=options.padding,
+            name=meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes",
+            effort=options.quality,
+            tiles=options.tiles,
+            tile_groups=_tile_groups(meshes, all_charts) if options.by_group else None,
+            density=options.texel_density,
+            threads=threads,
+        )
+    parts = np.split(packing.uvs, first_uvs[1:-1])
+    return [
+        Atlas(corners=uvs[charts.faces], charts=charts)
+        for uvs, charts in zip(parts, all_charts, strict=True)
+    ]
+
+
+def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
+    """Charts of one mesh, in model units."""
+    if options.keep:
+        return kept_charts(mesh, (options.width_px, options.height_px))
+    regions = mesh.face_groups if options.by_group else None
+    points = snapped_points(mesh)
+    with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
+        charts = cut_charts(
+            mesh,
+            quality=options.quality,
+            timeout=options.timeout,
+            regions=regions,
+            threads=threads,
+            advance=advance,
+        )
+    if options.quality != "fast":
+        charts = _improved(points, mesh, charts, options, stages, threads)
+    if options.max_stretch is not None:
+        with stages.stage("bound stretch"):
+            charts = bounded_charts(
+                points, mesh.faces, charts, max_stretch=options.max_stretch, threads=threads
+            )
+    longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    return replace(charts, uvs=charts.uvs * longest)
+
+
+def _improved(
+    points: FloatArray,
+    mesh: Mesh,
+    charts: Charts,
+    options: UnwrapOptions,
+    stages: Stages,
+    threads: int | None,
+) -> Charts:
+    """Relax charts, and join them as far as the stretch of the whole allows."""
+    as_cut = _stretch(points, mesh, charts)
+    with stages.stage("relax charts"):
+        charts = relaxed_charts(points, mesh.faces, charts, threads=threads)
+    allowed = _BEST_STRETCH if options.quality == "best" else min(as_cut, _GOOD_STRETCH)
+    with stages.stage("join charts"):
+        return joined_charts(
+            points,
+            mesh.faces,
+            charts,
+            most_l2=allowed,
+            most_chart_l2=options.max_stretch,
+            regions=mesh.face_groups if options.by_group else None,
+            threads=threads,
+            most_work=_JOIN_WORK[options.quality],
+        )
+
+
+def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
+    """L2 stretch of the whole, with all charts at one scale."""
+    flat = mesh.replace(positions=points, uvs=charts.uvs, uv_faces=charts.faces)
+    found = face_stretch(flat)
+    return math.sqrt(float(found.areas @ found.l2**2) / float(found.areas.sum()))
+
+
+def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArray:
+    """Group of each chart; groups of one name in several meshes are one."""
+    names: dict[str, int] = {}
+    groups = []
+    for mesh, charts in zip(meshes, all_charts, strict=True):
+        of_chart = np.zeros(charts.n_charts, dtype=np.int32)
+        numbers = np.array(
+            [names.setdefault(name, len(names)) for name in mesh.group_names or ("",)],
+            dtype=np.int32,
+        )
+        solid = (charts.faces != charts.faces[:, :1]).any(axis=1)
+        if mesh.face_groups is not None:
+            face_charts = charts.chart_ids[charts.faces[solid, 0]]
+            of_chart[face_charts] = numbers[mesh.face_groups[solid]]
+        else:
+            of_chart[:] = numbers[0]
+        groups.append(of_chart)
+    # Numbered without gaps: a group without faces has no tile.
+    return np.unique(np.concatenate(groups), return_inverse=True)[1].astype(np.int32)

@@ -1,0 +1,1 @@
+"""A mesh to pieces laid flat, each a chart."""

@@ -1,0 +1,192 @@
+"""A mesh cut into charts: laid flat in parts where these are disks, the rest cut by xatlas.
+
+Points are first snapped to a grid in a frame that depends neither on the size nor on the place of
+the model, so that rounding in the model's own coordinates does not reach the charts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import numpy as np
+
+from texbake.errors import DependencyError, UnwrapError
+from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.atlas.charts import Charts, gathered_charts
+from texbake.mapping.atlas.cutting.batches import connected_parts, face_batches
+from texbake.mapping.atlas.cutting.disks import disk_charts
+from texbake.mapping.atlas.cutting.mend import GRID_CELLS
+from texbake.mapping.atlas.cutting.parts import divided_parts, split_parts
+from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import degenerate_faces
+from texbake.mesh.weld import weld_rows
+
+# A mesh of at most so many faces is left to xatlas, which takes no time then; in a larger one, a
+# connected piece of fewer than the second.
+_SMALL_MESH = 500
+_SMALL_PIECE = 100
+
+# What is left to xatlas in a larger one is cut in batches of about so many faces: 5,000 take it
+# 0.3 s, 20,000 take 3 s.
+_BATCH_FACES = 3_000
+
+# Boundaries between cells are put off the middle by this fraction of a cell, so that coordinates
+# on a regular raster (binary or decimal) do not lie on them, where the last bit would decide.
+_GRID_PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Quality:
+    """How large charts get.
+
+    Attributes
+    ----------
+    part_faces : int
+        Faces of the parts that a connected piece of many is divided into before any is laid flat.
+    whole_faces : int
+        Faces of the largest piece that is not.
+    most_l2 : float
+        Stretch of a part up to which it becomes one chart.
+    """
+
+    part_faces: int
+    whole_faces: int
+    most_l2: float
+
+
+_QUALITIES = {
+    "fast": _Quality(part_faces=4_000, whole_faces=6_000, most_l2=1.06),
+    "good": _Quality(part_faces=6_000, whole_faces=9_000, most_l2=1.004),
+    "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06),
+}
+
+
+def cut_charts(
+    mesh: Mesh,
+    *,
+    quality: str = "good",
+    timeout: float | None = None,
+    regions: IntArray | None = None,
+    threads: int | None = None,
+    advance: Callable[[int], None] | None = None,
+) -> Charts:
+    """Cut a mesh into charts and flatten them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Non-manifold edges, duplicate and degenerate faces are taken as they come. A degenerate
+        face gets one coordinate for its three corners, of a chart that it touches if there is one.
+    quality : str
+        `fast`, `good` or `best`: how large charts get, and how much they may stretch.
+    timeout : float, optional
+        Seconds after which xatlas is given up on a batch; None leaves 60 s and 10 ms a face.
+    regions : (F,) int32, optional
+        Faces of different regions never share a chart.
+    threads : int, optional
+        Most threads, and processes of xatlas, at a time; None for one a processor. The charts are
+        the same for any number.
+    advance : callable, optional
+        Called with the number of faces just done, of about all.
+
+    Returns
+    -------
+    Charts
+        Its notes say what xatlas failed on; that is cut by its normals.
+
+    Raises
+    ------
+    UnwrapError
+        No face has an area.
+    DependencyError
+        xatlas is not installed, or does not load.
+    """
+    if find_spec("xatlas") is None:
+        raise DependencyError("xatlas: it is not installed; install it with: pip install xatlas")
+    points = snapped_points(mesh)
+    pieces: list[tuple[IntArray, Charts]] = []
+    if mesh.n_faces <= _SMALL_MESH and (regions is None or (regions == regions[0]).all()):
+        batches = [np.arange(mesh.n_faces, dtype=np.int32)]
+    else:
+        if regions is None:
+            regions = np.zeros(mesh.n_faces, dtype=np.int32)
+        corners = weld_rows(points, threads=threads)[mesh.faces]
+        pieces, batches = _laid_flat(
+            points, corners, regions, _QUALITIES[quality], threads, advance
+        )
+        advance = None  # it was told of all faces
+    more, notes = xatlas_charts(
+        points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
+    )
+    if not pieces + more:
+        raise UnwrapError(_why_nothing(mesh))
+    return gathered_charts(mesh.faces, pieces + more, notes)
+
+
+def _laid_flat(
+    points: FloatArray,
+    corners: IntArray,
+    regions: IntArray,
+    quality: _Quality,
+    threads: int | None,
+    advance: Callable[[int], None] | None,
+) -> tuple[list[tuple[IntArray, Charts]], list[IntArray]]:
+    """Charts of the parts that are disks, and the other faces in batches."""
+    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    opposite = opposite_half_edges(corners, solid=solid, regions=regions)
+    labels = divided_parts(
+        points,
+        corners,
+        opposite,
+        connected_parts(opposite),
+        part_faces=quality.part_faces,
+        whole_faces=quality.whole_faces,
+    )
+    small = np.bincount(labels)[labels] < _SMALL_PIECE
+    pieces, left = disk_charts(
+        points,
+        corners,
+        split_parts(opposite, np.where(small | ~solid, -1, labels)),
+        most_l2=quality.most_l2,
+        threads=threads,
+        advance=advance,
+    )
+    rest = small & solid
+    rest[left] = True
+    batches = [
+        batch
+        for part in split_parts(opposite, np.where(rest, 0, -1))
+        for batch in face_batches(points, corners, part, part_faces=_BATCH_FACES, regions=regions)
+    ]
+    return pieces, batches
+
+
+def snapped_points(mesh: Mesh) -> FloatArray:
+    """(V, 3) float64: positions in the unit cube about the origin, on a grid of 2^-20.
+
+    The longest side of the bounding box is 1. Meshes that differ in scale or place have equal
+    points as far as their positions carry them.
+    """
+    # Positions that no face uses may lie anywhere, also where numbers overflow.
+    with np.errstate(over="ignore"):
+        local = np.clip(LocalFrame.around(mesh).to_local(mesh.positions), -1.0, 1.0)
+    used = local[mesh.faces.ravel()]
+    longest = float((used.max(axis=0) - used.min(axis=0)).max())
+    cells = local * (GRID_CELLS / longest if longest > 0.0 else 0.0)
+    return np.asarray(np.rint(cells - _GRID_PHASE) / GRID_CELLS)
+
+
+def _why_nothing(mesh: Mesh) -> str:
+    if degenerate_faces(mesh).all():
+        return (
+            f"{mesh.name}: none of its {mesh.n_faces} faces has an area; "
+            "look for what is wrong with: texbake info"
+        )
+    return (
+        f"{mesh.name}: each of its {mesh.n_faces} faces is narrower than 4 millionths of the size "
+        "of the mesh; remove what lies far away, or take the mesh apart"
+    )

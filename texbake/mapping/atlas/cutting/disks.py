@@ -1,0 +1,229 @@
+"""Parts of a mesh laid flat whole, each as one chart, and divided where that stretches too much.
+
+Most parts of a scan are disks of little curvature, however rough they are. They need no cuts: the
+layout of least symmetric Dirichlet energy is found faster than xatlas cuts them, and without the
+many small charts that it makes of rough surfaces. A part that curves too much is divided into two
+and these again, as long as that lowers the stretch: the stretch of noise does not go away by cuts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.atlas.adjacency import merged_labels, next_half_edges
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.cutting.mend import OVERLAP_DEPTH, mended_charts
+from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
+from texbake.mapping.atlas.flattening.flatten import flatten
+from texbake.mapping.overlap import overlap_layers
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
+
+# A part of fewer faces is not divided any more.
+_FEWEST_FACES = 24
+
+# Dividing helps if it leaves less than this share of the stretch above 1: of a smooth surface a
+# quarter or so is left, of noise nearly all. Where it does not help, so much is taken as it is.
+_HELP = 0.9
+_MOST_NOISE = 1.25
+
+# A layout of which more lies on itself is of no use; less is cut off afterwards.
+_MOST_OVERLAP = 0.01
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Disk:
+    """Faces laid flat together.
+
+    Attributes
+    ----------
+    face_ids : (m,) int32
+        Of the mesh.
+    faces : (m, 3) int32
+        Indices into `uvs`.
+    uvs : (n, 2) float64
+    area : float
+        In space.
+    l2 : float
+        Stretch.
+    """
+
+    face_ids: IntArray
+    faces: IntArray
+    uvs: FloatArray
+    area: float
+    l2: float
+
+
+def disk_charts(
+    points: FloatArray,
+    corners: IntArray,
+    parts: Sequence[Part],
+    *,
+    most_l2: float,
+    threads: int | None = None,
+    advance: Callable[[int], None] | None = None,
+) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
+    """Lay parts of a mesh flat side by side, each in as few charts as the stretch allows.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        On the grid, in the unit cube.
+    corners : (F, 3) int32
+        Of the faces of the mesh: indices into `points`.
+    parts : sequence of Part
+    most_l2 : float
+        Stretch that a chart may have, unless less cannot be had.
+    threads : int, optional
+        None for every processor; the charts are the same for any number.
+    advance : callable, optional
+        Called with the number of faces just done, also of those that are left.
+
+    Returns
+    -------
+    pieces : list of ((m,) int32, Charts)
+        Faces of each part, and their charts.
+    left : (k,) int32
+        Faces that could not be laid flat so, ascending.
+    """
+    laid: list[tuple[list[Disk], list[IntArray]]] = [([], [])] * len(parts)
+    charts: list[Charts | None] = [None] * len(parts)
+    order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
+
+    n_told = 0
+
+    def told(n_parts: int) -> None:
+        # Parts are of like size: which of them is done makes no difference.
+        nonlocal n_told
+        done = order[n_told : n_told + n_parts]
+        n_told += n_parts
+        if advance is not None:
+            advance(sum(len(parts[number].face_ids) for number in done))
+
+    def lay(first: int, last: int) -> None:
+        for number in order[first:last]:
+            whole = _attempt(points, corners, parts[number])
+            disks, left = _flat_disks(points, corners, whole, most_l2)
+            laid[number] = disks, left
+            charts[number] = _charts_of(points, corners, disks) if disks else None
+
+    run_bands(lay, len(parts), band=1, threads=threads, advance=told)
+    pieces = [
+        (np.concatenate([disk.face_ids for disk in disks]), made)
+        for (disks, _), made in zip(laid, charts, strict=True)
+        if made is not None
+    ]
+    left = [face_ids for _, rest in laid for face_ids in rest]
+    return pieces, np.sort(np.concatenate([np.empty(0, np.int32), *left]))
+
+
+def _charts_of(points: FloatArray, corners: IntArray, disks: Sequence[Disk]) -> Charts | None:
+    sizes = [len(disk.uvs) for disk in disks]
+    firsts = np.cumsum([0, *sizes])
+    return mended_charts(
+        points[np.concatenate([corners[disk.face_ids] for disk in disks])],
+        np.concatenate([d.faces + first for d, first in zip(disks, firsts, strict=False)]),
+        np.concatenate([disk.uvs for disk in disks]),
+        np.repeat(np.arange(len(disks)), sizes),
+        even=False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Attempt:
+    """A part, and its layout in one piece, if it has one."""
+
+    part: Part
+    disk: Disk | None
+
+
+def _flat_disks(
+    points: FloatArray, corners: IntArray, whole: _Attempt, most_l2: float
+) -> tuple[list[Disk], list[IntArray]]:
+    """Lay a connected part flat, in several pieces if need be; what cannot be so comes second."""
+    if whole.disk is not None and whole.disk.l2 <= most_l2:
+        return [whole.disk], []
+    halves = _halves(points, corners, whole.part)
+    if whole.disk is not None and whole.disk.l2 <= _MOST_NOISE and not _is_help(halves, whole.disk):
+        # The cut may have been an unlucky one, so that another is tried.
+        quarters = [part for half in halves for part in _halves(points, corners, half.part)]
+        if not _is_help(quarters, whole.disk):
+            return [whole.disk], []
+    if not halves:
+        return [], [whole.part.face_ids]
+    disks: list[Disk] = []
+    left: list[IntArray] = []
+    for half in halves:
+        more_disks, more_left = _flat_disks(points, corners, half, most_l2)
+        disks += more_disks
+        left += more_left
+    return disks, left
+
+
+def _is_help(pieces: Sequence[_Attempt], whole: Disk) -> bool:
+    """Whether dividing a part lowers its stretch as it does where the surface curves."""
+    disks = [piece.disk for piece in pieces if piece.disk is not None]
+    excess = sum(disk.area * (disk.l2**2 - 1.0) for disk in disks)
+    return 0 < len(disks) == len(pieces) and excess <= _HELP * whole.area * (whole.l2**2 - 1.0)
+
+
+def _attempt(points: FloatArray, corners: IntArray, part: Part) -> _Attempt:
+    """Lay all faces out together, unless they come to lie on each other too much."""
+    half_edges = np.flatnonzero(part.opposite >= 0).astype(np.int32)
+    across = part.opposite[half_edges]
+    # Corners are one vertex where the faces between them are connected: each vertex has one fan.
+    vertices = merged_labels(
+        part.opposite.size, half_edges, next_half_edges(across).astype(np.int32)
+    )
+    _, first = np.unique(vertices, return_index=True)
+    places = points[corners[part.face_ids]]
+    faces: IntArray = vertices.reshape(-1, 3)
+    flat = flatten(places.reshape(-1, 3)[first], faces)
+    failed = _Attempt(part=part, disk=None)
+    if flat is None or not math.isfinite(flat.l2):
+        return failed
+    if not flat.injective:
+        layers = overlap_layers(
+            flat.uvs[faces], np.zeros(len(faces), np.int32), depth=OVERLAP_DEPTH
+        )
+        if (layers > 0).mean() > _MOST_OVERLAP:
+            return failed
+    area = float(surface_areas(places).sum())
+    disk = Disk(face_ids=part.face_ids, faces=faces, uvs=flat.uvs, area=area, l2=flat.l2)
+    return _Attempt(part=part, disk=disk)
+
+
+def _halves(points: FloatArray, corners: IntArray, part: Part) -> list[_Attempt]:
+    """Two or three parts of like size; none where there are too few faces."""
+    n_faces = len(part.face_ids)
+    if n_faces < _FEWEST_FACES:
+        return []
+    whole = np.zeros(n_faces, dtype=np.int32)
+    for n_parts in (2, 4, 8):  # where the second part does not grow, more of them may
+        labels = divided_parts(
+            points,
+            corners[part.face_ids],
+            part.opposite,
+            whole,
+            part_faces=-(-n_faces // n_parts),
+            whole_faces=0,
+        )
+        if labels.any():
+            break
+    else:
+        return []
+    halves = split_parts(part.opposite, labels)
+    return [
+        _attempt(
+            points,
+            corners,
+            Part(face_ids=part.face_ids[half.face_ids], opposite=half.opposite),
+        )
+        for half in halves
+    ]

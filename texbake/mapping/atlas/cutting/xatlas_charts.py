@@ -1,0 +1,175 @@
+"""Charts cut by xatlas, in processes of their own; by normals where it fails.
+
+xatlas compares areas and lengths with absolute thresholds, so it is given points on a grid, in a
+frame that depends neither on the size nor on the place of the model, large enough that no threshold
+is ever met by a face that is not degenerate.
+
+Based on: Jonathan Young, xatlas, 2018 (a fork of thekla_atlas by Ignacio Castano).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from texbake.errors import DependencyError
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.cutting.mend import NO_CHART, mended_charts
+from texbake.mapping.atlas.cutting.plain_charts import plain_charts
+from texbake.mapping.atlas.cutting.workers import Failure, Request, ask_workers
+from texbake.mesh.mesh import FloatArray, IntArray
+
+_WORKER = Path(__file__).with_name("cut_worker.py")
+_DOES_NOT_LOAD = 3  # its exit code where xatlas is broken
+
+# Longest side of the box that xatlas sees. It takes areas below 1.2e-7 for zero; at this size that
+# is two cells of the grid, and real meshes come apart in the same charts as at any size from 16 to
+# 1024, while at 1 they do not.
+_WORKING_SIZE = 256.0
+
+_SECONDS_TO_START = 60.0
+_SECONDS_A_FACE = 0.01  # 30 times what 82,000 triangles in one piece take
+
+
+def xatlas_charts(
+    points: FloatArray,
+    faces: IntArray,
+    batches: Sequence[IntArray],
+    *,
+    timeout: float | None = None,
+    threads: int | None = None,
+    advance: Callable[[int], None] | None = None,
+) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
+    """Cut batches of faces into charts, each by itself.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        On the grid, in the unit cube.
+    faces : (F, 3) int32
+        Indices into `points`.
+    batches : sequence of (n,) int32
+        Faces that are cut together.
+    timeout : float, optional
+        Seconds after which xatlas is given up on a batch; None leaves 60 s and 10 ms a face.
+    threads : int, optional
+        Most processes at a time; None for one a processor.
+    advance : callable, optional
+        Called with the number of faces just done.
+
+    Returns
+    -------
+    pieces : list of ((n,) int32, Charts)
+        Faces of each batch in which some have an area, and their charts.
+    notes : tuple of str
+        What xatlas failed on, and was cut by its normals.
+
+    Raises
+    ------
+    DependencyError
+        xatlas does not load.
+    """
+    parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
+    parts.sort(key=lambda part: -len(part.faces))  # the short ones last, to end together
+    answers = ask_workers(
+        _WORKER,
+        [part.request(timeout) for part in parts],
+        threads=threads,
+        told=lambda number: advance(len(parts[number].faces)) if advance else None,
+    )
+    return _with_plain_charts(parts, answers)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Part:
+    """Faces that are cut into charts together, by themselves.
+
+    Attributes
+    ----------
+    face_ids : (n,) int32
+        Of the mesh, ascending.
+    points : (m, 3) float64
+        Those of the mesh that the faces use.
+    faces : (n, 3) int32
+        Indices into `points`.
+    """
+
+    face_ids: IntArray
+    points: FloatArray
+    faces: IntArray
+
+    @classmethod
+    def of(cls, points: FloatArray, faces: IntArray, face_ids: IntArray) -> _Part:
+        used, indices = np.unique(faces[face_ids], return_inverse=True)
+        return cls(
+            face_ids=face_ids,
+            points=points[used],
+            faces=indices.reshape(-1, 3).astype(np.int32),
+        )
+
+    def request(self, timeout: float | None) -> Request[Charts | None]:
+        """What a worker is asked about the part."""
+        if timeout is None:
+            timeout = _SECONDS_TO_START + _SECONDS_A_FACE * len(self.faces)
+        return Request(
+            body=self._body, read=self._read, timeout=timeout, most_bytes=16 + 48 * len(self.faces)
+        )
+
+    def plain_charts(self) -> Charts | None:
+        """Charts by normals alone; None where no face has an area."""
+        faces, uvs, chart_ids = plain_charts(self.points, self.faces)
+        empty = surface_areas(self.points[self.faces]) == 0.0
+        chart_ids[faces[empty]] = NO_CHART
+        return mended_charts(self.points[self.faces], faces, uvs, chart_ids)
+
+    def _body(self) -> bytes:
+        counts = np.array([len(self.points), len(self.faces)], dtype=np.uint64)
+        points = (self.points * _WORKING_SIZE).astype(np.float32)
+        return counts.tobytes() + points.tobytes() + self.faces.astype(np.uint32).tobytes()
+
+    def _read(self, answer: bytes) -> Charts | None:
+        """Charts of an answer, mended; None where there are none. ValueError for any other."""
+        n_uvs, n_faces = np.frombuffer(answer, np.uint64, 2).tolist()
+        if len(answer) != 16 + 12 * (n_uvs + n_faces) or n_faces not in (0, len(self.faces)):
+            raise ValueError("an answer of the wrong length")
+        uvs = np.frombuffer(answer, np.float32, 2 * n_uvs, 16).reshape(-1, 2)
+        chart_ids = np.frombuffer(answer, np.uint32, n_uvs, 16 + 8 * n_uvs)
+        faces = np.frombuffer(answer, np.uint32, 3 * n_faces, 16 + 12 * n_uvs).reshape(-1, 3)
+        if n_faces == 0:
+            return None
+        if not (np.isfinite(uvs).all() and faces.max() < n_uvs):
+            raise ValueError("coordinates that are none")
+        of_corners = chart_ids[faces]
+        if (of_corners != of_corners[:, :1]).any():
+            raise ValueError("a face in two charts")
+        return mended_charts(self.points[self.faces], faces, uvs, chart_ids)
+
+
+def _with_plain_charts(
+    parts: Sequence[_Part], answers: Sequence[Charts | Failure | None]
+) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
+    """Charts of each part that has any, plain ones where xatlas failed; and what failed."""
+    pieces = []
+    failed: dict[str, list[int]] = {}
+    for part, answer in zip(parts, answers, strict=True):
+        if isinstance(answer, Failure) and answer.exit_code == _DOES_NOT_LOAD:
+            raise DependencyError(f"xatlas: it does not load; {answer.reason}")
+        charts = answer if isinstance(answer, Charts) else part.plain_charts()
+        if charts is None:
+            continue
+        pieces.append((part.face_ids, charts))
+        if not isinstance(answer, Charts):
+            reason = answer.reason if isinstance(answer, Failure) else "found no charts"
+            failed.setdefault(reason, []).append(len(part.faces))
+    notes = []
+    for reason, sizes in failed.items():
+        where = "a part" if len(sizes) == 1 else f"{len(sizes):,} parts"
+        notes.append(
+            f"xatlas {reason} on {where} of {sum(sizes):,} faces; "
+            "they were cut by their normals instead"
+        )
+    return pieces, tuple(notes)

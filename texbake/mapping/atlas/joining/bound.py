@@ -1,0 +1,160 @@
+"""Charts that are stretched beyond a bound, cut in two until none is.
+
+A chart is first laid out anew, which may do. If not, it is cut along a straight line through its
+layout: across its length or along it, through its middle or through the middle of its stretch,
+whichever leaves the least stretch in both parts. Parts that a line cuts off needlessly are joined
+again where the bound allows it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.joining.join import joined_charts
+from texbake.mapping.atlas.joining.piece import Piece, relaxed_piece
+from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of, solid_faces
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import weld_rows
+from texbake.parallel import run_bands
+
+_ROUGH_ITERATIONS = 6  # to choose a line by
+_FULL_ITERATIONS = 40
+
+# Charts of one face that are named in a report, before the rest are only counted.
+_MOST_NAMED = 4
+
+
+def bounded_charts(
+    points: FloatArray,
+    mesh_faces: IntArray,
+    charts: Charts,
+    *,
+    max_stretch: float,
+    threads: int | None = None,
+) -> Charts:
+    """Cut charts in two until no chart is stretched beyond a bound.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        Vertices at one place are one.
+    mesh_faces : (F, 3) int32
+        Indices into `points`.
+    charts : Charts
+    max_stretch : float
+        Most L2 stretch of a chart, at the scale that gives it its area in space; above 1.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    Charts
+        Of the same faces; the same charts where all hold the bound. Faces that alone are stretched
+        beyond it, being too thin for float64 to lay flat, are told in `notes`.
+    """
+    solid = solid_faces(charts)
+    if not solid.any():
+        return charts
+    opposite = opposite_half_edges(weld_rows(points)[mesh_faces], solid=solid)
+    pieces = pieces_of(points, mesh_faces, charts, opposite)
+    if all(piece.l2 <= max_stretch for piece in pieces):
+        return charts
+    held: list[list[Piece]] = [[] for _ in pieces]
+
+    def hold(start: int, stop: int) -> None:
+        for index in range(start, stop):
+            held[index] = _held(pieces[index], opposite, max_stretch)
+
+    run_bands(hold, len(pieces), band=1, threads=threads)
+    cut = charts_of([part for parts in held for part in parts], charts)
+    origins = np.zeros(len(mesh_faces), dtype=np.int32)
+    for index, piece in enumerate(pieces):
+        origins[piece.face_ids] = index
+    bounded = joined_charts(
+        points,
+        mesh_faces,
+        cut,
+        most_l2=max_stretch,
+        most_chart_l2=max_stretch,
+        most_share=1.0,
+        most_waste=math.inf,
+        regions=origins,
+        threads=threads,
+    )
+    missed = [part for parts in held for part in parts if part.l2 > max_stretch]
+    return replace(bounded, notes=(*bounded.notes, *_notes(missed, bounded, max_stretch)))
+
+
+def _held(piece: Piece, opposite: IntArray, max_stretch: float) -> list[Piece]:
+    """Parts of a piece that hold the bound, or are single faces."""
+    parts: list[Piece] = []
+    left = [piece]
+    while left:
+        piece = left.pop()
+        if piece.l2 > max_stretch:
+            piece = _relaxed(piece, _FULL_ITERATIONS)
+        if piece.l2 <= max_stretch or len(piece.faces) == 1:
+            parts.append(piece)
+        else:
+            left += _halves(piece, opposite)
+    return parts
+
+
+def _relaxed(piece: Piece, n_iterations: int) -> Piece:
+    """Return a piece laid out better, or as it is."""
+    relaxed = relaxed_piece(piece, n_iterations=n_iterations)
+    return relaxed if relaxed is not None and relaxed.l2 < piece.l2 else piece
+
+
+def _halves(piece: Piece, opposite: IntArray) -> list[Piece]:
+    """Cut a piece of two faces or more along the line that leaves the least stretch."""
+    best: list[Piece] = []
+    least = np.inf
+    for sides in _lines(piece):
+        parts = parts_of(piece, sides, opposite)
+        relaxed = [_relaxed(part, _ROUGH_ITERATIONS) for part in parts]
+        excess = sum(part.excess for part in relaxed)
+        if excess < least or not best:
+            best, least = relaxed, excess
+    return best
+
+
+def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
+    """Sides (m,) of the faces of a piece in four ways, none of them empty."""
+    corners, uvs = piece.points[piece.faces], piece.uvs[piece.faces]
+    areas, centers = surface_areas(corners), uvs.mean(axis=1)
+    grown = np.abs(signed_areas(uvs) / np.maximum(areas, np.finfo(float).tiny))
+    weights = np.maximum(areas, np.finfo(float).tiny)
+    about = centers - np.average(centers, axis=0, weights=weights)
+    _, axes = np.linalg.eigh((weights[:, None, None] * about[:, :, None] * about[:, None]).sum(0))
+    # Where areas have changed much there is curvature, which a cut through it takes away.
+    stretched = weights * np.abs(np.log(np.clip(grown, 1e-6, 1e6)))
+    lines = []
+    for axis in (axes[:, 1], axes[:, 0]):
+        order = np.argsort(about @ axis, kind="stable")
+        for measure in (weights, stretched):
+            sums = np.cumsum(measure[order])
+            middle = int(np.searchsorted(sums, 0.5 * sums[-1]))
+            sides = np.zeros(len(order), dtype=bool)
+            sides[order[: min(max(middle, 1), len(order) - 1)]] = True
+            lines.append(sides)
+    return lines
+
+
+def _notes(missed: list[Piece], charts: Charts, max_stretch: float) -> tuple[str, ...]:
+    """Say which charts miss the bound, and why."""
+    notes = [
+        f"chart {charts.chart_ids[charts.faces[piece.face_ids[0], 0]]} (face {piece.face_ids[0]}) "
+        f"has stretch {piece.l2:.3g}, above {max_stretch:g}: the face is too thin to be laid flat"
+        for piece in missed[:_MOST_NAMED]
+    ]
+    if len(missed) > _MOST_NAMED:
+        notes.append(f"so do {len(missed) - _MOST_NAMED} other charts of one face each")
+    return tuple(notes)

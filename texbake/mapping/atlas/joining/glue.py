@@ -1,0 +1,195 @@
+"""Two neighboring charts made one: where they may be glued, and how the result lies at first.
+
+Neighbors meet along paths of edges. Vertices inside a path become vertices inside the chart, so
+that what their angles lack to a full turn must go into stretch: where that is much, as at the
+corner of a cube, a path is better glued only up to there and left cut beyond.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.atlas.adjacency import merged_labels
+from texbake.mapping.atlas.joining.piece import Piece, hull_area
+from texbake.mesh.mesh import FloatArray, IntArray
+
+# Angle that the fan of a vertex may lack, or have too much, for paths to be glued across it.
+_MOST_DEFECT = math.radians(25.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contact:
+    """Half-edges along which two pieces, `one` and `other`, meet.
+
+    Attributes
+    ----------
+    at_one, at_other : (k,) int64
+        Where each of them stands in the borders of the pieces, in the order of paths.
+    paths : (k,) int32
+        The path that each lies on.
+    lengths : (k,) float64
+        In space.
+    turns : (k,) float64
+        Angle, in radians, that the vertex where the path comes from would have inside the joined
+        chart; NaN at the start of a path.
+    """
+
+    at_one: npt.NDArray[np.int64]
+    at_other: npt.NDArray[np.int64]
+    paths: IntArray
+    lengths: FloatArray
+    turns: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Of all paths together."""
+        return float(self.lengths.sum())
+
+
+def contact_of(one: Piece, other: Piece, opposite: IntArray) -> Contact | None:
+    """Find where two pieces meet; None where they do not."""
+    across = opposite[one.border]
+    slots = np.minimum(np.searchsorted(other.border, across), len(other.border) - 1)
+    at_one = np.flatnonzero(other.border[slots] == across)
+    if len(at_one) == 0:
+        return None
+    at_other = slots[at_one]
+    starts = np.stack([one.border_ends[at_one, 0], other.border_ends[at_other, 1]], axis=1)
+    ends = np.stack([one.border_ends[at_one, 1], other.border_ends[at_other, 0]], axis=1)
+    order, paths, goes_on = _chained(starts, ends)
+    from_one, from_other = starts[order].T
+    return Contact(
+        at_one=at_one[order],
+        at_other=at_other[order],
+        paths=paths,
+        lengths=np.linalg.norm(one.points[ends[order, 0]] - one.points[starts[order, 0]], axis=1),
+        turns=np.where(goes_on, one.angles[from_one] + other.angles[from_other], np.nan),
+    )
+
+
+def _chained(
+    starts: IntArray, ends: IntArray
+) -> tuple[npt.NDArray[np.int64], IntArray, npt.NDArray[np.bool_]]:
+    """Order half-edges by paths; the path of each, and whether the path comes from another one.
+
+    A closed path starts at its first half-edge, and comes from its last.
+    """
+    slots = {start: i for i, start in enumerate(map(tuple, starts.tolist()))}
+    following = [slots.get(end, -1) for end in map(tuple, ends.tolist())]
+    has_previous = np.zeros(len(starts), dtype=bool)
+    has_previous[[i for i in following if i >= 0]] = True
+    seen = [False] * len(starts)
+    order: list[int] = []
+    paths: list[int] = []
+    n_paths = 0
+    for first in [*np.flatnonzero(~has_previous).tolist(), *range(len(starts))]:
+        if seen[first]:
+            continue
+        at = first
+        while at >= 0 and not seen[at]:
+            seen[at] = True
+            order.append(at)
+            paths.append(n_paths)
+            at = following[at]
+        n_paths += 1
+    chosen = np.array(order, dtype=np.int64)
+    return chosen, np.array(paths, dtype=np.int32), has_previous[chosen]
+
+
+def ways_to_glue(contact: Contact) -> list[npt.NDArray[np.int64]]:
+    """Choices of half-edges of a contact to glue, the longest first.
+
+    All; the longest path; and the longest stretch of a path that comes past no vertex whose angle
+    is far from a full turn. Each is given once.
+    """
+    k = len(contact.paths)
+    new_path = np.diff(contact.paths, prepend=-1) != 0
+    sharp = ~(np.abs(contact.turns - 2.0 * math.pi) <= _MOST_DEFECT)  # also where it is NaN
+    ways = [np.arange(k)]
+    for breaks in (new_path, new_path | sharp):
+        runs = np.cumsum(breaks) - 1
+        longest = np.flatnonzero(runs == int(np.argmax(np.bincount(runs, contact.lengths))))
+        if len(longest) < len(ways[-1]):
+            ways.append(longest)
+    return ways
+
+
+def glued(one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64]) -> Piece:
+    """Glue two pieces along some half-edges of their contact.
+
+    `other` is turned and moved to where its border fits that of `one` best; glued vertices lie in
+    the middle. The result may have flips, and its `l2` is not known: NaN. Its hull is about right.
+    """
+    n_one = len(one.points)
+    ends_one = one.border_ends[contact.at_one[way]]
+    ends_other = other.border_ends[contact.at_other[way]][:, ::-1]
+    labels = merged_labels(n_one + len(other.points), ends_one.ravel(), ends_other.ravel() + n_one)
+    counts = np.bincount(labels)
+    moved = _fitted(other.uvs, other.uvs[ends_other], one.uvs[ends_one], contact.lengths[way])
+    uvs = np.concatenate([one.uvs, moved])
+    means = [np.bincount(labels, uvs[:, axis]) / counts for axis in (0, 1)]
+    points = np.empty((len(counts), 3))
+    points[labels] = np.concatenate([one.points, other.points])
+    border, ends = _open_border(one, other, contact, way, labels)
+    face_ids = np.concatenate([one.face_ids, other.face_ids])
+    order = np.argsort(face_ids)
+    return Piece(
+        face_ids=face_ids[order],
+        faces=labels[np.concatenate([one.faces, other.faces + np.int32(n_one)])[order]],
+        points=points,
+        uvs=np.stack(means, axis=1),
+        angles=np.asarray(
+            np.bincount(labels, np.concatenate([one.angles, other.angles])), dtype=np.float64
+        ),
+        border=border,
+        border_ends=ends,
+        area=one.area + other.area,
+        l2=math.nan,
+        hull_area=hull_area(uvs),
+    )
+
+
+def _open_border(
+    one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64], labels: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Border of what is glued, and its ends.
+
+    A hole of two edges between the same two vertices closes by itself.
+    """
+    keep_one, keep_other = np.ones(len(one.border), bool), np.ones(len(other.border), bool)
+    keep_one[contact.at_one[way]] = False
+    keep_other[contact.at_other[way]] = False
+    border = np.concatenate([one.border[keep_one], other.border[keep_other]])
+    ends = np.concatenate(
+        [one.border_ends[keep_one], other.border_ends[keep_other] + np.int32(len(one.points))]
+    )
+    ends = labels[ends]
+    keys = ends[:, 0].astype(np.int64) << 32 | ends[:, 1]
+    back = ends[:, 1].astype(np.int64) << 32 | ends[:, 0]
+    is_open = ~np.isin(back, keys)
+    border, ends = border[is_open], ends[is_open]
+    order = np.argsort(border)
+    return border[order], ends[order]
+
+
+def _fitted(
+    uvs: FloatArray, sources: FloatArray, targets: FloatArray, lengths: FloatArray
+) -> FloatArray:
+    """Turn and move coordinates so that edges (k, 2, 2) fit others best, by their lengths.
+
+    Based on: P. Schönemann, "A generalized solution of the orthogonal Procrustes problem", 1966.
+    """
+    weights = np.repeat(lengths, 2)
+    weights = (
+        weights / weights.sum() if weights.sum() > 0.0 else np.full(len(weights), 1 / len(weights))
+    )
+    source, target = (array.reshape(-1, 2) @ np.array([1.0, 1.0j]) for array in (sources, targets))
+    source_mean, target_mean = weights @ source, weights @ target
+    turn = np.sum(weights * np.conj(source - source_mean) * (target - target_mean))
+    turn = turn / abs(turn) if abs(turn) > 0.0 else 1.0
+    moved = (uvs @ np.array([1.0, 1.0j]) - source_mean) * turn + target_mean
+    return np.stack([moved.real, moved.imag], axis=1)

@@ -1,0 +1,274 @@
+"""Neighboring charts made one, as long as the stretch of the mesh allows.
+
+All pairs of charts that meet are candidates. Each is really laid flat, roughly at first and fully
+when its turn has come, and the cheapest is joined. What costs is stretch, and what a chart leaves
+empty of its convex hull, since charts of spread-out shapes pack badly; compared with the share of
+its outline that the smaller chart loses, so that charts become round rather than long. What charts
+cost that have a joined one for neighbor is found out when their turn comes.
+
+Based on: P. Sander, J. Snyder, S. Gortler, H. Hoppe, "Texture mapping progressive meshes", 2001
+(charts made by merging, in the order of their costs); M. Minoux, "Accelerated greedy algorithms
+for maximizing submodular set functions", 1978 (costs looked at again only when their turn comes).
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.joining.compact import compact_parts
+from texbake.mapping.atlas.joining.merger import Allowance, Merger, find_merger, relaxed_merger
+from texbake.mapping.atlas.joining.piece import Piece
+from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of, solid_faces
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import weld_rows
+from texbake.parallel import run_bands
+
+_GUESSED, _ROUGH, _FULL = 0, 6, 30  # iterations of `flatten` that a cost was found with
+_BATCH = 8  # candidates looked at side by side, for any number of threads
+
+# Iterations over faces that any mesh may take; a few seconds.
+_LEAST_WORK = 3_000_000
+
+# Charts of a smaller share of the mesh's area are not cut, whatever their shape.
+_LEAST_CUT = 0.01
+
+
+def joined_charts(
+    points: FloatArray,
+    mesh_faces: IntArray,
+    charts: Charts,
+    *,
+    most_l2: float,
+    most_chart_l2: float | None = None,
+    most_share: float = 0.1,
+    most_waste: float = 0.25,
+    regions: IntArray | None = None,
+    threads: int | None = None,
+    most_work: int = 300,
+) -> Charts:
+    """Join charts that meet, cheapest first.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        Vertices at one place are one.
+    mesh_faces : (F, 3) int32
+        Indices into `points`.
+    charts : Charts
+        Relaxed ones leave more room for joining.
+    most_l2 : float
+        L2 stretch of the mesh that no join leads above, each chart at the scale that gives it
+        its area in space.
+    most_chart_l2 : float, optional
+        The same for each chart that is made by joining. None: three times as far above 1 as
+        `most_l2`, and at least 1.1.
+    most_share : float
+        Most area of a chart that is made by joining, as a share of the mesh's, but for what is next
+        to nothing of it. A few large charts have shorter seams, many smaller ones fill a texture
+        better.
+    most_waste : float
+        Most that charts may leave empty of their convex hulls in all, as a share of the mesh's
+        area. Large charts that alone leave more are cut first, so that better shapes can be joined
+        from their parts; none is if it is infinite.
+    regions : (F,) int32, optional
+        Faces of different regions share no chart.
+    threads
+        None for every processor.
+    most_work : int
+        Iterations over faces, for each face of the mesh, after which joining ends. Small meshes
+        get as much as they need.
+
+    Returns
+    -------
+    Charts
+        Of the same faces. No chart that was joined lies on itself or has a mirrored face. Parts of
+        charts that hang together by vertices only become charts of their own.
+    """
+    solid = solid_faces(charts)
+    if not solid.any():
+        return charts
+    opposite = opposite_half_edges(weld_rows(points)[mesh_faces], solid=solid, regions=regions)
+    pieces = pieces_of(points, mesh_faces, charts, opposite)
+    area = math.fsum(piece.area for piece in pieces)
+    pieces = [
+        part
+        for piece in pieces
+        for part in compact_parts(
+            piece, opposite, most_waste=most_waste, least_area=_LEAST_CUT * area
+        )
+    ]
+    if most_chart_l2 is None:
+        most_chart_l2 = max(1.0 + 3.0 * (most_l2 - 1.0), 1.1)
+    allowed = Allowance(
+        excess=area * (most_l2**2 - 1.0),
+        waste=area * most_waste,
+        chart_l2=most_chart_l2,
+        chart_area=area * most_share,
+    )
+    joining = _Joining(pieces, opposite, allowed, threads)
+    joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))
+    return charts_of(list(joining.pieces.values()), charts)
+
+
+@dataclass(eq=False)
+class _Candidate:
+    """Two pieces, what joining them would cost, and the iterations that this was found with."""
+
+    one: int
+    other: int
+    cost: float = 0.0
+    effort: int = _GUESSED
+    merger: Merger | None = None
+
+    def __lt__(self, than: _Candidate) -> bool:
+        return (self.cost, self.one, self.other) < (than.cost, than.one, than.other)
+
+
+class _Joining:
+    """The pieces so far, which of them meet, and candidates in the order of their costs."""
+
+    def __init__(
+        self,
+        pieces: list[Piece],
+        opposite: IntArray,
+        allowed: Allowance,
+        threads: int | None,
+    ) -> None:
+        self.pieces = dict(enumerate(pieces))
+        self._opposite = opposite
+        self._threads = threads
+        self._owners = np.full(len(opposite) // 3, -1, dtype=np.int32)
+        for index, piece in self.pieces.items():
+            self._owners[piece.face_ids] = index
+        self._allowed = allowed
+        self._costs: dict[int, dict[int, float]] = {index: {} for index in self.pieces}
+        self._queue: list[_Candidate] = []
+        self._waiting: list[_Candidate] = []
+        self._work = 0
+
+    def run(self, most_work: int) -> None:
+        """Join until nothing can be joined any more or `most_work` has been done."""
+        candidates = [
+            _Candidate(index, other)
+            for index in self.pieces
+            for other in self._neighbors(index)
+            if index < other
+        ]
+        self._look_at(candidates, _ROUGH)
+        while self._queue and self._work < most_work:
+            joined = False
+            while self._queue and self._work < most_work:
+                joined |= self._join_next()
+            if joined:
+                # What was too dear, or could not be, may be possible beside what was joined.
+                self._queue, self._waiting = self._waiting, []
+                heapq.heapify(self._queue)
+
+    def _room(self) -> Allowance:
+        """What is left of what is allowed."""
+        return replace(
+            self._allowed,
+            excess=self._allowed.excess - math.fsum(p.excess for p in self.pieces.values()),
+            waste=self._allowed.waste - math.fsum(p.waste for p in self.pieces.values()),
+        )
+
+    def _join_next(self) -> bool:
+        """Look at the cheapest candidates that have no piece in common; join what is cheapest."""
+        chosen = self._cheapest()
+        by_effort: dict[int, list[_Candidate]] = {_GUESSED: [], _ROUGH: [], _FULL: []}
+        for candidate in chosen:
+            by_effort[candidate.effort].append(candidate)
+        self._look_at(by_effort[_GUESSED], _ROUGH)
+        self._look_at(by_effort[_ROUGH], _FULL)
+        for candidate in by_effort[_FULL]:
+            heapq.heappush(self._queue, candidate)
+        joined = False
+        while self._queue and self._queue[0].effort == _FULL:
+            candidate = heapq.heappop(self._queue)
+            if not self._is_current(candidate):
+                continue
+            assert candidate.merger is not None
+            if self._room().covers(candidate.merger):
+                self._join(candidate, candidate.merger.piece)
+                joined = True
+            else:
+                self._waiting.append(candidate)
+        return joined
+
+    def _cheapest(self) -> list[_Candidate]:
+        """Take a batch of candidates from the queue."""
+        chosen: list[_Candidate] = []
+        later: list[_Candidate] = []
+        touched: set[int] = set()
+        while self._queue and len(chosen) < _BATCH and len(later) < _BATCH:
+            candidate = heapq.heappop(self._queue)
+            if not self._is_current(candidate):
+                continue
+            free = touched.isdisjoint((candidate.one, candidate.other))
+            (chosen if free else later).append(candidate)
+            touched |= {candidate.one, candidate.other}
+        for candidate in later:
+            heapq.heappush(self._queue, candidate)
+        return chosen
+
+    def _is_current(self, candidate: _Candidate) -> bool:
+        return candidate.one in self.pieces and candidate.other in self.pieces
+
+    def _look_at(self, candidates: list[_Candidate], n_iterations: int) -> None:
+        """Find out the costs of candidates, and queue those that can be joined at all."""
+
+        def look(start: int, stop: int) -> None:
+            for candidate in candidates[start:stop]:
+                one, other = self.pieces[candidate.one], self.pieces[candidate.other]
+                if candidate.merger is None:
+                    candidate.merger = find_merger(
+                        one,
+                        other,
+                        self._opposite,
+                        scale=self._allowed,
+                        n_iterations=n_iterations,
+                    )
+                else:
+                    candidate.merger = relaxed_merger(
+                        candidate.merger, one, other, n_iterations=n_iterations
+                    )
+
+        run_bands(look, len(candidates), band=1, threads=self._threads)
+        for candidate in candidates:
+            candidate.effort = n_iterations
+            merger = candidate.merger
+            candidate.cost = math.inf if merger is None else merger.cost(self._allowed)
+            self._costs[candidate.one][candidate.other] = candidate.cost
+            self._costs[candidate.other][candidate.one] = candidate.cost
+            sizes = [len(self.pieces[i].faces) for i in (candidate.one, candidate.other)]
+            self._work += n_iterations * sum(sizes)
+            if merger is not None:
+                heapq.heappush(self._queue, candidate)
+
+    def _neighbors(self, index: int) -> list[int]:
+        across = self._opposite[self.pieces[index].border]
+        owners = np.unique(self._owners[across[across >= 0] // 3])
+        return [int(owner) for owner in owners if owner != index]
+
+    def _join(self, candidate: _Candidate, piece: Piece) -> None:
+        """Put a piece in the place of two, with new candidates at the costs that the two had."""
+        index = max(self.pieces) + 1
+        known = [self._costs.pop(gone) for gone in (candidate.one, candidate.other)]
+        del self.pieces[candidate.one], self.pieces[candidate.other]
+        self.pieces[index] = piece
+        self._owners[piece.face_ids] = index
+        self._costs[index] = {}
+        for other in self._neighbors(index):
+            guess = min(costs.get(other, math.inf) for costs in known)
+            self._costs[index][other] = self._costs[other][index] = guess
+            new = _Candidate(other, index, cost=guess)
+            if guess < math.inf:
+                heapq.heappush(self._queue, new)
+            else:
+                self._waiting.append(new)

@@ -1,0 +1,185 @@
+"""Charts taken from a mesh one by one, cut in parts, and put together again.
+
+Corners are one vertex of a piece if they are connected through faces that the chart keeps
+together, so that a chart may touch itself, at a vertex or along a cut, without being glued there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.atlas.adjacency import merged_labels, next_half_edges
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.flattening.flatten import measured
+from texbake.mapping.atlas.joining.piece import Piece, hull_area
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import weld_rows
+
+
+def pieces_of(
+    points: FloatArray, mesh_faces: IntArray, charts: Charts, opposite: IntArray
+) -> list[Piece]:
+    """Take charts apart into pieces, one for each connected part, by their first faces.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+    mesh_faces : (F, 3) int32
+    charts : Charts
+    opposite : (3 F,) int32
+        From `opposite_half_edges`; a chart is glued along no other edges.
+    """
+    corners = mesh_faces.ravel(), charts.faces.ravel()
+    rows = (points[corners[0]], charts.uvs[corners[1]], charts.chart_ids[corners[1]][:, None])
+    same = weld_rows(np.concatenate(rows, axis=1))
+    half_edges = np.flatnonzero(opposite >= 0).astype(np.int32)
+    across = opposite[half_edges]
+    glued = (same[half_edges] == same[next_half_edges(across)]) & (
+        same[next_half_edges(half_edges)] == same[across]
+    )
+    face_ids = np.flatnonzero(solid_faces(charts)).astype(np.int32)
+    return _connected(
+        face_ids,
+        points[mesh_faces[face_ids]],
+        charts.uvs[charts.faces[face_ids]],
+        _within(face_ids, half_edges[glued]),
+        _within(face_ids, across[glued]),
+    )
+
+
+def parts_of(piece: Piece, sides: npt.NDArray[np.bool_], opposite: IntArray) -> list[Piece]:
+    """Cut a piece between faces of unlike `sides` (m,); coordinates stay as they are."""
+    half_edges = (3 * piece.face_ids[:, None] + np.arange(3, dtype=np.int32)).ravel()
+    half_edges = np.setdiff1d(half_edges, piece.border, assume_unique=True)
+    half_edges = half_edges[opposite[half_edges] >= 0]
+    local, across = (_within(piece.face_ids, ids) for ids in (half_edges, opposite[half_edges]))
+    kept = sides[local // 3] == sides[across // 3]
+    return _connected(
+        piece.face_ids,
+        piece.points[piece.faces],
+        piece.uvs[piece.faces],
+        local[kept],
+        across[kept],
+    )
+
+
+def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
+    """Put pieces together again, each with its area in space and about its own origin.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        All faces of `charts` that lie in a chart, each once. Charts are numbered by first faces.
+    charts : Charts
+        What they were made from, for all that they do not say.
+    """
+    pieces = sorted(pieces, key=lambda piece: int(piece.face_ids[0]))
+    sizes = np.array([len(piece.points) for piece in pieces])
+    faces = np.empty_like(charts.faces)
+    for piece, first in zip(pieces, np.cumsum(sizes) - sizes, strict=True):
+        faces[piece.face_ids] = piece.faces + first
+    solid = solid_faces(charts)
+    # A face without a chart stays at the vertex where it was.
+    now = np.zeros(len(charts.uvs), dtype=np.int32)
+    now[charts.faces[solid][::-1].ravel()] = faces[solid][::-1].ravel()
+    faces[~solid] = now[charts.faces[~solid]]
+    return replace(
+        charts,
+        uvs=np.concatenate([_settled(piece) for piece in pieces]),
+        faces=faces,
+        chart_ids=np.repeat(np.arange(len(pieces), dtype=np.int32), sizes),
+    )
+
+
+def solid_faces(charts: Charts) -> npt.NDArray[np.bool_]:
+    """(F,) bool: faces that lie in a chart."""
+    return np.asarray((charts.faces != charts.faces[:, :1]).any(axis=1))
+
+
+def _within(face_ids: IntArray, half_edges: IntArray) -> IntArray:
+    """Half-edges of the mesh as such of its faces `face_ids`, which hold them all."""
+    places = 3 * np.searchsorted(face_ids, half_edges // 3) + half_edges % 3
+    return np.asarray(places, dtype=np.int32)
+
+
+def _connected(
+    face_ids: IntArray,
+    corners: FloatArray,
+    corner_uvs: FloatArray,
+    half_edges: IntArray,
+    across: IntArray,
+) -> list[Piece]:
+    """Make a piece of each connected part of faces.
+
+    Parameters
+    ----------
+    face_ids : (m,) int32
+        Ascending.
+    corners : (m, 3, 3) float64
+    corner_uvs : (m, 3, 2) float64
+    half_edges, across : (k,) int32
+        Of these faces: what is glued to what, in both directions.
+    """
+    vertices = merged_labels(
+        3 * len(face_ids),
+        np.concatenate([half_edges, next_half_edges(half_edges)]),
+        np.concatenate([next_half_edges(across), across]),
+    ).reshape(-1, 3)
+    is_border = np.ones((len(face_ids), 3), dtype=bool)
+    is_border.ravel()[half_edges] = False
+    parts = merged_labels(len(face_ids), half_edges // 3, across // 3)
+    order = np.argsort(parts, kind="stable")
+    bounds = np.cumsum(np.bincount(parts))[:-1]
+    return [
+        _piece(face_ids[own], corners[own], corner_uvs[own], vertices[own], is_border[own])
+        for own in np.split(order, bounds)
+    ]
+
+
+def _piece(
+    face_ids: IntArray,
+    corners: FloatArray,
+    corner_uvs: FloatArray,
+    vertices: IntArray,
+    is_border: npt.NDArray[np.bool_],
+) -> Piece:
+    """Number the vertices of one piece by themselves, and measure it."""
+    _, first, flat = np.unique(vertices, return_index=True, return_inverse=True)
+    faces: IntArray = flat.reshape(-1, 3).astype(np.int32)
+    points, uvs = corners.reshape(-1, 3)[first], corner_uvs.reshape(-1, 2)[first]
+    rows, columns = np.nonzero(is_border)
+    layout = measured(points, faces, uvs)
+    return Piece(
+        face_ids=face_ids,
+        faces=faces,
+        points=points,
+        uvs=uvs,
+        angles=np.asarray(
+            np.bincount(faces.ravel(), _corner_angles(corners).ravel()), dtype=np.float64
+        ),
+        border=(3 * face_ids[rows] + columns).astype(np.int32),
+        border_ends=np.stack([faces[rows, columns], faces[rows, (columns + 1) % 3]], axis=1),
+        area=float(surface_areas(corners).sum()),
+        l2=np.inf if layout is None else layout.l2,
+        hull_area=hull_area(uvs),
+    )
+
+
+def _corner_angles(corners: FloatArray) -> FloatArray:
+    """(m, 3) float64: angle in space at each corner; 0 where an edge has no length."""
+    forward = np.roll(corners, -1, axis=1) - corners
+    backward = np.roll(corners, 1, axis=1) - corners
+    sines = np.linalg.norm(np.cross(forward, backward), axis=2)
+    return np.asarray(np.arctan2(sines, (forward * backward).sum(axis=2)))
+
+
+def _settled(piece: Piece) -> FloatArray:
+    """Coordinates of a piece about their mean, with the area that it has in space."""
+    flat = float(signed_areas(piece.uvs[piece.faces]).sum())
+    scale = np.sqrt(piece.area / flat) if flat > 0.0 else 1.0
+    return np.asarray((piece.uvs - piece.uvs.mean(axis=0)) * scale)

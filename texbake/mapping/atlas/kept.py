@@ -1,0 +1,53 @@
+"""Charts that a mesh has already."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from texbake.errors import UvError
+from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.seams import chart_ids
+from texbake.mesh.mesh import Mesh
+
+
+def kept_charts(mesh: Mesh, size: tuple[int, int]) -> Charts:
+    """Take the coordinates of a mesh as its charts, shapes and relative sizes as they are.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With texture coordinates. Charts that lie on one another are charts of their own; mirrored
+        ones stay mirrored.
+    size : (int, int)
+        Texels in a row and rows of the texture that the coordinates were made for.
+
+    Returns
+    -------
+    Charts
+        In model units: all charts together have the area of the faces in space.
+
+    Raises
+    ------
+    UvError
+        There are no coordinates, or none of the faces has an area in the texture or in space.
+    """
+    corners = mesh.corner_uvs() * (np.array(size) / max(size))
+    in_texture = float(np.abs(signed_areas(corners)).sum())
+    in_space = float(surface_areas(mesh.positions[mesh.faces]).sum())
+    if not (in_texture > 0.0 and in_space > 0.0):
+        raise UvError(f"{mesh.name}: its faces have no area in the texture; unwrap it without keep")
+    assert mesh.uv_faces is not None
+    face_charts = np.repeat(chart_ids(mesh)[:, None], 3, axis=1)
+    pairs = np.stack([face_charts.ravel(), mesh.uv_faces.ravel()], axis=1)
+    _, firsts, faces = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    return Charts(
+        uvs=corners.reshape(-1, 2)[firsts] * math.sqrt(in_space / in_texture),
+        faces=faces.reshape(-1, 3).astype(np.int32),
+        chart_ids=face_charts.ravel()[firsts].astype(np.int32),
+        n_ignored=0,
+        n_mirrored=0,
+        n_split=0,
+    )

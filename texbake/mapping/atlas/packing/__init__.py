@@ -1,0 +1,1 @@
+"""Charts into textures, as large as they fit."""

@@ -1,0 +1,184 @@
+"""Charts placed in the tiles of their groups, at a given scale or the largest at which they fit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
+from texbake.mapping.atlas.packing.place import place_charts
+from texbake.mapping.atlas.packing.poses import Outlines
+from texbake.mapping.atlas.packing.settle import SNAP_MARGIN, Settled
+from texbake.mesh.mesh import IntArray
+
+_FIRST_GUESS = 0.6  # of the texture filled
+_SCALE_GROWTH = 1.08
+_SCALE_STEP = 0.004  # relative; one texel in 250
+# Where thousands of charts make each trial long:
+_LOW_GUESS = 0.5
+_ROUGH_STEP = 0.01
+
+# Few charts are tried in many poses, many charts in few, so that the work is bounded.
+_MOST_POSED = 256
+_MOST_POSES = 4
+_MANY_CHARTS = (1024, 8192)  # from where on the placing hurries, and hurries more
+
+_GOLDEN_RATIO = 0.6180339887498949  # its multiples, modulo 1, are spread evenly
+
+
+class Bins:
+    """Charts placed one after another in the tiles of their groups, at one scale after another.
+
+    Attributes
+    ----------
+    found : Settled
+        Places at the last scale that fit.
+    tiles : (C,) int32
+        Tile of each chart there.
+    room_above : float
+        How much larger the charts might be for what the last tile, if it is in use, has left.
+    sizes, lengths : (C,) float64
+        Half the perimeter of each chart's least bounding box, and the longer side of the shortest.
+    """
+
+    found: Settled
+    tiles: IntArray
+    room_above: float
+
+    def __init__(self, charts: Outlines, grid: Grid, groups: IntArray, n_tiles: int) -> None:
+        self.charts, self.grid, self.groups, self.n_tiles = charts, grid, groups, n_tiles
+        self.hurry = sum(charts.n_charts > many for many in _MANY_CHARTS)
+        n_poses = min(max(_MOST_POSED // charts.n_charts, 1), _MOST_POSES)
+        turns = np.arange(n_poses) * (math.pi / 2.0 / n_poses)
+        self.angles = np.repeat(turns[None], charts.n_charts, axis=0)
+        self.poses = charts.turned(self.angles)
+        self.areas = charts.areas()
+        # Half the perimeter: what xatlas sorts by as well.
+        self.sizes = self.poses.extents[:, 0].sum(axis=1)
+        self.lengths = self.poses.extents.max(axis=2).min(axis=1)
+
+    def order(self, trial: int) -> IntArray:
+        """(C,) int32: charts by size, the largest first; from trial 1 on, only nearly so."""
+        ids = np.arange(self.charts.n_charts)
+        noise = (_GOLDEN_RATIO * (trial * len(ids) + ids)) % 1.0 - 0.5 if trial > 0 else 0.0
+        return np.argsort(-self.sizes * np.exp(noise), kind="stable").astype(np.int32)
+
+    def try_scale(self, scale: float, trial: int = 0) -> bool:
+        """Place all charts at a scale, in cells a unit, in an order; whether they fit."""
+        if not self._may_fit(scale):
+            return False
+        bitmaps = self.poses.bitmaps(scale, SNAP_MARGIN / self.grid.cell)
+        places = np.full((self.charts.n_charts, 4), -1, dtype=np.int32)
+        tiles = np.full(self.charts.n_charts, -1, dtype=np.int32)
+        room_above = _SCALE_GROWTH
+        everything = self.order(trial)
+        for group in np.unique(self.groups):
+            order = everything[self.groups[everything] == group]
+            n_tiles, top = self._fill(bitmaps, order, places, tiles, self.n_tiles)
+            if n_tiles is None or n_tiles > self.n_tiles:
+                return False
+            if n_tiles == self.n_tiles:
+                room_above = min(room_above, math.sqrt(self.grid.height / top))
+            tiles[order] += group * self.n_tiles
+        self.room_above = room_above
+        self.found = Settled(poses=self.poses, bitmaps=bitmaps, places=places, scale=scale)
+        self.tiles = tiles
+        return True
+
+    def tiles_needed(self, scale: float, group: int, most: int) -> int | None:
+        """Tiles that a group takes at a scale; `most + 1` for more, None if none fits a chart."""
+        if (self.lengths * scale > self._longest).any():
+            return None
+        bitmaps = self.poses.bitmaps(scale, SNAP_MARGIN / self.grid.cell)
+        n_charts = self.charts.n_charts
+        places, tiles = (np.empty(shape, dtype=np.int32) for shape in ((n_charts, 4), n_charts))
+        order = self.order(0)
+        order = order[self.groups[order] == group]
+        return self._fill(bitmaps, order, places, tiles, most)[0]
+
+    @property
+    def _longest(self) -> int:
+        return max(self.grid.width, self.grid.height)
+
+    def _may_fit(self, scale: float) -> bool:
+        """Whether no chart is longer than the grid, nor all together larger than the tiles."""
+        if (self.lengths * scale > self._longest).any():
+            return False
+        areas = np.bincount(self.groups, self.areas) * scale**2
+        return bool((areas <= self.n_tiles * self.grid.width * self.grid.height).all())
+
+    def _fill(
+        self, bitmaps: Bitmaps, order: IntArray, places: IntArray, tiles: IntArray, most: int
+    ) -> tuple[int | None, int]:
+        """Place charts in the first tile that has room for them.
+
+        Returns how many tiles it took, `most + 1` where those are too few, None where not even an
+        empty tile has room for a chart; and the row above the charts of the last one.
+        """
+        for tile in range(most):
+            placed = place_charts(
+                bitmaps,
+                order,
+                self.grid,
+                all_or_nothing=tile == most - 1,
+                hurry=self.hurry,
+            )
+            here = order[placed.places[order, 0] >= 0]
+            places[here], tiles[here] = placed.places[here], tile
+            if placed.n_missing == 0:
+                return tile + 1, int(placed.tops.max())
+            if len(here) == 0 and tile < most - 1:
+                return None, 0
+            order = order[placed.places[order, 0] < 0]
+        return most + 1, 0
+
+
+def place_at_scale(bins: Bins, scale: float, n_orders: int) -> bool:
+    """Place charts in as few tiles as some order of them takes; whether they fit at all."""
+    best: tuple[Settled, IntArray] | None = None
+    shares = np.bincount(bins.groups, bins.areas) * scale**2 / (bins.grid.width * bins.grid.height)
+    fewest = int(np.maximum(np.ceil(shares[np.bincount(bins.groups) > 0]), 1).sum())
+    for trial in range(n_orders + 1):
+        if bins.try_scale(scale, trial):
+            n_tiles = len(np.unique(bins.tiles))
+            if best is None or n_tiles < len(np.unique(best[1])):
+                best = bins.found, bins.tiles
+            if n_tiles <= fewest:
+                break
+    if best is not None:
+        bins.found, bins.tiles = best
+    return best is not None
+
+
+def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
+    """Place charts at the largest scale at which they fit; whether there is one."""
+    n_cells = bins.grid.width * bins.grid.height
+    if (np.bincount(bins.groups) > n_cells * bins.n_tiles).any():
+        return False
+    largest = float(np.bincount(bins.groups, bins.areas).max())
+    if largest <= 0.0:
+        return bins.try_scale(1.0)
+    longest = float(bins.sizes.max())
+    fits, too_large = 0.0, 2.0 * max(bins.grid.width, bins.grid.height) / longest
+    many = bins.hurry > 0
+    first_guess, precision = (_LOW_GUESS, _ROUGH_STEP) if many else (_FIRST_GUESS, _SCALE_STEP)
+    scale = min(math.sqrt(first_guess * n_cells * bins.n_tiles / largest), too_large)
+    step = _SCALE_GROWTH
+    while too_large - fits > precision * too_large:
+        if bins.try_scale(scale):
+            fits = scale
+            # What is left free above the charts tells how much larger they may be, where it does.
+            step = max(bins.room_above, 1.0 + precision) if many else step
+            scale = min(scale * step, (fits + too_large) / 2.0)
+        else:
+            too_large = scale
+            scale = max(scale / step, (fits + too_large) / 2.0)
+            step *= step  # ever faster down to where the first one fits
+        if too_large * longest < 0.01:  # every chart is one cell already, and still too many
+            return False
+    # Other orders, nearly by size, may fit at a larger scale.
+    for trial in range(1, n_orders + 1):
+        while bins.try_scale(fits * (1.0 + _SCALE_STEP), trial):
+            fits *= 1.0 + _SCALE_STEP
+    return True

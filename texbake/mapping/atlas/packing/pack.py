@@ -1,0 +1,252 @@
+"""Charts into textures of exactly the size asked for, as large as they fit.
+
+Each chart is rasterized to the cells it touches and put where it lies lowest, then leftmost, among
+the charts already there, in whichever pose ends lowest; large charts come first, and small ones
+find their way into gaps and holes. The scale, one for all charts so that texels are square and of
+one density, is bisected until a slightly larger one would no longer fit. With more effort, a search
+for denser packings follows.
+
+A cell is one texel, or a square of some where the texture is so large that single texels would
+cost much and gain little. Distances are exact in texels either way, never less than asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.errors import UnwrapError
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
+from texbake.mapping.atlas.packing.bitmaps import Grid
+from texbake.mapping.atlas.packing.poses import Outlines, least_box_angles
+from texbake.mapping.atlas.packing.search import searched_layout
+from texbake.mapping.atlas.packing.settle import Layout, Settled, settled
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
+
+_MOST_CELLS = 1024  # cells along the longer side of the grid, for few charts
+_CELLS_A_CHART = 12  # along the side of a chart, for many
+
+_MANY_CHARTS = 1024
+_MOST_ORDERED, _MOST_ORDERS = 256, 32  # charts times orders, and orders, that are tried
+_MOST_SEARCHED = 768  # charts; the work of a search grows with their square
+_MOST_COARSE = 300  # charts that a coarse grid shows well enough
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Budget:
+    """Steps of work for each stage of each trial of a search; some 2 ns each."""
+
+    trials: int
+    orders: int
+    squeeze: int
+    settle: int
+
+
+_BUDGETS = {
+    "good": _Budget(trials=2, orders=500_000_000, squeeze=300_000_000, settle=300_000_000),
+    "best": _Budget(trials=8, orders=1_200_000_000, squeeze=800_000_000, settle=800_000_000),
+}
+_WHOLE_BUDGET = 1024 * 1024  # texels from where on it is spent; there is less to win with fewer
+
+_UDIM_COLUMNS = 10
+_MOST_TILES_TOLD = 1000  # looked at to say how many would do
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Packing:
+    """Charts in their places.
+
+    Attributes
+    ----------
+    uvs : (T, 2) float64
+        Texture coordinates; those of tile k lie in the unit square moved right by k % 10 and up by
+        k // 10, so that they are UDIM 1001 + k.
+    texels_per_unit : float
+        Texels along a length of 1 of the coordinates that came in.
+    fill : float
+        Area of the charts as a share of the tiles that are used.
+    tiles : (C,) int32
+        Tile of each chart.
+    n_tiles : int
+        Tiles with charts on them.
+    """
+
+    uvs: FloatArray
+    texels_per_unit: float
+    fill: float
+    tiles: IntArray
+    n_tiles: int
+
+
+def pack_charts(
+    uvs: FloatArray,
+    faces: IntArray,
+    chart_ids: IntArray,
+    *,
+    size: tuple[int, int],
+    padding: int,
+    name: str = "mesh",
+    effort: str = "good",
+    tiles: int = 1,
+    tile_groups: IntArray | None = None,
+    density: float | None = None,
+    threads: int | None = None,
+) -> Packing:
+    """Turn, scale and move charts so that they fill a texture, or several.
+
+    Parameters
+    ----------
+    uvs : (T, 2) float64
+        Coordinates of each chart about its own origin, all in one unit of length.
+    faces : (F, 3) int32
+        Indices into `uvs`; the three lie in one chart.
+    chart_ids : (T,) int32
+        Chart of each coordinate, from 0 without gaps.
+    size : (int, int)
+        Texels in a row, and rows.
+    padding : int
+        Texels that may be padded around each chart: of two texels that different charts touch, the
+        centers lie more than `2 * padding` apart, and at least `padding` texels lie between a
+        texel that a chart touches and the border.
+    name : str
+        What an error calls the mesh.
+    effort : str
+        `fast`: charts are placed one after another. `good` and `best` then search for denser
+        packings, in seconds and in tens of seconds, where there are no more than some hundred
+        charts on one tile.
+    tiles : int
+        Textures that charts may be spread over; for each group, where there are groups.
+    tile_groups : (C,) int32, optional
+        Group of each chart, from 0: group g has the tiles from g * tiles on for itself.
+    density : float, optional
+        Texels a unit; charts take as few tiles as that leads to. None: as many as fit.
+    threads
+        None for every processor. The packing is the same for any number.
+
+    Returns
+    -------
+    Packing
+        Charts are rotated, never mirrored. A chart without area takes one cell.
+
+    Raises
+    ------
+    UnwrapError
+        There are too many charts for so few texels, with so much padding; or they do not fit at
+        the density asked for.
+    """
+    n_charts = int(chart_ids.max()) + 1
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
+    charts = charts.upright(least_box_angles(uvs, chart_ids))
+    grid = Grid.over(size, padding, most_cells=_most_cells(size, n_charts))
+    groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
+    bins = Bins(charts, grid, groups, tiles)
+    n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS) if effort != "fast" else 0
+    searched = (
+        tiles == 1
+        and not groups.any()
+        and n_charts <= _MOST_SEARCHED
+        and bool(bins.areas.sum() > 0.0)
+    )
+    if grid.width <= 0 or grid.height <= 0:
+        raise UnwrapError(_does_not_fit(bins, size, padding, name))
+    if density is not None:
+        if not place_at_scale(bins, density / grid.cell, n_orders):
+            raise UnwrapError(_does_not_fit_at(bins, density, size, padding, name))
+    elif not place_at_largest_scale(bins, 0 if searched else n_orders):
+        raise UnwrapError(_does_not_fit(bins, size, padding, name))
+    found = bins.found
+    if searched and density is None and effort != "fast":
+        found = _searched(bins, size, padding, effort, threads)
+    return _packed(found, bins, size, padding)
+
+
+def _packed(found: Settled, bins: Bins, size: tuple[int, int], padding: int) -> Packing:
+    """Turn cells into texture coordinates."""
+    charts, cell = bins.charts, bins.grid.cell
+    uvs = (found.uvs() * cell + padding) / np.array(size, dtype=np.float64)
+    area = float(np.abs(signed_areas(uvs[charts.faces])).sum())
+    n_tiles = len(np.unique(bins.tiles))
+    offsets = np.stack([bins.tiles % _UDIM_COLUMNS, bins.tiles // _UDIM_COLUMNS], axis=1)
+    return Packing(
+        uvs=uvs + offsets[charts.chart_ids],
+        texels_per_unit=found.scale * cell,
+        fill=area / n_tiles,
+        tiles=bins.tiles,
+        n_tiles=n_tiles,
+    )
+
+
+def _searched(
+    bins: Bins, size: tuple[int, int], padding: int, effort: str, threads: int | None
+) -> Settled:
+    """Return the densest of the packing that was found and those that searches lead to."""
+    budget, charts, found = _BUDGETS[effort], bins.charts, bins.found
+    share = min(size[0] * size[1] / _WHOLE_BUDGET, 1.0)
+    results: list[Settled | None] = [None] * budget.trials
+
+    def search(trial: int, _: int) -> None:
+        layout: Layout | None = found.layout(bins.grid, bins.angles)
+        if charts.n_charts <= _MOST_COARSE:
+            layout = searched_layout(
+                charts,
+                size,
+                padding,
+                orders_work=int(budget.orders * share),
+                squeeze_work=int(budget.squeeze * share),
+                seed=trial,
+            )
+        if layout is not None:
+            work = int(budget.settle * share)
+            results[trial] = settled(charts, layout, bins.grid, most_work=work, seed=trial)
+
+    run_bands(search, budget.trials, band=1, threads=threads)
+    # The first of equally dense ones, whatever the order in which they were done.
+    return max([found, *filter(None, results)], key=lambda result: result.scale)
+
+
+def _most_cells(size: tuple[int, int], n_charts: int) -> int:
+    """Cells along the longer side of the grid: enough to show the charts."""
+    side = math.sqrt(size[0] * size[1] / n_charts)
+    finest = max(int(side / _CELLS_A_CHART), 1)
+    return max(_MOST_CELLS, max(size) // finest) if n_charts > _MANY_CHARTS else _MOST_CELLS
+
+
+def _does_not_fit(bins: Bins, size: tuple[int, int], padding: int, name: str) -> str:
+    """Say that there are too many charts for the texels."""
+    room = f"{size[0]} x {size[1]} texels"
+    if bins.n_tiles > 1:
+        room = f"{bins.n_tiles} tiles of {room}"
+    return (
+        f"{name}: {bins.charts.n_charts} charts do not fit into {room} with "
+        f"a padding of {padding}; take a larger size or less padding"
+    )
+
+
+def _does_not_fit_at(
+    bins: Bins, density: float, size: tuple[int, int], padding: int, name: str
+) -> str:
+    """Say why the charts do not fit at a density, and what would do."""
+    scale = density / bins.grid.cell
+    for group in np.unique(bins.groups):
+        needed = bins.tiles_needed(scale, int(group), _MOST_TILES_TOLD)
+        if needed is None:
+            longest = float(bins.lengths.max()) * density
+            return (
+                f"{name}: at {density:g} texels a unit a chart is {longest:.0f} texels long, more "
+                f"than {size[0]} x {size[1]} have room for with a padding of {padding}; take a "
+                f"size of {math.ceil(longest) + 2 * padding + 2} or more, or a lower texel density"
+            )
+        if needed > bins.n_tiles:
+            enough = density * math.sqrt(bins.n_tiles / needed)
+            few = needed <= _MOST_TILES_TOLD
+            return (
+                f"{name}: at {density:g} texels a unit the charts need "
+                f"{needed if few else f'more than {_MOST_TILES_TOLD}'} tiles of "
+                f"{size[0]} x {size[1]}, not {bins.n_tiles}; allow as many (tiles), or take a "
+                f"larger size or a texel density of about {enough:.3g}"
+            )
+    raise AssertionError("they fit")

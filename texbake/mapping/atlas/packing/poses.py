@@ -1,0 +1,139 @@
+"""Charts turned by several angles, ready to become bitmaps at any scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, rasterize_charts
+from texbake.mesh.mesh import FloatArray, IntArray
+
+_STEPS_A_FACE = 30  # of work, to rasterize it
+_BOX_ANGLES = 90  # tried for the least bounding box, one degree apart
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Poses:
+    """Charts, each turned by K angles of its own.
+
+    Attributes
+    ----------
+    uvs : (T, K, 2) float64
+        Coordinates in each pose.
+    corners : (F, 3, K, 2) float64
+        Coordinates of the corners of faces.
+    chart_ids : (T,) int32
+    face_charts : (F,) int32
+    low, extents : (C, K, 2) float64
+        Lower left corner and size of each chart's bounding box.
+    """
+
+    uvs: FloatArray
+    corners: FloatArray
+    chart_ids: IntArray
+    face_charts: IntArray
+    low: FloatArray
+    extents: FloatArray
+
+    @classmethod
+    def turned(
+        cls, uvs: FloatArray, faces: IntArray, chart_ids: IntArray, angles: FloatArray
+    ) -> Poses:
+        """Poses of charts turned counter-clockwise by `angles` (C, K), in radians."""
+        cos, sin = np.cos(angles)[chart_ids], np.sin(angles)[chart_ids]
+        x, y = uvs[:, :1], uvs[:, 1:]
+        posed = np.stack([x * cos - y * sin, x * sin + y * cos], axis=2)
+        order = np.argsort(chart_ids, kind="stable")
+        starts = np.searchsorted(chart_ids[order], np.arange(len(angles)))
+        low = np.minimum.reduceat(posed[order], starts)
+        return cls(
+            uvs=posed,
+            corners=np.ascontiguousarray(posed[faces]),
+            chart_ids=chart_ids,
+            face_charts=np.ascontiguousarray(chart_ids[faces[:, 0]]),
+            low=low,
+            extents=np.maximum.reduceat(posed[order], starts) - low,
+        )
+
+    @property
+    def work(self) -> int:
+        """Steps that it takes to rasterize them."""
+        return self.corners.size // 6 * _STEPS_A_FACE
+
+    def bitmaps(self, scale: float, margin: float) -> Bitmaps:
+        """Cells touched at a scale, in cells a unit, by charts that are `margin` cells larger."""
+        return rasterize_charts(
+            self.corners, self.face_charts, self.low, self.extents, scale=scale, margin=margin
+        )
+
+    def placed_uvs(self, bitmaps: Bitmaps, scale: float, places: IntArray) -> FloatArray:
+        """(T, 2) float64: coordinates in cells of the grid, of charts put at `places` (C, 4)."""
+        corner, pose, turns = (places[self.chart_ids][:, part] for part in (slice(2), 2, 3))
+        shifts = bitmaps.shifts[self.chart_ids, pose]
+        x, y = (self.uvs[np.arange(len(pose)), pose] * scale + shifts).T
+        width, height = bitmaps.boxes[self.chart_ids, pose].T
+        turned = (
+            np.choose(turns, [x, height - y, width - x, y]),
+            np.choose(turns, [y, x, height - y, width - x]),
+        )
+        return np.asarray(np.stack(turned, axis=1) + corner)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outlines:
+    """Charts to be packed, in the pose that all angles count from."""
+
+    uvs: FloatArray
+    faces: IntArray
+    chart_ids: IntArray
+    n_charts: int
+
+    def areas(self) -> FloatArray:
+        """(C,) float64: area of each chart."""
+        charts = self.chart_ids[self.faces[:, 0]]
+        areas = np.abs(signed_areas(self.uvs[self.faces]))
+        return np.asarray(np.bincount(charts, areas, minlength=self.n_charts), dtype=np.float64)
+
+    def upright(self, angles: FloatArray) -> Outlines:
+        """Turn each chart by an angle (C,) for good."""
+        return replace(self, uvs=self.turned(angles[:, None]).uvs[:, 0])
+
+    def turned(self, angles: FloatArray) -> Poses:
+        """Poses at `angles` (C, K)."""
+        return Poses.turned(self.uvs, self.faces, self.chart_ids, angles)
+
+
+def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
+    """(C,) float64: radians to turn each chart by for the least area of its bounding box.
+
+    One of 90 angles; the first of several that are equally good.
+    """
+    order = np.argsort(chart_ids, kind="stable")
+    n_charts = int(chart_ids.max()) + 1
+    starts = np.searchsorted(chart_ids[order], np.arange(n_charts + 1))
+    angles = np.arange(_BOX_ANGLES) * (math.pi / 2.0 / _BOX_ANGLES)
+    best = np.zeros(n_charts, dtype=np.int64)
+    _least_box_kernel(uvs[order], starts, np.cos(angles), np.sin(angles), best)
+    return np.asarray(angles[best])
+
+
+@kernel
+def _least_box_kernel(uvs, starts, cos, sin, best):  # type: ignore[no-untyped-def]
+    """Write the index of the angle at which each chart has the smallest bounding box."""
+    for chart in range(len(best)):
+        least = np.inf
+        for i in range(len(cos)):
+            left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
+            for j in range(starts[chart], starts[chart + 1]):
+                x = uvs[j, 0] * cos[i] - uvs[j, 1] * sin[i]
+                y = uvs[j, 0] * sin[i] + uvs[j, 1] * cos[i]
+                left, right = min(left, x), max(right, x)
+                bottom, top = min(bottom, y), max(top, y)
+            area = (right - left) * (top - bottom)
+            if area < least * (1.0 - 1e-9):  # not by rounding alone
+                least = area
+                best[chart] = i

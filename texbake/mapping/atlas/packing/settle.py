@@ -1,0 +1,140 @@
+"""Layouts made exact: charts on the grid of texels, moved apart, turned a little, and grown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
+from texbake.mapping.atlas.packing.poses import Outlines, Poses
+from texbake.mapping.atlas.packing.separate import Search, pair_weights, separate
+from texbake.mapping.atlas.packing.shapes import shapes_of
+from texbake.mesh.mesh import FloatArray, IntArray
+
+# Texels that a chart is taken to reach beyond its edge: half a unit of the 1/256 texel that
+# rasterizers snap to. Also more than float32 loses of a coordinate in a file.
+SNAP_MARGIN = 1.0 / 512.0
+
+_ANGLES = np.radians([0.0, 1.5, -1.5, 5.0, -5.0])  # that charts may turn by at each scale
+_STEP, _LEAST_STEP = 0.004, 0.001  # of the scale, when charts grow
+_FIRST_STEP = 0.008  # of the scale, as long as they must shrink
+_MOST_SHRINKS = 40
+_SEARCH = Search(samples=24, radius=12, step=4, patience=80, work=300_000_000)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layout:
+    """Where charts lie, roughly.
+
+    Attributes
+    ----------
+    angles : (C,) float64
+        Radians that each chart is turned by.
+    centers : (C, 2) float64
+        Middle of its bounding box, as a share of the width and height between the borders.
+    scale : float
+        Texels a unit.
+    """
+
+    angles: FloatArray
+    centers: FloatArray
+    scale: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Settled:
+    """Charts in their exact places on the cells of a grid, at a scale in cells a unit."""
+
+    poses: Poses
+    bitmaps: Bitmaps
+    places: IntArray
+    scale: float
+
+    def uvs(self) -> FloatArray:
+        """(T, 2) float64: coordinates in cells."""
+        return self.poses.placed_uvs(self.bitmaps, self.scale, self.places)
+
+    def layout(self, grid: Grid, angles: FloatArray) -> Layout:
+        """Forget the cells; `angles` (C, K) are those of the poses."""
+        charts = np.arange(len(self.places))
+        pose, turns = self.places[:, 2], self.places[:, 3]
+        boxes = self.bitmaps.boxes[charts, pose]
+        boxes = np.where(turns[:, None] % 2 == 0, boxes, boxes[:, ::-1])
+        return Layout(
+            angles=angles[charts, pose] + turns * (math.pi / 2.0),
+            centers=(self.places[:, :2] + boxes / 2.0) / [grid.width, grid.height],
+            scale=self.scale * grid.cell,
+        )
+
+
+def settled(
+    charts: Outlines, layout: Layout, grid: Grid, *, most_work: int, seed: int
+) -> Settled | None:
+    """Put charts in exact places close to those of a layout, as large as that goes.
+
+    None where they cannot be moved apart at nearly the layout's scale.
+    """
+    areas = charts.areas()
+    best: Settled | None = None
+    best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
+    scale = layout.scale / grid.cell
+    while work < most_work and step >= _LEAST_STEP:
+        trial += 1
+        angles = layout.angles[:, None] + _ANGLES
+        result, overlap, steps = _moved_apart(
+            charts, angles, layout.centers, areas, grid, scale, seed + trial
+        )
+        work += steps
+        if result is not None:
+            layout = result.layout(grid, angles)
+        if overlap == 0:
+            best, best_layout, n_failed = result, layout, 0
+            scale *= 1.0 + step
+        elif best is None:
+            if trial > _MOST_SHRINKS:
+                return None
+            scale /= 1.0 + _FIRST_STEP
+        else:
+            n_failed += 1
+            if n_failed == 3 or result is None:
+                step, n_failed, layout = step / 2.0, 0, best_layout
+                scale = best.scale * (1.0 + step)
+    return best
+
+
+def _moved_apart(
+    charts: Outlines,
+    angles: FloatArray,
+    centers: FloatArray,
+    areas: FloatArray,
+    grid: Grid,
+    scale: float,
+    seed: int,
+) -> tuple[Settled | None, int, int]:
+    """Separate charts near their centers at a scale; return places, their overlap and the work.
+
+    None where a chart is larger than the grid.
+    """
+    poses = charts.turned(angles)
+    work = poses.work
+    bitmaps = poses.bitmaps(scale, SNAP_MARGIN / grid.cell)
+    room = np.array([grid.width, grid.height]) - bitmaps.boxes[:, 0]
+    if (room < 0).any():
+        return None, 1, work
+    shapes = shapes_of(bitmaps, grid.half_widths, turns=1)
+    places = np.zeros((charts.n_charts, 3), dtype=np.int32)
+    middle = centers * [grid.width, grid.height] - bitmaps.boxes[:, 0] / 2.0
+    places[:, :2] = np.clip(np.rint(middle), 0, room)
+    places, overlap, steps = separate(
+        shapes,
+        places,
+        pair_weights(areas * scale**2),
+        size=(grid.width, grid.height),
+        search=_SEARCH,
+        seed=seed,
+    )
+    places = np.concatenate([places, np.zeros_like(places[:, :1])], axis=1)
+    result = Settled(poses=poses, bitmaps=bitmaps, places=places, scale=scale)
+    return result, overlap, work + steps + grid.width * grid.height // 4
