@@ -16,6 +16,7 @@ from .failures import told_in_one_line
 
 COMMANDS = (
     "info",
+    "make",
     "simplify",
     "unwrap",
     "bake-normals",

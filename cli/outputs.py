@@ -21,12 +21,13 @@ def check_picture(path: Path | None) -> None:
         check_writable(path)
 
 
-def check_mesh(path: Path) -> None:
-    """Raise if a mesh could not be written."""
+def check_mesh(path: Path, *, folder_is_made: bool = False) -> None:
+    """Raise if a mesh could not be written; its folder need not be there if it is made later."""
     if path.suffix.lower() not in WRITABLE_MESH_SUFFIXES:
         known = ", ".join(WRITABLE_MESH_SUFFIXES)
         raise FileFormatError(f"{path}: meshes cannot be written as {path.suffix!r}; use {known}")
-    check_writable(path)
+    if not folder_is_made:
+        check_writable(path)
 
 
 def check_report(path: Path | None) -> None:

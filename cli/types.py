@@ -59,6 +59,76 @@ class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
         return numbers
 
 
+class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
+    """Numbers with commas between them, or one word of a few instead.
+
+    Parameters
+    ----------
+    form
+        What the help shows, as `X,Y,Z`: one letter or name a number. A part in brackets may be
+        left out.
+    words
+        Words that are taken as they are.
+    """
+
+    name = "numbers"
+
+    def __init__(self, form: str, words: Sequence[str] = ()) -> None:
+        self.words = tuple(words)
+        self._metavar = "|".join((*self.words, form))
+        most = form.count(",") + 1
+        self._counts = range(form.split("[")[0].count(",") + 1, most + 1)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Show the words and the form."""
+        return self._metavar
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | float | tuple[float, ...]:
+        """Parse; a single number comes as it is, several as a tuple."""
+        if not isinstance(value, str) or value in self.words:
+            return value  # type: ignore[no-any-return]  # a default, or a word
+        try:
+            numbers = tuple(float(number) for number in value.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in self._counts:
+            self.fail(f"{value!r} is not of the form {self._metavar}")
+        return numbers[0] if len(numbers) == 1 else numbers
+
+
+class NameAndStrength(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
+    """`twirl` or `twirl:120`: one name of a few, and maybe a number."""
+
+    name = "name"
+
+    def __init__(self, known: Sequence[str]) -> None:
+        self.known = tuple(known)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Show the names."""
+        return f"{'|'.join(self.known)}[:STRENGTH]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | tuple[str, float]:
+        """Split at the colon; which names there are is the options' own to check."""
+        name, colon, strength = str(value).partition(":")
+        if not colon:
+            return name
+        try:
+            return name, float(strength)
+        except ValueError:
+            self.fail(f"{value!r} has no number after the colon", param, ctx)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the name."""
+        return [CompletionItem(name) for name in self.known if name.startswith(incomplete)]
+
+
 class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """Names with commas between them, out of a list of known ones."""
 

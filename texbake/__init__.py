@@ -37,21 +37,28 @@ if TYPE_CHECKING:
     )
     from texbake.mapping.distortion import Distortion, distortion
     from texbake.mapping.layout import draw_layout
+    from texbake.mapping.layout_svg import layout_svg
     from texbake.mapping.options import UnwrapOptions
-    from texbake.mapping.unwrap import UnwrapReport, unwrap, unwrap_with_report
+    from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
+    from texbake.mapping.unwrap_report import UnwrapReport
     from texbake.mesh.distance import SurfaceDistance, surface_distance
     from texbake.mesh.files import read_mesh, write_mesh
     from texbake.mesh.info import MeshInfo, mesh_info
     from texbake.mesh.mesh import Mesh
+    from texbake.mesh.parametric.make import make
+    from texbake.mesh.parametric.options import MakeOptions
     from texbake.mesh.simplify import SimplifyReport, simplify, simplify_with_report
     from texbake.mesh.tangents import corner_tangents
+    from texbake.pipeline.checker import render_checker
     from texbake.pipeline.demo import demo
+    from texbake.pipeline.layout import write_layout
     from texbake.pipeline.options import DemoOptions, RunOptions
     from texbake.pipeline.run import RunResult, run
     from texbake.render.compare import Closeness, Comparison, compare
     from texbake.render.options import RenderOptions
     from texbake.render.render import render
     from texbake.render.resolve import Frame
+    from texbake.texture.checker import checker_image
     from texbake.texture.image import Image, read_image, write_image
 
 # The public names of each module.
@@ -73,7 +80,8 @@ _NAMES = {
         "UnwrapError",
         "UvError",
     ),
-    "texbake.mapping.unwrap": ("UnwrapReport", "unwrap", "unwrap_with_report"),
+    "texbake.mapping.unwrap": ("unwrap", "unwrap_together", "unwrap_with_report"),
+    "texbake.mapping.unwrap_report": ("UnwrapReport",),
     "texbake.mapping.distortion": ("Distortion", "distortion"),
     "texbake.mapping.layout": ("draw_layout",),
     "texbake.mapping.options": ("UnwrapOptions",),
@@ -81,15 +89,21 @@ _NAMES = {
     "texbake.mesh.files": ("read_mesh", "write_mesh"),
     "texbake.mesh.info": ("MeshInfo", "mesh_info"),
     "texbake.mesh.mesh": ("Mesh",),
+    "texbake.mesh.parametric.make": ("make",),
+    "texbake.mesh.parametric.options": ("MakeOptions",),
     "texbake.mesh.simplify": ("SimplifyReport", "simplify", "simplify_with_report"),
     "texbake.mesh.tangents": ("corner_tangents",),
+    "texbake.mapping.layout_svg": ("layout_svg",),
+    "texbake.pipeline.checker": ("render_checker",),
     "texbake.pipeline.demo": ("demo",),
+    "texbake.pipeline.layout": ("write_layout",),
     "texbake.pipeline.options": ("DemoOptions", "RunOptions"),
     "texbake.pipeline.run": ("RunResult", "run"),
     "texbake.render.compare": ("Closeness", "Comparison", "compare"),
     "texbake.render.options": ("RenderOptions",),
     "texbake.render.render": ("render",),
     "texbake.render.resolve": ("Frame",),
+    "texbake.texture.checker": ("checker_image",),
     "texbake.texture.image": ("Image", "read_image", "write_image"),
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
@@ -109,6 +123,7 @@ __all__ = [
     "FileFormatError",
     "Frame",
     "Image",
+    "MakeOptions",
     "Mesh",
     "MeshError",
     "MeshInfo",
@@ -127,23 +142,29 @@ __all__ = [
     "WrittenMap",
     "__version__",
     "bake",
+    "checker_image",
     "compare",
     "corner_tangents",
     "demo",
     "distortion",
     "draw_layout",
+    "layout_svg",
+    "make",
     "mesh_info",
     "read_image",
     "read_mesh",
     "remap",
     "render",
+    "render_checker",
     "run",
     "simplify",
     "simplify_with_report",
     "surface_distance",
     "unwrap",
+    "unwrap_together",
     "unwrap_with_report",
     "write_image",
+    "write_layout",
     "write_mesh",
 ]
 

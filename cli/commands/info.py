@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from texbake.errors import OptionError
+from texbake.mapping.options import UnwrapOptions
+
+from ..measures import distortion_rows, worst_rows
 from ..options import mesh_argument
 from ..terminal import Terminal, say, table, terminal_options
+from ..types import Size
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,25 +30,44 @@ _GROUPS_SHOWN = 12
     Example:
       texbake info scan.ply
       texbake info scan.ply --json
+      texbake info low_uv.obj --uv --size 2048
     """
 )
 @mesh_argument("mesh")
+@click.option("--uv", is_flag=True, help="Measure its texture coordinates as well.")
+@click.option(
+    "--size", type=Size(), help="Texels of the texture that --uv counts with.  [default: 1024]"
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON alone.")
 @terminal_options
-def info(mesh: Path, as_json: bool, terminal: Terminal) -> None:
+def info(
+    mesh: Path, uv: bool, size: int | tuple[int, int] | None, as_json: bool, terminal: Terminal
+) -> None:
     """Tell what is in MESH.
 
     Counts, bounds, texture coordinates, normals, components, boundary and non-manifold edges, and
-    degenerate faces.
+    degenerate faces. With --uv also how its texture coordinates stretch, mirror, overlap and cut
+    it: as a whole, and the charts and faces where that is worst.
     """
+    if size is not None and not uv:
+        raise OptionError("size: it is for measuring texture coordinates; give --uv as well")
+    texture = UnwrapOptions(size=UnwrapOptions.size if size is None else size)
     import texbake
 
     with terminal.progress() as progress:
-        found = texbake.mesh_info(texbake.read_mesh(mesh, progress=progress))
-    if as_json:
+        read = texbake.read_mesh(mesh, progress=progress)
+        found = texbake.mesh_info(read)
+        measured = texbake.distortion(read, texture.size) if uv else None
+    if as_json and measured is not None:
+        figures = json.loads(found.to_json()) | {"distortion": measured.to_json()}
+        say(json.dumps(figures, indent=2, allow_nan=False))
+    elif as_json:
         say(found.to_json())
     else:
         table(_rows(found))
+        if measured is not None:
+            table([("Distortion", ""), *distortion_rows(measured)])
+            table(worst_rows(measured))
 
 
 def _rows(found: MeshInfo) -> list[tuple[str, str]]:

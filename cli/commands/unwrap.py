@@ -1,104 +1,136 @@
-"""`texbake unwrap`: texture coordinates for a mesh."""
+"""`texbake unwrap`: texture coordinates for meshes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from texbake.mapping.options import METHODS, UnwrapOptions
+from texbake.errors import OptionError
+from texbake.files import check_folder, make_folder
+from texbake.mapping.options import UnwrapOptions
 
-from ..options import (
-    WRITABLE_MESH_SUFFIXES,
-    choice_option,
-    mesh_argument,
-    number_option,
-    output_file,
-    picture_option,
-    report_option,
-    size_option,
-)
+from ..mapping import mapping_options, sections
+from ..measures import distortion_rows
+from ..options import MESH_SUFFIXES, report_option, threads_option
 from ..outputs import check_distinct, check_mesh, check_picture, check_report
+from ..sections import SectionedCommand
 from ..terminal import Terminal, terminal_options
+from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake import UnwrapReport
+    from texbake import Mesh, UnwrapReport
 
 
 @click.command(
+    cls=SectionedCommand,
+    sections=sections(),
     epilog="""
     \b
     Example:
       texbake unwrap low.obj -o low_uv.obj --size 2048 --padding 8
-      texbake unwrap low.obj -o low_uv.glb --layout layout.png --report unwrap.json
-    """
+      texbake unwrap low.obj -o low_uv.glb --quality best --layout layout.png --heat
+      texbake unwrap body.obj wheels.obj -o car --tiles 2 --texel-density 512
+      texbake unwrap bottle.obj -o bottle_uv.obj --method cylindrical --caps --checker look.png
+      texbake unwrap bunny.obj -o b.obj --method two-part --surface sphere --via object-normal
+    """,
 )
-@mesh_argument("mesh")
-@output_file("The mesh with texture coordinates.", WRITABLE_MESH_SUFFIXES)
-@choice_option(
-    "--method", METHODS, UnwrapOptions.method, "atlas: charts of little stretch, side by side."
+@click.argument("meshes", nargs=-1, required=True, type=FileOf(MESH_SUFFIXES), metavar="MESH...")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE|DIR",
+    help="The mesh with texture coordinates; of several meshes, a folder for all.",
 )
-@size_option(UnwrapOptions.size, "Texels of the texture that the coordinates are for.")
-@number_option(
-    "--padding",
-    int,
-    UnwrapOptions.padding,
-    "PX",
-    "Texels that a bake may pad each chart by without meeting another's.",
+@mapping_options
+@click.option(
+    "--layout", type=FileOf((".png", ".svg")), metavar="FILE", help="Draw the charts, PNG or SVG."
 )
-@picture_option("--layout", "Also draw the charts.")
+@click.option("--heat", is_flag=True, help="Color the layout by stretch.")
+@click.option(
+    "--checker", type=FileOf((".png",)), metavar="FILE.png", help="Draw the mesh with a checker."
+)
 @report_option
+@threads_option
 @terminal_options
 def unwrap(
-    mesh: Path,
+    meshes: tuple[Path, ...],
     output: Path,
-    method: str,
-    size: int | tuple[int, int],
-    padding: int,
+    options: UnwrapOptions,
     layout: Path | None,
+    heat: bool,
+    checker: Path | None,
     report: Path | None,
+    threads: int | None,
     terminal: Terminal,
 ) -> None:
     """Give MESH texture coordinates.
 
-    No two faces overlap and none is mirrored. Positions and the order of faces stay as they are.
+    By an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
+    they are. Several meshes share one atlas.
     """
-    options = UnwrapOptions(method=method, size=size, padding=padding)
-    check_distinct([output, layout, report])
-    check_distinct([layout, report], [mesh])  # the output may replace the mesh
-    check_mesh(output)
-    check_picture(layout)
+    outputs = _outputs(meshes, output)
+    if heat and layout is None:
+        raise OptionError("heat: it colors the layout; give --layout FILE as well")
+    check_distinct([*outputs, layout, checker, report])
+    check_distinct([layout, checker, report], meshes)  # an output may replace its mesh
+    check_picture(checker)
     check_report(report)
     import texbake
+    from texbake.pipeline.layout import check_layout
     from texbake.pipeline.report import write_report
 
+    if layout is not None:
+        check_layout(layout)
     with terminal.progress() as progress:
-        unwrapped, figures = texbake.unwrap_with_report(
-            texbake.read_mesh(mesh, progress=progress), options, progress=progress
-        )
-        texbake.write_mesh(unwrapped, output)
+        read = [texbake.read_mesh(path, progress=progress) for path in meshes]
+        results = texbake.unwrap_together(read, options, threads=threads, progress=progress)
+        if len(meshes) > 1:
+            make_folder(output)
+        for (mesh, _), path in zip(results, outputs, strict=True):
+            texbake.write_mesh(mesh, path)
+        unwrapped = [mesh for mesh, _ in results]
         if layout is not None:
-            texbake.write_image(texbake.draw_layout(unwrapped, size), layout, color=True)
+            texbake.write_layout(_joined(unwrapped), layout, options.size, heat=heat)
+        if checker is not None:
+            picture = texbake.render_checker(_joined(unwrapped), threads=threads)
+            texbake.write_image(picture, checker, color=True)
+        reports = [figures.to_json() for _, figures in results]
         if report is not None:
-            write_report(report, figures.to_json())
-    terminal.summary(_rows(figures))
-    terminal.wrote(path for path in (output, layout, report) if path is not None)
+            write_report(report, reports[0] if len(reports) == 1 else {"meshes": reports})
+    for _, figures in results:
+        for note in figures.notes:
+            terminal.warn(f"{figures.mesh}: {note}")
+        if len(results) > 1:
+            terminal.summary([(figures.mesh, "")])
+        terminal.summary(_rows(figures))
+    terminal.wrote(path for path in (*outputs, layout, checker, report) if path is not None)
+
+
+def _outputs(meshes: Sequence[Path], output: Path) -> list[Path]:
+    """Return a file for each mesh, checked before any work."""
+    if len(meshes) == 1:
+        check_mesh(output)
+        return [output]
+    check_folder(output)
+    files = [output / path.name for path in meshes]
+    check_distinct(files)
+    for file in files:
+        check_mesh(file, folder_is_made=True)
+    return files
+
+
+def _joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Return all meshes as one, for pictures."""
+    from texbake.mesh.join import join_meshes
+
+    return join_meshes(meshes)
 
 
 def _rows(report: UnwrapReport) -> list[tuple[str, str]]:
-    found = report.distortion
-    rows = [
-        ("faces", f"{report.n_faces:,}"),
-        ("charts", f"{report.n_charts:,}"),
-        ("texture filled", f"{100 * report.fill:.1f} %"),
-        ("stretch", f"L2 {found.stretch.l2:.3f} (1 at best), greatest {found.stretch.linf:.2f}"),
-        (
-            "texels a model unit",
-            f"{found.texel_density:.4g}, varying by {100 * found.texel_density_variation:.1f} %",
-        ),
-        ("seams", f"{found.seam_length:.4g} model units"),
-    ]
-    if report.n_ignored:
-        rows.append(("without area", f"{report.n_ignored:,} faces, which get one point each"))
-    return rows
+    tallies = [(name, f"{count:,}") for name, count in report.tallies.items()]
+    return [("faces", f"{report.n_faces:,}"), *distortion_rows(report.distortion), *tallies]

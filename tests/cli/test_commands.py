@@ -24,6 +24,15 @@ LINES = {
         "l.png",
         "r.json",
     ],
+    "unwrap high.ply -o out.ply --method cylindrical --axis 0,1,1 --caps --checker c.png": [
+        "out.ply",
+        "c.png",
+    ],
+    "unwrap low.obj high.ply -o both --quality fast --tiles 2 --layout l.svg --heat": [
+        "both/low.obj",
+        "both/high.ply",
+        "l.svg",
+    ],
     "bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --miss-map m.png": [
         "n.png",
         "m.png",
@@ -104,6 +113,29 @@ def test_unwrap_keeps_positions(workplace: Path, invoke: Invoke) -> None:
     before, after = read_mesh("low.obj"), read_mesh("out.obj")
     np.testing.assert_array_equal(before.positions, after.positions)
     np.testing.assert_array_equal(before.faces, after.faces)
+
+
+def test_a_projector_can_be_a_matrix(workplace: Path, invoke: Invoke) -> None:
+    # Looks along -z, in parallel: s = (x + 1) / 2, t = (y + 1) / 2.
+    Path("slide.txt").write_text("0.5 0 0 0.5  0 0.5 0 0.5  0 0 -1 1  0 0 0 1")
+    invoke("unwrap low.obj -o out.obj --method projector --matrix slide.txt --unseen project")
+    mesh = read_mesh("out.obj")
+    positions = mesh.positions[mesh.faces]
+    np.testing.assert_allclose(mesh.corner_uvs(), (positions[:, :, :2] + 1.0) / 2.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("choices", "by_hand"),
+    [
+        ("--scale 2,3 --offset 1,0", lambda uv: uv * [2, 3] + [1, 0]),
+        ("--flip s --rotate 90", lambda uv: np.stack([1 - uv[..., 1], 1 - uv[..., 0]], axis=-1)),
+        ("--linear 0,1,0,1,0,0.5", lambda uv: uv[..., ::-1] + [0, 0.5]),
+    ],
+)
+def test_what_comes_after_a_mapping(workplace, invoke, choices, by_hand) -> None:  # type: ignore[no-untyped-def]
+    invoke(f"unwrap low.obj -o out.obj --method parametric {choices}")
+    before, after = (read_mesh(name).corner_uvs() for name in ("low.obj", "out.obj"))
+    np.testing.assert_allclose(after, by_hand(before), atol=1e-9)
 
 
 def test_a_mesh_may_be_replaced_by_its_result(workplace: Path, invoke: Invoke) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 import pytest
-from texbake_cli.types import FileOf, Names, Size, View
+from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, View
 
 CONTEXT = click.Context(click.Command("test"))
 PARAM = click.Option(["--it"])
@@ -23,6 +23,12 @@ def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
         (Size(), "64X32", (64, 32)),
         (View(), "30,20", (30.0, 20.0)),
         (View(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
+        (Numbers("X,Y,Z", ("x", "y")), "y", "y"),
+        (Numbers("X,Y,Z", ("x", "y")), "0, -1,2e-3", (0.0, -1.0, 0.002)),
+        (Numbers("S[,T]"), "2", 2.0),
+        (Numbers("S[,T]"), "2,-3", (2.0, -3.0)),
+        (NameAndStrength(["twirl"]), "twirl", "twirl"),
+        (NameAndStrength(["twirl"]), "twirl:-90", ("twirl", -90.0)),
         (Names(["normal", "height"]), "normal", ("normal",)),
         (Names(["normal", "height"]), "height, normal,height", ("height", "normal")),
     ],
@@ -34,6 +40,11 @@ def test_text_becomes_a_value(kind: click.ParamType, text: str, value: Any) -> N
 @pytest.mark.parametrize(
     ("kind", "text"),
     [
+        (Numbers("X,Y,Z", ("x",)), "z"),
+        (Numbers("X,Y,Z"), "1,2"),
+        (Numbers("S[,T]"), "1,2,3"),
+        (Numbers("A,B"), ""),
+        (NameAndStrength(["twirl"]), "twirl:much"),
         (Size(), "big"),
         (Size(), "10x20x30"),
         (Size(), ""),
