@@ -1,0 +1,18 @@
+import numpy as np
+
+from texbake.text import text_coverage
+
+
+def test_a_line_is_cropped_to_its_ink() -> None:
+    ink = text_coverage("1001", 32)
+    assert ink.dtype == np.float32
+    assert (ink.min(), ink.max()) == (0.0, 1.0)
+    for border in ink[0], ink[-1], ink[:, 0], ink[:, -1]:
+        assert border.max() > 0.0
+    assert 16 < len(ink) < 32  # a digit is about 3/4 of the size
+    assert ink.shape[1] > ink.shape[0]
+
+
+def test_letters_below_the_line_are_whole() -> None:
+    assert len(text_coverage("g", 40)) > len(text_coverage("a", 40))
+    assert text_coverage(" ", 20).size == 0
