@@ -60,7 +60,7 @@ class _Quality:
 
 _QUALITIES = {
     "fast": _Quality(part_faces=4_000, whole_faces=6_000, most_l2=1.06),
-    "good": _Quality(part_faces=6_000, whole_faces=9_000, most_l2=1.004),
+    "good": _Quality(part_faces=6_000, whole_faces=9_000, most_l2=1.005),
     "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06),
 }
 

@@ -47,7 +47,7 @@ class _Budget:
 
 
 _BUDGETS = {
-    "good": _Budget(trials=2, orders=500_000_000, squeeze=300_000_000, settle=300_000_000),
+    "good": _Budget(trials=1, orders=150_000_000, squeeze=120_000_000, settle=120_000_000),
     "best": _Budget(trials=8, orders=1_200_000_000, squeeze=800_000_000, settle=800_000_000),
 }
 _WHOLE_BUDGET = 1024 * 1024  # texels from where on it is spent; there is less to win with fewer
