@@ -95,7 +95,8 @@ def unwrap(
             texbake.write_mesh(mesh, path)
         unwrapped = [mesh for mesh, _ in results]
         if layout is not None:
-            texbake.write_layout(_joined(unwrapped), layout, options.size, heat=heat)
+            joined = _joined(unwrapped)
+            texbake.write_layout(joined, layout, options.size, heat=heat, threads=threads)
         if checker is not None:
             picture = texbake.render_checker(_joined(unwrapped), threads=threads)
             texbake.write_image(picture, checker, color=True)
@@ -133,4 +134,8 @@ def _joined(meshes: Sequence[Mesh]) -> Mesh:
 
 def _rows(report: UnwrapReport) -> list[tuple[str, str]]:
     tallies = [(name, f"{count:,}") for name, count in report.tallies.items()]
-    return [("faces", f"{report.n_faces:,}"), *distortion_rows(report.distortion), *tallies]
+    if report.distortion is None:
+        measured = [("stretch", "none to measure: no face has an area in the texture")]
+    else:
+        measured = distortion_rows(report.distortion)
+    return [("faces", f"{report.n_faces:,}"), *measured, *tallies]

@@ -1,6 +1,6 @@
 import numpy as np
 
-from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.disks import disk_charts
 from texbake.mapping.atlas.cutting.parts import Part

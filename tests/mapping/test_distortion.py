@@ -252,3 +252,7 @@ def test_errors() -> None:
         distortion(cube())
     with pytest.raises(UvError, match="none of its faces has area both"):
         distortion(mapped(plane(), np.zeros((2, 2))))
+    line = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=float)
+    faces = np.array([[0, 1, 2]], dtype=np.int32)
+    with pytest.raises(UvError, match=r"none of its faces has an area; .* texbake info"):
+        distortion(Mesh(positions=line, faces=faces, uvs=line[:, :2], uv_faces=faces))

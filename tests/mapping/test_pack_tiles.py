@@ -139,3 +139,11 @@ def test_tens_of_thousands_of_charts_go_the_fastest_way() -> None:
     packing = pack_charts(*charts, size=(2048, 2048), padding=1)
     # Rectangles of some 16 texels with gaps of 2 to 4 can fill no more than about .7.
     assert packing.fill > 0.5
+
+
+@pytest.mark.parametrize(("n_groups", "tiles"), [(9000, 1), (90, 100)])
+def test_more_tiles_than_udim_numbers_are_refused(n_groups: int, tiles: int) -> None:
+    uvs, faces, chart_ids = mixed(4, n_groups)
+    groups = np.arange(n_groups, dtype=np.int32)
+    with pytest.raises(UnwrapError, match=r"9,000 tiles are wanted.*1,000 are the most"):
+        pack_charts(uvs, faces, chart_ids, size=SIZE, padding=1, tiles=tiles, tile_groups=groups)

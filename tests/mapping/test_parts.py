@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.atlas.adjacency import merged_labels, opposite_half_edges
+from texbake.mapping.adjacency import merged_labels, opposite_half_edges
 from texbake.mapping.atlas.cutting.batches import connected_parts, face_batches
 from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
 from texbake.mesh.mesh import IntArray, Mesh

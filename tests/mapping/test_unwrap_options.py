@@ -4,6 +4,7 @@ import subprocess
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 
 from texbake.errors import OptionError
@@ -30,11 +31,24 @@ def test_width_and_height_of_a_square_and_of_a_rectangle() -> None:
         ({"size": (1024, 8), "padding": 4}, "leave nothing of 1024 x 8"),
         ({"timeout": 0.0}, "timeout: 0.0"),
         ({"timeout": float("nan")}, "timeout: nan"),
+        ({"keep": True, "max_stretch": 1.1}, "max_stretch: charts that are kept are not cut"),
+        ({"keep": True, "timeout": 9.0}, "timeout: charts that are kept are not cut"),
+        (
+            {"method": "projector", "matrix": ((1.0, 0.0, 0.0, 0.0),) * 4, "fov": 50.0},
+            "fov: the matrix has its own",
+        ),
+        ({"method": "projector", "camera": 5}, "camera: 5 is not azimuth"),
+        ({"method": "planar", "warp": ("twirl",)}, "is not a name with its strength"),
     ],
 )
 def test_a_value_that_cannot_be_is_one_clear_error(values: dict[str, Any], message: str) -> None:
     with pytest.raises(OptionError, match=message):
         UnwrapOptions(**values)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    center = tuple(np.float32([1, 2, 3]))
+    assert UnwrapOptions(method="spherical", center=center).center == (1.0, 2.0, 3.0)
 
 
 def test_defaults_are_read_without_loading_numpy() -> None:

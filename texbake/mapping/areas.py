@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.mesh.mesh import FloatArray
+from texbake.errors import MeshError
+from texbake.mesh.mesh import FloatArray, Mesh
+
+# Model units: the fourth power of such a length is the square of an area, and finite.
+_LONGEST = 1e75
 
 
 def signed_areas(corners: FloatArray) -> FloatArray:
@@ -44,3 +48,16 @@ def surface_areas(corners: FloatArray) -> FloatArray:
     """
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(np.linalg.norm(crosses, axis=1) / 2.0)
+
+
+def check_measurable(mesh: Mesh) -> None:
+    """Raise `MeshError` where areas, and their squares, would leave what float64 holds."""
+    with np.errstate(over="ignore"):
+        low, high = mesh.bounds
+        length = float((high - low).max())
+        farthest = float(np.abs(mesh.bounds).max())
+    if farthest > _LONGEST or 0.0 < length < 1.0 / _LONGEST:
+        raise MeshError(
+            f"{mesh.name}: it is {length:.3g} model units long and lies up to {farthest:.3g} from "
+            "the origin, so that its areas cannot be computed; scale it first"
+        )

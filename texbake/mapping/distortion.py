@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.areas import check_measurable
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids, seam_length
 from texbake.mapping.stretch import FaceStretch, Stretch, face_stretch, stretch_by_group
@@ -201,6 +202,7 @@ def distortion(
     1.0
     """
     width, height = (size, size) if isinstance(size, int) else size
+    check_measurable(mesh)
     found = face_stretch(mesh, size)
     uvs = mesh.corner_uvs()
     charts = chart_ids(mesh)[found.faces]

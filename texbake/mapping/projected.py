@@ -19,11 +19,16 @@ class Projected:
     corners : (F, 3, 2) float64
         (s, t) of each corner, finite.
     tallies : dict of str to int
-        What was met, by its name, as in "faces at a pole": how many. Only what happened.
+        What was met, by its name, as in "faces at a pole": how many. What did not
+        happen is left out.
     """
 
     corners: FloatArray
     tallies: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        happened = {name: count for name, count in self.tallies.items() if count}
+        object.__setattr__(self, "tallies", happened)
 
 
 def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:

@@ -125,10 +125,7 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     flat = np.abs(texel_areas) > _AREA_ROUNDING * _longest_squares(texels)
     faces = np.flatnonzero(solid & flat)
     if len(faces) == 0:
-        raise UvError(
-            f"{mesh.name}: none of its faces has area both in space and in the texture; "
-            f"make coordinates with: texbake unwrap {mesh.name} -o OUT"
-        )
+        raise UvError(f"{mesh.name}: {_why_unmeasured(solid)}")
     areas, texel_areas = areas[faces], texel_areas[faces]
     greatest, least = _singular_values(corners[faces], texels[faces], areas, texel_areas)
     unit = math.sqrt(np.abs(texel_areas).sum() / areas.sum())
@@ -183,6 +180,16 @@ def stretch_by_group(
         )
         for l2, linf, energy, qc, angle, area in zip(*(c.tolist() for c in columns), strict=True)
     ]
+
+
+def _why_unmeasured(solid: npt.NDArray[np.bool_]) -> str:
+    """Say why no face can be measured, and what to do; `solid` have area in space."""
+    if not solid.any():
+        return "none of its faces has an area; look for what is wrong with: texbake info"
+    return (
+        "none of its faces has area both in space and in the texture; "
+        "map it along another axis or by another method of: texbake unwrap"
+    )
 
 
 def _longest_squares(corners: FloatArray) -> FloatArray:

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from texbake.errors import OptionError
-from texbake.mapping.distortion import distortion
+from texbake.errors import OptionError, UvError
+from texbake.mapping.areas import check_measurable
+from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.projected import Projected, with_coordinates
 from texbake.mapping.selection import faces_of_group, selected, with_selected_corners
@@ -33,6 +34,9 @@ _CLASSICAL = {
     "parametric": "parametric",
     "projector": "projector",
 }
+
+# Tiles that coordinates may lie away: of what is farther, float64 has no 1/4096 of a tile left.
+_FARTHEST = 1e12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,7 +135,7 @@ def unwrap_together(
     stages = Stages(progress)
     results = _unwrapped(meshes, options, stages, threads)
     with stages.stage("measure"):
-        measured = [distortion(mesh, (options.width_px, options.height_px)) for mesh, _ in results]
+        measured = [_measured(mesh, options, threads) for mesh, _ in results]
     return [
         (
             mesh,
@@ -149,12 +153,22 @@ def unwrap_together(
     ]
 
 
+def _measured(mesh: Mesh, options: UnwrapOptions, threads: int | None) -> Distortion | None:
+    """Figures of the coordinates; None where they leave no face any area."""
+    try:
+        return distortion(mesh, (options.width_px, options.height_px), threads=threads)
+    except UvError:
+        return None
+
+
 def _unwrapped(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
 ) -> list[tuple[Mesh, _Mapped]]:
     """Choose faces, map them, and put their coordinates back into the meshes."""
     if len(meshes) == 0:
         raise OptionError("meshes: there is none to unwrap")
+    for mesh in meshes:
+        check_measurable(mesh)
     if options.only is None:
         chosen = [np.ones(mesh.n_faces, dtype=bool) for mesh in meshes]
         parts = list(meshes)
@@ -171,11 +185,22 @@ def _unwrapped(
     results = []
     for mesh, faces, part in zip(meshes, chosen, mapped, strict=True):
         corners = part.corners + np.array(options.offset, dtype=np.float64)
+        _check_reach(corners)
         corners, n_without = with_selected_corners(mesh, faces, corners)
         if n_without:
             part.tallies["faces of other groups without coordinates"] = n_without
         results.append((with_coordinates(mesh, corners), part))
     return results
+
+
+def _check_reach(corners: FloatArray) -> None:
+    """Raise where coordinates are so far away that nothing could be found in a texture."""
+    farthest = float(np.abs(corners).max())
+    if not farthest <= _FARTHEST:
+        raise OptionError(
+            f"scale, warp, offset: coordinates would lie up to {farthest:.3g} tiles away; "
+            f"keep them within {_FARTHEST:.0e}"
+        )
 
 
 def _mapped_by_atlas(

@@ -27,7 +27,8 @@ class UnwrapReport:
         What was met on the way, by its name, as in "faces at a pole": how many.
     notes : tuple of str
         Steps that failed and what was done instead; charts that miss a bound, and why.
-    distortion : Distortion
+    distortion : Distortion or None
+        None where the coordinates leave no face any area.
     stages : list of StageRecord
     """
 
@@ -36,18 +37,18 @@ class UnwrapReport:
     options: UnwrapOptions
     tallies: Mapping[str, int]
     notes: tuple[str, ...]
-    distortion: Distortion
+    distortion: Distortion | None
     stages: list[StageRecord]
 
     @property
     def n_charts(self) -> int:
         """Pieces of the surface that the texture shows."""
-        return self.distortion.n_charts
+        return 0 if self.distortion is None else self.distortion.n_charts
 
     @property
     def fill(self) -> float:
         """Share of the tiles in use that faces cover; what is covered twice counts twice."""
-        return self.distortion.packing_efficiency
+        return 0.0 if self.distortion is None else self.distortion.packing_efficiency
 
     @property
     def seconds(self) -> float:
@@ -61,11 +62,11 @@ class UnwrapReport:
             "faces": self.n_faces,
             "options": _options_in_use(self.options),
             "charts": self.n_charts,
-            "tiles": self.distortion.n_tiles,
+            "tiles": 0 if self.distortion is None else self.distortion.n_tiles,
             "fill": self.fill,
             "tallies": dict(self.tallies),
             "notes": list(self.notes),
-            "distortion": self.distortion.to_json(),
+            "distortion": None if self.distortion is None else self.distortion.to_json(),
             "seconds": self.seconds,
             "stages": [asdict(stage) for stage in self.stages],
         }

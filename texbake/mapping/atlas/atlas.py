@@ -20,9 +20,11 @@ from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 
-# Most L2 stretch of a mesh that joining charts may lead to. `good` also never goes above what the
-# charts had before.
+# Most L2 stretch of a mesh that joining charts may lead to. By `good` it also stays near what the
+# charts had before, above 1 by at most so many times as much: with no room at all, charts would
+# stay apart for a stretch that nobody sees.
 _GOOD_STRETCH = 1.03
+_GOOD_ROOM = 1.5
 _BEST_STRETCH = 1.09
 # Work that joining may take, as `joined_charts` counts it: what large noisy scans and meshes with
 # hundreds of charts end by.
@@ -100,9 +102,9 @@ def make_atlas(
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
     """Charts of one mesh, in model units."""
-    if options.keep:
-        return kept_charts(mesh, (options.width_px, options.height_px))
     regions = mesh.face_groups if options.by_group else None
+    if options.keep:
+        return kept_charts(mesh, (options.width_px, options.height_px), regions=regions)
     points = snapped_points(mesh)
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
@@ -114,7 +116,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
             advance=advance,
         )
     if options.quality != "fast":
-        charts = _improved(points, mesh, charts, options, stages, threads)
+        charts = _improved(points, mesh, charts, options, regions, stages, threads)
     if options.max_stretch is not None:
         with stages.stage("bound stretch"):
             charts = bounded_charts(
@@ -129,6 +131,7 @@ def _improved(
     mesh: Mesh,
     charts: Charts,
     options: UnwrapOptions,
+    regions: IntArray | None,
     stages: Stages,
     threads: int | None,
 ) -> Charts:
@@ -136,7 +139,9 @@ def _improved(
     as_cut = _stretch(points, mesh, charts)
     with stages.stage("relax charts"):
         charts = relaxed_charts(points, mesh.faces, charts, threads=threads)
-    allowed = _BEST_STRETCH if options.quality == "best" else min(as_cut, _GOOD_STRETCH)
+    allowed = _BEST_STRETCH
+    if options.quality == "good":
+        allowed = min(1.0 + _GOOD_ROOM * (as_cut - 1.0), _GOOD_STRETCH)
     with stages.stage("join charts"):
         return joined_charts(
             points,
@@ -144,7 +149,7 @@ def _improved(
             charts,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
-            regions=mesh.face_groups if options.by_group else None,
+            regions=regions,
             threads=threads,
             most_work=_JOIN_WORK[options.quality],
         )
@@ -154,7 +159,8 @@ def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
     """L2 stretch of the whole, with all charts at one scale."""
     flat = mesh.replace(positions=points, uvs=charts.uvs, uv_faces=charts.faces)
     found = face_stretch(flat)
-    return math.sqrt(float(found.areas @ found.l2**2) / float(found.areas.sum()))
+    # Not a product of vectors: that adds up in another order on another number of threads.
+    return math.sqrt(float((found.areas * found.l2**2).sum()) / float(found.areas.sum()))
 
 
 def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArray:
@@ -167,7 +173,7 @@ def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArr
             [names.setdefault(name, len(names)) for name in mesh.group_names or ("",)],
             dtype=np.int32,
         )
-        solid = (charts.faces != charts.faces[:, :1]).any(axis=1)
+        solid = charts.solid
         if mesh.face_groups is not None:
             face_charts = charts.chart_ids[charts.faces[solid, 0]]
             of_chart[face_charts] = numbers[mesh.face_groups[solid]]

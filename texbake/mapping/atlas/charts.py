@@ -47,6 +47,11 @@ class Charts:
         """Number of charts."""
         return int(self.chart_ids.max()) + 1
 
+    @property
+    def solid(self) -> npt.NDArray[np.bool_]:
+        """(F,) bool: faces that lie in a chart."""
+        return np.asarray((self.faces != self.faces[:, :1]).any(axis=1))
+
 
 def gathered_charts(
     mesh_faces: IntArray, pieces: Sequence[tuple[IntArray, Charts]], notes: tuple[str, ...] = ()

@@ -58,5 +58,5 @@ def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
     }
     return Projected(
         corners=side_pictures(points, found.sides, reach, options),
-        tallies={name: count for name, count in counts.items() if count},
+        tallies=counts,
     )

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.areas import surface_areas
-from texbake.mapping.atlas.adjacency import merged_labels
 from texbake.mapping.classical.side_pictures import N_SIDES
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh

@@ -63,7 +63,8 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
         corners = np.stack([angles.s, t[mesh.faces]], axis=2)
         return Projected(corners=corners, tallies=angles.tallies())
     normals = face_normals(mesh)
-    cosines = normals @ frame[2]
+    # Not a matrix product, which may round equal normals differently.
+    cosines = np.einsum("ij,j->i", normals, frame[2])
     side = np.abs(cosines) < _CAP_COSINE
     return _with_caps(mesh, options, local, side=side, above=cosines > 0.0)
 

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.classical.frames import LocalPoints
-from texbake.mapping.classical.spherical import latitude_coordinates
+from texbake.mapping.classical.spherical import onto_sphere
 from texbake.mapping.classical.wrap import wrap_angles
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.projected import Projected
@@ -184,15 +184,7 @@ class Sphere:
 
     def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
         """Longitudes become s, latitudes t; poles as `wrap_angles` says, the center t = 1/2."""
-        angles = wrap_angles(points, faces, theta=self.theta, rounding=self.rounding)
-        t = latitude_coordinates(points, self.rounding)
-        furthest = np.abs(points).max(axis=1)
-        n_at_center = int((furthest <= self.rounding)[faces].sum())
-        return Projected(
-            corners=np.stack([angles.s, t[faces]], axis=2),
-            tallies=angles.tallies("a pole")
-            | ({"corners at the center": n_at_center} if n_at_center else {}),
-        )
+        return onto_sphere(points, faces, theta=self.theta, rounding=self.rounding)
 
 
 def surface_around(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> Surface:

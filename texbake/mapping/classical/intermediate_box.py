@@ -97,7 +97,7 @@ class Box:
         }
         return Projected(
             corners=side_pictures(met, sides, self.half, self.options),
-            tallies={name: count for name, count in counts.items() if count},
+            tallies=counts,
         )
 
     def mapped_by_normals(

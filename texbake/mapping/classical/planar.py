@@ -72,7 +72,7 @@ def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
     }
     return Projected(
         corners=_placed(local, mesh, away if options.sides else None),
-        tallies={name: count for name, count in counts.items() if count},
+        tallies=counts,
     )
 
 

@@ -15,7 +15,7 @@ from texbake.mapping.classical.frames import center_of, frame_about, points_abou
 from texbake.mapping.classical.wrap import wrap_angles
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.projected import Projected
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 
 def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
@@ -43,12 +43,36 @@ def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_of(mesh, options.center), frame)
-    angles = wrap_angles(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
-    t = latitude_coordinates(local.points, local.rounding)
-    at_center = np.abs(local.points).max(axis=1) <= local.rounding
-    n_at_center = int(at_center[mesh.faces].sum())
+    return onto_sphere(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
+
+
+def onto_sphere(
+    points: FloatArray, faces: IntArray, *, theta: tuple[float, float], rounding: float
+) -> Projected:
+    """Longitudes and latitudes of the corners of faces.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        Coordinates along e1, e2 and the axis, about the center.
+    faces : (F, 3) int
+        Indices into the points.
+    theta : (float, float)
+        Longitudes in degrees that become s = 0 and s = 1.
+    rounding : float
+        As for `latitude_coordinates`.
+
+    Returns
+    -------
+    Projected
+        As `spherical` says.
+    """
+    angles = wrap_angles(points, faces, theta=theta, rounding=rounding)
+    t = latitude_coordinates(points, rounding)
+    at_center = np.abs(points).max(axis=1) <= rounding
+    n_at_center = int(at_center[faces].sum())
     return Projected(
-        corners=np.stack([angles.s, t[mesh.faces]], axis=2),
+        corners=np.stack([angles.s, t[faces]], axis=2),
         tallies=angles.tallies("a pole")
         | ({"corners at the center": n_at_center} if n_at_center else {}),
     )

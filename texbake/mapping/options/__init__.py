@@ -22,6 +22,14 @@ METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
     "projector": ("camera", "fov", "matrix", "unseen"),
 }
 METHODS = tuple(METHOD_OPTIONS)
+# Of those, the ones that only some surfaces of a two-part mapping read.
+_SURFACE_OPTIONS = {
+    "plane": frozenset[str](),
+    "cylinder": frozenset({"theta", "height"}),
+    "sphere": frozenset({"theta"}),
+    "box": frozenset({"padding"}),
+}
+_OF_SOME_SURFACES = frozenset[str]().union(*_SURFACE_OPTIONS.values())
 _OF_SOME_METHODS = {name for names in METHOD_OPTIONS.values() for name in names}
 
 
@@ -58,3 +66,18 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             raise OptionError("eye: a reflection needs it; give the point that looks, X,Y,Z")
         if self.eye is not None and self.via != "reflection":
             raise OptionError(f"eye: via {self.via} does not use it")
+        if self.method == "two-part":
+            for name in sorted(_OF_SOME_SURFACES - _SURFACE_OPTIONS[self.surface]):
+                if getattr(self, name) != getattr(UnwrapOptions, name):
+                    raise OptionError(f"{name}: the surface {self.surface} does not use it")
+        if (
+            self.method == "atlas"
+            and self.texel_density is not None
+            and (self.warp is not None or self.scales != (1.0, 1.0))
+        ):
+            raise OptionError(
+                "texel_density: an atlas is packed at it, and a warp or scale would change it again"
+            )
+        for name in "max_stretch", "timeout":
+            if self.keep and getattr(self, name) is not None:
+                raise OptionError(f"{name}: charts that are kept are not cut; give one of them")

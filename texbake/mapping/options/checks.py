@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 
 from texbake.errors import OptionError
 
@@ -24,13 +25,19 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
         raise OptionError(f"{name}: {value} is not one of {', '.join(choices)}")
 
 
+def check_number(name: str, value: object) -> None:
+    """Raise `OptionError` unless the value is a finite number."""
+    if not (isinstance(value, Real) and math.isfinite(value)):
+        raise OptionError(f"{name}: {value!r} is not a finite number")
+
+
 def check_numbers(name: str, values: object, n_values: int) -> None:
     """Raise `OptionError` unless the value is a sequence of so many finite numbers."""
     if (
         isinstance(values, str)
         or not isinstance(values, Sequence)
         or len(values) != n_values
-        or not all(isinstance(v, (int, float)) and math.isfinite(v) for v in values)
+        or not all(isinstance(v, Real) and math.isfinite(v) for v in values)
     ):
         raise OptionError(f"{name}: {values!r} is not {n_values} finite numbers")
 

@@ -118,7 +118,7 @@ class ProjectionOptions(CheckedOptions):
 
     def _check_projector(self) -> None:
         if self.camera is not None:
-            if len(self.camera) not in (2, 3):
+            if not isinstance(self.camera, Sequence) or len(self.camera) not in (2, 3):
                 raise OptionError(f"camera: {self.camera} is not azimuth, elevation and distance")
             check_numbers("camera", [v for v in self.camera if v is not None], len(self.camera))
             if self.matrix is not None:
@@ -128,6 +128,8 @@ class ProjectionOptions(CheckedOptions):
         if not 0 < self.fov < 180 or not math.isfinite(self.fov):
             raise OptionError(f"fov: {self.fov} degrees is out of range; above 0 and below 180")
         if self.matrix is not None:
+            if self.fov != ProjectionOptions.fov:
+                raise OptionError("fov: the matrix has its own field of view; give one of them")
             if not isinstance(self.matrix, Sequence) or len(self.matrix) != 4:
                 raise OptionError("matrix: it has not 4 rows of 4 numbers")
             for row in self.matrix:

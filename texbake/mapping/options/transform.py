@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.errors import OptionError
-from texbake.mapping.options.checks import CheckedOptions, check_choice, check_numbers
+from texbake.mapping.options.checks import CheckedOptions, check_choice, check_number, check_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,16 +52,19 @@ class TransformOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.warp is not None and not callable(self.warp):
-            name, strength = (self.warp, 1.0) if isinstance(self.warp, str) else self.warp
+            named = (self.warp, 1.0) if isinstance(self.warp, str) else self.warp
+            if not isinstance(named, Sequence) or len(named) != 2:
+                raise OptionError(f"warp: {self.warp!r} is not a name with its strength")
+            name, strength = named
             check_choice("warp", name, tuple(WARPS))
-            check_numbers("warp", (strength,), 1)
+            check_number("warp", strength)
             if name == "bulge" and not -1.25 < strength < 1:
                 raise OptionError(f"warp: a bulge of {strength} folds over; above -1.25, below 1")
             if name == "power" and not strength > 0:
                 raise OptionError(f"warp: a power of {strength} is not above 0")
         if self.flip is not None:
             check_choice("flip", self.flip, FLIPS)
-        check_numbers("rotate", (self.rotate,), 1)
+        check_number("rotate", self.rotate)
         check_numbers("scale", self.scales, 2)
         if not all(self.scales):
             raise OptionError(f"scale: {self.scale} leaves nothing; it must not be 0")

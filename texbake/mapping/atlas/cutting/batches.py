@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.mapping.atlas.adjacency import merged_labels
+from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
 from texbake.mesh.mesh import FloatArray, IntArray
 

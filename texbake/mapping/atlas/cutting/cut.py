@@ -13,7 +13,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts, gathered_charts
 from texbake.mapping.atlas.cutting.batches import connected_parts, face_batches
 from texbake.mapping.atlas.cutting.disks import disk_charts

@@ -1,7 +1,7 @@
 """The child process that runs xatlas: meshes in on stdin, their charts out on stdout.
 
-Run as a script, by `cut.py`, with nothing of texbake loaded, so that it starts in little more
-than the time that numpy takes to load.
+Run as a script, by `xatlas_charts.py`, with nothing of texbake loaded, so that it starts in little
+more than the time that numpy takes to load.
 
 In: V and F, uint64; points (V, 3) float32; faces (F, 3) uint32.
 Out: T and F, uint64; coordinates (T, 2) float32 in texels of xatlas' own atlas; chart ids (T,)
@@ -26,7 +26,7 @@ try:
     import xatlas
 except ImportError as error:
     print(" ".join(str(error).split()), file=sys.stderr)
-    sys.exit(3)  # DOES_NOT_LOAD of `cut.py`
+    sys.exit(3)  # _DOES_NOT_LOAD of `xatlas_charts.py`
 
 # Texels that all charts together are given in xatlas' own packing. Its result is thrown away, so
 # that few are enough; more would make the packing slow and cost precision in small charts, which

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.mapping.adjacency import merged_labels, next_half_edges
 from texbake.mapping.areas import surface_areas
-from texbake.mapping.atlas.adjacency import merged_labels, next_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.mend import OVERLAP_DEPTH, mended_charts
 from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
@@ -167,10 +167,18 @@ def _flat_disks(
 
 
 def _is_help(pieces: Sequence[_Attempt], whole: Disk) -> bool:
-    """Whether dividing a part lowers its stretch as it does where the surface curves."""
-    disks = [piece.disk for piece in pieces if piece.disk is not None]
-    excess = sum(disk.area * (disk.l2**2 - 1.0) for disk in disks)
-    return 0 < len(disks) == len(pieces) and excess <= _HELP * whole.area * (whole.l2**2 - 1.0)
+    """Whether dividing a part lowers its stretch as it does where the surface curves.
+
+    A piece that could not be laid flat tells nothing against it: it is divided further.
+    """
+    if not pieces:
+        return False
+    excess = 0.0
+    for piece in pieces:
+        if piece.disk is None:
+            return True
+        excess += piece.disk.area * (piece.disk.l2**2 - 1.0)
+    return excess <= _HELP * whole.area * (whole.l2**2 - 1.0)
 
 
 def _attempt(points: FloatArray, corners: IntArray, part: Part) -> _Attempt:

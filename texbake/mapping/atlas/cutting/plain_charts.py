@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.kernels import kernel
-from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 

@@ -222,7 +222,7 @@ class _Worker:
         if len(head) == 8 and len(answer) == n_bytes:
             return answer
         if self.timed_out:
-            return Failure(f"took longer than {request.timeout:.0f} s")
+            return Failure(f"took longer than {request.timeout:g} s")
         return self._crash()
 
     def end(self) -> None:

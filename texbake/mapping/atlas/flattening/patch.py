@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mapping.atlas.adjacency import merged_labels
+from texbake.mapping.adjacency import merged_labels
 from texbake.mesh.mesh import IntArray
 
 

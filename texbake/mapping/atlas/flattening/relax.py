@@ -7,9 +7,8 @@ Charts are relaxed side by side; none gets worse, and none gets to lie on itself
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from texbake.mapping.atlas.adjacency import merged_labels, opposite_half_edges
+from texbake.mapping.adjacency import merged_labels, opposite_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import flatten, measured
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -44,7 +43,7 @@ def relaxed_charts(
     """
     whole = _in_one_piece(points, mesh_faces, charts)
     places = np.zeros((len(whole.uvs), 3))
-    solid = _solid(whole)
+    solid = np.flatnonzero(whole.solid)
     places[whole.faces[solid]] = points[mesh_faces[solid]]
     face_charts = whole.chart_ids[whole.faces[solid, 0]]
     sizes = np.bincount(face_charts, minlength=whole.n_charts)
@@ -84,18 +83,13 @@ def _relaxed(points: FloatArray, faces: IntArray, layout: FloatArray) -> FloatAr
     return layout
 
 
-def _solid(charts: Charts) -> npt.NDArray[np.intp]:
-    """Faces that lie in a chart."""
-    return np.flatnonzero((charts.faces != charts.faces[:, :1]).any(axis=1))
-
-
 def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> Charts:
     """Number coordinates and charts anew, so that a chart is a surface that hangs together.
 
     Coordinates at one place become one, as files may repeat vertices within a chart; and faces of
     a chart that no chain of edges connects get charts and coordinates of their own.
     """
-    solid = _solid(charts)
+    solid = np.flatnonzero(charts.solid)
     corners = charts.faces[solid]
     rows = np.column_stack(
         [

@@ -14,12 +14,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mapping.areas import signed_areas, surface_areas
-from texbake.mapping.atlas.adjacency import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.join import joined_charts
 from texbake.mapping.atlas.joining.piece import Piece, relaxed_piece
-from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of, solid_faces
+from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -59,7 +59,7 @@ def bounded_charts(
         Of the same faces; the same charts where all hold the bound. Faces that alone are stretched
         beyond it, being too thin for float64 to lay flat, are told in `notes`.
     """
-    solid = solid_faces(charts)
+    solid = charts.solid
     if not solid.any():
         return charts
     opposite = opposite_half_edges(weld_rows(points)[mesh_faces], solid=solid)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.atlas.adjacency import merged_labels
+from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.atlas.joining.piece import Piece, hull_area
 from texbake.mesh.mesh import FloatArray, IntArray
 
@@ -188,7 +188,8 @@ def _fitted(
         weights / weights.sum() if weights.sum() > 0.0 else np.full(len(weights), 1 / len(weights))
     )
     source, target = (array.reshape(-1, 2) @ np.array([1.0, 1.0j]) for array in (sources, targets))
-    source_mean, target_mean = weights @ source, weights @ target
+    # Not products of vectors: those add up in another order on another number of threads.
+    source_mean, target_mean = (weights * source).sum(), (weights * target).sum()
     turn = np.sum(weights * np.conj(source - source_mean) * (target - target_mean))
     turn = turn / abs(turn) if abs(turn) > 0.0 else 1.0
     moved = (uvs @ np.array([1.0, 1.0j]) - source_mean) * turn + target_mean

@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.mapping.atlas.adjacency import opposite_half_edges
+from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.compact import compact_parts
 from texbake.mapping.atlas.joining.merger import Allowance, Merger, find_merger, relaxed_merger
 from texbake.mapping.atlas.joining.piece import Piece
-from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of, solid_faces
+from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -34,6 +34,10 @@ _BATCH = 8  # candidates looked at side by side, for any number of threads
 
 # Iterations over faces that any mesh may take; a few seconds.
 _LEAST_WORK = 3_000_000
+
+# What looking at two charts costs beside their faces, as if they had so many more: of thousands of
+# tiny charts it is all that counts.
+_LEAST_FACES = 8
 
 # Charts of a smaller share of the mesh's area are not cut, whatever their shape.
 _LEAST_CUT = 0.01
@@ -90,7 +94,7 @@ def joined_charts(
         Of the same faces. No chart that was joined lies on itself or has a mirrored face. Parts of
         charts that hang together by vertices only become charts of their own.
     """
-    solid = solid_faces(charts)
+    solid = charts.solid
     if not solid.any():
         return charts
     opposite = opposite_half_edges(weld_rows(points)[mesh_faces], solid=solid, regions=regions)
@@ -147,6 +151,9 @@ class _Joining:
         for index, piece in self.pieces.items():
             self._owners[piece.face_ids] = index
         self._allowed = allowed
+        self._next_index = len(pieces)
+        self._excess = math.fsum(piece.excess for piece in pieces)
+        self._waste = math.fsum(piece.waste for piece in pieces)
         self._costs: dict[int, dict[int, float]] = {index: {} for index in self.pieces}
         self._queue: list[_Candidate] = []
         self._waiting: list[_Candidate] = []
@@ -174,8 +181,8 @@ class _Joining:
         """What is left of what is allowed."""
         return replace(
             self._allowed,
-            excess=self._allowed.excess - math.fsum(p.excess for p in self.pieces.values()),
-            waste=self._allowed.waste - math.fsum(p.waste for p in self.pieces.values()),
+            excess=self._allowed.excess - self._excess,
+            waste=self._allowed.waste - self._waste,
         )
 
     def _join_next(self) -> bool:
@@ -247,7 +254,7 @@ class _Joining:
             self._costs[candidate.one][candidate.other] = candidate.cost
             self._costs[candidate.other][candidate.one] = candidate.cost
             sizes = [len(self.pieces[i].faces) for i in (candidate.one, candidate.other)]
-            self._work += n_iterations * sum(sizes)
+            self._work += n_iterations * (sum(sizes) + _LEAST_FACES)
             if merger is not None:
                 heapq.heappush(self._queue, candidate)
 
@@ -258,16 +265,19 @@ class _Joining:
 
     def _join(self, candidate: _Candidate, piece: Piece) -> None:
         """Put a piece in the place of two, with new candidates at the costs that the two had."""
-        index = max(self.pieces) + 1
+        index = self._next_index
+        self._next_index += 1
         known = [self._costs.pop(gone) for gone in (candidate.one, candidate.other)]
-        del self.pieces[candidate.one], self.pieces[candidate.other]
+        one, other = (self.pieces.pop(gone) for gone in (candidate.one, candidate.other))
         self.pieces[index] = piece
+        self._excess += piece.excess - one.excess - other.excess
+        self._waste += piece.waste - one.waste - other.waste
         self._owners[piece.face_ids] = index
         self._costs[index] = {}
-        for other in self._neighbors(index):
-            guess = min(costs.get(other, math.inf) for costs in known)
-            self._costs[index][other] = self._costs[other][index] = guess
-            new = _Candidate(other, index, cost=guess)
+        for neighbor in self._neighbors(index):
+            guess = min(costs.get(neighbor, math.inf) for costs in known)
+            self._costs[index][neighbor] = self._costs[neighbor][index] = guess
+            new = _Candidate(neighbor, index, cost=guess)
             if guess < math.inf:
                 heapq.heappush(self._queue, new)
             else:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.mapping.atlas.adjacency import merged_labels
+from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mesh.mesh import FloatArray, IntArray
 

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.adjacency import merged_labels, next_half_edges
 from texbake.mapping.areas import signed_areas, surface_areas
-from texbake.mapping.atlas.adjacency import merged_labels, next_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import measured
 from texbake.mapping.atlas.joining.piece import Piece, hull_area
@@ -42,7 +42,7 @@ def pieces_of(
     glued = (same[half_edges] == same[next_half_edges(across)]) & (
         same[next_half_edges(half_edges)] == same[across]
     )
-    face_ids = np.flatnonzero(solid_faces(charts)).astype(np.int32)
+    face_ids = np.flatnonzero(charts.solid).astype(np.int32)
     return _connected(
         face_ids,
         points[mesh_faces[face_ids]],
@@ -83,7 +83,7 @@ def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
     faces = np.empty_like(charts.faces)
     for piece, first in zip(pieces, np.cumsum(sizes) - sizes, strict=True):
         faces[piece.face_ids] = piece.faces + first
-    solid = solid_faces(charts)
+    solid = charts.solid
     # A face without a chart stays at the vertex where it was.
     now = np.zeros(len(charts.uvs), dtype=np.int32)
     now[charts.faces[solid][::-1].ravel()] = faces[solid][::-1].ravel()
@@ -94,11 +94,6 @@ def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
         faces=faces,
         chart_ids=np.repeat(np.arange(len(pieces), dtype=np.int32), sizes),
     )
-
-
-def solid_faces(charts: Charts) -> npt.NDArray[np.bool_]:
-    """(F,) bool: faces that lie in a chart."""
-    return np.asarray((charts.faces != charts.faces[:, :1]).any(axis=1))
 
 
 def _within(face_ids: IntArray, half_edges: IntArray) -> IntArray:

@@ -50,9 +50,13 @@ _BUDGETS = {
     "good": _Budget(trials=1, orders=150_000_000, squeeze=120_000_000, settle=120_000_000),
     "best": _Budget(trials=8, orders=1_200_000_000, squeeze=800_000_000, settle=800_000_000),
 }
-_WHOLE_BUDGET = 1024 * 1024  # texels from where on it is spent; there is less to win with fewer
+# From so many texels, and so many charts beside the first, all of it is spent: with fewer there is
+# less to win.
+_WHOLE_BUDGET = 1024 * 1024
+_MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
+_MOST_TILES = 1000  # of all groups; each keeps a grid of its cells
 _MOST_TILES_TOLD = 1000  # looked at to say how many would do
 
 
@@ -143,12 +147,19 @@ def pack_charts(
     charts = charts.upright(least_box_angles(uvs, chart_ids))
     grid = Grid.over(size, padding, most_cells=_most_cells(size, n_charts))
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
+    wanted = (int(groups.max()) + 1) * tiles
+    if wanted > _MOST_TILES:
+        raise UnwrapError(
+            f"{name}: {wanted:,} tiles are wanted, {tiles:,} for each of "
+            f"{wanted // tiles:,} groups, and {_MOST_TILES:,} are the most; take fewer tiles, "
+            "or let groups share them"
+        )
     bins = Bins(charts, grid, groups, tiles)
     n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS) if effort != "fast" else 0
     searched = (
         tiles == 1
         and not groups.any()
-        and n_charts <= _MOST_SEARCHED
+        and 1 < n_charts <= _MOST_SEARCHED
         and bool(bins.areas.sum() > 0.0)
     )
     if grid.width <= 0 or grid.height <= 0:
@@ -185,7 +196,8 @@ def _searched(
 ) -> Settled:
     """Return the densest of the packing that was found and those that searches lead to."""
     budget, charts, found = _BUDGETS[effort], bins.charts, bins.found
-    share = min(size[0] * size[1] / _WHOLE_BUDGET, 1.0)
+    texels, others = size[0] * size[1], charts.n_charts - 1
+    share = min(texels / _WHOLE_BUDGET, 1.0) * min(others / _MANY_TO_ARRANGE, 1.0)
     results: list[Settled | None] = [None] * budget.trials
 
     def search(trial: int, _: int) -> None:
