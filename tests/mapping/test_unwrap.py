@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake.errors import MeshError, OptionError
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.options import METHODS, UnwrapOptions
@@ -243,3 +243,41 @@ def test_a_broken_mesh(data_dir: Path) -> None:
     assert_sound(mesh, unwrapped, 1, (1024, 1024))
     # Coplanar faces lie on one another.
     assert report.tallies["charts made by taking apart others that lay on themselves"] > 0
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e160, 1e300])
+@pytest.mark.parametrize("method", ["atlas", "spherical"])
+def test_sizes_whose_areas_float64_cannot_hold_are_one_error(scale: float, method: str) -> None:
+    mesh = icosphere(1)
+    with pytest.raises(MeshError, match="its areas cannot be computed; scale it first"):
+        unwrap(mesh.replace(positions=mesh.positions * scale), method=method)
+
+
+def test_coordinates_far_beyond_any_texture_are_refused() -> None:
+    with pytest.raises(OptionError, match="up to 1e\\+300 tiles away"):
+        unwrap(plane(), method="planar", offset=(1e300, 0.0))
+
+
+def test_a_mesh_that_a_mapping_flattens_still_gets_its_coordinates() -> None:
+    mesh = plane(2, 2)  # seen edge-on
+    mapped, report = unwrap_with_report(mesh, method="planar", axis="x")
+    assert mapped.uvs is not None and np.isfinite(mapped.uvs).all()
+    assert report.distortion is None
+    assert (report.n_charts, report.fill) == (0, 0.0)
+    assert report.tallies["faces seen edge-on"] == 8
+    assert json.loads(json.dumps(report.to_json(), allow_nan=False))["distortion"] is None
+
+
+def test_groups_are_kept_apart_though_their_charts_were_one() -> None:
+    mesh = plane(2, 2).replace(face_groups=[0, 1] * 4, group_names=("x", "y"))
+    mapped, report = unwrap_with_report(mesh, keep=True, by_group=True, size=128)
+    tiles = np.floor(mapped.corner_uvs()[:, 0, 0]).astype(int)
+    assert tiles.tolist() == [0, 1] * 4
+    assert report.distortion is not None and report.distortion.n_tiles == 2
+
+
+@pytest.mark.parametrize("quality", ["good", "best"])
+def test_a_single_face_is_no_reason_to_search(quality: str) -> None:
+    mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]])
+    one, fast = (unwrap(mesh, quality=name) for name in (quality, "fast"))
+    assert np.array_equal(one.corner_uvs(), fast.corner_uvs())

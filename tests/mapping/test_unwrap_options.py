@@ -39,6 +39,13 @@ def test_width_and_height_of_a_square_and_of_a_rectangle() -> None:
         ),
         ({"method": "projector", "camera": 5}, "camera: 5 is not azimuth"),
         ({"method": "planar", "warp": ("twirl",)}, "is not a name with its strength"),
+        ({"rotate": float("inf")}, "rotate: inf is not a finite number"),
+        ({"texel_density": 9.0, "scale": 2.0}, "texel_density: an atlas is packed at it"),
+        ({"texel_density": 9.0, "warp": "twirl"}, "texel_density: an atlas is packed at it"),
+        ({"method": "two-part", "surface": "box", "theta": (0.0, 90.0)}, "theta: the surface box"),
+        ({"method": "two-part", "surface": "plane", "padding": 9}, "padding: the surface plane"),
+        ({"method": "two-part", "eye": (0.0, 0.0, 9.0)}, "eye: via centroid does not use it"),
+        ({"method": "cylindrical", "theta": (0.0, 1e-320)}, "theta: .* is an empty range"),
     ],
 )
 def test_a_value_that_cannot_be_is_one_clear_error(values: dict[str, Any], message: str) -> None:

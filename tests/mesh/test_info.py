@@ -108,3 +108,10 @@ def test_json():
 def test_real_meshes_are_as_their_index_says(data_dir, name, facts):
     info = mesh_info(read_mesh(data_dir / name))
     assert {fact: getattr(info, fact) for fact in facts} == facts
+
+
+def test_an_area_beyond_float64_is_infinite_and_null_in_json() -> None:
+    info = mesh_info(Mesh(positions=[[0, 0, 0], [1e300, 0, 0], [0, 1e300, 0]], faces=[[0, 1, 2]]))
+    assert info.area == np.inf
+    assert info.diagonal == pytest.approx(2**0.5 * 1e300)
+    assert json.loads(info.to_json())["area"] is None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.topology import (
     degenerate_faces,
@@ -107,8 +109,9 @@ class MeshInfo:
     genus: int | None
 
     def to_json(self) -> str:
-        """Return all of it as one JSON object, indented."""
-        return json.dumps(asdict(self), indent=2)
+        """Return all of it as one JSON object, indented; an area that is infinite becomes null."""
+        area = self.area if math.isfinite(self.area) else None
+        return json.dumps({**asdict(self), "area": area}, indent=2, allow_nan=False)
 
 
 def mesh_info(mesh: Mesh) -> MeshInfo:
@@ -153,11 +156,13 @@ def mesh_info(mesh: Mesh) -> MeshInfo:
 
 
 def _area(mesh: Mesh) -> float:
+    """Of all faces; infinite where float64 does not hold it."""
+    scale = unit_scale(float(np.abs(mesh.bounds).max()))
     area = 0.0
     for start in range(0, mesh.n_faces, _BLOCK):
-        a, b, c = mesh.positions[mesh.faces[start : start + _BLOCK].T]
+        a, b, c = mesh.positions[mesh.faces[start : start + _BLOCK].T] * scale
         area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    return area
+    return area / scale / scale
 
 
 def _groups(mesh: Mesh) -> tuple[GroupInfo, ...]:

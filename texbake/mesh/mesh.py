@@ -6,6 +6,7 @@ that giving a mesh texture coordinates adds two arrays and touches nothing else.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -113,8 +114,8 @@ class Mesh:
     @property
     def diagonal(self) -> float:
         """Length of the diagonal of the bounding box, in model units."""
-        low, high = self.bounds
-        return float(np.linalg.norm(high - low))
+        low, high = self.bounds.tolist()
+        return math.dist(low, high)
 
     def corner_uvs(self) -> FloatArray:
         """(F, 3, 2) float64: the texture coordinates of each face's corners.

@@ -53,6 +53,7 @@ _BUDGETS = {
 # From so many texels, and so many charts beside the first, all of it is spent: with fewer there is
 # less to win.
 _WHOLE_BUDGET = 1024 * 1024
+_LEAST_SHARE = 0.25  # for however few texels
 _MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
@@ -197,7 +198,8 @@ def _searched(
     """Return the densest of the packing that was found and those that searches lead to."""
     budget, charts, found = _BUDGETS[effort], bins.charts, bins.found
     texels, others = size[0] * size[1], charts.n_charts - 1
-    share = min(texels / _WHOLE_BUDGET, 1.0) * min(others / _MANY_TO_ARRANGE, 1.0)
+    share = min(max(texels / _WHOLE_BUDGET, _LEAST_SHARE), 1.0)
+    share *= min(others / _MANY_TO_ARRANGE, 1.0)
     results: list[Settled | None] = [None] * budget.trials
 
     def search(trial: int, _: int) -> None:

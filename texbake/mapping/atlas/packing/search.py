@@ -34,7 +34,7 @@ _FIRST_FILL = 0.45
 _NOISE = 0.15
 # Steps that a placing of all charts takes beside what the charts themselves take: of few charts it
 # is nearly all.
-_PLACING_STEPS = 300_000
+_PLACING_STEPS = 50_000
 _LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.03  # of the area, when charts fit
 
 _SQUEEZE = Search(samples=40, radius=24, step=8, patience=300, work=400_000_000)
