@@ -53,7 +53,7 @@ _BUDGETS = {
 # From so many texels, and so many charts beside the first, all of it is spent: with fewer there is
 # less to win.
 _WHOLE_BUDGET = 1024 * 1024
-_LEAST_SHARE = 0.25  # for however few texels
+_LEAST_SHARE = 0.5  # for however few texels
 _MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
