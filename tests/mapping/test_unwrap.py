@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.errors import MeshError, OptionError
+from texbake.errors import MeshError, OptionError, UnwrapError
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.options import METHODS, UnwrapOptions
@@ -281,3 +281,16 @@ def test_a_single_face_is_no_reason_to_search(quality: str) -> None:
     mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]])
     one, fast = (unwrap(mesh, quality=name) for name in (quality, "fast"))
     assert np.array_equal(one.corner_uvs(), fast.corner_uvs())
+
+
+def test_too_many_groups_are_refused_before_the_work() -> None:
+    mesh = icosphere(3)
+    names = tuple(f"part {i}" for i in range(mesh.n_faces))
+    crowd = mesh.replace(face_groups=np.arange(mesh.n_faces), group_names=names)
+
+    class NoWork(ProgressSink):
+        def started(self, stage: str, total: int | None, unit: str) -> None:
+            raise AssertionError(stage)
+
+    with pytest.raises(UnwrapError, match="1,280 tiles are wanted"):
+        unwrap(crowd, by_group=True, progress=NoWork())

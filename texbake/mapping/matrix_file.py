@@ -44,6 +44,8 @@ def read_matrix(path: str | Path) -> Matrix:
     except ValueError:
         values = []
     if len(data) > _MOST_BYTES or len(values) != 16 or not all(map(math.isfinite, values)):
-        raise FileFormatError(f"{path}: it is no matrix of 4 rows of 4 numbers")
+        raise FileFormatError(
+            f"{path}: it is no matrix of 4 rows of 4 numbers; write 16 numbers, row by row"
+        )
     a, b, c, d = ((v[0], v[1], v[2], v[3]) for v in (values[i : i + 4] for i in range(0, 16, 4)))
     return a, b, c, d

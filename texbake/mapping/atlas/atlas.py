@@ -14,7 +14,7 @@ from texbake.mapping.atlas.flattening.relax import relaxed_charts
 from texbake.mapping.atlas.joining.bound import bounded_charts
 from texbake.mapping.atlas.joining.join import joined_charts
 from texbake.mapping.atlas.kept import kept_charts
-from texbake.mapping.atlas.packing.pack import pack_charts
+from texbake.mapping.atlas.packing.pack import check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -69,6 +69,9 @@ def make_atlas(
     UvError
         Charts are to be kept and there are none.
     """
+    name = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
+    if options.by_group:  # told before the work
+        check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
     all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
     first_uvs = np.cumsum([0] + [len(charts.uvs) for charts in all_charts])
     first_charts = np.cumsum([0] + [charts.n_charts for charts in all_charts])
@@ -86,7 +89,7 @@ def make_atlas(
             ),
             size=(options.width_px, options.height_px),
             padding=options.padding,
-            name=meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes",
+            name=name,
             effort=options.quality,
             tiles=options.tiles,
             tile_groups=_tile_groups(meshes, all_charts) if options.by_group else None,
@@ -161,6 +164,16 @@ def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
     found = face_stretch(flat)
     # Not a product of vectors: that adds up in another order on another number of threads.
     return math.sqrt(float((found.areas * found.l2**2).sum()) / float(found.areas.sum()))
+
+
+def _groups_in_use(meshes: Sequence[Mesh]) -> set[str]:
+    """Names of the groups that have faces; "" stands for faces in none."""
+    return {
+        mesh.group_names[group]
+        for mesh in meshes
+        if mesh.face_groups is not None
+        for group in np.unique(mesh.face_groups)
+    } | {"" for mesh in meshes if mesh.face_groups is None}
 
 
 def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArray:

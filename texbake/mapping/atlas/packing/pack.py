@@ -148,13 +148,7 @@ def pack_charts(
     charts = charts.upright(least_box_angles(uvs, chart_ids))
     grid = Grid.over(size, padding, most_cells=_most_cells(size, n_charts))
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
-    wanted = (int(groups.max()) + 1) * tiles
-    if wanted > _MOST_TILES:
-        raise UnwrapError(
-            f"{name}: {wanted:,} tiles are wanted, {tiles:,} for each of "
-            f"{wanted // tiles:,} groups, and {_MOST_TILES:,} are the most; take fewer tiles, "
-            "or let groups share them"
-        )
+    check_tiles(int(groups.max()) + 1, tiles, name)
     bins = Bins(charts, grid, groups, tiles)
     n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS) if effort != "fast" else 0
     searched = (
@@ -174,6 +168,16 @@ def pack_charts(
     if searched and density is None and effort != "fast":
         found = _searched(bins, size, padding, effort, threads)
     return _packed(found, bins, size, padding)
+
+
+def check_tiles(n_groups: int, tiles: int, name: str) -> None:
+    """Raise `UnwrapError` where groups with tiles of their own want more than there may be."""
+    wanted = n_groups * tiles
+    if wanted > _MOST_TILES:
+        raise UnwrapError(
+            f"{name}: {wanted:,} tiles are wanted, {tiles:,} for each of {n_groups:,} groups, and "
+            f"{_MOST_TILES:,} are the most; take fewer tiles, or let groups share them"
+        )
 
 
 def _packed(found: Settled, bins: Bins, size: tuple[int, int], padding: int) -> Packing:
