@@ -90,7 +90,7 @@ def test_two_charts_of_unlike_size() -> None:
     assert found.stretch.area == pytest.approx(
         (small + 1.0 / small - 2.0 + large + 1.0 / large - 2.0) / 2.0
     )
-    assert [found.chart_stretch[i].l2 for i in (0, 1)] == pytest.approx(
+    assert [found.charts[i].stretch.l2 for i in (0, 1)] == pytest.approx(
         [1.0 / math.sqrt(small), 1.0 / math.sqrt(large)]
     )
     assert found.n_charts == 2

@@ -118,18 +118,16 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
     assert (joined.n_charts < 8) == (most_l2 > 1.0)
 
 
+def joined_in_any_shape(mesh: Mesh, charts: Charts, **bounds: float) -> Charts:
+    return joined_charts(
+        mesh.positions, mesh.faces, charts, most_share=1.0, most_waste=math.inf, **bounds
+    )
+
+
 def test_a_closed_surface_keeps_a_seam() -> None:
     mesh = icosphere(2)
     charts = charts_by(octants(mesh), mesh.positions, mesh.faces)
-    joined = joined_charts(
-        mesh.positions,
-        mesh.faces,
-        charts,
-        most_l2=50.0,
-        most_chart_l2=50.0,
-        most_share=1.0,
-        most_waste=math.inf,
-    )
+    joined = joined_in_any_shape(mesh, charts, most_l2=50.0, most_chart_l2=50.0)
     check(mesh.positions, mesh.faces, joined)
     assert len(joined.uvs) > mesh.n_vertices  # some vertex lies on a seam
 
@@ -137,17 +135,9 @@ def test_a_closed_surface_keeps_a_seam() -> None:
 def test_a_chart_keeps_its_own_bound() -> None:
     mesh = icosphere(3)
     charts = charts_by(octants(mesh), mesh.positions, mesh.faces)
-    joined = joined_charts(
-        mesh.positions,
-        mesh.faces,
-        charts,
-        most_l2=1.5,
-        most_chart_l2=1.05,
-        most_share=1.0,
-        most_waste=math.inf,
-    )
+    joined = joined_in_any_shape(mesh, charts, most_l2=1.5, most_chart_l2=1.05)
     packed = Mesh(positions=mesh.positions, faces=mesh.faces, uvs=joined.uvs, uv_faces=joined.faces)
-    assert max(chart.l2 for chart in distortion(packed).chart_stretch.values()) <= 1.05 + 1e-9
+    assert max(chart.stretch.l2 for chart in distortion(packed).charts) <= 1.05 + 1e-9
 
 
 def test_no_chart_takes_more_than_its_share() -> None:

@@ -7,7 +7,6 @@ in `overlap`. This module puts them together, for the mesh, for each chart and f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -144,11 +143,6 @@ class Distortion:
     n_tiles: int
     texel_density: float
     texel_density_variation: float
-
-    @property
-    def chart_stretch(self) -> Mapping[int, Stretch]:
-        """Stretch of each chart by its number, at the scale of the whole."""
-        return {chart.chart: chart.stretch for chart in self.charts}
 
     @property
     def packing_efficiency(self) -> float:

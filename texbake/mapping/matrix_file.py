@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from pathlib import Path
-
-from texbake.errors import FileError, FileFormatError
+from texbake.errors import FileFormatError
+from texbake.files import PathLike
 from texbake.mapping.options.checks import Matrix
+from texbake.mesh.files.number_lines import parse_row, read_lines
 
-_MOST_BYTES = 65536  # sixteen numbers never take more; a file that does is no matrix
 
-
-def read_matrix(path: str | Path) -> Matrix:
+def read_matrix(path: PathLike) -> Matrix:
     """Read sixteen numbers, row by row, with blanks, commas or line breaks between them.
 
     Parameters
@@ -31,21 +28,12 @@ def read_matrix(path: str | Path) -> Matrix:
     FileFormatError
         It holds something else than sixteen finite numbers.
     """
-    path = Path(path)
-    try:
-        with path.open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from error
-    lines = [line.split("#")[0] for line in data.decode("utf-8", errors="replace").splitlines()]
-    words = " ".join(lines).replace(",", " ").split()
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = []
-    if len(data) > _MOST_BYTES or len(values) != 16 or not all(map(math.isfinite, values)):
+    lines = read_lines(path, "a matrix")
+    n_words = sum(len(line.words) for line in lines)
+    if n_words != 16:
         raise FileFormatError(
-            f"{path}: it is no matrix of 4 rows of 4 numbers; write 16 numbers, row by row"
+            f"{path}: it has {n_words} words; a matrix needs 16 numbers, row by row"
         )
+    values = [v for line in lines for v in parse_row(path, line, len(line.words), "a matrix")]
     a, b, c, d = ((v[0], v[1], v[2], v[3]) for v in (values[i : i + 4] for i in range(0, 16, 4)))
     return a, b, c, d

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.weld import weld_rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,16 +64,8 @@ def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, In
     uvs : (T, 2) float64
     uv_faces : (F, 3) int32
     """
-    flat = np.ascontiguousarray(corners.reshape(-1, 2)) + 0.0  # -0.0 becomes 0.0
-    rows = np.column_stack([faces.ravel().astype(np.int64), flat.view(np.int64)])
-    order = np.lexsort(rows.T[::-1])
-    ordered = rows[order]
-    new = np.ones(len(rows), dtype=bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    firsts = order[new]  # lexsort is stable: the first corner of each run
-    ranks = np.empty(len(firsts), dtype=np.int32)
-    by_use = np.argsort(firsts)
-    ranks[by_use] = np.arange(len(firsts), dtype=np.int32)
-    uv_faces = np.empty(len(rows), dtype=np.int32)
-    uv_faces[order] = ranks[np.cumsum(new) - 1]
-    return flat[firsts[by_use]], uv_faces.reshape(-1, 3)
+    flat = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
+    # A vertex as a float64 is exact, and three of one type are what rows are welded by.
+    firsts = weld_rows(np.column_stack([faces.ravel(), flat]))
+    used, uv_faces = np.unique(firsts, return_inverse=True)
+    return flat[used], uv_faces.reshape(-1, 3).astype(np.int32)

@@ -23,10 +23,7 @@ import numpy.typing as npt
 from texbake.errors import UvError
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, Mesh
-
-# An area below this times the square of the longest edge is rounding: subtracting, multiplying and
-# subtracting again leave up to 4 units of 2^-53 an edge.
-_AREA_ROUNDING = 8.0 * 2.0**-53
+from texbake.mesh.normals import AREA_ROUNDING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +118,8 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     corners = mesh.positions[mesh.faces]
     texels = mesh.corner_uvs() * np.array([size, size] if isinstance(size, int) else size, float)
     areas, texel_areas = surface_areas(corners), signed_areas(texels)
-    solid = areas > _AREA_ROUNDING * _longest_squares(corners)
-    flat = np.abs(texel_areas) > _AREA_ROUNDING * _longest_squares(texels)
+    solid = areas > AREA_ROUNDING * _longest_squares(corners)
+    flat = np.abs(texel_areas) > AREA_ROUNDING * _longest_squares(texels)
     faces = np.flatnonzero(solid & flat)
     if len(faces) == 0:
         raise UvError(f"{mesh.name}: {_why_unmeasured(solid)}")

@@ -24,17 +24,6 @@ from texbake.mapping.unwrap_report import UnwrapReport
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, Stages
 
-# Where each classical method has its function, which is called as its module is.
-_CLASSICAL = {
-    "planar": "planar",
-    "cylindrical": "cylindrical",
-    "spherical": "spherical",
-    "box": "box",
-    "two-part": "two_part",
-    "parametric": "parametric",
-    "projector": "projector",
-}
-
 # Tiles that coordinates may lie away: of what is farther, float64 has no 1/4096 of a tile left.
 _FARTHEST = 1e12
 
@@ -229,7 +218,7 @@ def _mapped_by_atlas(
 
 def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
     """Coordinates by a closed formula, moved on as the options ask."""
-    name = _CLASSICAL[options.method]
+    name = options.method.replace("-", "_")  # of the module and of the function in it
     projected: Projected = getattr(import_module(f"texbake.mapping.classical.{name}"), name)(
         part, options
     )

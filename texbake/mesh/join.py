@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import IntArray, Mesh
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
@@ -35,10 +35,9 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
         parts = [getattr(mesh, values) for mesh in meshes]
         if any(part is None for part in parts):
             continue
-        firsts = np.cumsum([0, *(len(part) for part in parts[:-1])])
         fields[values] = np.concatenate(parts)
-        fields[corners] = np.concatenate(
-            [getattr(mesh, corners) + first for mesh, first in zip(meshes, firsts, strict=True)]
+        fields[corners] = offset_joined(
+            [(getattr(mesh, corners), len(part)) for mesh, part in zip(meshes, parts, strict=True)]
         )
     counts = [mesh.n_faces for mesh in meshes]
     return Mesh(
@@ -47,3 +46,10 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
         name=f"{len(meshes)} meshes",
         **fields,
     )
+
+
+def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
+    """Index arrays joined, each moved on by the lengths of what those before it index."""
+    offsets = np.cumsum([0] + [length for _, length in parts])[:-1]
+    moved = [part + offset for (part, _), offset in zip(parts, offsets, strict=True)]
+    return np.concatenate(moved).astype(np.int32)

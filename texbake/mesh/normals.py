@@ -22,7 +22,7 @@ from texbake.parallel import resolve_threads, run_bands
 
 # A cross product shorter than this times the square of the longest edge is rounding, not area:
 # subtracting, multiplying and subtracting again leave up to 4 units of 2^-53 an edge.
-_AREA_ROUNDING = 8.0 * 2.0**-53
+AREA_ROUNDING = 8.0 * 2.0**-53
 
 # In radians. A sum of weighted normals below it is what rounding leaves of normals that cancel.
 _CANCELED = 1e-12
@@ -191,7 +191,7 @@ def _area_vector(ab, ac):  # type: ignore[no-untyped-def]
     length = math.sqrt(_dot(cross, cross))
     bc = (ac[0] - ab[0], ac[1] - ab[1], ac[2] - ab[2])
     longest_squared = max(_dot(ab, ab), _dot(ac, ac), _dot(bc, bc))
-    if length <= _AREA_ROUNDING * longest_squared:
+    if length <= AREA_ROUNDING * longest_squared:
         length = 0.0
     return cross, length
 

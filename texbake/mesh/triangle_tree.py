@@ -24,7 +24,7 @@ _BAND = 1 << 13
 
 # Levels: one for each of the 63 bits that triangles are split by at most, one for each halving of
 # the 2^31 triangles at most of one code. The stack holds one node a level, and two at the last.
-_STACK_SIZE = 63 + 31 + 2
+STACK_SIZE = 63 + 31 + 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +222,8 @@ def _closest_points_kernel(  # type: ignore[no-untyped-def]
     tree, points, max_distance, start, stop, distances, face_ids, barycentrics
 ):
     positions, faces, order, boxes, nodes = tree
-    stack = np.empty(_STACK_SIZE, dtype=np.int32)
-    bounds = np.empty(_STACK_SIZE)
+    stack = np.empty(STACK_SIZE, dtype=np.int32)
+    bounds = np.empty(STACK_SIZE)
     limit = max_distance * max_distance
     nearby = point_at(
         positions, faces[order[0], 0]

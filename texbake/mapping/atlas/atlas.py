@@ -17,6 +17,7 @@ from texbake.mapping.atlas.kept import kept_charts
 from texbake.mapping.atlas.packing.pack import check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch
+from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 
@@ -73,20 +74,11 @@ def make_atlas(
     if options.by_group:  # told before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
     all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
-    first_uvs = np.cumsum([0] + [len(charts.uvs) for charts in all_charts])
-    first_charts = np.cumsum([0] + [charts.n_charts for charts in all_charts])
     with stages.stage("pack charts"):
         packing = pack_charts(
             np.concatenate([charts.uvs for charts in all_charts]),
-            np.concatenate(
-                [c.faces + np.int32(first) for c, first in zip(all_charts, first_uvs, strict=False)]
-            ),
-            np.concatenate(
-                [
-                    c.chart_ids + np.int32(first)
-                    for c, first in zip(all_charts, first_charts, strict=False)
-                ]
-            ),
+            offset_joined([(charts.faces, len(charts.uvs)) for charts in all_charts]),
+            offset_joined([(charts.chart_ids, charts.n_charts) for charts in all_charts]),
             size=(options.width_px, options.height_px),
             padding=options.padding,
             name=name,
@@ -96,7 +88,7 @@ def make_atlas(
             density=options.texel_density,
             threads=threads,
         )
-    parts = np.split(packing.uvs, first_uvs[1:-1])
+    parts = np.split(packing.uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
     return [
         Atlas(corners=uvs[charts.faces], charts=charts)
         for uvs, charts in zip(parts, all_charts, strict=True)
@@ -112,6 +104,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
             mesh,
+            points=points,
             quality=options.quality,
             timeout=options.timeout,
             regions=regions,

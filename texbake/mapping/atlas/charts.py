@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 
 
@@ -67,17 +68,14 @@ def gathered_charts(
     notes : tuple of str
         What to tell of the whole; those of the pieces come after.
     """
-    first_uvs = np.cumsum([0] + [len(charts.uvs) for _, charts in pieces])
-    first_charts = np.cumsum([0] + [charts.n_charts for _, charts in pieces])
     faces = np.zeros_like(mesh_faces)
-    for (face_ids, charts), first_uv in zip(pieces, first_uvs, strict=False):
-        faces[face_ids] = charts.faces + np.int32(first_uv)
+    face_ids = np.concatenate([face_ids for face_ids, _ in pieces])
+    faces[face_ids] = offset_joined([(charts.faces, len(charts.uvs)) for _, charts in pieces])
     solid = np.flatnonzero((faces != faces[:, :1]).any(axis=1))
-    chart_ids = [c.chart_ids + np.int32(n) for (_, c), n in zip(pieces, first_charts, strict=False)]
     return Charts(
         uvs=np.concatenate([charts.uvs for _, charts in pieces]),
         faces=_with_anchors(mesh_faces, solid, faces[solid]),
-        chart_ids=np.concatenate(chart_ids),
+        chart_ids=offset_joined([(charts.chart_ids, charts.n_charts) for _, charts in pieces]),
         n_ignored=len(mesh_faces) - len(solid),
         n_mirrored=sum(charts.n_mirrored for _, charts in pieces),
         n_split=sum(charts.n_split for _, charts in pieces),

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.classical.side_pictures import N_SIDES
+from texbake.mapping.seams import edge_ids
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
@@ -114,8 +115,7 @@ def _nearest_sides(vectors: FloatArray, allowed: BoolArray) -> IntArray:
 
 def _borders(corners: IntArray, points: FloatArray) -> _Borders:
     """Faces side by side; where more than two meet at an edge, each and the next."""
-    ends = np.roll(corners, -1, axis=1)
-    keys = (np.minimum(corners, ends).astype(np.int64) << 32 | np.maximum(corners, ends)).ravel()
+    keys = edge_ids(corners).ravel()
     order = np.argsort(keys, kind="stable")
     same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
     first, second = order[same] // 3, order[same + 1] // 3

@@ -24,7 +24,13 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.areas import surface_areas
-from texbake.mapping.classical.frames import LocalPoints, center_of, frame_about, points_about
+from texbake.mapping.classical.frames import (
+    LocalPoints,
+    center_of,
+    frame_about,
+    in_frame,
+    points_about,
+)
 from texbake.mapping.classical.wrap import wrap_angles
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.projected import Projected
@@ -63,8 +69,7 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
         corners = np.stack([angles.s, t[mesh.faces]], axis=2)
         return Projected(corners=corners, tallies=angles.tallies())
     normals = face_normals(mesh)
-    # Not a matrix product, which may round equal normals differently.
-    cosines = np.einsum("ij,j->i", normals, frame[2])
+    cosines = in_frame(normals, frame[2:])[:, 0]
     side = np.abs(cosines) < _CAP_COSINE
     return _with_caps(mesh, options, local, side=side, above=cosines > 0.0)
 
@@ -118,15 +123,25 @@ def _heights(
     The length is in local units. Without faces or a range of heights, t is 0 and so is it.
     """
     heights = local.points[:, 2]
-    if options.height is not None:
-        first, last = options.height[0] * local.scale, options.height[1] * local.scale
-    elif len(faces):
-        first, last = heights[faces].min(), heights[faces].max()
-    else:
-        first = last = 0.0
-    if abs(last - first) <= (local.rounding if options.height is None else 0.0):
+    first, last = height_ends(local, faces, options)
+    if first == last:
         return np.zeros(len(heights)), 0.0
-    return (heights - first) / (last - first), float(abs(last - first))
+    return (heights - first) / (last - first), abs(last - first)
+
+
+def height_ends(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> tuple[float, float]:
+    """Heights, in local units, that become t = 0 and t = 1.
+
+    Those of the options, else the least and greatest of the faces; equal where these differ by
+    rounding alone, and without faces.
+    """
+    if options.height is not None:
+        return options.height[0] * local.scale, options.height[1] * local.scale
+    if len(faces) == 0:
+        return 0.0, 0.0
+    heights = local.points[faces, 2]
+    first, last = float(heights.min()), float(heights.max())
+    return (first, last) if last - first > local.rounding else (first, first)
 
 
 def _mean_radius(local: LocalPoints, faces: IntArray, side: npt.NDArray[np.bool_]) -> float:

@@ -120,6 +120,15 @@ def center_of(mesh: Mesh, center: Vector | None) -> FloatArray:
     return frozen(low + high)
 
 
+def in_frame(vectors: FloatArray, rows: FloatArray) -> FloatArray:
+    """(..., K) float64: components of vectors (..., 3) along K rows, (K, 3), of a frame.
+
+    Term by term: a matrix product may round equal vectors differently.
+    """
+    x, y, z = (vectors[..., i] for i in range(3))
+    return np.stack([row[0] * x + row[1] * y + row[2] * z for row in rows], axis=-1)
+
+
 def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalPoints:
     """Vertices as seen from a center in a frame.
 
@@ -140,13 +149,10 @@ def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalP
     middle = np.asarray(center, dtype=np.float64)
     largest = float(max(np.abs(mesh.bounds).max(), np.abs(middle).max()))
     scale = unit_scale(largest)
-    points = np.empty((mesh.n_vertices, 3))
     with np.errstate(over="ignore", invalid="ignore"):  # of vertices that no face uses
-        moved = [mesh.positions[:, i] * scale - middle[i] * scale for i in range(3)]
-        for row, (x, y, z) in enumerate(frame):
-            # Term by term: a matrix product may round equal points differently. No -0.0 is left,
-            # whose angle would be -pi where that of 0.0 is pi.
-            points[:, row] = x * moved[0] + y * moved[1] + z * moved[2] + 0.0
+        moved = mesh.positions * scale - middle * scale
+        # No -0.0 is left, whose angle would be -pi where that of 0.0 is pi.
+        points = in_frame(moved, frame) + 0.0
     return LocalPoints(points, scale, _ROUNDING * (largest * scale))
 
 

@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.classical.cylindrical import height_ends
 from texbake.mapping.classical.frames import LocalPoints
 from texbake.mapping.classical.spherical import onto_sphere
 from texbake.mapping.classical.wrap import wrap_angles
@@ -216,15 +217,11 @@ def surface_around(local: LocalPoints, faces: IntArray, options: UnwrapOptions) 
     if options.surface == "sphere":
         return Sphere(radius, options.theta, local.rounding)
     from_axis = float(np.hypot(points[:, 0], points[:, 1]).max())
-    first, last = float(low[2]), float(high[2])
-    heights = (first, last) if last - first > local.rounding else (first, first)
-    if options.height is not None:
-        heights = options.height[0] * local.scale, options.height[1] * local.scale
     return Cylinder(
         from_axis if from_axis > local.rounding else radius,
-        first,
-        last,
-        heights,
+        float(low[2]),
+        float(high[2]),
+        height_ends(local, faces, options),
         options.theta,
         local.rounding,
     )

@@ -15,14 +15,10 @@ import numpy.typing as npt
 from texbake.kernels import kernel
 from texbake.mesh.closest_point import dot, minus, point_at
 from texbake.mesh.mesh import FloatArray, frozen
-from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.triangle_tree import STACK_SIZE, TriangleTree
 from texbake.parallel import run_bands
 
 _BAND = 1 << 12
-
-# Nodes that wait: one for each level of a `TriangleTree`, of which there are at most 94, and two at
-# the last.
-_STACK_SIZE = 96
 
 # Of the size of the tree's frame, which is 1: what lies nearer to a point stands on it, not before
 # it, such as a second face in the same place. Rounding of points and products stays far below.
@@ -149,7 +145,7 @@ def _is_blocked(tree, own, start, along, length, stack):  # type: ignore[no-unty
 @kernel
 def _mostly_hidden_kernel(tree, face_ids, samples, eye, start, stop, hidden):  # type: ignore[no-untyped-def]
     positions, faces = tree[0], tree[1]
-    stack = np.empty(_STACK_SIZE, dtype=np.int32)
+    stack = np.empty(STACK_SIZE, dtype=np.int32)
     for k in range(start, stop):
         a = point_at(positions, faces[face_ids[k], 0])
         b = point_at(positions, faces[face_ids[k], 1])

@@ -19,13 +19,11 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
 from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import AREA_ROUNDING
 
 # Relative to the sum of variances: what two of them differ by less than is rounding, also of
 # positions in float32, and the directions between them are free.
 _VARIANCE_ROUNDING = 1e-6
-
-# A cross product shorter than this times the square of the longest edge is rounding, not area.
-_AREA_ROUNDING = 8.0 * 2.0**-53
 
 
 def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
@@ -99,7 +97,7 @@ def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.
     vx, vy = x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
     across = ux * vy - uy * vx
     longest = np.sqrt(np.maximum(ux * ux + uy * uy, vx * vx + vy * vy))
-    edge_on = np.abs(across) <= longest * (_AREA_ROUNDING * longest + local.rounding)
+    edge_on = np.abs(across) <= longest * (AREA_ROUNDING * longest + local.rounding)
     return (across < 0.0) & ~edge_on, edge_on
 
 

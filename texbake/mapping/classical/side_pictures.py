@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.mapping.classical.frames import upright_frame
+from texbake.mapping.classical.frames import in_frame, upright_frame
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import FloatArray
 
@@ -68,7 +68,9 @@ def side_pictures(
     for side, axis in enumerate(np.repeat(np.eye(3), 2, axis=0)):
         at_side = sides == side
         frame = upright_frame(axis if side % 2 == 0 else -axis)
-        corners[at_side] = (_pictured(points[at_side], frame) * per_length + middles[side]) / size
+        corners[at_side] = (
+            in_frame(points[at_side], frame[:2]) * per_length + middles[side]
+        ) / size
     return corners
 
 
@@ -99,9 +101,3 @@ def _scale(free: npt.ArrayLike, needed: npt.ArrayLike) -> float:
     with np.errstate(divide="ignore"):
         scale = float(np.min(np.asarray(free) / needed))
     return scale if math.isfinite(scale) else 1.0
-
-
-def _pictured(points: FloatArray, frame: FloatArray) -> FloatArray:
-    """(n, 3, 2): corners as the frame's right and up have them; term by term, to equal bits."""
-    x, y, z = np.moveaxis(points, 2, 0)
-    return np.stack([row[0] * x + row[1] * y + row[2] * z for row in frame[:2]], axis=2)

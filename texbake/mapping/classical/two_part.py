@@ -28,6 +28,7 @@ from texbake.mapping.classical.frames import (
     LocalPoints,
     center_of,
     frame_about,
+    in_frame,
     points_about,
     upright_frame,
 )
@@ -113,11 +114,11 @@ def _directions(
     outward = _unit(local.points, local.rounding)
     if options.via == "centroid":
         return outward, {}
-    directions = _turned(smooth_normals(mesh), frame)
+    directions = in_frame(smooth_normals(mesh), frame)
     if options.via == "reflection":
         assert options.eye is not None
         to_eye = np.array(options.eye) - center_of(mesh, options.center)
-        views = _turned(to_eye[None] * local.scale, frame) - local.points
+        views = in_frame(to_eye[None] * local.scale, frame) - local.points
         directions = _mirrored(_unit(views, local.rounding), directions)
     rayless = (directions == 0.0).all(axis=1)
     directions[rayless] = outward[rayless]
@@ -133,12 +134,6 @@ def _mirrored(views: FloatArray, normals: FloatArray) -> FloatArray:
     mirrored = _unit(2.0 * along * normals - views, 0.0)
     mirrored[(normals == 0.0).all(axis=1)] = 0.0
     return mirrored
-
-
-def _turned(vectors: FloatArray, frame: FloatArray) -> FloatArray:
-    """(N, 3): vectors in the frame, term by term, so that equal ones stay equal."""
-    x, y, z = vectors.T
-    return np.stack([row[0] * x + row[1] * y + row[2] * z for row in frame], axis=1)
 
 
 def _unit(vectors: FloatArray, rounding: float) -> FloatArray:

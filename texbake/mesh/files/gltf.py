@@ -24,6 +24,7 @@ import numpy.typing as npt
 from texbake.errors import MeshError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
@@ -245,7 +246,7 @@ def _joined(pieces: list[_Piece], names: tuple[str, ...], name: str) -> Mesh:
     """One mesh of all pieces, one group a piece."""
     fields: dict[str, Any] = {
         "positions": np.concatenate([piece.positions for piece in pieces]),
-        "faces": _offset_joined([(piece.faces, len(piece.positions)) for piece in pieces]),
+        "faces": offset_joined([(piece.faces, len(piece.positions)) for piece in pieces]),
         "face_groups": np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces]),
         "group_names": names,
         "name": name,
@@ -256,7 +257,7 @@ def _joined(pieces: list[_Piece], names: tuple[str, ...], name: str) -> Mesh:
             continue
         zero = np.zeros((1, width))
         fields[values] = np.concatenate([zero if array is None else array for array in arrays])
-        fields[corners] = _offset_joined(
+        fields[corners] = offset_joined(
             [
                 (0 * piece.corners, 1) if array is None else (piece.corners, len(array))
                 for piece, array in zip(pieces, arrays, strict=True)
@@ -269,13 +270,6 @@ def _joined(pieces: list[_Piece], names: tuple[str, ...], name: str) -> Mesh:
     if any(piece.colors is not None for piece in pieces):
         fields["colors"] = np.concatenate([_rgba(piece) for piece in pieces])
     return Mesh(**fields)
-
-
-def _offset_joined(parts: list[tuple[IntArray, int]]) -> IntArray:
-    """Index arrays joined, each moved on by the lengths of the arrays before its own."""
-    offsets = np.cumsum([0] + [length for _, length in parts])[:-1]
-    moved = [part + offset for (part, _), offset in zip(parts, offsets, strict=True)]
-    return np.concatenate(moved).astype(np.int32)
 
 
 def _rgba(piece: _Piece) -> npt.NDArray[np.float32]:

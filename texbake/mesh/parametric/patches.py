@@ -34,8 +34,8 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
+from texbake.mesh.files.number_lines import Line, parse_row, read_lines
 from texbake.mesh.mesh import FloatArray
-from texbake.mesh.parametric.lines import Line, parse_row, read_lines
 
 _N_POINTS = 16  # of a patch
 

@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
+from texbake.mesh.files.number_lines import parse_row, read_lines
 from texbake.mesh.mesh import FloatArray
-from texbake.mesh.parametric.lines import parse_row, read_lines
 
 
 def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:

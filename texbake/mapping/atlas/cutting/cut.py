@@ -68,6 +68,7 @@ _QUALITIES = {
 def cut_charts(
     mesh: Mesh,
     *,
+    points: FloatArray | None = None,
     quality: str = "good",
     timeout: float | None = None,
     regions: IntArray | None = None,
@@ -81,6 +82,8 @@ def cut_charts(
     mesh : Mesh
         Non-manifold edges, duplicate and degenerate faces are taken as they come. A degenerate
         face gets one coordinate for its three corners, of a chart that it touches if there is one.
+    points : (V, 3) float64, optional
+        Those of `snapped_points`; None to find them.
     quality : str
         `fast`, `good` or `best`: how large charts get, and how much they may stretch.
     timeout : float, optional
@@ -107,7 +110,7 @@ def cut_charts(
     """
     if find_spec("xatlas") is None:
         raise DependencyError("xatlas: it is not installed; install it with: pip install xatlas")
-    points = snapped_points(mesh)
+    points = snapped_points(mesh) if points is None else points
     pieces: list[tuple[IntArray, Charts]] = []
     if mesh.n_faces <= _SMALL_MESH and (regions is None or (regions == regions[0]).all()):
         batches = [np.arange(mesh.n_faces, dtype=np.int32)]

@@ -21,6 +21,7 @@ from texbake.mapping.atlas.cutting.mend import OVERLAP_DEPTH, mended_charts
 from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mapping.overlap import overlap_layers
+from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
@@ -125,10 +126,9 @@ def disk_charts(
 
 def _charts_of(points: FloatArray, corners: IntArray, disks: Sequence[Disk]) -> Charts | None:
     sizes = [len(disk.uvs) for disk in disks]
-    firsts = np.cumsum([0, *sizes])
     return mended_charts(
         points[np.concatenate([corners[disk.face_ids] for disk in disks])],
-        np.concatenate([d.faces + first for d, first in zip(disks, firsts, strict=False)]),
+        offset_joined([(disk.faces, size) for disk, size in zip(disks, sizes, strict=True)]),
         np.concatenate([disk.uvs for disk in disks]),
         np.repeat(np.arange(len(disks)), sizes),
         even=False,
