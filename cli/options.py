@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import click
+from click.core import ParameterSource
 
 from texbake.bake.options import CONVENTIONS, FILLS, RAYS, SHADINGS, SPACES, BakeOptions
 from texbake.render.options import BACK_FACES, UPS, RenderOptions
@@ -88,39 +89,84 @@ def number_option(flag: str, kind: type, default: Any, metavar: str, text: str) 
     )
 
 
-view_option = click.option(
-    "--view",
-    type=View(),
-    default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
-    show_default=True,
-    help="Azimuth and elevation in degrees, and the distance from the middle in model units.",
-)
+def _view_option(*, turns: bool) -> Decorator[Any]:
+    return click.option(
+        "--view",
+        type=View(turns=turns),
+        default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
+        show_default=True,
+        help="Azimuth and elevation in degrees, and the distance from the middle in model units."
+        + ("; or a whole turn of N pictures." if turns else ""),
+    )
+
+
+view_option = _view_option(turns=False)
+
+
+def _picture_options(*, turns: bool) -> tuple[Decorator[Any], ...]:
+    return (
+        size_option(f"{RenderOptions.width}x{RenderOptions.height}", "Pixels of the picture."),
+        _view_option(turns=turns),
+        choice_option(
+            "--up", UPS, RenderOptions.up, "Axis of the world that is up in the picture."
+        ),
+        choice_option(
+            "--back-faces",
+            BACK_FACES,
+            RenderOptions.back_faces,
+            "Triangles that are seen from behind.",
+        ),
+        number_option(
+            "--supersampling",
+            int,
+            RenderOptions.supersampling,
+            "N",
+            "Samples of a pixel along one side, N x N in all.",
+        ),
+    )
+
+
+_PICTURE_NAMES = ("size", "view", "up", "back_faces", "supersampling")
 
 
 def picture_options(command: Command) -> Command:
     """Add how a picture is taken: `--size`, `--view` and `--up`; received as `RenderOptions`."""
 
-    @size_option(f"{RenderOptions.width}x{RenderOptions.height}", "Pixels of the picture.")
-    @view_option
-    @choice_option("--up", UPS, RenderOptions.up, "Axis of the world that is up in the picture.")
-    @choice_option(
-        "--back-faces", BACK_FACES, RenderOptions.back_faces, "Triangles that are seen from behind."
-    )
-    @number_option(
-        "--supersampling",
-        int,
-        RenderOptions.supersampling,
-        "N",
-        "Samples of a pixel along one side, N x N in all.",
-    )
     @functools.wraps(command)
-    def with_picture(*args: Any, size: int | tuple[int, int], **options: Any) -> None:
-        width, height = (size, size) if isinstance(size, int) else size
-        names = "view", "up", "back_faces", "supersampling"
-        picture = {name: options.pop(name) for name in names}
-        command(*args, picture=RenderOptions(width=width, height=height, **picture), **options)
+    def with_picture(*args: Any, **options: Any) -> None:
+        picture = _sized({name: options.pop(name) for name in _PICTURE_NAMES})
+        command(*args, picture=RenderOptions(**picture), **options)
 
-    return cast(Command, with_picture)
+    return _all_of(_picture_options(turns=False), cast(Command, with_picture))
+
+
+def picture_changes(command: Command) -> Command:
+    """Add the same, and a whole turn for a view; received as a dictionary of what was given.
+
+    What a scene's file says stands where nothing is given.
+    """
+
+    @functools.wraps(command)
+    def with_changes(*args: Any, **options: Any) -> None:
+        source = click.get_current_context().get_parameter_source
+        picture = {name: options.pop(name) for name in _PICTURE_NAMES}
+        given = {
+            name: value
+            for name, value in picture.items()
+            if source(name) not in (ParameterSource.DEFAULT, None)
+        }
+        command(*args, picture=_sized(given), **options)
+
+    return _all_of(_picture_options(turns=True), cast(Command, with_changes))
+
+
+def _sized(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options with width and height in place of the size."""
+    size = options.pop("size", None)
+    if size is None:
+        return options
+    width, height = (size, size) if isinstance(size, int) else size
+    return {"width": width, "height": height, **options}
 
 
 _MEASURED = "[default: measured from the meshes]"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -87,6 +88,29 @@ def table(rows: Sequence[tuple[str, str]]) -> None:
             say(f"{label:<{width}}  {value}")
         else:
             say(click.style(label, bold=True))
+
+
+def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
+    """Print rows of cells on stdout, aligned; the first is a heading, the last `numbers` right.
+
+    On a terminal what does not fit on its line is cut off in the widest column.
+    """
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    if sys.stdout is not None and sys.stdout.isatty():
+        room = shutil.get_terminal_size().columns - 2 * (len(widths) - 1)
+        widest = widths.index(max(widths))
+        widths[widest] = max(24, widths[widest] - max(0, sum(widths) - room))
+    for i, row in enumerate(rows):
+        cells = [
+            cell.rjust(width) if k >= len(row) - numbers else _cut(cell, width).ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        line = "  ".join(cells).rstrip()
+        say(click.style(line, bold=True) if i == 0 else line)
+
+
+def _cut(text: str, width: int) -> str:
+    return text if len(text) <= width else text[: width - 1] + "…"
 
 
 def terminal_options(command: Callable[..., None]) -> Callable[..., None]:

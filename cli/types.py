@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,21 +36,42 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
         return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
+@dataclass(frozen=True)
+class Turntable:
+    """As many views as a turn is made of."""
+
+    n_views: int
+
+
 class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """`az,el` or `az,el,dist`: degrees, and the distance in model units."""
+    """`az,el` or `az,el,dist`: degrees, and the distance in model units.
+
+    Parameters
+    ----------
+    turns
+        Whether `turntable:N` is taken too, which becomes a `Turntable`.
+    """
 
     name = "view"
 
+    def __init__(self, *, turns: bool = False) -> None:
+        self.turns = turns
+
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """Show the form."""
-        return "AZ,EL[,DIST]"
+        """Show the forms."""
+        return "AZ,EL[,DIST]|turntable:N" if self.turns else "AZ,EL[,DIST]"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...]:
-        """Parse into two or three numbers."""
+    ) -> tuple[float, ...] | Turntable:
+        """Parse into two or three numbers, or a turn."""
         if not isinstance(value, str):
             return value  # type: ignore[no-any-return]  # a default
+        word, colon, count = value.partition(":")
+        if self.turns and colon and word == "turntable":
+            if not count.isascii() or not count.isdigit() or int(count) < 1:
+                self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
+            return Turntable(int(count))
         try:
             numbers = tuple(float(number) for number in value.split(","))
         except ValueError:

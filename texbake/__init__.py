@@ -54,10 +54,34 @@ if TYPE_CHECKING:
     from texbake.pipeline.layout import write_layout
     from texbake.pipeline.options import DemoOptions, RunOptions
     from texbake.pipeline.run import RunResult, run
+    from texbake.render.camera import Camera
     from texbake.render.compare import Closeness, Comparison, compare
     from texbake.render.options import RenderOptions
-    from texbake.render.render import render
+    from texbake.render.plan.plan import Plan
+    from texbake.render.render import plan_scene, render, render_scene
     from texbake.render.resolve import Frame
+    from texbake.render.scene.lights import (
+        Ambient,
+        AmbientOcclusion,
+        Environment,
+        Fog,
+        Light,
+        Lighting,
+        Shadow,
+    )
+    from texbake.render.scene.material import (
+        BumpMap,
+        Displacement,
+        Material,
+        NormalMap,
+        Parallax,
+        ProjectedTexture,
+        Reflection,
+        Refraction,
+    )
+    from texbake.render.scene.read import read_scene
+    from texbake.render.scene.scene import Scene, SceneObject, View
+    from texbake.render.scene.textures import ImageTexture, ProcedureTexture
     from texbake.texture.checker import checker_image
     from texbake.texture.image import Image, read_image, write_image
 
@@ -101,37 +125,89 @@ _NAMES = {
     "texbake.pipeline.run": ("RunResult", "run"),
     "texbake.render.compare": ("Closeness", "Comparison", "compare"),
     "texbake.render.options": ("RenderOptions",),
-    "texbake.render.render": ("render",),
+    "texbake.render.render": ("plan_scene", "render", "render_scene"),
     "texbake.render.resolve": ("Frame",),
+    "texbake.render.scene.read": ("read_scene",),
+    "texbake.render.scene.scene": (
+        "Scene",
+        "SceneObject",
+        "View",
+    ),
+    "texbake.render.scene.material": (
+        "BumpMap",
+        "Displacement",
+        "Material",
+        "NormalMap",
+        "Parallax",
+        "ProjectedTexture",
+        "Reflection",
+        "Refraction",
+    ),
+    "texbake.render.scene.lights": (
+        "Ambient",
+        "AmbientOcclusion",
+        "Environment",
+        "Fog",
+        "Light",
+        "Lighting",
+        "Shadow",
+    ),
+    "texbake.render.scene.textures": (
+        "ImageTexture",
+        "ProcedureTexture",
+    ),
+    "texbake.render.camera": ("Camera",),
+    "texbake.render.plan.plan": ("Plan",),
     "texbake.texture.checker": ("checker_image",),
     "texbake.texture.image": ("Image", "read_image", "write_image"),
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
+    "Ambient",
+    "AmbientOcclusion",
     "BakeOptions",
     "BakeReport",
     "BakeResult",
     "BakedMap",
+    "BumpMap",
     "CageError",
+    "Camera",
     "Closeness",
     "Comparison",
     "DemoOptions",
     "DependencyError",
+    "Displacement",
     "Distortion",
+    "Environment",
     "FileError",
     "FileFormatError",
+    "Fog",
     "Frame",
     "Image",
+    "ImageTexture",
+    "Light",
+    "Lighting",
     "MakeOptions",
+    "Material",
     "Mesh",
     "MeshError",
     "MeshInfo",
     "MissError",
+    "NormalMap",
     "OptionError",
+    "Parallax",
+    "Plan",
+    "ProcedureTexture",
+    "ProjectedTexture",
+    "Reflection",
+    "Refraction",
     "RenderOptions",
     "RunOptions",
     "RunResult",
+    "Scene",
+    "SceneObject",
+    "Shadow",
     "SimplifyReport",
     "SurfaceDistance",
     "TexbakeError",
@@ -139,6 +215,7 @@ __all__ = [
     "UnwrapOptions",
     "UnwrapReport",
     "UvError",
+    "View",
     "WrittenMap",
     "__version__",
     "bake",
@@ -151,11 +228,14 @@ __all__ = [
     "layout_svg",
     "make",
     "mesh_info",
+    "plan_scene",
     "read_image",
     "read_mesh",
+    "read_scene",
     "remap",
     "render",
     "render_checker",
+    "render_scene",
     "run",
     "simplify",
     "simplify_with_report",

@@ -1,4 +1,4 @@
-"""`texbake bake`: one trace, all maps."""
+"""`texbake bake`: one trace, all maps; or the light of a scene."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from texbake.bake.map_names import MAP_NAMES
 from texbake.bake.options import BakeOptions
 
 from ..baking import bake_to_files
-from ..options import bake_options, height_options, mesh_argument, output_folder
+from ..light_baking import SCENE_SUFFIXES, bake_light_to_files
+from ..options import MESH_SUFFIXES, bake_options, height_options, output_folder
 from ..terminal import Terminal, terminal_options
-from ..types import Names
+from ..types import FileOf, Names
 
 FORMATS = ("png", "exr", "tif", "tga")
+LIGHT_MAP = "lightmap"
+# What a bake of light maps takes.
+_OF_LIGHT = {"scene", "output", "maps", "suffix", "size", "samples", "bits", "padding", "fill",
+             "threads", "quiet", "kind"}  # fmt: skip
 
 
 @click.command(
@@ -24,40 +30,77 @@ FORMATS = ("png", "exr", "tif", "tga")
     Example:
       texbake bake scan.ply low.obj -o maps --maps normal,displacement --size 2048
       texbake bake scan.ply low.obj -o maps --maps normal --cage cage.obj --fail-on-miss 0.5
+      texbake bake --scene room.toml -o maps --maps lightmap --size 512 --samples 16
     """
 )
-@mesh_argument("high")
-@mesh_argument("low")
+@click.argument("high", type=FileOf(MESH_SUFFIXES), required=False)
+@click.argument("low", type=FileOf(MESH_SUFFIXES), required=False)
 @output_folder(
     "Folder of the maps, which are named as they are called; made if missing.", required=True
 )
 @click.option(
     "--maps",
-    type=Names(MAP_NAMES),
+    type=Names((*MAP_NAMES, LIGHT_MAP)),
     default=",".join(BakeOptions.maps),
     show_default=True,
-    help=f"Which, of {', '.join(MAP_NAMES)}.",
+    help=f"Which, of {', '.join(MAP_NAMES)}; or {LIGHT_MAP}, alone.",
+)
+@click.option(
+    "--scene",
+    type=FileOf(SCENE_SUFFIXES),
+    metavar="SCENE",
+    help=f"In place of HIGH and LOW, for --maps {LIGHT_MAP}: bake its static lights.",
 )
 @click.option(
     "--format",
     "suffix",
     type=click.Choice(FORMATS),
-    default="png",
-    show_default=True,
-    help="Kind of file; exr and tif hold heights as they are.",
+    help="Kind of file; exr and tif hold heights and light as they are.  "
+    f"[default: png, and exr for {LIGHT_MAP}]",
 )
 @bake_options
 @height_options
 @terminal_options
+@click.pass_context
 def bake(
-    high: Path,
-    low: Path,
+    context: click.Context,
+    /,
+    high: Path | None,
+    low: Path | None,
     output: Path,
     maps: tuple[str, ...],
-    suffix: str,
+    scene: Path | None,
+    suffix: str | None,
     terminal: Terminal,
     **options: Any,
 ) -> None:
-    """Bake several maps of HIGH for LOW with one trace."""
-    files = {name: output / f"{name}.{suffix}" for name in maps}
+    """Bake several maps of HIGH for LOW with one trace, or the light maps of a scene.
+
+    A light map holds the ambient light and the static lights of a scene with their shadows, for
+    each of its objects that has texture coordinates; it is named as the object.
+    """
+    if scene is not None or LIGHT_MAP in maps:
+        _check_light(context, scene, maps)
+        assert scene is not None
+        taken = {name: options[name] for name in _OF_LIGHT & options.keys()}
+        bake_light_to_files(scene, output, suffix or "exr", terminal, **taken)
+        return
+    if high is None or low is None:
+        missing = "HIGH" if high is None else "LOW"
+        raise click.UsageError(f"Missing argument '{missing}'.", context)
+    files = {name: output / f"{name}.{suffix or 'png'}" for name in maps}
     bake_to_files(high, low, files, terminal, folder=output, **options)
+
+
+def _check_light(context: click.Context, scene: Path | None, maps: tuple[str, ...]) -> None:
+    """Refuse what a bake of light maps does not take, instead of leaving it out."""
+    if scene is None:
+        raise click.UsageError(f"--maps {LIGHT_MAP} needs a scene: give --scene SCENE", context)
+    if maps != (LIGHT_MAP,):
+        raise click.UsageError(f"--scene is for --maps {LIGHT_MAP}, alone", context)
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and name not in _OF_LIGHT:
+            called = parameter.opts[0] if isinstance(parameter, click.Option) else name.upper()
+            raise click.UsageError(f"{called} has no meaning for --maps {LIGHT_MAP}", context)

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 import pytest
-from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, View
+from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, Turntable, View
 
 CONTEXT = click.Context(click.Command("test"))
 PARAM = click.Option(["--it"])
@@ -23,6 +23,8 @@ def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
         (Size(), "64X32", (64, 32)),
         (View(), "30,20", (30.0, 20.0)),
         (View(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
+        (View(turns=True), "30,20", (30.0, 20.0)),
+        (View(turns=True), "turntable:36", Turntable(36)),
         (Numbers("X,Y,Z", ("x", "y")), "y", "y"),
         (Numbers("X,Y,Z", ("x", "y")), "0, -1,2e-3", (0.0, -1.0, 0.002)),
         (Numbers("S[,T]"), "2", 2.0),
@@ -52,6 +54,11 @@ def test_text_becomes_a_value(kind: click.ParamType, text: str, value: Any) -> N
         (View(), "30"),
         (View(), "1,2,3,4"),
         (View(), "north"),
+        (View(), "turntable:36"),
+        (View(turns=True), "turntable"),
+        (View(turns=True), "turntable:0"),
+        (View(turns=True), "turntable:many"),
+        (View(turns=True), "carousel:4"),
         (Names(["normal"]), "normal,heigth"),
         (Names(["normal"]), ""),
     ],

@@ -8,7 +8,7 @@ from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
 from texbake.render.camera import Camera
 from texbake.render.displace import displace, on_base, segments_for
-from texbake.render.rasterize import rasterize
+from texbake.render.raster.rasterize import rasterize
 
 
 def edges_of(mesh):

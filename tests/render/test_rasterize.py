@@ -5,12 +5,21 @@ from hypothesis import strategies as st
 
 from texbake.mesh.shapes import grid_sphere, icosphere
 from texbake.render.camera import Camera
-from texbake.render.clip import SUBPIXELS
 from texbake.render.options import RenderOptions
-from texbake.render.rasterize import BAND_ROWS, rasterize
+from texbake.render.raster.clip import SUBPIXELS
+from texbake.render.raster.rasterize import BAND_ROWS, rasterize
+from texbake.render.raster.visibility import Visibility
+from texbake.render.raster.world import CULL_BACK, SHOW_BACK, SKIP, joined
 
 # Clip space is (x, y) of the positions as they are, in front of the camera, z the depth itself.
 FLAT = np.eye(4)
+
+
+def drawn(positions, faces, matrix, width, height, back_faces="cull", **options):
+    """What is seen of one object."""
+    world = joined([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
+    modes = np.array([SHOW_BACK if back_faces == "show" else CULL_BACK], np.uint8)
+    return rasterize(world, matrix, width, height, modes=modes, **options)
 
 
 def from_grid(points, width, height, depth=0.5):
@@ -51,7 +60,7 @@ def owned(points, width, height):
 
 
 def flat_visibility(points, faces, width, height, **options):
-    return rasterize(
+    return drawn(
         from_grid(points, width, height),
         np.asarray(faces, np.int32),
         FLAT,
@@ -66,7 +75,7 @@ def count_owners(positions, faces, matrix, width, height):
     """How many of the faces, each drawn alone, own each sample."""
     counts = np.zeros((height, width), int)
     for face in np.asarray(faces, np.int32):
-        alone = rasterize(positions, face[None], matrix, width, height, back_faces="show")
+        alone = drawn(positions, face[None], matrix, width, height, back_faces="show")
         counts += alone.face_ids == 0
     return counts
 
@@ -129,7 +138,7 @@ def test_a_closed_mesh_shows_front_and_back_alike(direction):
     options = RenderOptions(view=(51.0 * direction, -80.0 + 26.0 * direction))
     matrix = Camera.framing(mesh, options=options).clip_from_world(1.5)
     front, both, back = (
-        rasterize(mesh.positions, faces, matrix, 300, 200, back_faces=back_faces).face_ids >= 0
+        drawn(mesh.positions, faces, matrix, 300, 200, back_faces=back_faces).face_ids >= 0
         for faces, back_faces in (
             (mesh.faces, "cull"),
             (mesh.faces, "show"),
@@ -147,7 +156,7 @@ def test_the_nearest_triangle_is_seen():
     points = np.tile([[0, 0], [0, 64], [64, 0]], (3, 1)) * SUBPIXELS
     positions = from_grid(points, 32, 32, depth=np.repeat([0.2, 0.7, 0.4], 3))
     faces = np.arange(9, dtype=np.int32).reshape(3, 3)
-    visibility = rasterize(positions, faces, FLAT, 32, 32)
+    visibility = drawn(positions, faces, FLAT, 32, 32)
     assert (visibility.face_ids == 1).all()
     np.testing.assert_array_equal(visibility.depths, np.float32(0.7))
 
@@ -157,7 +166,7 @@ def test_two_planes_that_cross_are_parted_where_they_cross():
     points = np.array([[0, 0], [0, 64], [64, 0], [64, 64]] * 2) * SUBPIXELS
     positions = from_grid(points, 64, 64, depth=np.array([0.25, 0.25, 0.75, 0.75] + [0.5] * 4))
     faces = np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 5, 7]], np.int32)
-    ids = rasterize(positions, faces, FLAT, 64, 64).face_ids
+    ids = drawn(positions, faces, FLAT, 64, 64).face_ids
     assert (ids[:, :32] >= 2).all()
     assert (ids[:, 32:] < 2).all()
 
@@ -168,8 +177,8 @@ def test_of_equal_depths_the_lower_index_is_seen(order):
     matrix = Camera.framing(mesh).clip_from_world(1.0)
     # Four copies of each face, side by side in one list and mixed in another.
     copies = np.concatenate([np.roll(mesh.faces, 3 * k, axis=0) for k in order])
-    visibility = rasterize(mesh.positions, copies, matrix, 128, 128)
-    alone = rasterize(mesh.positions, copies[: mesh.n_faces], matrix, 128, 128)
+    visibility = drawn(mesh.positions, copies, matrix, 128, 128)
+    alone = drawn(mesh.positions, copies[: mesh.n_faces], matrix, 128, 128)
     np.testing.assert_array_equal(visibility.face_ids, alone.face_ids)
     np.testing.assert_array_equal(visibility.depths, alone.depths)
 
@@ -180,11 +189,11 @@ def test_every_number_of_threads_gives_the_same_bytes():
     options = RenderOptions(view=(10.0, 20.0, 0.9))
     matrix = Camera.framing(mesh, options=options).clip_from_world(1.0)
     shown = [
-        rasterize(mesh.positions, mesh.faces, matrix, 150, 150, back_faces="show", threads=threads)
+        drawn(mesh.positions, mesh.faces, matrix, 150, 150, back_faces="show", threads=threads)
         for threads in (1, 2, 5)
     ]
     assert (shown[0].face_ids >= 0).mean() > 0.9
-    for name in "face_ids", "barycentrics", "depths", "back_facing":
+    for name in "face_ids", "depths":
         first, *others = (getattr(visibility, name).tobytes() for visibility in shown)
         assert all(other == first for other in others), name
 
@@ -195,26 +204,77 @@ def test_triangles_without_area_are_not_seen():
     visibility = flat_visibility(points, faces, 32, 32)
     assert (visibility.face_ids == -1).all()
     assert not visibility.depths.any()
-    assert not visibility.barycentrics.any()
 
 
 def test_back_faces_are_culled_or_marked():
     points = np.array([[0, 0], [64, 0], [0, 64]]) * SUBPIXELS  # clockwise as seen
     positions, faces = from_grid(points, 32, 32), np.array([[0, 1, 2]], np.int32)
-    culled = rasterize(positions, faces, FLAT, 32, 32)
+    culled = drawn(positions, faces, FLAT, 32, 32)
     assert (culled.face_ids == -1).all()
-    shown = rasterize(positions, faces, FLAT, 32, 32, back_faces="show")
+    shown = drawn(positions, faces, FLAT, 32, 32, back_faces="show")
     assert (shown.face_ids == 0).all()
-    assert shown.back_facing.all()
-    turned = rasterize(positions, faces[:, ::-1].copy(), FLAT, 32, 32)
+    turned = drawn(positions, faces[:, ::-1].copy(), FLAT, 32, 32)
     assert (turned.face_ids == 0).all()
-    assert not turned.back_facing.any()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 2 * BAND_ROWS + 1)])
 def test_screens_of_any_shape(size):
     width, height = size
     positions = np.array([[-1, -1, 0.5], [3, -1, 0.5], [-1, 3, 0.5]], np.float64)
-    visibility = rasterize(positions, np.array([[0, 1, 2]], np.int32), FLAT, width, height)
+    visibility = drawn(positions, np.array([[0, 1, 2]], np.int32), FLAT, width, height)
     assert visibility.face_ids.shape == (height, width)
     assert (visibility.face_ids == 0).all()
+
+
+def test_each_object_is_skipped_culled_or_shown_whole():
+    # Three sheets one behind the other, each of two triangles, wound one way and the other.
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
+    sheets = [np.concatenate([square, np.full((4, 1), depth)], axis=1) for depth in (0.8, 0.6, 0.4)]
+    faces = np.array([[0, 1, 2], [0, 3, 2]], np.int32)
+    world = joined([(sheet, faces) for sheet in sheets])
+    np.testing.assert_array_equal(world.starts, [0, 2, 4, 6])
+
+    def nearest(*modes):
+        visibility = rasterize(world, FLAT, 16, 16, modes=np.array(modes, np.uint8))
+        return set(np.unique(visibility.face_ids).tolist())
+
+    assert nearest(SHOW_BACK, SHOW_BACK, SHOW_BACK) == {0, 1}
+    assert nearest(SKIP, SHOW_BACK, SHOW_BACK) == {2, 3}
+    # Half of the first sheet faces away; what is behind it shows there.
+    assert nearest(CULL_BACK, SKIP, SHOW_BACK) == {0, 5}
+    assert nearest(SKIP, SKIP, CULL_BACK) == {-1, 4}
+    assert nearest(SKIP, SKIP, SKIP) == {-1}
+
+
+def test_layers_are_peeled_from_front_to_back():
+    mesh = icosphere(2)
+    options = RenderOptions(view=(10.0, 20.0))
+    matrix = Camera.framing(mesh, options=options).clip_from_world(1.0)
+    shown = {"modes": np.array([SHOW_BACK], np.uint8)}
+    world = joined([(mesh.positions, mesh.faces)])
+    nothing = drawn(mesh.positions, mesh.faces[:1, [0, 0, 0]], matrix, 64, 64)
+    first = rasterize(world, matrix, 64, 64, **shown)
+    second = rasterize(world, matrix, 64, 64, behind=first, before=nothing, **shown)
+    third = rasterize(world, matrix, 64, 64, behind=second, before=nothing, **shown)
+    front = drawn(mesh.positions, mesh.faces, matrix, 64, 64)
+    back = drawn(mesh.positions, mesh.faces[:, ::-1], matrix, 64, 64)
+    # A closed convex surface has two layers: its near and its far side.
+    np.testing.assert_array_equal(first.face_ids, front.face_ids)
+    np.testing.assert_array_equal(second.face_ids, back.face_ids)
+    assert (third.face_ids == -1).all()
+    # Of two in the same place the lower index comes first, then the other; none is lost.
+    twice = joined([(mesh.positions, np.concatenate([mesh.faces, mesh.faces]))])
+    near = rasterize(twice, matrix, 64, 64, **shown)
+    again = rasterize(twice, matrix, 64, 64, behind=near, before=nothing, **shown)
+    covered = front.face_ids >= 0
+    np.testing.assert_array_equal(again.face_ids[covered], near.face_ids[covered] + mesh.n_faces)
+    # And nothing behind a last surface.
+    assert (
+        rasterize(world, matrix, 64, 64, behind=nothing_near(first), before=first, **shown).face_ids
+        == -1
+    ).all()
+
+
+def nothing_near(visibility):
+    """A layer before everything: nearer than the near plane."""
+    return Visibility(np.full_like(visibility.face_ids, -1), np.full_like(visibility.depths, 2.0))

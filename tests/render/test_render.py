@@ -6,7 +6,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.render.camera import Camera
 from texbake.render.options import RenderOptions
-from texbake.render.render import linear, render
+from texbake.render.render import render
+from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import Image, read_image, write_image
 
 SMALL = RenderOptions(width=160, height=120, supersampling=1)
@@ -88,7 +89,9 @@ def test_tangents_of_the_file_are_used():
 def test_a_texture_lies_in_perspective_where_rays_meet_the_plane():
     # Color is linear in the albedo: a ramp between the pictures for black and white is u itself.
     size = 64
-    options = RenderOptions(width=200, height=150, supersampling=1, view=(50.0, 25.0))
+    options = RenderOptions(
+        width=200, height=150, supersampling=1, view=(50.0, 25.0), filter="bilinear"
+    )
     mesh = plane()
     camera = Camera.framing(mesh, options=options)
     ramp = ((np.arange(size, dtype=np.float32) + 0.5) / size)[None, :, None]
@@ -111,7 +114,7 @@ def test_a_texture_lies_in_perspective_where_rays_meet_the_plane():
 
 def test_an_albedo_of_the_base_color_is_the_base_color():
     mesh = uv_sphere(12, 24)
-    albedo = np.full((3, 5, 3), linear(SMALL.base_color), np.float32)
+    albedo = np.full((3, 5, 3), decode_srgb(SMALL.base_color), np.float32)
     assert everything_of(render(mesh, albedo=albedo, options=SMALL)) == everything_of(
         render(mesh, options=SMALL)
     )
@@ -225,7 +228,7 @@ def test_without_background_the_opacity_is_the_coverage(tmp_path):
     opaque = render(icosphere(3), options=RenderOptions(width=80, height=60, supersampling=4))
     np.testing.assert_array_equal(opaque.color[..., 3], 1.0)
     # Laying it over the background gives the picture with that background.
-    behind = np.array(linear(RenderOptions().background), np.float32)
+    behind = decode_srgb(RenderOptions().background).astype(np.float32)
     alpha = frame.color[..., 3:]
     np.testing.assert_allclose(
         frame.color[..., :3] * alpha + behind * (1 - alpha), opaque.color[..., :3], atol=1e-6
@@ -274,4 +277,4 @@ def test_progress_tells_the_stages():
         def finished(self, stage, seconds): ...
 
     render(plane(), options=SMALL, progress=Sink())
-    assert told == ["prepare", "rasterize", "shade"]
+    assert told == ["place", "rasterize", "prepare light and textures", "shade"]

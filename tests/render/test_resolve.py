@@ -1,64 +1,88 @@
 import numpy as np
 import pytest
 
-from texbake.render.resolve import resolve
-from texbake.render.shade import Shading
-from texbake.render.visibility import Visibility
+from texbake.errors import OptionError
+from texbake.mesh.shapes import plane
+from texbake.render.fragments import Fragments
+from texbake.render.picture import Costs, DrawnObject
+from texbake.render.plan.plan import Plan
+from texbake.render.raster.visibility import Visibility
+from texbake.render.resolve import Frame, Sums
+from texbake.render.scene.material import Material
 
 
-def samples(n):
-    """One pixel of n x n samples, the first of which are covered, with what they show."""
-
-    def make(face_ids, colors, normals, depths):
-        shape = (n, n)
-
-        def spread(values, width):
-            out = np.zeros((n * n, width), np.float32)
-            out[: len(values)] = values
-            return out.reshape(*shape, width)
-
-        ids = np.full(n * n, -1, np.int32)
-        ids[: len(face_ids)] = face_ids
-        visibility = Visibility(
-            ids.reshape(shape),
-            np.zeros((*shape, 2), np.float32),
-            spread(np.reshape(depths, (-1, 1)), 1)[..., 0],
-            np.zeros(shape, bool),
-        )
-        return visibility, Shading(spread(colors, 3), spread(normals, 3))
-
-    return make
-
-
-def test_a_pixel_is_the_mean_of_its_samples_over_the_background():
-    visibility, shading = samples(2)(
-        [7, 3], [[1, 0, 0], [0, 0.5, 0]], [[1, 0, 0], [0, 1, 0]], [0.25, 0.5]
+def fragments(pixels, counts, light, normals=None):
+    n = len(pixels)
+    mesh = plane()
+    return Fragments(
+        target=0,
+        drawn=DrawnObject(
+            mesh=mesh, material=Material(), positions=mesh.positions, faces=mesh.faces
+        ),
+        drawn_faces=np.zeros(n, np.int32),
+        drawn_weights=np.zeros((n, 2)),
+        faces=np.zeros(n, np.int32),
+        weights=np.zeros((n, 2)),
+        changes=np.empty((0, 4), np.float32),
+        places=np.zeros((n, 2), np.float32),
+        pixels=np.array(pixels, np.int32),
+        counts=np.array(counts, np.float32),
+        back_facing=np.zeros(n, bool),
+        normals=None if normals is None else np.array(normals, np.float32),
+        light=np.array(light, np.float32),
     )
-    frame = resolve(
-        visibility, shading, supersampling=2, background=(0.0, 0.0, 1.0), near=0.1, threads=1
-    )
-    np.testing.assert_allclose(frame.color[0, 0], [0.25, 0.125, 0.5, 1.0])
-    np.testing.assert_allclose(frame.normals[0, 0], [0.5**0.5, 0.5**0.5, 0], rtol=1e-6)
-    assert frame.coverage[0, 0] == 0.5
-    assert frame.face_ids[0, 0] == 3  # the nearer
-    assert frame.depths[0, 0] == np.float32(0.1 / 0.5)
-    clear = resolve(visibility, shading, supersampling=2, background=None, near=0.1)
-    np.testing.assert_allclose(clear.color[0, 0], [0.5, 0.25, 0, 0.5])
 
 
-@pytest.mark.parametrize("n", [1, 3, 7])
-def test_a_full_pixel_is_fully_covered(n):
-    # 49 times 1 / 49 is not 1: it has to be divided.
-    visibility, shading = samples(n)(
-        [0] * n * n, [[0.25] * 3] * n * n, [[0, 0, 1]] * n * n, [0.5] * n * n
-    )
-    frame = resolve(visibility, shading, supersampling=n, background=(1.0, 1.0, 1.0), near=1.0)
-    assert frame.coverage[0, 0] == 1.0
-    np.testing.assert_array_equal(frame.color[0, 0], [0.25, 0.25, 0.25, 1.0])
+def test_a_pixel_is_the_mean_of_its_samples_over_what_is_behind():
+    def summed():
+        sums = Sums.empty(1, 2, n_samples=4, keeps_normals=True)
+        sums.add(fragments([1, 1], [1, 1], [[1, 0, 0], [0, 0.5, 0]], [[1, 0, 0], [0, 1, 0]]))
+        return sums
+
+    color, coverage, normals = summed().finished(np.array([0.0, 0.0, 1.0], np.float32))
+    np.testing.assert_allclose(color[0], [[0, 0, 1, 1], [0.25, 0.125, 0.5, 1.0]])
+    np.testing.assert_array_equal(coverage, [[0, 0.5]])
+    np.testing.assert_allclose(normals[0, 1], [0.5**0.5, 0.5**0.5, 0], rtol=1e-6)
+    np.testing.assert_array_equal(normals[0, 0], 0.0)
+    clear, _, _ = summed().finished(None)
+    np.testing.assert_allclose(clear[0], [[0, 0, 0, 0], [0.5, 0.25, 0, 0.5]])
+    # A picture behind: each pixel over its own.
+    picture = np.array([[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]], np.float32)
+    over, _, _ = summed().finished(picture)
+    np.testing.assert_allclose(over[0], [[0, 0.5, 0, 1], [0.75, 0.625, 0.5, 1.0]])
+
+
+@pytest.mark.parametrize("n_samples", [1, 9, 49])
+def test_a_full_pixel_is_fully_covered(n_samples):
+    # 49 times 1 / 49 is not 1: samples have to be counted, and the sum divided.
+    sums = Sums.empty(1, 1, n_samples=n_samples, keeps_normals=False)
+    for _ in range(n_samples):
+        sums.add(fragments([0], [1], [[0.25] * 3]))
+    color, coverage, normals = sums.finished(np.ones(3, np.float32))
+    assert coverage[0, 0] == 1.0
+    np.testing.assert_array_equal(color[0, 0], [0.25, 0.25, 0.25, 1.0])
+    assert normals is None
 
 
 def test_normals_that_cancel_leave_none():
-    visibility, shading = samples(2)([1, 2], np.zeros((2, 3)), [[0, 0, 1], [0, 0, -1]], [0.5, 0.5])
-    frame = resolve(visibility, shading, supersampling=2, background=None, near=1.0)
-    np.testing.assert_array_equal(frame.normals[0, 0], 0.0)
-    assert frame.face_ids[0, 0] == 1  # the first of equally near ones
+    sums = Sums.empty(1, 1, n_samples=4, keeps_normals=True)
+    sums.add(fragments([0, 0], [2, 2], np.zeros((2, 3)), [[0, 0, 1], [0, 0, -1]]))
+    _, _, normals = sums.finished(None)
+    np.testing.assert_array_equal(normals[0, 0], 0.0)
+
+
+def test_a_frame_tells_the_nearest_triangle_of_a_pixel_and_its_distance():
+    ids = np.array([[7, 3, -1, -1], [-1, -1, -1, -1]], np.int32)
+    depths = np.array([[0.25, 0.5, 0, 0], [0, 0, 0, 0]], np.float32)
+    frame = Frame(
+        color=np.zeros((1, 2, 4), np.float32),
+        coverage=np.zeros((1, 2), np.float32),
+        plan=Plan((), ()),
+        costs=Costs(),
+        _visibility=Visibility(ids, depths),
+        _near=0.1,
+    )
+    np.testing.assert_array_equal(frame.face_ids, [[3, -1]])
+    np.testing.assert_array_equal(frame.depths, np.float32([[0.1 / 0.5, np.inf]]))
+    with pytest.raises(OptionError, match="kept no normals"):
+        _ = frame.normals

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.lookup import lookup, row_of_v, texel_coordinates
+from texbake.texture.lookup import WRAPS, lookup, row_of_v, texel_coordinates
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def test_row_of_v_in_a_kernel_is_row_of_v_in_numpy():
     assert row_of_v(0.3, 7) == row_of_v.py_func(0.3, 7)
 
 
-@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+@pytest.mark.parametrize("wrap", WRAPS)
 def test_at_texel_centers_it_gives_the_texels(image, wrap):
     # 1e-6: (i + 0.5) / 7 * 7 - 0.5 is off an integer by some 1e-16, times differences below 1.
     np.testing.assert_allclose(lookup(image, centers(7, 5), wrap=wrap), image, atol=1e-6)
@@ -67,31 +67,81 @@ def test_clamp_goes_on_with_the_border(image):
     np.testing.assert_array_equal(lookup(image, points, wrap="clamp"), corners)
 
 
-@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+PADDED = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge", "border": "constant"}
+
+
+def padded(image, wrap, border=0.0, *, by=64):
+    """The image with what lies around it, as numpy has it."""
+    sides = ((by, by), (by, by), (0, 0))
+    around = {"constant_values": border} if wrap == "border" else {}
+    return np.pad(image, sides, mode=PADDED[wrap], **around)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("size", [(5, 7), (1, 1), (1, 4), (2, 1)])
+def test_outside_it_reads_what_numpy_pads_with(wrap, size):
+    height, width = size
+    image = np.random.default_rng(1).random((*size, 2)).astype(np.float32)
+    points = np.random.default_rng(2).uniform(-4.0, 5.0, (3000, 2))
+    places = texel_coordinates(points, width, height) - 0.5
+    first = np.floor(places).astype(int)
+    along = (places - first)[..., None]
+    around = padded(image, wrap, 0.25).astype(np.float64)
+    expected = np.zeros((len(points), 2))
+    for right in 0, 1:
+        for down in 0, 1:
+            weight = (along[:, 0] if right else 1 - along[:, 0]) * (
+                along[:, 1] if down else 1 - along[:, 1]
+            )
+            expected += weight * around[first[:, 1] + 64 + down, first[:, 0] + 64 + right]
+    found = lookup(image, points, wrap=wrap, border=0.25)
+    # Differences of float32 texels and the result are rounded to float32.
+    np.testing.assert_allclose(found, expected, atol=2e-7)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
 def test_a_constant_stays_exactly_constant(wrap):
     image = np.full((6, 5, 2), np.float32(0.1))
     points = np.random.default_rng(0).uniform(-2, 2, (2000, 2))
-    assert (lookup(image, points, wrap=wrap) == np.float32(0.1)).all()
+    assert (lookup(image, points, wrap=wrap, border=np.float32(0.1)) == np.float32(0.1)).all()
 
 
-@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+@pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("size", [(1, 1), (1, 4), (4, 1)])
 def test_whatever_the_coordinates_no_texel_outside_is_read(size, wrap):
     image = np.ones((*size, 1), np.float32)
-    odd = [np.nan, np.inf, -np.inf, 1e300, -1e300, -1e-300, 1e18, 0.0, 1.0]
+    odd = [np.nan, np.inf, -np.inf, 1e300, -1e300, -1e-300, 1e18, -1e9, 0.0, 1.0]
     points = np.array([[u, v] for u in odd for v in odd])
-    assert (lookup(image, points, wrap=wrap) == 1.0).all()
+    assert (lookup(image, points, wrap=wrap, border=1.0) == 1.0).all()
+
+
+def test_what_is_not_a_number_counts_as_0(image):
+    points = np.array([[np.nan, 0.3], [0.3, np.nan]])
+    zeros = np.array([[0.0, 0.3], [0.3, 0.0]])
+    for wrap in WRAPS:
+        np.testing.assert_array_equal(
+            lookup(image, points, wrap=wrap), lookup(image, zeros, wrap=wrap)
+        )
+
+
+def test_a_border_has_one_value_or_one_a_channel(image):
+    outside = np.array([[-3.0, 0.5], [0.5, 7.0]])
+    found = lookup(image, outside, wrap="border", border=(1.0, 2.0, 3.0))
+    np.testing.assert_array_equal(found, [[1.0, 2.0, 3.0]] * 2)
+    assert (lookup(image, outside, wrap="border") == 0.0).all()
+    with pytest.raises(OptionError, match=r"border: .* is not one number or 3"):
+        lookup(image, outside, wrap="border", border=(1.0, 2.0))
 
 
 def test_threads_change_nothing(image):
-    points = np.random.default_rng(0).uniform(-1, 2, (200_000, 2))
+    points = np.random.default_rng(0).uniform(-1, 2, (600_000, 2))
     np.testing.assert_array_equal(
         lookup(image, points, threads=1), lookup(image, points, threads=2)
     )
 
 
 def test_wrong_options_are_errors(image):
-    with pytest.raises(OptionError, match="'mirror' is not known"):
-        lookup(image, np.zeros((1, 2)), wrap="mirror")
+    with pytest.raises(OptionError, match="'tile' is not known"):
+        lookup(image, np.zeros((1, 2)), wrap="tile")
     with pytest.raises(OptionError, match="shape"):
         lookup(np.zeros((4, 4), np.float32), np.zeros((1, 2)))

@@ -131,7 +131,7 @@ class Trace:
     ) -> Generator[Hits, None, list[tuple[Samples, Rays]]]:
         grid, threads = self._grid, self.options.threads
         missed: list[tuple[Samples, Rays]] = []
-        step = _rows_at_once(grid)
+        step = rows_at_once(grid)
         n_texels = grid.width * grid.height
         with self.stages.stage("bake", total=n_texels, unit="texels", recorded=False) as advance:
             for first in range(0, grid.height, step):
@@ -186,7 +186,7 @@ class Trace:
         self.counts.rays_past_back_faces += int(np.count_nonzero(found.passed_back))
 
 
-def _rows_at_once(grid: SampleGrid) -> int:
+def rows_at_once(grid: SampleGrid) -> int:
     """Rows of texels in one go: whole rows of tiles, about `_SAMPLES_AT_ONCE` samples."""
     least = TILE // grid.per_side
     rows = _SAMPLES_AT_ONCE // (grid.n_columns * grid.per_side)

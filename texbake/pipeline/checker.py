@@ -16,9 +16,10 @@ from texbake.mapping.areas import signed_areas
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.render.camera import Camera
+from texbake.render.draw import draw, prepare
 from texbake.render.options import RenderOptions
 from texbake.render.panels import Panel, side_by_side
-from texbake.render.render import load_model, render_model
+from texbake.render.studio import studio_scene
 from texbake.texture.checker import checker_image
 
 N_CELLS = 16
@@ -68,19 +69,14 @@ def render_checker(
     options = options or PANELS
     with Stages(progress).stage("prepare"):
         checker = checker_image(_texels_for(mesh, n_cells), n_cells)
-        model = load_model(mesh, albedo=checker, options=options, threads=threads)
+        scene = studio_scene(mesh, albedo=checker, options=options)
+        prepared = prepare(scene, options, threads=threads)
     panels = []
     seen = np.zeros((options.height, options.width), dtype=bool)
     azimuth, *others = options.view
     for turn, side in _SIDES:
         view = replace(options, view=(azimuth + turn, *others))
-        frame = render_model(
-            model,
-            Camera.framing(mesh, options=view),
-            options=view,
-            threads=threads,
-            progress=progress,
-        )
+        frame = draw(prepared, Camera.framing(mesh, options=view), progress=progress)
         seen |= frame.coverage > 0.0
         panels.append(Panel(frame.color, side, f"azimuth {(azimuth + turn) % 360.0:g}°"))
     return side_by_side(panels, seen)

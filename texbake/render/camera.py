@@ -12,11 +12,12 @@ visualized", 2015.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.errors import MeshError
+from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.render.options import RenderOptions
 
@@ -25,6 +26,10 @@ from texbake.render.options import RenderOptions
 _NEAR = 1e-3
 # Room left about the bounding sphere.
 _MARGIN = 1.03
+# Of the largest coordinate: twice what its rounding leaves of half a difference.
+_ROUNDING = 2.0**-52
+# Sine of the angle between up and the view below which rounding says what is to the right.
+_PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +73,7 @@ class Camera:
             The size of the meshes is beyond what float64 can square.
         """
         options = options or RenderOptions()
-        center, radius = _bounding_sphere(meshes)
+        center, radius = cls.sphere_around(*meshes)
         tangent = math.tan(math.radians(options.fov) / 2)
         narrow = math.atan(tangent * min(1.0, options.width / options.height))
         distance = options.distance or _MARGIN * radius / math.sin(narrow)
@@ -79,6 +84,57 @@ class Camera:
             fov=math.radians(options.fov),
             near=min(_NEAR * radius, 0.5 * distance),
         )
+
+    @classmethod
+    def looking_at(
+        cls,
+        eye: Sequence[float],
+        target: Sequence[float],
+        *,
+        up: Sequence[float] = (0.0, 1.0, 0.0),
+        fov: float,
+        near: float,
+    ) -> Camera:
+        """Return a camera that stands at a point and looks at another.
+
+        Parameters
+        ----------
+        eye, target : (x, y, z)
+            In world space. They must differ by more than their own rounding.
+        up : (x, y, z)
+            What is up in the picture; of any length, and not along the view.
+        fov : float
+            Vertical field of view in radians, above 0 and below π.
+        near : float
+            Distance of the near plane in model units, above 0.
+
+        Raises
+        ------
+        OptionError
+            The camera stands on its target, looks along `up`, or has no field of view or near
+            plane; a number is not finite.
+        """
+        if not 0.0 < fov < math.pi:
+            raise OptionError(
+                f"fov: {math.degrees(fov):g} degrees show nothing; it must be above 0 and below 180"
+            )
+        if not 0.0 < near < math.inf:
+            raise OptionError(f"near: {near:g} is not above 0; give the distance of the near plane")
+        axes = axes_toward(eye, target, up)
+        return cls(eye=np.array(eye, np.float64), axes=axes, fov=fov, near=near)
+
+    @staticmethod
+    def sphere_around(*meshes: Mesh) -> tuple[FloatArray, float]:
+        """Center of the joint bounding box, and radius about it of all that faces use.
+
+        The radius of what has no extent is 1.
+
+        Raises
+        ------
+        MeshError
+            The size of the meshes is beyond what float64 can square.
+        """
+        return _bounding_sphere(meshes)
 
     def clip_from_world(self, aspect: float) -> FloatArray:
         """(4, 4) float64: world space to clip space; `aspect` is width / height."""
@@ -118,6 +174,42 @@ def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
     if up == "z":
         axes = np.stack([axes[:, 0], -axes[:, 2], axes[:, 1]], axis=1)
     return axes
+
+
+def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[float]) -> FloatArray:
+    """Rows right, up, back of a camera at a point that looks at another; see `Camera.looking_at`.
+
+    Raises
+    ------
+    OptionError
+        The two are one point, `up` is along the view or has no length, or a number is not finite.
+    """
+    place, goal, upward = (np.array(point, np.float64) for point in (eye, target, up))
+    for name, point in ("position", place), ("target", goal), ("up", upward):
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise OptionError(f"{name}: {point.tolist()} is not three finite numbers")
+    # Nearer than rounding of the coordinates themselves, there is no direction between them.
+    reach = max(float(np.abs(place).max()), float(np.abs(goal).max()))
+    back = _unit(place / 2 - goal / 2)
+    if back is None or float(np.abs(place / 2 - goal / 2).max()) <= _ROUNDING * reach:
+        raise OptionError("position: it is that of the target; move one of them")
+    upward_unit = _unit(upward)
+    if upward_unit is None:
+        raise OptionError("up: it has no length; give a direction such as 0, 1, 0")
+    right = np.cross(upward_unit, back)
+    if float(np.linalg.norm(right)) <= _PARALLEL:
+        raise OptionError("up: the view goes along it; give another direction")
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(back, right), back])
+
+
+def _unit(vector: FloatArray) -> FloatArray | None:
+    """Vector of length 1 in a direction; None where there is none."""
+    largest = float(np.abs(vector).max())
+    if not 0.0 < largest < math.inf:
+        return None
+    scaled = vector / largest
+    return np.asarray(scaled / np.linalg.norm(scaled))
 
 
 def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:

@@ -23,13 +23,14 @@ from texbake.errors import OptionError
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.render.camera import Camera
+from texbake.render.draw import draw, prepare
 from texbake.render.maps import MapSource
 from texbake.render.options import RenderOptions
 from texbake.render.panels import Panel, colored_angles, side_by_side
-from texbake.render.render import load_model, render_model
 from texbake.render.resolve import Frame
-from texbake.render.surface import FloatImage
+from texbake.render.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
+from texbake.texture.image import FloatImage
 
 # Directions of the figures where none are asked for: all around, from above and below in turn,
 # starting from the asked view's azimuth.
@@ -163,32 +164,34 @@ def compare(
     if not views:
         raise OptionError("views: there is none; give at least one azimuth and elevation")
     stages = Stages(progress)
+    maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
+    # Every sample is shaded, so that detail finer than a pixel counts with all of it.
+    options = replace(options, edges="supersample", filter="bilinear")
     with stages.stage("prepare"):
-        models = (
-            load_model(high, options=options, threads=threads),
-            load_model(low, options=options, threads=threads),
-            load_model(
-                low,
-                normal_map=normal_map,
-                displacement=displacement,
-                albedo=albedo,
-                options=options,
-                threads=threads,
-            ),
+        scenes = (
+            studio_scene(high, options=options),
+            studio_scene(low, options=options),
+            studio_scene(low, options=options, **maps),
         )
+        # A model of two sizes of picture: what does not depend on them is computed once.
+        models = [prepare(scene, options, threads=threads) for scene in scenes]
 
-    def draw(options: RenderOptions) -> list[Frame]:
+    def draw_all(options: RenderOptions) -> list[Frame]:
         camera = Camera.framing(high, low, options=options)
-        return [render_model(model, camera, options=options, threads=threads) for model in models]
+        return [
+            draw(replace(model, options=options), camera, keep=("normals",)) for model in models
+        ]
 
     with stages.stage("pictures"):
-        frames = draw(options)
+        frames = draw_all(options)
     depth_tolerance = _SAME_PART * _joint_diagonal(high, low)
     errors: tuple[list[_Errors], list[_Errors]] = ([], [])
     with stages.stage("angles", total=len(views), unit="views") as advance:
         for view in views:
             # One sample a pixel: its center.
-            dense, *lights = draw(replace(options, view=(*view, options.distance), supersampling=1))
+            dense, *lights = draw_all(
+                replace(options, view=(*view, options.distance), supersampling=1)
+            )
             for found, light in zip(errors, lights, strict=True):
                 found.append(_errors(dense, light, depth_tolerance))
             advance(1)

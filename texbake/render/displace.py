@@ -25,8 +25,8 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
+from texbake.render.raster.barycentrics import Visibility
 from texbake.render.surface import wrap_of
-from texbake.render.visibility import Visibility
 from texbake.texture.lookup import lookup
 
 # Rows of samples a band.

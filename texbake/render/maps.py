@@ -12,24 +12,29 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
-from texbake.render.surface import FloatImage
 from texbake.texture.encoding import decode_heights, decode_normals
-from texbake.texture.image import Image, read_image
+from texbake.texture.image import FloatImage, Image, read_header, read_image
 
 MapSource = PathLike | Image | npt.NDArray[Any]
 
 _CONVENTIONS = ("opengl", "directx")
 _SPACES = ("tangent", "object", "world")
+_NO_PIXELS = np.empty((0, 0, 1), np.float32)
 
 
-def normals_from(source: MapSource) -> tuple[FloatImage, str]:
+def normals_from(
+    source: MapSource, *, convention: str | None = None, space: str | None = None
+) -> tuple[FloatImage, str]:
     """Decoded normals of a map, and their space.
 
     Parameters
     ----------
     source
-        An array holds unit vectors, in tangent space with +Y up. Of a file or image the metadata
-        says which convention and space it has; where it does not, it is taken for the same.
+        An array holds unit vectors, +Y up in tangent space. Of a file or image the metadata says
+        which convention and space it has; where it does not, it is taken for OpenGL's and tangent
+        space.
+    convention, space
+        What to go by in place of the metadata.
 
     Returns
     -------
@@ -38,11 +43,31 @@ def normals_from(source: MapSource) -> tuple[FloatImage, str]:
         "tangent", "object" or "world".
     """
     if isinstance(source, np.ndarray):
-        return _channels(source, "normal map", 3), "tangent"
+        return _channels(source, "normal map", 3), space or "tangent"
     image = _read(source, color=False)
-    convention = _choice(image, CONVENTION, _CONVENTIONS)
+    convention = convention or _choice(image, CONVENTION, _CONVENTIONS)
     pixels = _channels(image.pixels, image.name, 3)
-    return decode_normals(pixels, convention=convention), _choice(image, SPACE, _SPACES)
+    return decode_normals(pixels, convention=convention), space or _choice(image, SPACE, _SPACES)
+
+
+def normal_space(source: MapSource) -> str:
+    """Return the space that a normal map says it is in; "tangent" where it says nothing."""
+    if isinstance(source, np.ndarray):
+        return "tangent"
+    if isinstance(source, str | os.PathLike):
+        return _choice(
+            Image(_NO_PIXELS, read_header(source).metadata, name=str(source)), SPACE, _SPACES
+        )
+    return _choice(source, SPACE, _SPACES)
+
+
+def has_opacity(source: MapSource) -> bool:
+    """Whether a texture has a fourth channel, which is told without reading its pixels."""
+    if isinstance(source, np.ndarray):
+        return source.ndim == 3 and source.shape[2] == 4
+    if isinstance(source, str | os.PathLike):
+        return read_header(source).n_channels == 4
+    return bool(source.pixels.shape[2] == 4)
 
 
 def heights_from(source: MapSource) -> FloatImage:
@@ -67,16 +92,55 @@ def heights_from(source: MapSource) -> FloatImage:
     return heights
 
 
-def albedo_from(source: MapSource) -> FloatImage:
-    """(H, W, 3) float32: linear colors of a texture; gray ones are spread over all channels."""
-    if isinstance(source, np.ndarray):
-        pixels, name = source, "albedo"
-    else:
-        image = _read(source, color=True)
-        pixels, name = image.pixels, image.name
+def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
+    """(H, W, 3) float32: linear colors of a texture; gray ones are spread over all channels.
+
+    `color` tells whether integer codes are sRGB. What is not finite becomes 0.
+    """
+    pixels, name = _pixels_of(source, color=color)
     if pixels.ndim == 3 and pixels.shape[2] in (1, 2):
         pixels = np.repeat(pixels[..., :1], 3, axis=2)
-    return _channels(pixels, name, 3)
+    return _finite(_channels(pixels, name, 3))
+
+
+def data_from(source: MapSource, *, color: bool = False) -> FloatImage:
+    """(H, W, 1) float32: the first channel of a map. What is not finite becomes 0."""
+    return channel_of(source, 0, color=color)
+
+
+def channel_of(source: MapSource, channel: int, *, color: bool = False) -> FloatImage:
+    """(H, W, 1) float32: one channel of a map; the last of them stands for those it lacks."""
+    pixels, name = _pixels_of(source, color=color)
+    image = _channels(pixels, name, 1, cut=False)
+    channel = min(channel, image.shape[2] - 1)
+    return _finite(np.ascontiguousarray(image[..., channel : channel + 1]))
+
+
+def colors_and_opacity_from(
+    source: MapSource, *, color: bool = True
+) -> tuple[FloatImage, FloatImage | None]:
+    """Linear colors (H, W, 3) of a texture, and its opacity (H, W, 1) where it has any.
+
+    The opacity is the last of two or four channels. Read once; otherwise as `colors_from`.
+    """
+    pixels, _ = _pixels_of(source, color=color)
+    colors = colors_from(pixels)
+    if pixels.shape[2] not in (2, 4):
+        return colors, None
+    return colors, _finite(np.ascontiguousarray(pixels[..., -1:], np.float32))
+
+
+def _pixels_of(source: MapSource, *, color: bool) -> tuple[npt.NDArray[Any], str]:
+    if isinstance(source, np.ndarray):
+        return (source[..., None] if source.ndim == 2 else source), "texture"
+    image = _read(source, color=color)
+    return image.pixels, image.name
+
+
+def _finite(pixels: FloatImage) -> FloatImage:
+    """Return pixels without NaN and infinities, which would spread through filters."""
+    known = np.isfinite(pixels)
+    return pixels if known.all() else np.where(known, pixels, np.float32(0.0))
 
 
 def _read(source: PathLike | Image, *, color: bool) -> Image:
@@ -85,14 +149,16 @@ def _read(source: PathLike | Image, *, color: bool) -> Image:
     return source
 
 
-def _channels(pixels: npt.NDArray[Any], name: str, n_channels: int) -> FloatImage:
-    """Return the first channels of an image, as the kernels take them."""
+def _channels(
+    pixels: npt.NDArray[Any], name: str, n_channels: int, *, cut: bool = True
+) -> FloatImage:
+    """Return the first channels of an image, or all of at least so many, as kernels take them."""
     if pixels.ndim != 3 or pixels.size == 0 or pixels.shape[2] < n_channels:
         raise OptionError(
             f"{name}: the shape {pixels.shape} is not (height, width, {n_channels}); "
             "give another map"
         )
-    return np.ascontiguousarray(pixels[..., :n_channels], dtype=np.float32)
+    return np.ascontiguousarray(pixels[..., :n_channels] if cut else pixels, dtype=np.float32)
 
 
 def _choice(image: Image, key: str, choices: tuple[str, ...]) -> str:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
+from texbake.render.scene.textures import FILTERS
 
 MAX_SIZE = 16384  # pixels a side
 MAX_SUPERSAMPLING = 16
@@ -13,8 +14,22 @@ MAX_SUPERSAMPLING = 16
 MAX_SAMPLES = 2**28
 BACK_FACES = ("cull", "show")
 UPS = ("y", "z")
+INTERPOLATIONS = ("perspective", "affine", "scanline")
+EDGES = ("multisample", "supersample")
+BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
+
+MAX_BOUNCES = 4
 
 Rgb = tuple[float, float, float]
+
+_CHOICES = {
+    "back_faces": BACK_FACES,
+    "up": UPS,
+    "edges": EDGES,
+    "interpolation": INTERPOLATIONS,
+    "filter": FILTERS,
+    "buffer": BUFFERS,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +58,19 @@ class RenderOptions:
     back_faces : str
         Triangles seen from behind: `cull` leaves them out, `show` draws them with their normals
         turned to the camera.
+    edges : str
+        With `multisample` a pixel inside a triangle is shaded once, whatever the supersampling;
+        with `supersample` every sample is shaded.
+    interpolation : str
+        `perspective`, correct; `affine`, linear on the screen, which is wrong in perspective;
+        `scanline`, correct, computed step by step along edges and spans.
+    filter : str, optional
+        Filter of all image textures; None: each has its own.
+    buffer : str, optional
+        Show the inside of the renderer in place of the picture: `depth`, `normals`, `uv`,
+        `mip-level`, `overdraw`, `object-id` or `texel-grid`.
+    bounces : int
+        Reflections within reflections of environments rendered from the scene, 0 to 4.
     max_triangles : int
         Most triangles that displacement may divide a mesh into.
     """
@@ -56,6 +84,11 @@ class RenderOptions:
     background: Rgb | None = (0.15, 0.16, 0.18)
     base_color: Rgb = (0.8, 0.8, 0.8)
     back_faces: str = "cull"
+    edges: str = "multisample"
+    interpolation: str = "perspective"
+    filter: str | None = None
+    buffer: str | None = None
+    bounces: int = 1
     max_triangles: int = 4_000_000
 
     def __post_init__(self) -> None:
@@ -86,9 +119,12 @@ class RenderOptions:
                 raise OptionError(f"{name}: {color} is not three numbers from 0 to 1")
         if self.base_color is None:
             raise OptionError("base_color: None is no color; give three numbers from 0 to 1")
-        for name, choices in ("back_faces", BACK_FACES), ("up", UPS):
-            if getattr(self, name) not in choices:
-                raise OptionError(f"{name}: {getattr(self, name)} is not one of {choices}")
+        for name, choices in _CHOICES.items():
+            value = getattr(self, name)
+            if value not in choices and not (value is None and name in ("filter", "buffer")):
+                raise OptionError(f"{name}: {value} is not one of {', '.join(choices)}")
+        if not isinstance(self.bounces, int) or not 0 <= self.bounces <= MAX_BOUNCES:
+            raise OptionError(f"bounces: {self.bounces} is out of range; it is 0 to {MAX_BOUNCES}")
         if self.max_triangles < 1:
             raise OptionError(f"max_triangles: {self.max_triangles} must be at least 1")
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from texbake.render.surface import FloatImage
 from texbake.texture.encoding import decode_srgb, encode_srgb
+from texbake.texture.image import FloatImage
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw

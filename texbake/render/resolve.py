@@ -1,19 +1,23 @@
-"""Samples to pixels: the mean of each pixel's samples, over the background."""
+"""Fragments to pixels: each pixel's samples averaged, over what lies behind them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
+from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
-from texbake.render.shade import Shading
-from texbake.render.surface import FloatImage
-from texbake.render.visibility import Visibility
-from texbake.texture.image import write_image
+from texbake.render.fragments import Fragments
+from texbake.render.picture import Costs
+from texbake.render.plan.plan import Plan
+from texbake.render.raster.visibility import Visibility
+from texbake.texture.image import FloatImage, write_image
 
 # Rows of pixels a band.
 _BAND = 16
@@ -28,23 +32,21 @@ class Frame:
     color : (H, W, 4) float32
         Linear light and opacity. Over a background the opacity is 1; without one it is the
         coverage, and the color is not multiplied by it.
-    normals : (H, W, 3) float32
-        Mean of the samples' unit shading normals in world space, normalized; 0 where there is no
-        mesh.
     coverage : (H, W) float32
-        Share of the pixel's samples that see the mesh.
-    face_ids : (H, W) int32
-        Index of the nearest triangle in the pixel, of the mesh as it was drawn; -1 where there is
-        none.
-    depths : (H, W) float32
-        Distance of it along the view in model units; infinite where there is none.
+        Share of the pixel's samples that see a surface.
+    plan : Plan
+        What was computed for it.
+    costs : Costs
+        What that took.
     """
 
     color: FloatImage
-    normals: FloatImage
     coverage: FloatImage
-    face_ids: IntArray
-    depths: FloatImage
+    plan: Plan
+    costs: Costs
+    _visibility: Visibility
+    _near: float
+    _normals: FloatImage | None = field(default=None)
 
     @property
     def height(self) -> int:
@@ -55,6 +57,45 @@ class Frame:
     def width(self) -> int:
         """Pixels in a row."""
         return len(self.color[0])
+
+    @property
+    def normals(self) -> FloatImage:
+        """(H, W, 3) float32: mean of the unit shading normals in world space, normalized.
+
+        0 where there is no surface.
+
+        Raises
+        ------
+        OptionError
+            The picture was drawn without keeping them.
+        """
+        if self._normals is None:
+            raise OptionError('frame: it kept no normals; draw it with keep=("normals",)')
+        return self._normals
+
+    @cached_property
+    def _nearest(self) -> tuple[IntArray, FloatImage]:
+        side = len(self._visibility.face_ids) // self.height
+        face_ids = np.full((self.height, self.width), -1, np.int32)
+        depths = np.full((self.height, self.width), np.inf, np.float32)
+        _nearest_kernel(
+            self._visibility.face_ids, self._visibility.depths, side, self._near, face_ids, depths
+        )
+        return face_ids, depths
+
+    @property
+    def face_ids(self) -> IntArray:
+        """(H, W) int32: the nearest opaque triangle in the pixel, as it was drawn; -1 for none.
+
+        Objects follow one another: the first triangle of the second has the number after the last
+        one of the first.
+        """
+        return self._nearest[0]
+
+    @property
+    def depths(self) -> FloatImage:
+        """(H, W) float32: its distance along the view in model units; infinite for none."""
+        return self._nearest[1]
 
     def write(self, path: PathLike, *, threads: int | None = None) -> None:
         """Write the color to an image file, with opacity only where not all of it is opaque.
@@ -68,101 +109,126 @@ class Frame:
 
 
 @kernel
-def _resolve_kernel(  # type: ignore[no-untyped-def]
-    face_ids,
-    depths,
-    color,
-    normals,
-    background,
-    near,
-    n_side,
-    color_out,
-    normals_out,
-    coverage_out,
-    ids_out,
-    depths_out,
-    start,
-    stop,
-):
-    n_samples = n_side * n_side
-    for row in range(start, stop):
-        for column in range(color_out.shape[1]):
-            n_covered = 0
-            red = green = blue = 0.0
-            nx = ny = nz = 0.0
+def _nearest_kernel(face_ids, depths, side, near, ids_out, depths_out):  # type: ignore[no-untyped-def]
+    for row in range(ids_out.shape[0]):
+        for column in range(ids_out.shape[1]):
             nearest = np.float32(0.0)
-            for j in range(row * n_side, (row + 1) * n_side):
-                for i in range(column * n_side, (column + 1) * n_side):
-                    if face_ids[j, i] < 0:
-                        continue
-                    n_covered += 1
-                    red += color[j, i, 0]
-                    green += color[j, i, 1]
-                    blue += color[j, i, 2]
-                    nx += normals[j, i, 0]
-                    ny += normals[j, i, 1]
-                    nz += normals[j, i, 2]
+            for j in range(row * side, (row + 1) * side):
+                for i in range(column * side, (column + 1) * side):
                     if depths[j, i] > nearest:
                         nearest = depths[j, i]
                         ids_out[row, column] = face_ids[j, i]
-            coverage = n_covered / n_samples
-            coverage_out[row, column] = coverage
-            opaque = background[3]
-            behind = opaque * (1.0 - coverage)
-            # Without a background the color stays that of the mesh, however little there is of it.
-            n_mixed = n_samples
-            if opaque == 0.0:
-                n_mixed = max(n_covered, 1)
-            color_out[row, column, 0] = red / n_mixed + behind * background[0]
-            color_out[row, column, 1] = green / n_mixed + behind * background[1]
-            color_out[row, column, 2] = blue / n_mixed + behind * background[2]
-            color_out[row, column, 3] = max(coverage, opaque)
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            if length > 0.0:
-                normals_out[row, column, 0] = nx / length
-                normals_out[row, column, 1] = ny / length
-                normals_out[row, column, 2] = nz / length
             if nearest > 0.0:
                 depths_out[row, column] = near / nearest
 
 
-def resolve(
-    visibility: Visibility,
-    shading: Shading,
-    *,
-    supersampling: int,
-    background: tuple[float, float, float] | None,
-    near: float,
-    threads: int | None = None,
-) -> Frame:
-    """Make pixels of n x n samples each.
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """What pixels have gathered so far, over their samples.
 
-    Parameters
+    Attributes
     ----------
-    visibility, shading
-        Of the samples; both sides of the screen are multiples of `supersampling`.
-    supersampling
-        n.
-    background : (r, g, b) linear, optional
-        None: transparent.
-    near
-        Distance of the camera's near plane, which turns depths into distances.
-    threads
-        None for every processor.
+    color : (H, W, 4) float32
+        Sum of the light of the samples, and how many of them hide what is behind.
+    coverage : (H, W) float32
+        How many of them see a surface.
+    normals : (H, W, 3) float32
+        Sum of their normals; empty where they are not kept.
+    n_samples : int
+        Of each pixel. Sums are divided by it in the end, so that a full pixel is exactly full.
     """
-    n_rows, n_columns = (side // supersampling for side in visibility.face_ids.shape)
-    behind = np.array((0.0,) * 4 if background is None else (*background, 1.0))
-    color = np.empty((n_rows, n_columns, 4), np.float32)
-    normals = np.zeros((n_rows, n_columns, 3), np.float32)
-    coverage = np.empty((n_rows, n_columns), np.float32)
-    face_ids = np.full((n_rows, n_columns), -1, np.int32)
-    depths = np.full((n_rows, n_columns), np.inf, np.float32)
 
-    def work(start: int, stop: int) -> None:
-        _resolve_kernel(
-            visibility.face_ids, visibility.depths, shading.color, shading.normals, behind, near,
-            supersampling, color, normals, coverage, face_ids, depths, start, stop,
+    color: FloatImage
+    coverage: FloatImage
+    normals: FloatImage
+    n_samples: int
+
+    @classmethod
+    def empty(cls, height: int, width: int, *, n_samples: int, keeps_normals: bool) -> Sums:
+        """Return sums of no fragments."""
+        return cls(
+            np.zeros((height, width, 4), np.float32),
+            np.zeros((height, width), np.float32),
+            np.zeros((height if keeps_normals else 0, width, 3), np.float32),
+            n_samples,
+        )
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that they take."""
+        return self.color.nbytes + self.coverage.nbytes + self.normals.nbytes
+
+    def add(self, fragments: Fragments) -> None:
+        """Add opaque fragments to their pixels."""
+        keeps_normals = len(self.normals) > 0 and fragments.normals is not None
+        normals = fragments.normals if keeps_normals else _NO_ROWS
+        _add_kernel(
+            fragments.pixels, fragments.counts, fragments.light, normals,
+            self.color, self.coverage, self.normals,
         )  # fmt: skip
 
-    run_bands(work, n_rows, band=_BAND, threads=threads)
-    return Frame(color=color, normals=normals, coverage=coverage, face_ids=face_ids, depths=depths)
+    def finished(
+        self, behind: npt.NDArray[np.float32] | None, *, threads: int | None = None
+    ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
+        """Divide by the samples, in place: color over what is behind, coverage, unit normals.
+
+        Parameters
+        ----------
+        behind : (3,) or (H, W, 3) float32, optional
+            Linear light; None: the color keeps its opacity and is not multiplied by it.
+        """
+        layer = np.zeros((1, 1, 3), np.float32)
+        if behind is not None:
+            layer = np.ascontiguousarray(behind.reshape(1, 1, 3) if behind.ndim == 1 else behind)
+
+        def work(start: int, stop: int) -> None:
+            _finish_kernel(
+                self.color, self.coverage, self.normals, float(self.n_samples), layer,
+                behind is not None, start, stop,
+            )  # fmt: skip
+
+        run_bands(work, len(self.color), band=_BAND, threads=threads)
+        return self.color, self.coverage, self.normals if len(self.normals) else None
+
+
+_NO_ROWS = np.empty((0, 3), np.float32)
+
+
+@kernel
+def _add_kernel(pixels, counts, light, normals, color, coverage, normal_sums):  # type: ignore[no-untyped-def]
+    width = color.shape[1]
+    for i in range(len(pixels)):
+        row, column = pixels[i] // width, pixels[i] % width
+        count = counts[i]
+        for k in range(3):
+            color[row, column, k] += count * light[i, k]
+        color[row, column, 3] += count
+        coverage[row, column] += count
+        if len(normals) > 0:
+            for k in range(3):
+                normal_sums[row, column, k] += count * normals[i, k]
+
+
+@kernel
+def _finish_kernel(color, coverage, normals, n_samples, behind, opaque, start, stop):  # type: ignore[no-untyped-def]
+    for row in range(start, stop):
+        for column in range(color.shape[1]):
+            coverage[row, column] /= n_samples
+            hiding = min(np.float64(color[row, column, 3]), n_samples)
+            j = row if behind.shape[0] > 1 else 0
+            i = column if behind.shape[1] > 1 else 0
+            for k in range(3):
+                light = np.float64(color[row, column, k])
+                if opaque:
+                    light = (light + (n_samples - hiding) * behind[j, i, k]) / n_samples
+                elif hiding > 0.0:
+                    # The color stays that of the surface, however little there is of it.
+                    light /= hiding
+                color[row, column, k] = light
+            color[row, column, 3] = 1.0 if opaque else hiding / n_samples
+            if len(normals) > 0:
+                x, y, z = normals[row, column]
+                length = np.sqrt(x * x + y * y + z * z)
+                if length > 0.0:
+                    for k in range(3):
+                        normals[row, column, k] /= length

@@ -31,6 +31,9 @@ from texbake.texture.encoding import (
     quantize_unsigned,
 )
 
+# (H, W) or (H, W, C), row 0 at the top.
+FloatImage = npt.NDArray[np.float32]
+
 # Texels a band: some milliseconds of work.
 _BAND = 1 << 19
 
@@ -58,6 +61,16 @@ class Image:
     bits: int = 32
     is_float: bool = True
     name: str = "image"
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """Size of an image file in pixels, its channels, and what the map in it says of itself."""
+
+    width: int
+    height: int
+    n_channels: int
+    metadata: dict[str, Value]
 
 
 @dataclass(frozen=True)
@@ -229,6 +242,21 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
     )
 
 
+def read_header(path: PathLike) -> ImageHeader:
+    """Read what an image file says of itself, without its pixels.
+
+    Raises
+    ------
+    FileError, FileFormatError
+        As `read_image` does.
+    """
+    source, description = _opened(path)
+    spec = source.spec()
+    description = description or spec.get_string_attribute("ImageDescription")
+    source.close()
+    return ImageHeader(spec.width, spec.height, spec.nchannels, from_description(description))
+
+
 def _format_of(path: PathLike) -> _Format:
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
@@ -325,11 +353,10 @@ def _write_with_openimageio(
         raise FileError(f"{path}: cannot be written: {_one_line(reason, temporary, path)}")
 
 
-def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
-    """Codes (uint8, uint16) or floats (float16, float32) of a file, and its description."""
+def _opened(path: PathLike) -> tuple[Any, str]:
+    """Return an open image file, and what a PNG says of itself."""
     import OpenImageIO as oiio  # noqa: N813
 
-    name = str(path)
     try:
         # Checked before libpng sees it, which would print its complaints.
         description = png_description(path) if is_png(path) else ""
@@ -339,9 +366,17 @@ def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
     wishes = oiio.ImageSpec()
     wishes.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(name, wishes)
+    source = oiio.ImageInput.open(str(path), wishes)
     if source is None:
         raise FileFormatError(f"{path}: it is not an image: {_one_line(oiio.geterror())}")
+    return source, description
+
+
+def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
+    """Codes (uint8, uint16) or floats (float16, float32) of a file, and its description."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    source, description = _opened(path)
     spec = source.spec()
     if (spec.x, spec.y, spec.width, spec.height) != (
         spec.full_x,

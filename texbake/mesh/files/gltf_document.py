@@ -141,6 +141,20 @@ class Document:
             return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
         return values
 
+    def view_bytes(self, index: Any) -> ByteArray:
+        """Bytes of a buffer view, such as an image's file."""
+        view = self.item("bufferViews", index)
+        if "EXT_meshopt_compression" in self.mapping(view, "extensions"):
+            self.fail("it needs EXT_meshopt_compression, which is not read")
+        buffer_index = self.integer(view, "buffer")
+        if buffer_index >= len(self.buffers):
+            self.fail(f"it has no buffers[{buffer_index}]")
+        start = self.integer(view, "byteOffset", 0)
+        stop = start + self.integer(view, "byteLength")
+        if stop > len(self.buffers[buffer_index]):
+            self.fail("it is cut short: a view reaches past the end of its buffer")
+        return self.buffers[buffer_index][start:stop]
+
     @cached_property
     def buffers(self) -> list[ByteArray]:
         """Bytes of each buffer, as many as it claims."""
@@ -176,25 +190,18 @@ class Document:
         self, place: dict[str, Any], count: int, dtype: np.dtype[Any], width: int
     ) -> npt.NDArray[Any]:
         """(count, width) values at a place in a buffer view, also where others lie between."""
-        view = self.item("bufferViews", place.get("bufferView"))
-        if "EXT_meshopt_compression" in self.mapping(view, "extensions"):
-            self.fail("it needs EXT_meshopt_compression, which is not read")
-        buffer_index = self.integer(view, "buffer")
-        if buffer_index >= len(self.buffers):
-            self.fail(f"it has no buffers[{buffer_index}]")
+        index = place.get("bufferView")
+        data = self.view_bytes(index)
         offset = self.integer(place, "byteOffset", 0)
-        n_view = self.integer(view, "byteLength")
-        start = self.integer(view, "byteOffset", 0)
         n_item = dtype.itemsize * width
-        stride = self.integer(view, "byteStride", 0) or n_item
+        stride = self.integer(self.item("bufferViews", index), "byteStride", 0) or n_item
         n_needed = offset + (stride * (count - 1) + n_item if count else 0)
-        if n_needed > n_view or start + n_view > len(self.buffers[buffer_index]):
+        if n_needed > len(data):
             self.fail("it is cut short: an accessor reaches past the end of its data")
         if count == 0:
             return np.zeros((0, width), dtype)
-        data = self.buffers[buffer_index][start + offset : start + n_needed]
         return np.ndarray(
-            (count, width), dtype, buffer=data, strides=(stride, dtype.itemsize)
+            (count, width), dtype, buffer=data[offset:n_needed], strides=(stride, dtype.itemsize)
         ).copy()
 
     def _replaced(self, values: npt.NDArray[Any], sparse: dict[str, Any]) -> npt.NDArray[Any]:

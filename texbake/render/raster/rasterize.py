@@ -1,17 +1,21 @@
 """Triangles to the samples that they are seen at.
 
-Three passes, each over bands of work that touch nothing of one another: triangles are sorted into
+Two passes, each over bands of work that touch nothing of one another: triangles are sorted into
 bands of rows, leaving out what faces away, is off the screen or lies between samples; each band is
-drawn by one thread, in the order of the triangles; what each sample sees of its triangle is
-reckoned last, once a sample (`texbake.render.visibility`).
+drawn by one thread, in the order of the triangles. What a sample sees of its triangle is reckoned
+later, where it is wanted (`texbake.render.raster.fragments`).
 
 Coverage is decided with integers: edge functions of grid positions in int64 and the top-left rule,
 so that triangles which share an edge own each sample exactly once. The nearer surface wins, and of
 equally near ones the triangle of lower index.
 
+With a `Layer` given, only what lies behind it counts, and nothing behind a last surface: so one
+layer after another can be peeled off what is transparent.
+
 Based on: Pineda, "A parallel algorithm for polygon rasterization", SIGGRAPH 1988; Burns and Hunt,
-"The visibility buffer", JCGT 2(2), 2013. Departs from the former in that a row of a wide triangle
-is not searched for its samples: its first and last are found by division.
+"The visibility buffer", JCGT 2(2), 2013; Everitt, "Interactive order-independent
+transparency", 2001, for peeling. Departs from the first in that a row of a wide triangle is not
+searched for its samples: its first and last are found by division.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ import numpy.typing as npt
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
-from texbake.render.clip import (
+from texbake.render.raster.clip import (
     HALF,
     MAX_CORNERS,
     OFF_GRID,
@@ -35,8 +39,8 @@ from texbake.render.clip import (
     to_clip,
     to_grid,
 )
-from texbake.render.surface import read_only
-from texbake.render.visibility import Visibility, barycentrics
+from texbake.render.raster.visibility import Visibility
+from texbake.render.raster.world import SHOW_BACK, SKIP, World
 
 # Rows of samples a band, drawn by one thread: small enough for an even load and for its part of
 # the depth buffer to stay in cache.
@@ -51,10 +55,10 @@ _NARROW = 12
 def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-untyped-def]
     """Grid positions and depths of the corners of what clipping leaves of a triangle.
 
-    `scene` is (positions, faces, matrix, grid, vertex depths, width, height). Returns the number of
-    corners; 0 where nothing is left.
+    `scene` is (positions, faces, object starts, object modes, matrix, grid, vertex depths, width,
+    height). Returns the number of corners; 0 where nothing is left.
     """
-    positions, faces, matrix, _, _, width, height = scene
+    positions, faces, _, _, matrix, _, _, width, height = scene
     for i in range(3):
         to_clip(matrix, positions[faces[face, i]], polygon[i])
         for k in range(4):
@@ -79,21 +83,40 @@ def _doubled_area(points, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sort_kernel(scene, show_back, survivors, spans, counts, start, stop):  # type: ignore[no-untyped-def]
-    faces, grid, width, height = scene[1], scene[3], scene[5], scene[6]
+def _object_of(face, starts):  # type: ignore[no-untyped-def]
+    """Index of the object that a face belongs to."""
+    low, high = 0, len(starts) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if starts[middle] <= face:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def _sort_kernel(scene, survivors, spans, counts, start, stop):  # type: ignore[no-untyped-def]
+    faces, starts, modes, grid = scene[1], scene[2], scene[3], scene[5]
+    width, height = scene[7], scene[8]
     polygon = np.empty((MAX_CORNERS, 4))
     scratch = np.empty((MAX_CORNERS, 4))
     points = np.empty((MAX_CORNERS, 2), np.int64)
     depths = np.empty(MAX_CORNERS, np.float32)
     n_survivors = 0
+    owner = _object_of(start, starts)
     for face in range(start, stop):
+        while face >= starts[owner + 1]:
+            owner += 1
+        if modes[owner] == SKIP:
+            continue
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
         ax, bx, cx = grid[a, 0], grid[b, 0], grid[c, 0]
         if ax != OFF_GRID and bx != OFF_GRID and cx != OFF_GRID:
             ay, by, cy = grid[a, 1], grid[b, 1], grid[c, 1]
             # numba widens each operation on int32 to int64.
             area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-            if area == 0 or (area > 0 and not show_back):
+            if area == 0 or (area > 0 and modes[owner] != SHOW_BACK):
                 continue
             left, right = min(ax, bx, cx), max(ax, bx, cx)
             top, bottom = min(ay, by, cy), max(ay, by, cy)
@@ -142,7 +165,19 @@ def _row_range(value, step, threshold, first, last):  # type: ignore[no-untyped-
 
 
 @kernel
-def _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
+def _is_peeled(depth, face, row, column, peel):  # type: ignore[no-untyped-def]
+    """Whether a point lies on or before the layer already peeled off, or behind the last surface.
+
+    `peel` is (depths and faces of the layer, depths of the last surface).
+    """
+    layer = peel[0][row, column]
+    if depth > layer or (depth == layer and face <= peel[1][row, column]):
+        return True
+    return depth <= peel[2][row, column]
+
+
+@kernel
+def _draw(points, depths, i, face, show_back, rows, peels, peel, tries, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
     """Draw piece i of a fan, corners 0, i + 1 and i + 2, into some rows."""
     area = _doubled_area(points, i)
     if area == 0 or (area > 0 and not show_back):
@@ -155,8 +190,8 @@ def _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, dep
     z0, z1, z2 = np.float64(depths[0]), np.float64(depths[b]), np.float64(depths[c])
     left = max((min(x0, x1, x2) + HALF - 1) >> SUBPIXEL_BITS, 0)
     right = min((max(x0, x1, x2) - HALF) >> SUBPIXEL_BITS, face_ids.shape[1] - 1)
-    top = max((min(y0, y1, y2) + HALF - 1) >> SUBPIXEL_BITS, first_row)
-    bottom = min((max(y0, y1, y2) - HALF) >> SUBPIXEL_BITS, stop_row - 1)
+    top = max((min(y0, y1, y2) + HALF - 1) >> SUBPIXEL_BITS, rows[0])
+    bottom = min((max(y0, y1, y2) - HALF) >> SUBPIXEL_BITS, rows[1] - 1)
     # Edge functions, each 0 on the edge opposite its corner. A sample on an edge is inside where
     # the edge is a left one (going up) or a top one (going right): there 0 is enough, else 1.
     least0 = 0 if y2 < y1 or (y2 == y1 and x2 > x1) else 1
@@ -180,14 +215,18 @@ def _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, dep
             if e0 >= least0 and e1 >= least1 and e2 >= least2:
                 # z / w is linear on the screen; as a mean of the corners' it cannot leave them.
                 depth = np.float32((e0 * z0 + e1 * z1 + e2 * z2) * scale)
+                if len(tries) > 0:
+                    tries[row, left + k] += 1
                 if depth > depth_buffer[row, left + k]:
+                    if peels and _is_peeled(depth, face, row, left + k, peel):
+                        continue
                     depth_buffer[row, left + k] = depth
                     face_ids[row, left + k] = face
 
 
 @kernel
-def _draw_kernel(scene, show_back, band_faces, first_row, stop_row, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
-    faces, grid, vertex_depths = scene[1], scene[3], scene[4]
+def _draw_kernel(scene, band_faces, rows, peels, peel, tries, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
+    faces, starts, modes, grid, vertex_depths = scene[1], scene[2], scene[3], scene[5], scene[6]
     polygon = np.empty((MAX_CORNERS, 4))
     scratch = np.empty((MAX_CORNERS, 4))
     points = np.empty((MAX_CORNERS, 2), np.int64)
@@ -195,6 +234,7 @@ def _draw_kernel(scene, show_back, band_faces, first_row, stop_row, face_ids, de
     for k in range(len(band_faces)):
         face = np.int64(band_faces[k])
         n_corners = 3
+        show_back = True  # what faces away was left out before
         for i in range(3):
             v = faces[face, i]
             points[i, 0] = grid[v, 0]
@@ -203,9 +243,12 @@ def _draw_kernel(scene, show_back, band_faces, first_row, stop_row, face_ids, de
             if grid[v, 0] == OFF_GRID:
                 n_corners = 0
         if n_corners == 0:
+            show_back = modes[_object_of(face, starts)] == SHOW_BACK
             n_corners = _clipped(face, scene, polygon, scratch, points, depths)
         for i in range(n_corners - 2):
-            _draw(points, depths, i, face, show_back, first_row, stop_row, face_ids, depth_buffer)
+            _draw(
+                points, depths, i, face, show_back, rows, peels, peel, tries, face_ids, depth_buffer
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +260,7 @@ class _Bands:
 
 
 def _sorted_into_bands(
-    scene: tuple[object, ...], n_faces: int, n_bands: int, show_back: bool, threads: int | None
+    scene: tuple[object, ...], n_faces: int, n_bands: int, threads: int | None
 ) -> _Bands:
     n_chunks = -(-n_faces // _CHUNK)
     survivors = np.empty(n_faces, np.int32)
@@ -227,9 +270,7 @@ def _sorted_into_bands(
 
     def sort(start: int, stop: int) -> None:
         chunk = start // _CHUNK
-        n_survivors[chunk] = _sort_kernel(
-            scene, show_back, survivors, spans, counts[chunk], start, stop
-        )
+        n_survivors[chunk] = _sort_kernel(scene, survivors, spans, counts[chunk], start, stop)
 
     run_bands(sort, n_faces, band=_CHUNK, threads=threads)
     # Band by band, and within each chunk by chunk.
@@ -247,29 +288,34 @@ def _sorted_into_bands(
 
 
 def rasterize(
-    positions: FloatArray,
-    faces: IntArray,
+    world: World,
     clip_from_world: FloatArray,
     width: int,
     height: int,
     *,
-    back_faces: str = "cull",
+    modes: npt.NDArray[np.uint8],
+    behind: Visibility | None = None,
+    before: Visibility | None = None,
+    tries: npt.NDArray[np.uint32] | None = None,
     threads: int | None = None,
 ) -> Visibility:
     """Find what each sample of a screen sees.
 
     Parameters
     ----------
-    positions : (V, 3) float64
-        World space, finite.
-    faces : (F, 3) int32
-        Front sides are counter-clockwise.
+    world
+        All triangles; front sides are counter-clockwise.
     clip_from_world : (4, 4) float64
         Clip space keeps z from 0 (infinity) to w (the near plane).
     width, height
         Of the screen, in samples.
-    back_faces
-        "cull" or "show".
+    modes : (O,) uint8
+        Of each object: `SKIP`, `CULL_BACK` or `SHOW_BACK`.
+    behind, before
+        Both or neither: only what lies behind the one, or in the same place with a higher index,
+        and before the other is seen.
+    tries : (height, width) uint32, optional
+        Here the triangles that cover a sample are added up, seen or not.
     threads
         None for every processor.
 
@@ -278,23 +324,28 @@ def rasterize(
     Visibility
         A triangle without area on the grid is seen nowhere.
     """
-    positions, faces = read_only(positions, np.float64), read_only(faces, np.int32)
-    grid, vertex_depths = project(positions, clip_from_world, width, height, threads=threads)
-    scene = (positions, faces, clip_from_world, grid, vertex_depths, width, height)
-    show_back = back_faces == "show"
+    grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
+    scene = (
+        world.positions, world.faces, world.starts, modes, clip_from_world,
+        grid, vertex_depths, width, height,
+    )  # fmt: skip
     n_bands = -(-height // BAND_ROWS)
-    bands = _sorted_into_bands(scene, len(faces), n_bands, show_back, threads)
+    bands = _sorted_into_bands(scene, world.n_faces, n_bands, threads)
     face_ids = np.full((height, width), -1, np.int32)
     depths = np.zeros((height, width), np.float32)
+    peel = (depths, face_ids, depths)  # not read
+    counted = np.empty((0, width), np.uint32) if tries is None else tries
+    if behind is not None and before is not None:
+        peel = (behind.depths, behind.face_ids, before.depths)
 
     def draw(start: int, stop: int) -> None:
         for band in range(start, stop):
             first, last = bands.starts[band : band + 2]
             rows = band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)
-            _draw_kernel(scene, show_back, bands.faces[first:last], *rows, face_ids, depths)
+            _draw_kernel(
+                scene, bands.faces[first:last], rows, behind is not None, peel, counted,
+                face_ids, depths,
+            )  # fmt: skip
 
     run_bands(draw, n_bands, band=1, threads=threads)
-    weights, back_facing = barycentrics(
-        positions, faces, clip_from_world, face_ids, threads=threads
-    )
-    return Visibility(face_ids, weights, depths, back_facing)
+    return Visibility(face_ids, depths)

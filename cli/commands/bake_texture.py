@@ -1,0 +1,264 @@
+"""`texbake bake-texture`: solid procedures and photographs onto a mesh's own atlas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from texbake.bake.options import FILLS
+from texbake.bake.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
+from texbake.errors import OptionError
+from texbake.files import check_writable
+from texbake.texture.procedures.options import PROCEDURE_NAMES
+
+from ..options import (
+    IMAGE_SUFFIXES,
+    MESH_SUFFIXES,
+    choice_option,
+    mesh_argument,
+    number_option,
+    output_file,
+    picture_option,
+    report_option,
+    size_option,
+    threads_option,
+)
+from ..outputs import check_distinct, check_picture, check_report
+from ..sections import SectionedCommand
+from ..terminal import Terminal, terminal_options
+from ..types import FileOf, Numbers
+
+if TYPE_CHECKING:
+    from texbake import TextureBake
+
+CAMERA_SUFFIXES = (".toml", ".txt")
+
+_SOLID = ("procedure", "param", "scale", "colors")
+_PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlusion")
+
+
+@click.command(
+    cls=SectionedCommand,
+    sections={"A solid procedure": _SOLID, "Photographs": _PHOTO},
+    epilog="""
+    \b
+    Example:
+      texbake bake-texture bust.obj -o marble.png --procedure marble --param amount=5
+      texbake bake-texture vase.obj -o wood.png --procedure wood --colors "#2b1a10,#c89a5b"
+      texbake bake-texture toy.obj -o toy.png --photo front.jpg --camera front.toml \\
+        --photo side.jpg --camera side.toml
+      texbake bake-texture head.obj -o head.png --photo left.jpg --photo-uvs left.obj
+    """,
+)
+@mesh_argument("mesh")
+@output_file("The texture.", IMAGE_SUFFIXES)
+@click.option(
+    "--procedure", type=click.Choice(PROCEDURE_NAMES), help="What is baked over the mesh's points."
+)
+@click.option(
+    "--param", multiple=True, metavar="KEY=VALUE", help="A parameter of the procedure; repeatable."
+)
+@click.option(
+    "--scale",
+    type=Numbers("S[,SY,SZ]"),
+    help="What positions are multiplied by.  [default: 2 / longest side of the mesh]",
+)
+@click.option(
+    "--colors",
+    metavar="#RRGGBB,...",
+    help="Colors of value 0 to value 1, evenly spaced.  [default: the procedure's own]",
+)
+@click.option("--data", is_flag=True, help="The values are data, such as roughness, not color.")
+@click.option(
+    "--photo",
+    multiple=True,
+    type=FileOf(IMAGE_SUFFIXES),
+    metavar="IMAGE",
+    help="A photograph; repeatable.",
+)
+@click.option(
+    "--camera",
+    "--photo-uvs",
+    multiple=True,
+    type=FileOf((*CAMERA_SUFFIXES, *MESH_SUFFIXES)),
+    metavar="FILE",
+    help="Where each photograph was taken from, in their order: a TOML file with position, target, "
+    "up, fov and aspect, or a text file with a 4 x 4 matrix; or a mesh of the same faces whose "
+    "texture coordinates are places in the photograph.",
+)
+@number_option(
+    "--max-angle",
+    float,
+    PhotoOptions.max_angle,
+    "DEG",
+    "Angle between surface and view from which on a photograph counts nothing.",
+)
+@number_option(
+    "--falloff", float, PhotoOptions.falloff, "P", "Power of how fast it counts less up to there."
+)
+@number_option(
+    "--feather",
+    float,
+    PhotoOptions.feather,
+    "SHARE",
+    "Share of a photograph over which it counts less towards its border.",
+)
+@number_option(
+    "--margin",
+    float,
+    PhotoOptions.margin,
+    "PX",
+    "Pixels about what hides something that are left out too.",
+)
+@click.option(
+    "--occlusion/--no-occlusion",
+    default=PhotoOptions.occlusion,
+    show_default=True,
+    help="Leave out what other parts of the mesh hide.",
+)
+@size_option(TextureBakeOptions.size, "Texels of the texture.")
+@number_option(
+    "--samples", int, TextureBakeOptions.samples, "1|4|16|64", "Samples a texel, averaged."
+)
+@number_option(
+    "--padding",
+    int,
+    TextureBakeOptions.padding,
+    "PX",
+    "Texels around each chart that repeat its edge.",
+)
+@choice_option(
+    "--fill", FILLS, TextureBakeOptions.fill, "What fills what is unseen and what lies around."
+)
+@number_option("--bits", int, None, "8|16|32", "Bits a channel; 32 is float.")
+@picture_option("--unseen-map", "Also draw which texels no photograph shows.")
+@report_option
+@threads_option
+@terminal_options
+def bake_texture(
+    mesh: Path,
+    output: Path,
+    data: bool,
+    bits: int | None,
+    unseen_map: Path | None,
+    report: Path | None,
+    terminal: Terminal,
+    **choices: Any,
+) -> None:
+    """Bake a procedure or photographs into the texture of MESH.
+
+    A solid procedure has no seams, because it is evaluated in space. Photographs are blended by how
+    well each shows a place; what none shows is filled from around it, and told.
+    """
+    photos, cameras = choices.pop("photo"), choices.pop("camera")
+    check_distinct([output, unseen_map, report], [mesh, *photos, *cameras])
+    options = _options(photos, cameras, choices)
+    check_writable(output)
+    check_picture(unseen_map)
+    check_report(report)
+    import texbake
+    from texbake.pipeline.report import write_report
+    from texbake.texture.image import check_image_format
+
+    check_image_format(output, bits, color=not data)
+    with terminal.progress() as progress:
+        result = _bake(mesh, photos, cameras, options, progress)
+        result.write(output, color=not data, bits=bits)
+        if unseen_map is not None:
+            texbake.write_image(result.unseen_map(), unseen_map)
+        if report is not None:
+            write_report(report, result.report.to_json())
+    for warning in result.report.warnings:
+        terminal.warn(warning)
+    terminal.summary(result.report.table())
+    terminal.wrote(path for path in (output, unseen_map, report) if path is not None)
+
+
+def _options(
+    photos: Sequence[Path], cameras: Sequence[Path], choices: dict[str, Any]
+) -> SolidOptions | PhotoOptions:
+    """Options of the bake that is asked for."""
+    solid = {name: choices.pop(name) for name in _SOLID}
+    cast = {name: choices.pop(name) for name in _PHOTO if name in choices}
+    if (solid["procedure"] is None) == (not photos):
+        raise OptionError("procedure, photo: give a procedure or photographs, one of the two")
+    if photos:
+        if len(photos) != len(cameras):
+            raise OptionError(
+                f"camera: {len(cameras)} are given for {len(photos)} photographs; give one for "
+                "each, in order: --photo A.jpg --camera A.toml"
+            )
+        return PhotoOptions(**cast, **choices)
+    if cameras:
+        raise OptionError("camera: it goes with --photo; a procedure has none")
+    return SolidOptions(
+        procedure=solid["procedure"],
+        parameters=dict(map(_parameter, solid["param"])),
+        scale=solid["scale"],
+        colors=None if solid["colors"] is None else _ramp(solid["colors"]),
+        **choices,
+    )
+
+
+def _bake(
+    mesh: Path,
+    photos: Sequence[Path],
+    cameras: Sequence[Path],
+    options: SolidOptions | PhotoOptions,
+    progress: Any,
+) -> TextureBake:
+    import texbake
+    from texbake.bake.texture.camera import read_camera
+
+    target = texbake.read_mesh(mesh, progress=progress)
+    if isinstance(options, SolidOptions):
+        return texbake.bake_solid(target, options, progress=progress)
+    sources = []
+    for image, file in zip(photos, cameras, strict=True):
+        if file.suffix.lower() in MESH_SUFFIXES:
+            mapped = texbake.read_mesh(file, progress=progress)
+            sources.append(texbake.Photo(image=image, mapped=mapped))
+        else:
+            sources.append(texbake.Photo(image=image, camera=read_camera(file)))
+    return texbake.bake_photos(target, sources, options, progress=progress)
+
+
+def _parameter(text: str) -> tuple[str, Any]:
+    """Parse KEY=VALUE: a number, several with commas, or a word."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise OptionError(f"param: {text!r} is not of the form KEY=VALUE, such as amount=5")
+    numbers = [_number(word) for word in value.split(",")]
+    if any(number is None for number in numbers):
+        return key.strip(), value.strip()
+    return key.strip(), numbers[0] if len(numbers) == 1 else tuple(numbers)
+
+
+def _number(word: str) -> int | float | None:
+    for kind in int, float:
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return None
+
+
+def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
+    """Linear colors of sRGB ones, written as #RRGGBB."""
+    from texbake.texture.encoding import decode_srgb
+
+    colors = []
+    for word in text.split(","):
+        digits = word.strip().removeprefix("#")
+        try:
+            codes = bytes.fromhex(digits)
+        except ValueError:
+            codes = b""
+        if len(codes) != 3:
+            raise OptionError(f"colors: {word!r} is no color such as #c89a5b")
+        red, green, blue = decode_srgb([code / 255.0 for code in codes]).tolist()
+        colors.append((red, green, blue))
+    return tuple(colors)

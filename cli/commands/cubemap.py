@@ -1,0 +1,88 @@
+"""`texbake cubemap`: latitude-longitude images to cube maps and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from texbake.texture.cube_options import CONVENTIONS, FACE_FORMATS, LAYOUTS, CubeOptions
+
+from ..options import IMAGE_SUFFIXES, choice_option, number_option, threads_option
+from ..outputs import check_distinct
+from ..terminal import Terminal, terminal_options
+from ..types import FileOf
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake cubemap studio.hdr -o faces/
+      texbake cubemap studio.hdr -o cross.exr --size 512
+      texbake cubemap faces/ -o pano.hdr
+      texbake cubemap skybox/ -o sky.png --convention inside
+    """
+)
+@click.argument("source", type=FileOf(IMAGE_SUFFIXES))
+@click.option(
+    "-o",
+    "--output",
+    type=FileOf(IMAGE_SUFFIXES),
+    required=True,
+    metavar="DIR|FILE",
+    help="A folder for six faces, made if missing; or one image.",
+)
+@choice_option(
+    "--layout",
+    LAYOUTS,
+    CubeOptions.layout,
+    "What to write.  [default: faces into a folder; else a cross of a latlong, a latlong of faces]",
+)
+@number_option(
+    "--size",
+    int,
+    CubeOptions.size,
+    "PX",
+    "Texels along one side of a face, or rows of a latlong.  [default: as fine as SOURCE]",
+)
+@choice_option(
+    "--convention",
+    CONVENTIONS,
+    CubeOptions.convention,
+    "Faces as graphics APIs look them up, mirrored to an eye inside, or as that eye sees them.",
+)
+@click.option(
+    "--color/--data",
+    default=CubeOptions.color,
+    show_default=True,
+    help="Whether integer values are sRGB colors.",
+)
+@choice_option(
+    "--format", FACE_FORMATS, CubeOptions.format, "Of six faces.  [default: SOURCE's, or png]"
+)
+@threads_option
+@terminal_options
+def cubemap(
+    source: Path, output: Path, threads: int | None, terminal: Terminal, **choices: Any
+) -> None:
+    """Convert SOURCE between a latitude-longitude image and a cube map.
+
+    SOURCE is a latitude-longitude image (twice as wide as high, its middle along -z), a cross of
+    4 x 3 faces, or a folder with the files px, nx, py, ny, pz and nz. Each texel written is the
+    mean over all that it covers.
+    """
+    options = CubeOptions(**choices)
+    check_distinct([output], [source])
+    from texbake.texture.cube_convert import convert_cube
+
+    with terminal.progress():
+        done = convert_cube(source, output, options, threads=threads)
+    if done.clipped:
+        terminal.warn(
+            f"{output}: {done.clipped:.2%} of the values lie outside of 0 to 1 and were clipped; "
+            "EXR and HDR files keep them"
+        )
+    terminal.summary([("from", done.source_layout), ("to", f"{done.layout} of {done.size:,} px")])
+    terminal.wrote(done.files)

@@ -1,0 +1,186 @@
+"""three.js in Chromium without a window, on SwiftShader, which rasterizes on the processor.
+
+See `peer_job` for how it is called. Needs Chromium, and npm's `three` in a folder that NODE_PATH or
+TEXBAKE_NODE_MODULES names, or in a node_modules folder above this one. Light is Lambert's, where a
+job has any; mip levels are SwiftShader's own.
+
+A server on this machine alone hands the page `peer_threejs.html` its jobs and takes the pictures.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from peer_job import Job, UnavailableError, draw_files
+
+HERE = Path(__file__).parent
+# Nothing is loaded from elsewhere; the first picture takes Chromium about two seconds.
+TIMEOUT = 120.0  # seconds a picture
+FLAGS = [
+    "--headless=new",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+]
+TYPES = {".js": "text/javascript", ".html": "text/html; charset=utf-8"}
+
+
+def find_chromium() -> str:
+    """Path of Chromium or Chrome."""
+    for name in "chromium", "chromium-browser", "google-chrome":
+        if path := shutil.which(name):
+            return path
+    raise UnavailableError("Chromium is not installed")
+
+
+def find_threejs() -> Path:
+    """Folder of three.js's built modules."""
+    named = [os.environ.get(name, "") for name in ("NODE_PATH", "TEXBAKE_NODE_MODULES")]
+    folders = [Path(part) for value in named for part in value.split(os.pathsep) if part]
+    folders += [parent / "node_modules" for parent in HERE.parents]
+    for folder in folders:
+        if (folder / "three" / "build" / "three.module.js").is_file():
+            return folder / "three" / "build"
+    raise UnavailableError(
+        "npm's three is not found; name its node_modules in TEXBAKE_NODE_MODULES"
+    )
+
+
+def _base64(values: np.ndarray, dtype: type) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype)).decode("ascii")
+
+
+def _image(image: np.ndarray | None) -> dict[str, Any] | None:
+    if image is None:
+        return None
+    assert image.dtype == np.uint8, "the page takes 8-bit images"
+    height, width = image.shape[:2]
+    rgba = np.full((height, width, 4), 255, np.uint8)
+    rgba[..., :3] = image[::-1]
+    return {"width": width, "height": height, "rgba": _base64(rgba, np.uint8)}
+
+
+def as_json(job: Job) -> bytes:
+    """A job as the page takes it; matrices go along their rows."""
+    columns = {"position": job.positions, "normal": job.normals}
+    columns |= {"uv": job.uvs, "tangent": job.tangents}
+    world_from_camera = np.eye(4)
+    world_from_camera[:3, :3] = job.axes.T
+    world_from_camera[:3, 3] = job.eye
+    names = "base_color", "to_light", "light", "ambient"
+    values = {
+        "width": job.width,
+        "height": job.height,
+        "shading": job.shading,
+        "filter": job.filter,
+        **{name: [float(value) for value in getattr(job, name)] for name in names},
+        "world_from_camera": world_from_camera.ravel().tolist(),
+        "clip_from_camera": (job.opengl_from_world @ world_from_camera).ravel().tolist(),
+        "faces": _base64(job.faces, np.uint32),
+        "attributes": {
+            name: [column.shape[1], _base64(column, np.float32)]
+            for name, column in columns.items()
+            if column is not None
+        },
+        "base_map": _image(job.base_map),
+        "normal_map": _image(job.normal_map),
+    }
+    return json.dumps(values).encode()
+
+
+class Desk(ThreadingHTTPServer):
+    """Hands out jobs and takes pictures: `answers` gets (place, bytes), or (None, why not)."""
+
+    def __init__(self, jobs: list[Job], modules: Path) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.jobs = jobs
+        self.modules = modules
+        self.answers: queue.Queue[tuple[int | None, bytes]] = queue.Queue()
+
+    def content(self, path: str) -> tuple[str, bytes] | None:
+        """Type and bytes of what stands at a path; None where there is nothing."""
+        name = path.rpartition("/")[2]
+        if path == "/jobs":
+            return "application/json", json.dumps({"n_jobs": len(self.jobs)}).encode()
+        if path.startswith("/jobs/"):
+            return "application/json", as_json(self.jobs[int(name)])
+        file = HERE / "peer_threejs.html" if path == "/" else self.modules / name
+        return (TYPES[file.suffix], file.read_bytes()) if file.is_file() else None
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Desk
+
+    def do_GET(self) -> None:
+        found = self.server.content(self.path)
+        self._answer(200 if found else 404, *(found or ("text/plain", b"")))
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        place = self.path.rpartition("/")[2]
+        self.server.answers.put((int(place) if place.isdigit() else None, body))
+        self._answer(200, "text/plain", b"")
+
+    def _answer(self, code: int, kind: str, content: bytes) -> None:
+        self.send_response(code)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+def draw_all(jobs: list[Job]) -> Iterator[np.ndarray]:
+    """Draw jobs one after another, in one page."""
+    from texbake.texture.encoding import decode_srgb
+
+    chromium = find_chromium()
+    desk = Desk(jobs, find_threejs())
+    threading.Thread(target=desk.serve_forever, daemon=True).start()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        address = f"http://127.0.0.1:{desk.server_port}/"
+        command = [chromium, *FLAGS, f"--user-data-dir={profile}", address]
+        browser = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        try:
+            for job in jobs:
+                place, body = desk.answers.get(timeout=TIMEOUT)
+                if place is None:
+                    raise RuntimeError(f"the page failed: {body.decode()}")
+                codes = np.frombuffer(body, np.uint8).reshape(job.height, job.width, 4)[::-1]
+                picture = np.empty(codes.shape, np.float32)
+                picture[..., :3] = decode_srgb(codes[..., :3] / 255.0)
+                picture[..., 3] = codes[..., 3] / 255.0
+                yield picture
+        finally:
+            # Chromium starts through a shell script, and its helpers belong to the same group.
+            os.killpg(browser.pid, signal.SIGTERM)
+            browser.wait()
+            desk.shutdown()
+            desk.server_close()
+
+
+if __name__ == "__main__":
+    sys.exit(draw_files(__doc__, draw_all))

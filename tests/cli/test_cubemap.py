@@ -1,0 +1,113 @@
+"""`texbake cubemap`: each layout to each, as a command and as a process; wrong usage."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from texbake import read_image, write_image
+
+Invoke = Callable[..., Result]
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+FACES = [f"{name}.hdr" for name in ("nx", "ny", "nz", "px", "py", "pz")]
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A current folder with a bright panorama, a gray one and a square."""
+    rng = np.random.default_rng(0)
+    write_image(rng.random((32, 64, 3)).astype(np.float32) * 2, tmp_path / "sky.hdr", color=True)
+    write_image(np.full((16, 32, 3), 100, np.uint8), tmp_path / "gray.png", color=True)
+    write_image(np.full((4, 4, 3), 100, np.uint8), tmp_path / "square.png", color=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_to_six_faces_and_back(workplace: Path, invoke: Invoke) -> None:
+    result = invoke("cubemap sky.hdr -o faces/")
+    assert sorted(path.name for path in Path("faces").iterdir()) == FACES
+    assert "to    faces of 16 px" in result.stdout
+    assert result.stdout.count("wrote ") == 6
+    result = invoke("cubemap faces/ -o pano.exr --size 64")
+    assert "from  faces\nto    latlong of 64 px\nwrote pano.exr\n" in result.stdout
+    assert result.stderr == ""
+    back, sky = (read_image(name, color=True).pixels for name in ("pano.exr", "sky.hdr"))
+    assert back.shape == (64, 128, 3)
+    np.testing.assert_allclose(back.mean(axis=(0, 1)), sky.mean(axis=(0, 1)), rtol=0.05)
+
+
+def test_one_image_is_a_cross_and_what_it_clips_is_told(workplace: Path, invoke: Invoke) -> None:
+    result = invoke("cubemap sky.hdr -o cross.png --size 8 --convention inside")
+    assert "warning: cross.png: " in result.stderr
+    assert "were clipped; EXR and HDR files keep them" in result.stderr
+    assert read_image("cross.png", color=True).pixels.shape == (24, 32, 3)
+    result = invoke("cubemap cross.png -o again --convention inside --format tga --quiet")
+    assert result.stdout == ""
+    assert (workplace / "again" / "px.tga").is_file()
+
+
+def test_a_constant_stays_its_code(workplace: Path, invoke: Invoke) -> None:
+    invoke("cubemap gray.png -o faces")
+    for path in Path("faces").iterdir():
+        codes = read_image(path, color=False).pixels * np.float32(255)
+        np.testing.assert_allclose(codes, 100, atol=1e-3)
+
+
+def test_cubemap_as_a_process(workplace: Path, run: Run) -> None:
+    done = run("cubemap sky.hdr -o faces --size 4 --threads 1")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("from  latlong\nto    faces of 4 px\nwrote faces/px.hdr\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "exit_code", "message"),
+    [
+        ("sky.hdr", 2, "missing option '-o'"),
+        ("sky.hdr -o a.png --layout faces", 2, "faces go to a folder"),
+        ("sky.hdr -o a --layout cross", 2, "cross is one image"),
+        ("sky.hdr -o a.hdr --layout latlong", 2, "sky.hdr is a latlong already"),
+        ("sky.hdr -o a --size 0", 2, "size: 0 is too small"),
+        ("sky.hdr -o a --convention maya", 2, "'maya'"),
+        ("sky.hdr -o sky.hdr", 2, "also an input"),
+        ("sky.hdr -o a.xyz", 1, "'.xyz' is not known"),
+        ("sky.hdr -o nowhere/a.png", 1, "there is no folder"),
+        ("sky.hdr -o gray.png/a", 1, "is a file"),
+        ("square.png -o a", 1, "4 x 4 pixels are neither a latlong"),
+        ("no.hdr -o a", 1, "no.hdr"),
+        (". -o a.hdr", 1, "the face px is missing"),
+    ],
+)
+def test_one_line_the_exit_code_and_no_file(
+    workplace: Path, invoke: Invoke, line: str, exit_code: int, message: str
+) -> None:
+    before = sorted(workplace.iterdir())
+    result = invoke(f"cubemap {line}", exit_code)
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert message in result.stderr
+    assert sorted(workplace.iterdir()) == before
+
+
+@pytest.mark.realdata
+def test_a_real_panorama_there_and_back(
+    data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, invoke: Invoke
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    source = data_dir / "textures" / "earth.ppm"
+    invoke(f"cubemap {source} -o faces --size 256")
+    invoke("cubemap faces -o earth.png --size 256")
+    earth, back = (read_image(path, color=False).pixels for path in (source, "earth.png"))
+
+    def error(down: int, right: int) -> float:
+        moved = np.roll(back, (down, right), axis=(0, 1))
+        return float(np.sqrt(np.mean((moved - earth) ** 2)))
+
+    # Softened by two resamplings, but not moved: a texel to either side it is less alike, equally.
+    for step in (1, 0), (0, 1):
+        there, here = error(*step), error(-step[0], -step[1])
+        assert error(0, 0) < 0.8 * min(there, here)
+        assert abs(there - here) < 0.02 * there

@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.texture.cube_convert import convert_cube
+from texbake.texture.cube_files import cross_picture, cube_of_cross, in_convention, read_faces
+from texbake.texture.cube_map import CubeMap, cube_face_axes, texel_directions
+from texbake.texture.cube_options import CONVENTIONS, CubeOptions
+from texbake.texture.image import read_image, write_image
+from texbake.texture.latitude_longitude import from_latitude_longitude
+
+
+@pytest.fixture
+def noise():
+    return CubeMap(np.random.default_rng(5).random((6, 6, 6, 3)).astype(np.float32))
+
+
+@pytest.fixture
+def panorama(tmp_path):
+    """A smooth float panorama, 64 x 32, as an EXR of full precision."""
+    pixels = np.random.default_rng(1).random((32, 64, 3)).astype(np.float32) * 4
+    write_image(pixels, tmp_path / "sky.exr", color=True, bits=32)
+    return tmp_path / "sky.exr"
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_unfolding_and_folding_is_the_identity(noise, convention):
+    picture = cross_picture(noise, convention=convention)
+    assert picture.shape == (18, 24, 3)
+    assert (picture[:6, :6] == 0).all()
+    np.testing.assert_array_equal(cube_of_cross(picture, convention=convention).faces, noise.faces)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_neighbors_in_the_cross_are_neighbors_on_the_cube(convention):
+    size = 16
+    directions = cross_picture(CubeMap(texel_directions(size)), convention=convention)
+    used = np.linalg.norm(directions, axis=2) > 0
+    for axis in 0, 1:
+        steps = np.linalg.norm(np.diff(directions, axis=axis), axis=2)
+        both = np.logical_and(*(np.take(used, r, axis) for r in _pairs(used.shape[axis])))
+        # No step is wider than a texel in the middle of a face.
+        assert steps[both].max() < 1.01 * 2 / size
+
+
+def _pairs(n):
+    return np.arange(n - 1), np.arange(1, n)
+
+
+def test_seen_from_inside_faces_are_what_cameras_take(noise):
+    """Sides exactly; top and bottom turned by half a turn from those of `cube_face_axes`."""
+    seen = in_convention(noise.faces, "inside")
+    for face in range(6):
+        view = noise.faces[face, :, ::-1]
+        expected = view[::-1, ::-1] if face in (2, 3) else view
+        np.testing.assert_array_equal(seen[face], expected)
+    np.testing.assert_array_equal(in_convention(seen, "inside"), noise.faces)
+    # The picture along -z is not mirrored: +x is on its right.
+    along = cross_picture(CubeMap(texel_directions(9)), convention="inside")[9:18, 9:18]
+    np.testing.assert_allclose(along[4, 4], -cube_face_axes(5)[2], atol=1e-6)
+    assert along[4, 8, 0] > 0.5
+    assert along[0, 4, 1] > 0.5
+
+
+def test_an_unknown_convention(noise):
+    with pytest.raises(OptionError, match="convention: 'maya' is not known"):
+        in_convention(noise.faces, "maya")
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_faces_to_files_and_back_bit_for_bit(tmp_path, panorama, convention):
+    options = CubeOptions(convention=convention, format="tif")
+    done = convert_cube(panorama, tmp_path / "faces", options)
+    assert [file.name for file in done.files] == [
+        f"{sign}{axis}.tif" for axis in "xyz" for sign in "pn"
+    ]
+    assert (done.source_layout, done.layout, done.size, done.clipped) == (
+        "latlong",
+        "faces",
+        16,
+        0.0,
+    )
+    cube, _ = read_faces(tmp_path / "faces", convention=convention)
+    expected = from_latitude_longitude(read_image(panorama, color=True).pixels)
+    np.testing.assert_array_equal(cube.faces, expected.faces)
+    # And through a cross.
+    convert_cube(
+        tmp_path / "faces", tmp_path / "c.tif", CubeOptions(layout="cross", convention=convention)
+    )
+    convert_cube(tmp_path / "c.tif", tmp_path / "again", options)
+    again, _ = read_faces(tmp_path / "again", convention=convention)
+    np.testing.assert_array_equal(again.faces, expected.faces)
+
+
+def test_layouts_that_do_not_fit(tmp_path, panorama):
+    for output, layout, message in (
+        ("a.png", "faces", "faces go to a folder"),
+        ("a", "cross", "cross is one image"),
+        ("a", "latlong", "latlong is one image"),
+        ("a.exr", "latlong", "is a latlong already"),
+    ):
+        with pytest.raises(OptionError, match=message):
+            convert_cube(panorama, tmp_path / output, CubeOptions(layout=layout))
+    assert [path.name for path in tmp_path.iterdir()] == ["sky.exr"]
+
+
+def test_sources_of_the_wrong_shape(tmp_path):
+    square = np.zeros((4, 4, 3), np.float32)
+    write_image(square, tmp_path / "square.png")
+    with pytest.raises(FileFormatError, match="4 x 4 pixels are neither a latlong"):
+        convert_cube(tmp_path / "square.png", tmp_path / "out")
+    with pytest.raises(FileFormatError, match="4 x 4 pixels are no cross"):
+        cube_of_cross(square)
+    folder = tmp_path / "faces"
+    folder.mkdir()
+    for name in "px", "nx", "py", "ny", "posz":
+        write_image(square, folder / f"{name}.png")
+    with pytest.raises(FileError, match="the face nz is missing"):
+        read_faces(folder)
+    write_image(square[:2, :2], folder / "nz.png")
+    with pytest.raises(FileFormatError, match=r"nz\.png has 2 x 2 pixels"):
+        read_faces(folder)
+    write_image(square[:2], folder / "nz.png")
+    with pytest.raises(FileFormatError, match="a face is a square"):
+        read_faces(folder)
+    write_image(square, folder / "nz.png")
+    write_image(square, folder / "PX.tif")
+    with pytest.raises(FileFormatError, match="are the same face"):
+        read_faces(folder)
+    with pytest.raises(FileError, match="cannot be read"):
+        read_faces(tmp_path / "nowhere")
+
+
+def test_none_of_six_files_appears_where_one_fails(tmp_path, panorama):
+    (tmp_path / "faces" / "pz.exr").mkdir(parents=True)
+    (tmp_path / "faces" / "px.exr").write_bytes(b"old")
+    with pytest.raises(FileError, match=r"pz\.exr: it is a folder"):
+        convert_cube(panorama, tmp_path / "faces")
+    assert sorted(path.name for path in (tmp_path / "faces").iterdir()) == ["px.exr", "pz.exr"]
+    assert (tmp_path / "faces" / "px.exr").read_bytes() == b"old"
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"layout": "strip"}, {"convention": "x"}, {"format": "bmp"}, {"size": 0}]
+)
+def test_options_that_cannot_be(wrong):
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        CubeOptions(**wrong)

@@ -1,0 +1,204 @@
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.texture.cube_chain import cube_chain
+from texbake.texture.cube_lookup import CUBE_FILTERS, resized, sample_cube
+from texbake.texture.cube_map import (
+    FACE_AXES,
+    CubeMap,
+    face_directions,
+    locate,
+    texel_directions,
+)
+
+
+@pytest.fixture
+def noise():
+    return CubeMap(np.random.default_rng(5).random((6, 8, 8, 3)).astype(np.float32))
+
+
+@pytest.fixture
+def directions():
+    return np.random.default_rng(2).normal(size=(5000, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("filter_name", CUBE_FILTERS)
+def test_each_axis_hits_the_middle_of_its_face(filter_name):
+    faces = np.zeros((6, 3, 3, 1), np.float32)
+    faces[:, 1, 1, 0] = range(1, 7)
+    axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([[1.0], [-1.0]], (3, 1))
+    found = sample_cube(CubeMap(faces), 7.5 * axes, filter=filter_name)
+    assert found.ravel().tolist() == [1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize("filter_name", CUBE_FILTERS)
+@pytest.mark.parametrize("size", [1, 3, 8])
+def test_through_a_texels_center_it_gives_the_texel(filter_name, size):
+    cube = CubeMap(np.random.default_rng(0).random((6, size, size, 2)).astype(np.float32))
+    found = sample_cube(cube, face_directions(size).reshape(-1, 3), filter=filter_name)
+    # Float32 directions move by 1e-7 of a texel's value, times the size.
+    np.testing.assert_allclose(found, cube.faces.reshape(-1, 2), atol=1e-6)
+
+
+def test_nearest_is_the_texel_that_holds_the_direction(noise, directions):
+    faces, st = locate(directions.astype(np.float64))
+    columns, rows = np.floor(st * 8).astype(int).T
+    found = sample_cube(noise, directions, filter="nearest")
+    np.testing.assert_array_equal(found, noise.faces[faces, rows, columns])
+
+
+def test_within_a_face_it_is_plain_bilinear(noise):
+    rng = np.random.default_rng(1)
+    st = rng.uniform(0.5 / 8, 1 - 0.5 / 8, (6, 400, 2))
+    weights = np.concatenate([2 * st - 1, np.ones((6, 400, 1))], axis=2)
+    found = sample_cube(noise, (weights @ FACE_AXES).reshape(-1, 3)).reshape(6, 400, 3)
+    position = st * 8 - 0.5
+    corner = np.floor(position).astype(int)
+    (x, y), (along_x, along_y) = np.moveaxis(corner, -1, 0), np.moveaxis(position - corner, -1, 0)
+    expected = np.zeros((6, 400, 3))
+    face = np.arange(6)[:, None]
+    for dy in 0, 1:
+        for dx in 0, 1:
+            share = np.where(dx, along_x, 1 - along_x) * np.where(dy, along_y, 1 - along_y)
+            expected += share[..., None] * noise.faces[face, y + dy, x + dx]
+    # Float32 directions: some 1e-7 of the width of a face, which is 8 texels.
+    np.testing.assert_allclose(found, expected, atol=4e-6)
+
+
+def edge_points(n):
+    """Points on all twelve edges of the cube (12 n, 3), corners among them, and two axes each."""
+    points, inward = [], []
+    along = np.linspace(-1, 1, n)
+    for axis in range(3):
+        for signs in (1, 1), (1, -1), (-1, 1), (-1, -1):
+            point = np.zeros((n, 3))
+            point[:, axis] = along
+            point[:, [axis - 1, axis - 2]] = signs
+            points.append(point)
+            inward.append(np.broadcast_to([axis - 1, axis - 2], (n, 2)) % 3)
+    return np.concatenate(points), np.concatenate(inward)
+
+
+@pytest.mark.parametrize("size", [1, 2, 5, 8])
+def test_both_sides_of_an_edge_agree_even_for_noise(size):
+    cube = CubeMap(np.random.default_rng(3).random((6, size, size, 3)).astype(np.float32))
+    points, others = edge_points(101)
+    step = 1e-6
+    sides = []
+    for which in 0, 1:
+        moved = points.copy()
+        np.put_along_axis(
+            moved,
+            others[:, [which]],
+            np.take_along_axis(moved, others[:, [which]], axis=1) * (1 - step),
+            axis=1,
+        )
+        sides.append(sample_cube(cube, moved))
+    # A step of 1e-6 of half a face is size / 2 * 1e-6 texels, over differences of at most 1 a
+    # texel; and the rounding of float32 directions.
+    np.testing.assert_allclose(sides[0], sides[1], atol=size * 2e-6)
+
+
+def test_without_the_neighbors_the_sides_would_differ():
+    # What the test above rests on: clamped to its face, noise jumps at edges.
+    cube = CubeMap(np.random.default_rng(3).random((6, 8, 8, 1)).astype(np.float32))
+    edge = cube.faces[0, :, 0, 0] - cube.faces[4, :, -1, 0]
+    assert np.abs(edge).max() > 0.3
+
+
+def test_a_smooth_function_is_followed_everywhere(directions):
+    def smooth(at):
+        return np.sin(at @ np.array([[1.0], [-2.0], [0.5]], at.dtype))
+
+    size = 64
+    cube = CubeMap(smooth(texel_directions(size)))
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    error = np.abs(sample_cube(cube, directions) - smooth(unit))
+    _, st = locate(directions.astype(np.float64))
+    at_edge = (np.abs(st - 0.5) > 0.5 - 0.5 / size).any(axis=1)
+    # Linear interpolation: h²/8 of each second derivative, |k|² = 5.25, h = 2/64.
+    assert error[~at_edge].max() < 2 * 5.25 * (2 / size) ** 2 / 8
+    # Around an edge rows of texels bend: their directions are up to half a texel, 1/64, to the
+    # side, at a weight of 1/2; in a corner the fourth texel is the mean of three.
+    assert at_edge.any()
+    assert error[at_edge].max() < 1.5 * np.sqrt(5.25) / size / 2
+
+
+def test_a_constant_stays_exactly_that(directions):
+    value = np.array([0.1, 12345.678], np.float32)
+    chain = cube_chain(CubeMap(np.broadcast_to(value, (6, 9, 9, 2))))
+    levels = np.random.default_rng(0).uniform(-1, 9, len(directions))
+    for filter_name in CUBE_FILTERS:
+        assert (sample_cube(chain, directions, levels, filter=filter_name) == value).all()
+
+
+def test_levels(noise, directions):
+    chain = cube_chain(noise)
+    n = len(directions)
+
+    def at(level, filter_name):
+        return sample_cube(chain, directions, np.full(n, level), filter=filter_name)
+
+    for filter_name in "nearest", "bilinear":
+        for level, own in (0.4, 0), (0.6, 1), (-3, 0), (99, 3), (np.nan, 0):
+            expected = sample_cube(chain.level(own), directions, filter=filter_name)
+            np.testing.assert_array_equal(at(level, filter_name), expected)
+    for level in range(4):
+        np.testing.assert_array_equal(at(level, "trilinear"), at(level, "bilinear"))
+    fine, coarse = at(1, "bilinear"), at(2, "bilinear")
+    # Float32 roundings of numbers below 1.
+    np.testing.assert_allclose(at(1.25, "trilinear"), 0.75 * fine + 0.25 * coarse, atol=2e-7)
+    np.testing.assert_array_equal(at(np.inf, "trilinear"), at(3, "trilinear"))
+    np.testing.assert_array_equal(
+        sample_cube(chain, directions, filter="trilinear"), sample_cube(noise, directions)
+    )
+
+
+def test_directions_without_a_face_get_0_and_extreme_ones_their_own():
+    cube = CubeMap(np.arange(1, 7, dtype=np.float32).reshape(6, 1, 1, 1))
+    nowhere = [(0, 0, 0), (np.nan, 1, 0), (0, np.nan, 1), (1, 0, np.nan), (np.inf, 0, 0)]
+    nowhere += [(np.inf, -np.inf, 1), (-0.0, 0, -0.0)]
+    tiny, huge = np.float32(1e-45), np.finfo(np.float32).max
+    somewhere = [(tiny, 0, 0), (0, -tiny, 0), (0, 0, huge), (0, 0, -huge)]
+    for filter_name in CUBE_FILTERS:
+        found = sample_cube(cube, np.array(nowhere, np.float32), filter=filter_name)
+        assert (found == 0).all()
+        found = sample_cube(cube, np.array(somewhere, np.float32), filter=filter_name)
+        assert found.ravel().tolist() == [1, 4, 5, 6]
+
+
+def test_the_length_of_a_direction_does_not_matter(noise, directions):
+    np.testing.assert_array_equal(
+        sample_cube(noise, directions), sample_cube(noise, directions * np.float32(2**20))
+    )
+
+
+def test_the_same_bytes_for_any_number_of_threads(noise):
+    many = np.random.default_rng(2).normal(size=(200_000, 3)).astype(np.float32)
+    levels = np.random.default_rng(3).uniform(0, 3, len(many)).astype(np.float32)
+    chain = cube_chain(noise)
+    one, two = (
+        sample_cube(chain, many, levels, filter="trilinear", threads=threads) for threads in (1, 2)
+    )
+    np.testing.assert_array_equal(one, two)
+
+
+def test_resizing(noise):
+    assert resized(noise, 8) is noise
+    assert resized(noise, 3).size == 3
+    larger = resized(noise, 24)
+    # The middle one of each 3 x 3 has the direction of the old texel, to float32.
+    np.testing.assert_allclose(larger.faces[:, 1::3, 1::3], noise.faces, atol=2e-6)
+    with pytest.raises(OptionError, match="size: 0"):
+        resized(noise, 0)
+
+
+def test_wrong_arguments_are_one_clear_error(noise):
+    with pytest.raises(OptionError, match="filter: 'cubic' is not known"):
+        sample_cube(noise, np.zeros((1, 3)), filter="cubic")
+    with pytest.raises(OptionError, match=r"directions: the shape \(3,\) is not \(n, 3\)"):
+        sample_cube(noise, np.zeros(3))
+    with pytest.raises(OptionError, match=r"levels: the shape \(2,\) is not \(1,\)"):
+        sample_cube(noise, np.zeros((1, 3)), np.zeros(2))
+    assert sample_cube(noise, np.zeros((0, 3))).shape == (0, 3)

@@ -1,0 +1,217 @@
+"""Heights to normals and back, held against closed forms."""
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.texture.height_options import (
+    DERIVATIVES,
+    METHODS,
+    WRAPS,
+    HeightToNormalOptions,
+    NormalToHeightOptions,
+)
+from texbake.texture.height_to_normal import height_to_normal
+from texbake.texture.normal_to_height import normal_to_height
+
+Array = np.ndarray
+
+# float32 normals of slopes of about 1: what one rounding of a component does to a slope.
+SLOPE_ROUNDING = 4e-7
+
+
+def normals_of(right: Array, up: Array) -> Array:
+    normals = np.stack([-right, -up, np.ones_like(right)], axis=-1)
+    return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+
+def waves(height: int, width: int) -> tuple[Array, Array, Array]:
+    """Heights in texels of waves that tile, and their true slopes to the right and up."""
+    y, x = np.mgrid[:height, :width] + 0.5
+    a, b = 2 * np.pi * 3 / width, 2 * np.pi * 2 / height
+    heights = np.sin(a * x + 0.3) * np.cos(b * y) * 2.0
+    right = a * np.cos(a * x + 0.3) * np.cos(b * y) * 2.0
+    up = b * np.sin(a * x + 0.3) * np.sin(b * y) * 2.0
+    return heights, right, up
+
+
+def paraboloid(height: int, width: int) -> tuple[Array, Array, Array]:
+    """Heights that curve evenly, with a twist, and their true slopes to the right and up."""
+    y, x = np.mgrid[:height, :width] + 0.5
+    heights = 0.02 * x**2 - 0.013 * y**2 + 0.007 * x * y - 0.3 * x + 0.11 * y
+    return heights, 0.04 * x + 0.007 * y - 0.3, -(-0.026 * y + 0.007 * x + 0.11)
+
+
+@pytest.mark.parametrize("derivative", DERIVATIVES)
+def test_normals_of_a_paraboloid_are_exact_up_to_the_border(derivative: str) -> None:
+    heights, right, up = paraboloid(24, 40)
+    options = HeightToNormalOptions(scale=1.0, width=40.0, wrap="clamp", derivative=derivative)
+    np.testing.assert_allclose(
+        height_to_normal(heights, options), normals_of(right, up), atol=SLOPE_ROUNDING
+    )
+
+
+@pytest.mark.parametrize("shape", [(32, 48), (31, 17)])
+def test_a_central_difference_lowers_a_wave_by_sin_w_over_w(shape: tuple[int, int]) -> None:
+    heights, right, up = waves(*shape)
+    a, b = 2 * np.pi * 3 / shape[1], 2 * np.pi * 2 / shape[0]
+    expected = normals_of(right * np.sin(a) / a, up * np.sin(b) / b)
+    found = height_to_normal(heights, HeightToNormalOptions(scale=1.0, width=shape[1]))
+    np.testing.assert_allclose(found, expected, atol=SLOPE_ROUNDING)
+
+
+@pytest.mark.parametrize(("derivative", "side"), [("sobel", 4), ("scharr", 3)])
+def test_sobel_and_scharr_also_average_across(derivative: str, side: int) -> None:
+    heights, right, up = waves(32, 48)
+    a, b = 2 * np.pi * 3 / 48, 2 * np.pi * 2 / 32
+
+    def averaged(w: float) -> float:
+        return (16 - 2 * side + 2 * side * np.cos(w)) / 16
+
+    expected = normals_of(right * np.sin(a) / a * averaged(b), up * np.sin(b) / b * averaged(a))
+    options = HeightToNormalOptions(scale=1.0, width=48.0, derivative=derivative)
+    np.testing.assert_allclose(height_to_normal(heights, options), expected, atol=SLOPE_ROUNDING)
+
+
+def test_a_hill_has_normals_that_lean_away_from_its_top() -> None:
+    y, x = np.mgrid[:9, :9] - 4.0
+    normals = height_to_normal(np.exp(-(x**2 + y**2) / 8), HeightToNormalOptions(scale=0.5))
+    assert normals[4, 6, 0] > 0.1  # right of the top: to the right
+    assert normals[2, 4, 1] > 0.1  # above it in the picture: up
+    np.testing.assert_array_equal(normals[4, 4], (0, 0, 1))
+
+
+def test_scale_and_width_are_one_ratio() -> None:
+    heights = waves(16, 16)[0]
+    a = height_to_normal(heights, HeightToNormalOptions(scale=0.1, width=2.0))
+    b = height_to_normal(heights, HeightToNormalOptions(scale=0.05, width=1.0))
+    np.testing.assert_array_equal(a, b)
+    flipped = height_to_normal(heights, HeightToNormalOptions(scale=-0.05))
+    np.testing.assert_allclose(flipped, b * (-1, -1, 1), atol=1e-7)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (2, 2), (5, 1), (2, 3)])
+def test_the_smallest_images(shape: tuple[int, int], wrap: str) -> None:
+    normals = height_to_normal(np.full(shape, 7.0), HeightToNormalOptions(wrap=wrap))
+    np.testing.assert_array_equal(normals, np.tile([0.0, 0.0, 1.0], (*shape, 1)))
+    for method in METHODS:
+        field = normal_to_height(normals, NormalToHeightOptions(method=method, wrap=wrap))
+        np.testing.assert_array_equal(field.heights, np.zeros(shape))
+
+
+def test_what_is_not_finite_is_flat_and_spreads_no_further() -> None:
+    heights = waves(16, 16)[0]
+    whole = height_to_normal(heights)
+    heights[5, 5] = np.nan
+    heights[9, 9] = np.inf
+    normals = height_to_normal(heights)
+    assert np.isfinite(normals).all()
+    changed = (normals != whole).any(axis=-1)
+    ys, xs = np.nonzero(changed)
+    assert {(4, 5), (5, 4), (8, 9)} <= set(zip(ys.tolist(), xs.tolist(), strict=True))
+    assert changed.sum() <= 10
+    np.testing.assert_array_equal(normals[5, 4], (0, 0, 1))
+
+
+@pytest.mark.parametrize("shape", [(32, 48), (31, 17), (1, 40)])
+def test_frankot_chellappa_integrates_waves_that_tile_exactly(shape: tuple[int, int]) -> None:
+    heights, right, up = waves(*shape)
+    if shape[0] == 1:
+        up = np.zeros_like(up)
+    options = NormalToHeightOptions(method="frankot-chellappa", width=float(shape[1]))
+    field = normal_to_height(normals_of(right, up), options)
+    np.testing.assert_allclose(field.heights, heights - heights.mean(), atol=1e-6)
+    assert field.rms_slope_error < 1e-9
+    assert field.n_steep == 0
+
+
+@pytest.mark.parametrize("shape", [(24, 40), (25, 33)])
+def test_poisson_integrates_a_paraboloid_exactly(shape: tuple[int, int]) -> None:
+    heights, right, up = paraboloid(*shape)
+    options = NormalToHeightOptions(wrap="clamp", width=float(shape[1]))
+    field = normal_to_height(normals_of(right, up), options)
+    np.testing.assert_allclose(field.heights, heights - heights.mean(), atol=1e-6)
+    assert field.rms_slope_error < 1e-9
+
+
+def test_frankot_chellappa_is_not_exact_where_a_map_ends() -> None:
+    # Beyond the border its waves go on, mirrored, with a crease that they cannot have.
+    heights, right, up = paraboloid(24, 40)
+    options = NormalToHeightOptions(method="frankot-chellappa", wrap="clamp", width=40.0)
+    error = normal_to_height(normals_of(right, up), options).heights - heights + heights.mean()
+    assert 1e-3 < np.abs(error).max() < 0.05 * np.ptp(heights)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_round_trip_of_waves_loses_what_the_closed_form_says(method: str) -> None:
+    """A wave of w a texel comes back as sin w / w (one derivative) or cos² w/2 of itself."""
+    n, k = 64, 4
+    w = 2 * np.pi * k / n
+    heights = np.tile(np.sin(w * np.arange(n)), (n, 1))
+    normals = height_to_normal(heights, HeightToNormalOptions(scale=1.0, width=n))
+    field = normal_to_height(normals, NormalToHeightOptions(method=method, width=n))
+    kept = np.sin(w) / w if method == "frankot-chellappa" else np.cos(w / 2) ** 2
+    # float32 normals, each of whose roundings the integration carries on over a wave.
+    np.testing.assert_allclose(field.heights, kept * heights, atol=2e-6)
+    assert np.abs(field.heights - heights).max() < 0.04
+
+
+def test_round_trip_of_a_paraboloid_is_exact() -> None:
+    heights = paraboloid(40, 56)[0] * 0.01
+    there = HeightToNormalOptions(scale=1.0, width=2.0, wrap="clamp")
+    back = NormalToHeightOptions(wrap="clamp", width=2.0)
+    field = normal_to_height(height_to_normal(heights, there), back)
+    np.testing.assert_allclose(field.heights, heights - heights.mean(), atol=1e-6)
+
+
+def test_round_trip_of_a_rough_surface_through_8_bits() -> None:
+    rng = np.random.default_rng(7)
+    spectrum = np.fft.rfft2(rng.standard_normal((128, 128)))
+    fy, fx = np.fft.fftfreq(128)[:, None], np.fft.rfftfreq(128)[None]
+    spectrum /= np.maximum(np.hypot(fx, fy), 1 / 128) ** 2
+    heights = np.fft.irfft2(spectrum)
+    heights *= 8.0 / np.ptp(heights)
+    normals = height_to_normal(heights, HeightToNormalOptions(scale=1.0, width=128.0))
+    codes = np.floor(normals * 127.5 + 128.0) / 127.5 - 1.0
+    for method in METHODS:
+        found = normal_to_height(codes, NormalToHeightOptions(method=method, width=128.0)).heights
+        error = np.std(found - heights) / np.std(heights)
+        assert error < 0.03, method
+
+
+def test_slopes_of_no_surface_are_fitted_and_told() -> None:
+    """A whirl has slopes that no heights have: the best fit is flat, and all is left over."""
+    y, x = np.mgrid[:32, :32] + 0.5
+    w = 2 * np.pi / 32
+    # A rotation field, the derivative across of sin(wx) sin(wy), has no potential part.
+    right, up = np.sin(w * x) * np.cos(w * y), np.cos(w * x) * np.sin(w * y)
+    for method in METHODS:
+        field = normal_to_height(normals_of(right, up), NormalToHeightOptions(method=method))
+        # The wave is the same across and along, so no method takes one for steeper.
+        np.testing.assert_allclose(field.heights, 0.0, atol=1e-9)
+        assert field.rms_slope_error > 0.6
+
+
+def test_steep_normals_are_counted() -> None:
+    normals = np.tile([0.0, 0.0, 1.0], (8, 8, 1))
+    normals[2, 3] = (1.0, 0.0, 0.0)
+    normals[4, 4] = (0.0, 0.6, -0.8)
+    normals[5, 5] = np.nan
+    normals[6, 6] = 0.0
+    field = normal_to_height(normals)
+    assert field.n_steep == 3
+    assert np.isfinite(field.heights).all()
+
+
+def test_wrong_input_is_one_clear_error() -> None:
+    with pytest.raises(OptionError, match=r"heights: the shape \(2, 2, 3\)"):
+        height_to_normal(np.zeros((2, 2, 3)))
+    with pytest.raises(OptionError, match=r"normals: the shape \(2, 2\)"):
+        normal_to_height(np.zeros((2, 2)))
+    for wrong in ({"wrap": "mirror"}, {"derivative": "prewitt"}, {"scale": np.nan}, {"width": 0.0}):
+        with pytest.raises(OptionError, match=next(iter(wrong))):
+            HeightToNormalOptions(**wrong)  # type: ignore[arg-type]
+    for wrong in ({"wrap": "mirror"}, {"method": "fft"}, {"width": -1.0}):
+        with pytest.raises(OptionError, match=next(iter(wrong))):
+            NormalToHeightOptions(**wrong)  # type: ignore[arg-type]

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.texture.image import Image, read_image
+from texbake.texture.image_files import bits_for, clipped_share, suffix_like, write_images
+
+PIXELS = np.full((2, 2, 3), 0.5, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("name", "bits", "is_float", "suffix"),
+    [
+        ("a.hdr", 32, True, ".hdr"),
+        ("a.EXR", 16, True, ".exr"),
+        ("a.jpg", 8, False, ".png"),
+        ("a.ppm", 8, False, ".png"),
+        ("a.tif", 16, False, ".tif"),
+        ("a.pfm", 32, True, ".exr"),
+    ],
+)
+def test_files_like_another_lose_nothing(name, bits, is_float, suffix):
+    assert suffix_like(Image(PIXELS, bits=bits, is_float=is_float, name=name)) == suffix
+
+
+@pytest.mark.parametrize(
+    ("target", "bits", "is_float", "greatest", "expected"),
+    [
+        ("a.png", 8, False, 1.0, None),
+        ("a.png", 16, False, 1.0, 16),
+        ("a.jpg", 16, False, 1.0, None),
+        ("a.png", 32, True, 9.0, None),
+        ("a.tif", 32, True, 9.0, 32),
+        ("a.exr", 32, True, 9.0, None),
+        ("a.exr", 32, True, 65505.0, 32),
+    ],
+)
+def test_bits_keep_what_the_source_has(target, bits, is_float, greatest, expected):
+    source = Image(PIXELS, bits=bits, is_float=is_float)
+    assert bits_for(target, PIXELS * 2 * np.float32(greatest), source) == expected
+
+
+def test_clipped_values_are_counted_where_a_file_cannot_hold_them():
+    pixels = np.array([[[0.0, 1.0, 1.5, -0.1]]], np.float32)
+    assert clipped_share("a.png", pixels, None) == 0.5
+    assert clipped_share("a.exr", pixels, None) == 0.0
+    assert clipped_share("a.tif", pixels, 32) == 0.0
+
+
+def test_several_images_are_written_into_new_folders(tmp_path):
+    files = [tmp_path / "new" / "a.tif", tmp_path / "new" / "deep" / "b.tif"]
+    write_images(dict.fromkeys(files, PIXELS), color=True, bits=32)
+    for file in files:
+        np.testing.assert_array_equal(read_image(file, color=True).pixels, PIXELS)
+
+
+def test_what_a_format_cannot_hold_is_found_before_the_folder_is_made(tmp_path):
+    with pytest.raises(OptionError, match="HDR holds 3 channels"):
+        write_images({tmp_path / "new" / "a.hdr": PIXELS[..., :1]}, color=True)
+    assert list(tmp_path.iterdir()) == []

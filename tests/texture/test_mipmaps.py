@@ -1,0 +1,195 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.errors import OptionError
+from texbake.texture.mipmaps import MIP_FILTERS, MipChain, mip_chain, single_level
+
+SIZES = [(1, 1), (2, 2), (8, 8), (1, 9), (16, 2), (5, 7), (33, 20), (31, 63), (3, 100)]
+
+
+def random_image(height, width, n_channels=3):
+    return np.random.default_rng(height * 1000 + width).random(
+        (height, width, n_channels), dtype=np.float32
+    )
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_each_level_is_half_of_the_last_rounded_down_to_one_texel(size):
+    chain = mip_chain(random_image(*size))
+    expected = [size]
+    while expected[-1] != (1, 1):
+        expected.append(tuple(max(side // 2, 1) for side in expected[-1]))
+    assert [tuple(row) for row in chain.sizes.tolist()] == expected
+    assert chain.n_levels == len(expected)
+    assert (chain.height, chain.width, chain.n_channels) == (*size, 3)
+    # Without gaps, one after another.
+    counts = chain.sizes.prod(axis=1)
+    assert chain.offsets.tolist() == (np.cumsum(counts) - counts).tolist()
+    assert len(chain.texels) == counts.sum()
+
+
+def test_the_finest_level_is_the_image_and_each_level_its_own_texels():
+    image = random_image(6, 4)
+    chain = mip_chain(image)
+    np.testing.assert_array_equal(chain.level(0), image)
+    for index in range(chain.n_levels):
+        level = chain.level(index)
+        assert level.shape == (*chain.sizes[index], 3)
+        assert np.shares_memory(level, chain.texels)
+        assert not level.flags.writeable
+
+
+def test_of_a_power_of_two_a_texel_is_the_mean_of_two_by_two():
+    image = random_image(8, 16)
+    means = image.astype(np.float64).reshape(4, 2, 8, 2, 3).mean(axis=(1, 3))
+    # One rounding to float32 for each of four sums of values below 1.
+    np.testing.assert_allclose(mip_chain(image).level(1), means, atol=2e-7)
+
+
+@pytest.mark.parametrize("size", [(5, 7), (3, 1), (9, 4), (2, 31)])
+def test_of_odd_sizes_a_texel_is_the_mean_over_its_area(size):
+    height, width = size
+    smaller = max(height // 2, 1), max(width // 2, 1)
+    image = random_image(*size)
+    # Every texel cut into so many that the borders of both levels lie between them.
+    cut = np.repeat(np.repeat(image.astype(np.float64), smaller[0], axis=0), smaller[1], axis=1)
+    areas = cut.reshape(smaller[0], height, smaller[1], width, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(mip_chain(image).level(1), areas, atol=3e-7)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 70), st.integers(1, 70))
+def test_every_level_has_the_mean_of_the_image(height, width):
+    image = random_image(height, width, 1)
+    chain = mip_chain(image, threads=1)
+    means = [chain.level(index).mean(dtype=np.float64) for index in range(chain.n_levels)]
+    # At most 7 levels, a few float32 roundings of values below 1 each.
+    np.testing.assert_allclose(means, image.mean(dtype=np.float64), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (32, 8)])
+def test_kaiser_keeps_the_mean_of_an_even_image_that_repeats(size):
+    image = random_image(*size)
+    chain = mip_chain(image, filter="kaiser")
+    for index in range(chain.n_levels):
+        np.testing.assert_allclose(
+            chain.level(index).mean(axis=(0, 1), dtype=np.float64),
+            image.mean(axis=(0, 1), dtype=np.float64),
+            atol=2e-6,  # weights are rounded to float32
+        )
+
+
+def test_kaiser_keeps_more_of_what_the_smaller_level_can_show_and_less_of_what_it_cannot():
+    x = (np.arange(128) + 0.5) / 128
+    shown, beyond = (
+        np.broadcast_to(np.cos(2 * np.pi * periods * x)[None, :, None], (128, 128, 1))
+        for periods in (20, 44)  # the smaller level shows up to 32
+    )
+    kept = {
+        (name, wave): np.ptp(mip_chain(image, filter=name).level(1))
+        for name in MIP_FILTERS
+        for wave, image in (("shown", shown), ("beyond", beyond))
+    }
+    assert kept["kaiser", "shown"] > 1.05 * kept["box", "shown"]
+    assert kept["kaiser", "beyond"] < 0.25 * kept["box", "beyond"]
+
+
+def test_kaiser_finds_across_the_border_what_the_wrap_mode_says():
+    ramp = np.broadcast_to(np.arange(64, dtype=np.float32)[None, :, None], (64, 64, 1))
+    first = {
+        wrap: mip_chain(ramp, filter="kaiser", wrap=wrap).level(1)[0, 0, 0]
+        for wrap in ("repeat", "mirror", "clamp", "border")
+    }
+    # The texel covers 0 and 1. To its left lie 63, 62 ..., 0, 1 ..., and 0, 0 ...
+    assert abs(first["repeat"] - 0.5) > 1.0
+    assert abs(first["mirror"] - 0.5) < 0.5 and abs(first["clamp"] - 0.5) < 0.5
+    assert first["mirror"] != first["clamp"] == first["border"]
+
+
+@pytest.mark.parametrize("name", MIP_FILTERS)
+@pytest.mark.parametrize("size", SIZES)
+def test_a_constant_stays_exactly_constant(size, name):
+    image = np.full((*size, 2), (0.1, 7e8), np.float32)
+    assert (mip_chain(image, filter=name).texels == image[0, 0]).all()
+
+
+def tilted(degrees):
+    """(4, 4, 3) unit normals, columns tilted to either side by turns."""
+    angles = np.radians(np.where(np.arange(4) % 2, degrees, -degrees))
+    normals = np.stack([np.sin(angles), np.zeros(4), np.cos(angles)], axis=-1)
+    return np.broadcast_to(normals, (4, 4, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 45.0, 80.0])
+def test_the_length_lost_by_normals_is_kept(degrees):
+    chain = mip_chain(tilted(degrees), kind="normal", roughness=True)
+    assert chain.n_channels == 4
+    np.testing.assert_allclose(chain.level(0)[..., 3], 1.0, atol=1e-6)
+    for index in 1, 2:
+        mean = np.array([0.0, 0.0, 1.0, 1.0]) * np.cos(np.radians(degrees))
+        np.testing.assert_allclose(
+            chain.level(index), np.broadcast_to(mean, chain.level(index).shape), atol=1e-6
+        )
+
+
+def test_normals_are_averaged_as_unit_vectors():
+    normals = tilted(30.0)
+    longer = normals * np.linspace(0.2, 3.0, 16, dtype=np.float32).reshape(4, 4, 1)
+    np.testing.assert_allclose(
+        mip_chain(longer, kind="normal").texels, mip_chain(normals).texels, atol=1e-6
+    )
+    # One without length has no say.
+    without = normals.copy()
+    without[0, 0] = 0.0
+    chain = mip_chain(without, kind="normal", roughness=True)
+    assert (chain.level(0)[0, 0] == 0.0).all()
+    assert np.isfinite(chain.texels).all()
+
+
+def test_opposite_normals_leave_no_length():
+    opposite = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    last = mip_chain(opposite, kind="normal", roughness=True).level(1)
+    assert (last == 0.0).all()
+
+
+def test_a_single_level_shares_the_memory_of_its_image():
+    image = random_image(5, 3)
+    chain = single_level(image)
+    assert isinstance(chain, MipChain) and chain.n_levels == 1
+    assert np.shares_memory(chain.texels, image)
+    np.testing.assert_array_equal(chain.level(0), image)
+
+
+def test_threads_change_nothing():
+    image = random_image(1030, 2051, 1)
+    for name in MIP_FILTERS:
+        one, two = (mip_chain(image, filter=name, threads=threads) for threads in (1, 2))
+        assert one.texels.tobytes() == two.texels.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "vector"}, "kind: 'vector' is not known"),
+        ({"filter": "lanczos"}, "filter: 'lanczos' is not known"),
+        ({"wrap": "tile"}, "wrap: 'tile' is not known"),
+        ({"roughness": True}, "roughness: it is lost in normals"),
+    ],
+)
+def test_wrong_options_are_errors(options, message):
+    with pytest.raises(OptionError, match=message):
+        mip_chain(random_image(4, 4), **options)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (0, 4, 3), (4, 4, 0)])
+def test_an_image_without_texels_or_channels_is_an_error(shape):
+    for make in mip_chain, single_level:
+        with pytest.raises(OptionError, match=r"is not \(height, width, channels\)"):
+            make(np.zeros(shape, np.float32))
+
+
+def test_normals_have_three_channels():
+    with pytest.raises(OptionError, match="4 channels are no normals"):
+        mip_chain(random_image(4, 4, 4), kind="normal")

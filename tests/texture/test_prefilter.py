@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.texture.cube_lookup import resized, sample_cube
+from texbake.texture.cube_map import CubeMap, solid_angles, texel_directions
+from texbake.texture.prefilter import hammersley, irradiance, specular_levels
+
+
+def cube_of(function, size=64):
+    return CubeMap(np.asarray(function(texel_directions(size).astype(np.float64)), np.float32))
+
+
+def lamp(directions):
+    """A small lamp over a dim room, with |its| gradient everywhere finite."""
+    middle = np.array([0.6, 0.64, 0.48])
+    return 0.2 + 50.0 * np.exp(-60.0 * (1.0 - directions @ middle))[..., None]
+
+
+def rough_reference(cube, normals, roughness):
+    """Mean over all texels, weighted by D (n·h) cos: what sampling the lobe comes to."""
+    directions = texel_directions(cube.size).reshape(-1, 3).astype(np.float64)
+    weights = np.tile(solid_angles(cube.size).ravel(), 6)
+    cosines = normals @ directions.T
+    half2 = (1.0 + cosines) / 2.0  # (n·h)², where the view is the normal
+    lobe = weights * np.maximum(cosines, 0.0) / (half2 * (roughness**4 - 1.0) + 1.0) ** 2
+    return lobe @ cube.faces.reshape(len(directions), -1) / lobe.sum(axis=1, keepdims=True)
+
+
+def test_a_constant_environment_lights_constantly():
+    value = np.array([0.1, 700.3, 1e-4], np.float32)
+    cube = CubeMap(np.broadcast_to(value, (6, 40, 40, 3)))
+    assert (irradiance(cube, size=5).faces == value).all()
+    chain = specular_levels(cube, n_levels=4, size=16, samples=32)
+    assert (chain.texels == value).all()
+    assert chain.sizes.tolist() == [16, 8, 4, 2]
+
+
+@pytest.mark.parametrize("source", [16, 32, 96])
+def test_irradiance_of_a_cosine_lobe(source):
+    """Light max(0, y): at the angle t from it E / pi = 2 (sin t + (pi - t) cos t) / 3 pi."""
+    cube = cube_of(lambda d: np.maximum(d[..., 1:2], 0.0), source)
+    found = irradiance(cube, size=8)
+    angle = np.arccos(np.clip(texel_directions(8)[..., 1], -1, 1))
+    expected = 2 * (np.sin(angle) + (np.pi - angle) * np.cos(angle)) / (3 * np.pi)
+    # The midpoint rule over texels of h = 2/16 or 2/32: h²/24 of second derivatives of the product
+    # of two cosines, of at most 4 in all.
+    bound = 4 * (2 / min(source, 32)) ** 2 / 24
+    np.testing.assert_allclose(found.faces[..., 0], expected, atol=bound)
+
+
+def test_irradiance_of_first_order_harmonics_is_two_thirds_of_them():
+    """Ramamoorthi and Hanrahan: A0 = pi, A1 = 2 pi / 3, A2 = pi / 4."""
+
+    def light(d):
+        x, y, z = np.moveaxis(d, -1, 0)
+        return np.stack([1 + x, 1 - y, 1 + x * z, 1 + (3 * z * z - 1) / 2], axis=-1)
+
+    found = irradiance(cube_of(light), size=6).faces
+    x, y, z = np.moveaxis(texel_directions(6), -1, 0)
+    quarter = np.stack([x * z / 4, (3 * z * z - 1) / 8], axis=-1)
+    np.testing.assert_allclose(found[..., 0], 1 + 2 / 3 * x, atol=5e-4)
+    # The midpoint rule with h = 2/32 as above; sums over all texels cancel most of it.
+    np.testing.assert_allclose(found[..., 1], 1 - 2 / 3 * y, atol=5e-4)
+    np.testing.assert_allclose(found[..., 2:], 1 + quarter, atol=5e-4)
+
+
+def test_irradiance_of_a_strong_small_sun_is_never_negative():
+    faces = np.zeros((6, 64, 64, 1), np.float32)
+    faces[2, 40, 21] = 1e5
+    found = irradiance(CubeMap(faces), size=16)
+    assert found.faces.min() >= 0.0
+    assert (found.faces == 0).mean() > 0.4  # behind it there is none, which harmonics cannot say
+    # In its direction: radiance times solid angle, over pi; the texel is spread over 2 x 2.
+    direction = texel_directions(64)[2, 40, 21]
+    peak = sample_cube(found, direction[None])[0, 0]
+    assert peak == pytest.approx(1e5 * solid_angles(64)[40, 21] / np.pi, rel=0.01)
+
+
+def test_level_0_is_the_mirror():
+    cube = cube_of(lamp, 32)
+    np.testing.assert_array_equal(specular_levels(cube, size=32).level(0).faces, cube.faces)
+    smaller = specular_levels(cube, n_levels=1, size=8)
+    np.testing.assert_array_equal(smaller.level(0).faces, resized(cube, 8).faces)
+    assert smaller.n_levels == 1
+
+
+def test_levels_are_the_integrals_of_their_lobes():
+    cube = cube_of(lamp)
+    chain = specular_levels(cube, n_levels=6, size=64)
+    previous = cube.faces.max()
+    for index in range(1, 6):
+        level = chain.level(index)
+        some = slice(None, None, max(level.size // 2, 1))
+        normals = texel_directions(level.size).reshape(-1, 3)[some].astype(np.float64)
+        expected = rough_reference(cube, normals, index / 5)
+        error = level.faces.reshape(-1, 1)[some] - expected
+        # Each sample stands for a part of the lobe and is read from a level that wide, which blurs
+        # what is sharper: some percent of the peak, least where samples are most.
+        assert np.sqrt(np.mean(error**2)) < 0.015 * expected.max()
+        assert np.abs(error).max() < 0.08 * expected.max()
+        assert expected.max() < previous
+        previous = expected.max()
+
+
+def test_no_line_where_the_frame_of_the_lobe_turns_over():
+    """About z = 0 the directions beside the normal are chosen anew; a lamp far off shows it."""
+    cube = cube_of(lambda d: 1000.0 * np.exp(-400.0 * (1.0 - d[..., 1:2])) + 0.05, 128)
+    level = specular_levels(cube, n_levels=6, size=128).level(1).faces
+    side = level[0, :, :, 0]  # +x; z = 0 between its middle columns
+    middle = side.shape[1] // 2
+    across = np.abs(side[:, middle] - side[:, middle - 1])
+    # The environment is the same all around y, and so is the face from left to right.
+    assert (across < 0.1 * side[:, middle]).all()
+
+
+def test_smaller_samples_make_the_same_within_reason():
+    cube = cube_of(lamp, 32)
+    many, few = (specular_levels(cube, size=32, samples=n).level(3).faces for n in (4096, 64))
+    assert np.sqrt(np.mean((many - few) ** 2)) < 0.05 * many.max()
+
+
+def test_the_same_bytes_for_any_number_of_threads():
+    cube = cube_of(lamp, 32)
+    one, two = (specular_levels(cube, size=32, threads=n).texels for n in (1, 2))
+    np.testing.assert_array_equal(one, two)
+    one, two = (irradiance(cube, threads=n).faces for n in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_hammersley_points_are_one_in_each_stratum():
+    points = hammersley(64)
+    for columns in 1, 8, 64:
+        cells = np.floor(points * [columns, 64 // columns]).astype(int)
+        assert len(np.unique(cells, axis=0)) == 64
+
+
+def test_numbers_that_cannot_be():
+    cube = CubeMap(np.ones((6, 2, 2, 1), np.float32))
+    for name, value in ("n_levels", 0), ("size", 0), ("samples", 15):
+        with pytest.raises(OptionError, match=f"{name}: {value} is too small"):
+            specular_levels(cube, **{name: value})
+    with pytest.raises(OptionError, match="size: 0"):
+        irradiance(cube, size=0)
+    # The fewest samples, the smallest sizes: still a number everywhere.
+    chain = specular_levels(cube, n_levels=9, size=3, samples=16)
+    assert chain.sizes.tolist() == [3, 1, 1, 1, 1, 1, 1, 1, 1]
+    assert (chain.texels == 1).all()

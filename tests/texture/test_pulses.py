@@ -1,0 +1,145 @@
+"""Checker and stripes: closed forms at points, brute-force means over pixels."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.pulses import HARD, RAMP, SINE, box_mean
+
+
+def pattern_at(pattern, width, phase):
+    """The three patterns as their module describes them."""
+    t = phase - np.floor(phase)
+    first = t < width
+    along = np.where(first, t / width, (1 - t) / (1 - width))
+    if pattern == HARD:
+        return first.astype(float)
+    if pattern == SINE:
+        return 0.5 + np.where(first, 0.5, -0.5) * np.sin(np.pi * along)
+    return along
+
+
+@pytest.mark.parametrize("pattern", [HARD, SINE, RAMP])
+@settings(max_examples=80, deadline=None)
+@given(
+    width=st.floats(0.05, 0.95),
+    phase=st.floats(-1000, 1000),
+    span=st.floats(0.01, 20.0),
+)
+def test_box_mean_is_the_mean_over_the_interval(pattern, width, phase, span):
+    n = 20_000
+    places = phase + span * ((np.arange(n) + 0.5) / n - 0.5)
+    brute = pattern_at(pattern, width, places).mean()
+    # The sum has an error of one step, 1 / n, at each of up to 42 edges; smooth ones far less.
+    assert box_mean(pattern, width, phase, span) == pytest.approx(brute, abs=42 / n)
+
+
+@pytest.mark.parametrize("pattern", [HARD, SINE, RAMP])
+def test_without_a_span_it_is_the_value(pattern):
+    for phase in np.random.default_rng(0).uniform(-9, 9, 200):
+        value = box_mean(pattern, 0.3, phase, 0.0)
+        # Moved by 2^-30 where it is hard, on which no random point lies.
+        assert value == pytest.approx(pattern_at(pattern, 0.3, phase), abs=1e-12)
+
+
+def grid(n_columns, seed=0, n=400):
+    return np.random.default_rng(seed).uniform(-20, 20, (n, n_columns))
+
+
+@pytest.mark.parametrize("n_columns", [2, 3])
+def test_checker_is_the_parity_of_its_cells(n_columns):
+    points = grid(n_columns)
+    parity = np.floor(points).sum(axis=1) % 2
+    np.testing.assert_array_equal(evaluate("checker", points)[:, 0], 1.0 - parity)
+
+
+def test_a_plane_checker_of_points_with_three_coordinates():
+    points = grid(3)
+    flat = evaluate("checker", points, parameters={"dimensions": 2})
+    np.testing.assert_array_equal(flat, evaluate("checker", points[:, :2]))
+
+
+@pytest.mark.parametrize("n_columns", [2, 3])
+@pytest.mark.parametrize("width", [0.2, 0.9, 1.7, 3.1])
+def test_filtered_checker_is_the_mean_over_the_pixel(n_columns, width):
+    points = grid(n_columns, n=30)
+    n = 48
+    steps = width * ((np.arange(n) + 0.5) / n - 0.5)
+    offsets = np.stack(np.meshgrid(*[steps] * n_columns), axis=-1).reshape(-1, n_columns)
+    for point, found in zip(
+        points, evaluate("checker", points, np.full(30, width))[:, 0], strict=True
+    ):
+        brute = evaluate("checker", point + offsets).mean()
+        # Along each axis up to four edges, each wrong by half a step at most: 2 / n of a share.
+        assert found == pytest.approx(brute, abs=n_columns * 2 / n)
+
+
+def test_cubes_cut_at_z_0_are_squares_where_points_have_no_z():
+    points, widths = grid(2), np.full(400, 0.3)
+    cut = evaluate("checker", points, widths, parameters={"dimensions": 3})
+    np.testing.assert_array_equal(cut, evaluate("checker", points, widths))
+
+
+def test_a_width_along_each_axis():
+    points, widths = grid(3, n=20), np.array([0.7, 0.0, 1.3])
+    steps = (np.arange(400) + 0.5) / 400 - 0.5
+    x, z = np.meshgrid(widths[0] * steps, widths[2] * steps)
+    offsets = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3)
+    found = evaluate("checker", points, np.tile(widths, (20, 1)))[:, 0]
+    brute = [evaluate("checker", point + offsets).mean() for point in points]
+    np.testing.assert_allclose(found, brute, atol=4 / 400)
+
+
+def test_a_face_between_two_layers_shows_one_of_them_whatever_rounding_does():
+    z = 1.0 + np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) * 2.0**-50
+    points = np.stack([np.full(5, 0.5), np.full(5, 0.5), z], axis=1)
+    assert np.ptp(evaluate("checker", points)) == 0.0
+    assert np.ptp(evaluate("checker", points, np.tile([0.1, 0.1, 0.0], (5, 1)))) == 0.0
+    assert evaluate("checker", points, np.tile([0.1, 0.1, 0.0], (5, 1)))[0, 0] == 0.0
+
+
+def test_stripes_are_as_wide_as_asked_for():
+    x = (np.arange(1000) + 0.5) / 1000
+    points = np.stack([x - 3.0, x, x], axis=1)
+    values = evaluate("stripes", points, parameters={"width": 0.2})[:, 0]
+    np.testing.assert_array_equal(values, (x < 0.2).astype(np.float32))
+
+
+def test_blended_stripes_are_a_sine():
+    points = grid(3)
+    values = evaluate("stripes", points, parameters={"profile": "sine"})[:, 0]
+    np.testing.assert_allclose(values, 0.5 + 0.5 * np.sin(2 * np.pi * points[:, 0]), atol=1e-6)
+
+
+@pytest.mark.parametrize("width", [0.3, 1.0, 2.5])
+def test_blended_stripes_fade_with_the_mean_of_a_sine(width):
+    points = grid(3)
+    values = evaluate("stripes", points, np.full(400, width), parameters={"profile": "sine"})
+    expected = 0.5 + 0.5 * np.sin(2 * np.pi * points[:, 0]) * np.sinc(width)
+    np.testing.assert_allclose(values[:, 0], expected, atol=1e-6)
+
+
+def test_the_direction_of_stripes_has_no_length():
+    points = grid(3)
+    turned = points @ np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0].T
+    axis = np.linalg.lstsq(points, turned, rcond=None)[0][0]
+    parameters = {"direction": tuple(7.0 * axis), "profile": "sine"}
+    np.testing.assert_allclose(
+        evaluate("stripes", turned, parameters=parameters),
+        evaluate("stripes", points, parameters={"profile": "sine"}),
+        atol=1e-6,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("checker", {}), ("stripes", {}), ("stripes", {"profile": "sine"})],
+)
+def test_large_pixels_are_gray(name, parameters):
+    points = grid(3)
+    for width in (1e3, 1e9, 1e30, np.inf):
+        values = evaluate(name, points, np.full(400, width), parameters=parameters)
+        # A part of one period is left over of 1000.
+        np.testing.assert_allclose(values, 0.5, atol=1e-3)

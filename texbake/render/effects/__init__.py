@@ -1,0 +1,86 @@
+"""Everything that a picture can need, one module an effect, in the order in which it is computed.
+
+An effect stands after those that it needs. A new one is a module with an `Effect`, and a place in
+this list.
+"""
+
+from __future__ import annotations
+
+from texbake.render.effects.ambient import AMBIENT, EMISSION, LIGHT_MAP
+from texbake.render.effects.ambient_occlusion import AMBIENT_OCCLUSION, OCCLUSION_PICTURE
+from texbake.render.effects.buffers import BUFFER
+from texbake.render.effects.environment import (
+    BACKGROUND,
+    ENVIRONMENT,
+    ENVIRONMENT_LIGHT,
+    IRRADIANCE,
+    PREFILTERED_ENVIRONMENT,
+)
+from texbake.render.effects.fog import FOG
+from texbake.render.effects.images import IMAGES, MIP_MAPS
+from texbake.render.effects.light_profile import LIGHT_PROFILES
+from texbake.render.effects.lights import LIGHTS
+from texbake.render.effects.mirrors import REFLECTION, REFRACTION, RENDERED_ENVIRONMENT
+from texbake.render.effects.normal_map import NORMAL_MAP, TANGENTS
+from texbake.render.effects.normals import NORMALS, VERTEX_NORMALS
+from texbake.render.effects.placing import PLACING
+from texbake.render.effects.projected_texture import PROJECTED_TEXTURES
+from texbake.render.effects.shading_models import BLINN_PHONG, LAMBERT, METALLIC_ROUGHNESS, UNLIT
+from texbake.render.effects.shadow_map import SHADOW_MAPS, SHADOWS
+from texbake.render.effects.slots import PROCEDURES, SLOTS
+from texbake.render.effects.surface_points import (
+    DERIVATIVES,
+    POSITIONS,
+    TEXTURE_COORDINATES,
+    VIEW_DIRECTIONS,
+)
+from texbake.render.effects.transparency import LAYERS, TRANSPARENCY
+from texbake.render.plan.effect import Effect
+
+EFFECTS: tuple[Effect, ...] = (
+    # Where surfaces are; what is seen is found after these.
+    PLACING,
+    # What they need once a scene or picture.
+    LAYERS,
+    OCCLUSION_PICTURE,
+    LIGHTS,
+    SHADOW_MAPS,
+    LIGHT_PROFILES,
+    ENVIRONMENT,
+    BACKGROUND,
+    IRRADIANCE,
+    PREFILTERED_ENVIRONMENT,
+    RENDERED_ENVIRONMENT,
+    # Where fragments lie.
+    POSITIONS,
+    SHADOWS,
+    VIEW_DIRECTIONS,
+    DERIVATIVES,
+    TEXTURE_COORDINATES,
+    IMAGES,
+    MIP_MAPS,
+    PROCEDURES,
+    # What they are made of.
+    SLOTS,
+    PROJECTED_TEXTURES,
+    VERTEX_NORMALS,
+    NORMALS,
+    TANGENTS,
+    NORMAL_MAP,
+    # The light that leaves them.
+    UNLIT,
+    AMBIENT_OCCLUSION,
+    AMBIENT,
+    LAMBERT,
+    BLINN_PHONG,
+    METALLIC_ROUGHNESS,
+    LIGHT_MAP,
+    ENVIRONMENT_LIGHT,
+    REFRACTION,
+    REFLECTION,
+    EMISSION,
+    FOG,
+    TRANSPARENCY,
+    # In place of all that.
+    BUFFER,
+)

@@ -1,0 +1,68 @@
+"""All triangles of a picture in one list, object after object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray, IntArray
+
+# What is drawn of an object.
+SKIP, CULL_BACK, SHOW_BACK = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Triangles in world space.
+
+    Attributes
+    ----------
+    positions : (V, 3) float64
+    faces : (F, 3) int32
+        Front sides are counter-clockwise.
+    starts : (O + 1,) int64
+        Faces of object k are at starts[k] to starts[k + 1].
+    """
+
+    positions: FloatArray
+    faces: IntArray
+    starts: npt.NDArray[np.int64]
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @property
+    def n_objects(self) -> int:
+        """Number of objects."""
+        return len(self.starts) - 1
+
+
+def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
+    """Join the positions and faces of objects; those of a single one are shared, not copied."""
+    counts = [len(faces) for _, faces in parts]
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    if len(parts) == 1:
+        positions, faces = parts[0]
+    else:
+        positions = np.concatenate([positions for positions, _ in parts])
+        firsts = np.cumsum([0, *(len(positions) for positions, _ in parts[:-1])], dtype=np.int32)
+        faces = np.concatenate(
+            [faces + first for (_, faces), first in zip(parts, firsts, strict=True)]
+        )
+    return World(read_only(positions, np.float64), read_only(faces, np.int32), starts)
+
+
+def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
+    """Return an array as the kernels take all that they only read: contiguous, of one type.
+
+    numba compiles a kernel again for arrays that may be written to.
+    """
+    view = np.require(array, dtype, "C").view()
+    view.flags.writeable = False
+    return view

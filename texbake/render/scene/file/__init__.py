@@ -1,0 +1,1 @@
+"""Scene files: TOML, checked key by key, to a `Scene`."""

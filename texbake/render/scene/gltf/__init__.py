@@ -1,0 +1,1 @@
+"""Scenes of glTF files: what their materials, lights and cameras are here."""

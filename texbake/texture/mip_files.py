@@ -1,0 +1,189 @@
+"""Mip levels of an image as files, and the roughness that averaged normals stand for.
+
+Based on: Banerjee et al., "Clustering on the Unit Hypersphere using von Mises-Fisher
+Distributions", 2005, for the spread of directions whose mean has a length; Toksvig, "Mipmapping
+Normal Maps", 2005, for widening highlights by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.files import PathLike, check_folder, check_writable
+from texbake.texture.encoding import decode_normals, encode_normals
+from texbake.texture.image import Image, check_image_format, holds_floats, read_image
+from texbake.texture.image_files import bits_for, suffix_like, write_images
+from texbake.texture.mip_options import MipOptions
+from texbake.texture.mipmaps import mip_chain
+
+
+def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Put mip levels into one picture.
+
+    Parameters
+    ----------
+    levels : sequence of (H, W, C)
+        The finest first, each at most as wide and as high as the one before.
+
+    Returns
+    -------
+    (H, W, C)
+        The finest on the left, the others in a column on its right from the top down; 0 where
+        none is.
+
+    Examples
+    --------
+    >>> levels_picture([np.full((2, 2, 1), 5), np.full((1, 1, 1), 7)])[..., 0].tolist()
+    [[5, 5, 7], [5, 5, 0]]
+    """
+    first, *others = levels
+    height = max(first.shape[0], sum(level.shape[0] for level in others))
+    width = first.shape[1] + max((level.shape[1] for level in others), default=0)
+    picture = np.zeros((height, width, first.shape[2]), first.dtype)
+    picture[: first.shape[0], : first.shape[1]] = first
+    top = 0
+    for level in others:
+        bottom, right = top + level.shape[0], first.shape[1] + level.shape[1]
+        picture[top:bottom, first.shape[1] : right] = level
+        top = bottom
+    return picture
+
+
+def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    """Roughness of a surface whose unit normals have means of these lengths.
+
+    Parameters
+    ----------
+    lengths : (...) float32
+        1 where all normals agree, 0 where they point anywhere; clipped to that.
+
+    Returns
+    -------
+    (...) float32
+        From 0 to 1, as glTF has it: alpha = roughness². With kappa = (3 r - r³) / (1 - r²) of the
+        von Mises-Fisher distribution of mean length r, alpha² = 2 / kappa, at most 1.
+
+    Examples
+    --------
+    >>> [f"{roughness:.3f}" for roughness in roughness_of_lengths(np.array([1.0, 0.99, 0.0]))]
+    ['0.000', '0.376', '1.000']
+    """
+    r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
+    # 2 / kappa; at r = 0 it has no bound.
+    alpha_squared = 2 * (1 - r**2) / np.maximum(3 * r - r**3, np.finfo(np.float64).tiny)
+    return (np.minimum(alpha_squared, 1.0) ** 0.25).astype(np.float32)
+
+
+def write_mip_levels(
+    source: PathLike,
+    output: PathLike,
+    options: MipOptions | None = None,
+    *,
+    roughness: PathLike | None = None,
+    threads: int | None = None,
+) -> tuple[Path, ...]:
+    """Write all mip levels of an image, down to one texel.
+
+    Parameters
+    ----------
+    source
+        The image.
+    output
+        A folder, made if missing, for one file a level (`wood_0.png`, `wood_1.png` ...); or one
+        image for `levels_picture` of them.
+    options
+        None for the defaults of `MipOptions`.
+    roughness
+        Where to write, likewise, the roughness that averaged normals stand for.
+
+    Returns
+    -------
+    tuple of Path
+        The files that were written.
+
+    Raises
+    ------
+    OptionError
+        Roughness is asked for of what are no normals, or normals do not have three channels.
+    FileError
+        A file cannot be read, or one cannot be written.
+    """
+    options = options or MipOptions()
+    source, targets = Path(source), [Path(output)] + ([Path(roughness)] if roughness else [])
+    normals = options.kind == "normal"
+    if roughness is not None and not normals:
+        raise OptionError(f"roughness: only normals have one, and kind is {options.kind}")
+    for target in targets:
+        _check_target(target)
+    color = options.kind == "color"
+    image = read_image(source, color=color, threads=threads)
+    if normals and image.pixels.shape[2] < 3:
+        raise OptionError(f"kind: {source} has no three channels and so no normals; use data")
+    chain = mip_chain(
+        decode_normals(image.pixels) if normals else image.pixels,
+        kind=options.kind,
+        wrap=options.wrap,
+        filter=options.filter,
+        roughness=roughness is not None,
+        threads=threads,
+    )
+    levels = [chain.level(index) for index in range(chain.n_levels)]
+    images, bits = _images(levels, targets[0], source.stem, image, encoded=normals)
+    write_images(images, color=color, bits=bits, threads=threads)
+    written = list(images)
+    if roughness is not None:
+        rough = [roughness_of_lengths(level[..., 3:]) for level in levels]
+        images, bits = _images(rough, targets[1], f"{source.stem}_roughness", image)
+        write_images(images, color=False, bits=bits, threads=threads)
+        written += images
+    return tuple(written)
+
+
+def _check_target(target: Path) -> None:
+    if _is_folder(target):
+        check_folder(target)
+    else:
+        check_image_format(target)
+        check_writable(target)
+
+
+def _is_folder(target: Path) -> bool:
+    return target.is_dir() or not target.suffix
+
+
+def _images(
+    levels: Sequence[npt.NDArray[Any]],
+    target: Path,
+    stem: str,
+    source: Image,
+    *,
+    encoded: bool = False,
+) -> tuple[dict[Path, npt.NDArray[Any]], int | None]:
+    """What to write to which file, and the bits of a channel; normals are to be encoded."""
+    folder = _is_folder(target)
+    first = target / f"{stem}_0{suffix_like(source)}" if folder else target
+    bits = bits_for(first, levels[0], source)
+    if encoded:
+        bits = bits or check_image_format(first, color=True)
+        as_floats = 32 if holds_floats(first, bits) else bits
+        levels = [encode_normals(_unit(level[..., :3]), bits=as_floats) for level in levels]
+    if not folder:
+        return {target: levels_picture(levels)}, bits
+    files = [first.with_name(f"{stem}_{index}{first.suffix}") for index in range(len(levels))]
+    return dict(zip(files, levels, strict=True)), bits
+
+
+def _unit(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Mean normals at length 1; (0, 0, 1) where they cancel."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    lost = ~(lengths > 0)
+    unit: npt.NDArray[np.float32] = np.where(
+        lost, np.array([0, 0, 1], np.float32), vectors / np.where(lost, 1, lengths)
+    )
+    return unit

@@ -1,0 +1,288 @@
+"""An image with its smaller levels, down to one texel.
+
+A level has half the width and height of the one above it, rounded down. Where those are even, its
+texels are the means of two by two; where they are odd, a texel covers more than two of the level
+above in each direction, and the weights of those it shares with its neighbors differ from place to
+place. So no texel is left out, no level is shifted, and each has the mean of the image.
+
+Values must be linear; colors of any other coding come out too dark.
+
+Based on: Williams, "Pyramidal Parametrics", 1983; Guthe and Heckbert, "Non-Power-of-Two Mipmap
+Creation", NVIDIA, 2005, for the box filter of odd sizes; Toksvig, "Mipmapping Normal Maps", 2005,
+for the length of the mean normal. The Kaiser window is that of NVIDIA Texture Tools: six lobes of
+the sinc and a parameter of 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.kernels import kernel
+from texbake.parallel import run_bands
+from texbake.texture.lookup import MIRROR, REPEAT, wrap_code
+
+KINDS = ("color", "data", "normal")
+MIP_FILTERS = ("box", "kaiser")
+
+_KAISER_RADIUS = 3.0  # texels of the smaller level
+_KAISER_ALPHA = 4.0
+
+# Values a band: some milliseconds of work.
+_BAND_VALUES = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class MipChain:
+    """Levels of an image, the finest first.
+
+    Attributes
+    ----------
+    texels : (N, C) float32
+        All levels one after another, rows from the top. Read-only.
+    offsets : (L,) int64
+        Index of the first texel of each level.
+    sizes : (L, 2) int64
+        Height and width of each level.
+    """
+
+    texels: npt.NDArray[np.float32]
+    offsets: npt.NDArray[np.int64]
+    sizes: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for name in "texels", "offsets", "sizes":
+            array = getattr(self, name).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @property
+    def n_levels(self) -> int:
+        """Number of levels."""
+        return len(self.offsets)
+
+    @property
+    def n_channels(self) -> int:
+        """Channels of a texel."""
+        return int(self.texels.shape[1])
+
+    @property
+    def width(self) -> int:
+        """Texels along a row of the finest level."""
+        return int(self.sizes[0, 1])
+
+    @property
+    def height(self) -> int:
+        """Rows of the finest level."""
+        return int(self.sizes[0, 0])
+
+    def level(self, index: int) -> npt.NDArray[np.float32]:
+        """(H, W, C) values of one level; it shares the chain's memory."""
+        height, width = (int(size) for size in self.sizes[index])
+        first = int(self.offsets[index])
+        return self.texels[first : first + height * width].reshape(height, width, -1)
+
+
+def single_level(image: npt.NDArray[Any]) -> MipChain:
+    """Chain of one level, which shares the image's memory where that is contiguous float32.
+
+    Parameters
+    ----------
+    image : (H, W, C) float32
+
+    Raises
+    ------
+    OptionError
+        The image has no texel, or no axis for its channels.
+    """
+    image = _checked(image)
+    height, width, n_channels = image.shape
+    return MipChain(
+        image.reshape(-1, n_channels),
+        np.zeros(1, np.int64),
+        np.array([[height, width]], np.int64),
+    )
+
+
+def mip_chain(
+    image: npt.NDArray[Any],
+    *,
+    kind: str = "color",
+    wrap: str = "repeat",
+    filter: str = "box",  # noqa: A002  # what the field calls it
+    roughness: bool = False,
+    threads: int | None = None,
+) -> MipChain:
+    """Image with all its smaller levels, down to 1 x 1, for any size.
+
+    Parameters
+    ----------
+    image : (H, W, C) float32
+        Linear values.
+    kind
+        "color" or "data", whose values are averaged as they are, or "normal": unit vectors, whose
+        means get shorter where they differ, and are left so. The finest level is normalized first;
+        a vector without length stays 0.
+    wrap
+        What a filter that reaches over the border finds there: "repeat", "mirror" or "clamp"; with
+        "border" it is turned back as with "clamp". The box reaches over none.
+    filter
+        "box", the mean over the area of a texel, or "kaiser", a windowed sinc, which keeps distant
+        detail sharper and can overshoot the range of the image beside hard edges. With "box", and
+        with "kaiser" where an image of even size repeats, all levels have the mean of the image.
+    roughness
+        Of "normal": add one more channel, the length of the mean vector: 1 on the finest level, and
+        less where normals of different directions meet in one texel. Interpolated, it is not
+        shortened by the interpolation itself, as the vectors are.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    MipChain
+        A constant image is the same constant on all levels, exactly.
+
+    Raises
+    ------
+    OptionError
+        An option is unknown, or the image has no texel, or as a normal map not three channels.
+    """
+    image = _checked(image)
+    code = wrap_code(wrap)
+    for name, value, known in ("kind", kind, KINDS), ("filter", filter, MIP_FILTERS):
+        if value not in known:
+            raise OptionError(f"{name}: {value!r} is not known; it is one of {', '.join(known)}")
+    if roughness and kind != "normal":
+        raise OptionError(f"roughness: it is lost in normals, not in {kind}; give kind='normal'")
+    if kind == "normal":
+        image = _unit_vectors(image)
+    sizes = _level_sizes(*image.shape[:2])
+    ends = np.cumsum(sizes.prod(axis=1))
+    n_channels = image.shape[2]
+    texels = np.empty((int(ends[-1]), n_channels + roughness), np.float32)
+    texels[: ends[0], :n_channels] = image.reshape(-1, n_channels)
+    if roughness:
+        texels[: ends[0], n_channels] = np.linalg.norm(texels[: ends[0], :n_channels], axis=1)
+    chain = MipChain(texels, ends - sizes.prod(axis=1), sizes)
+    for index in range(1, len(sizes)):
+        smaller = texels[ends[index - 1] : ends[index]]
+        _reduce(chain.level(index - 1), smaller.reshape(*sizes[index], -1), filter, code, threads)
+        if roughness:
+            # Of the vector, which keeps the length over levels; not the mean of lengths.
+            smaller[:, n_channels] = np.linalg.norm(smaller[:, :n_channels], axis=1)
+    return chain
+
+
+def _checked(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    image = np.require(image, np.float32, "C")
+    if image.ndim != 3 or image.size == 0:
+        raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")
+    return image
+
+
+def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    if image.shape[2] != 3:
+        raise OptionError(f"image: {image.shape[2]} channels are no normals; they have 3")
+    lengths = np.linalg.norm(image, axis=2, keepdims=True)
+    vectors = np.zeros_like(image)
+    np.divide(image, lengths, out=vectors, where=lengths > 0.0)
+    return vectors
+
+
+def _level_sizes(height: int, width: int) -> npt.NDArray[np.int64]:
+    n_levels = max(height, width).bit_length()
+    return np.array(
+        [[max(height >> level, 1), max(width >> level, 1)] for level in range(n_levels)], np.int64
+    )
+
+
+def _taps(
+    size: int,
+    smaller: int,
+    filter: str,  # noqa: A002
+    wrap: int,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+    """Where the texels of a smaller level find their values along one axis, and with what weights.
+
+    Returns
+    -------
+    indices, weights : (smaller, T) int64 and float32
+        Weights sum to 1 but for rounding; the first index is always one of the nearest.
+    """
+    places = np.arange(smaller)[:, None]
+    if filter == "box" or size == smaller:
+        # A texel covers [i size, (i + 1) size) in units of 1 / smaller of a larger one.
+        indices = places * size // smaller + np.arange(-(-size // smaller) + 1)
+        covered = np.minimum((indices + 1) * smaller, (places + 1) * size)
+        covered -= np.maximum(indices * smaller, places * size)
+        weights = np.maximum(covered, 0) / size
+        kept = weights.any(axis=0)
+        return np.minimum(indices, size - 1)[:, kept], weights[:, kept].astype(np.float32)
+    ratio = size / smaller
+    centers = (places + 0.5) * ratio - 0.5
+    reach = int(np.ceil(_KAISER_RADIUS * ratio))
+    steps = np.arange(-reach, reach + 1)
+    indices = np.floor(centers).astype(np.int64) + steps[np.argsort(abs(steps), kind="stable")]
+    offsets = (indices - centers) / ratio
+    inside = np.maximum(1.0 - (offsets / _KAISER_RADIUS) ** 2, 0.0)
+    weights = np.sinc(offsets) * np.i0(_KAISER_ALPHA * np.sqrt(inside)) * (inside > 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return _wrapped_indices(indices, size, wrap), weights.astype(np.float32)
+
+
+def _wrapped_indices(indices: npt.NDArray[np.int64], size: int, wrap: int) -> npt.NDArray[np.int64]:
+    if wrap == REPEAT:
+        return indices % size
+    if wrap == MIRROR:
+        turned = indices % (2 * size)
+        return np.minimum(turned, 2 * size - 1 - turned)
+    return np.clip(indices, 0, size - 1)
+
+
+@kernel
+def _reduce_kernel(values, rows, row_weights, columns, column_weights, out, start, stop):  # type: ignore[no-untyped-def]
+    n_channels = out.shape[2]
+    n_values = values.shape[1]
+    line = np.empty(n_values, np.float32)
+    for row in range(start, stop):
+        # Differences from one of the texels, so that a constant stays exactly what it is.
+        base = rows[row, 0]
+        for k in range(n_values):
+            line[k] = values[base, k]
+        for tap in range(1, rows.shape[1]):
+            weight, other = row_weights[row, tap], rows[row, tap]
+            for k in range(n_values):
+                line[k] += weight * (values[other, k] - values[base, k])
+        for column in range(out.shape[1]):
+            first = columns[column, 0] * n_channels
+            for channel in range(n_channels):
+                value = line[first + channel]
+                total = value
+                for tap in range(1, columns.shape[1]):
+                    place = columns[column, tap] * n_channels + channel
+                    total += column_weights[column, tap] * (line[place] - value)
+                out[row, column, channel] = total
+
+
+def _reduce(
+    level: npt.NDArray[np.float32],
+    out: npt.NDArray[np.float32],
+    filter: str,  # noqa: A002
+    wrap: int,
+    threads: int | None,
+) -> None:
+    """Fill `out` (h, w, C), a smaller level of `level` (H, W, C)."""
+    height, width, n_channels = level.shape
+    values = level.reshape(height, width * n_channels)
+    rows, row_weights = _taps(height, out.shape[0], filter, wrap)
+    columns, column_weights = _taps(width, out.shape[1], filter, wrap)
+
+    def work(start: int, stop: int) -> None:
+        _reduce_kernel(values, rows, row_weights, columns, column_weights, out, start, stop)
+
+    band = max(1, _BAND_VALUES // values.shape[1])
+    run_bands(work, out.shape[0], band=band, threads=threads)

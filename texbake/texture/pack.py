@@ -1,0 +1,219 @@
+"""Several images in one, and meshes that find their own in it.
+
+Texels are copied one to one where there is room for them, so that a lookup in the packed image
+reads the same texels with the same weights as one in the image itself. Padding around each image
+carries that on to its border, where a lookup reads half a texel beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError, UvError
+from texbake.mapping.options.texture import MAX_SIZE
+from texbake.mesh.mesh import Mesh
+from texbake.texture.pack_options import PackOptions
+from texbake.texture.rectangles import Size, place_rectangles
+
+FloatImage = npt.NDArray[np.float32]
+
+# What float32 files leave of coordinates on the border of the unit square.
+_OUTSIDE = 1e-6
+
+# Halvings of the range in which the scale of images lies that do not fit: to within 1 in 4000.
+_SCALE_STEPS = 12
+
+_NP_PAD = {"clamp": "edge", "repeat": "wrap"}
+
+
+@dataclass(frozen=True)
+class PlacedImage:
+    """Where an image is: its left upper corner and its size, in texels, without padding."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, eq=False)
+class PackedTextures:
+    """Several images in one.
+
+    Attributes
+    ----------
+    pixels : (H, W, C) float32
+        0 where no image and no padding is.
+    places : tuple of PlacedImage
+    scale : float
+        What all images were made smaller by; 1 where texels are copies.
+    """
+
+    pixels: FloatImage
+    places: tuple[PlacedImage, ...]
+    scale: float
+
+    @property
+    def filled(self) -> float:
+        """Share of the texels that are an image's, without padding."""
+        return sum(place.width * place.height for place in self.places) / (
+            self.pixels.shape[0] * self.pixels.shape[1]
+        )
+
+    def remapped(self, mesh: Mesh, index: int) -> Mesh:
+        """Return a mesh with its texture coordinates moved to where its image is.
+
+        Parameters
+        ----------
+        mesh
+            With texture coordinates in the unit square of image `index`.
+        index
+
+        Raises
+        ------
+        UvError
+            The mesh has no texture coordinates, or some outside the unit square.
+        """
+        mesh.corner_uvs()  # raises where there are none
+        assert mesh.uvs is not None and mesh.uv_faces is not None
+        used = np.zeros(len(mesh.uvs), dtype=np.bool_)
+        used[mesh.uv_faces.ravel()] = True
+        outside = used & (np.abs(mesh.uvs - 0.5) > 0.5 + _OUTSIDE).any(axis=1)
+        if outside.any():
+            where = ", ".join(f"{value:g}" for value in mesh.uvs[outside.argmax()])
+            raise UvError(
+                f"{mesh.name}: {int(outside.sum()):,} of its texture coordinates lie outside the "
+                f"unit square, such as ({where}); a packed image cannot tile: "
+                f"make others with: texbake unwrap {mesh.name} -o OUT"
+            )
+        place = self.places[index]
+        height, width = self.pixels.shape[:2]
+        u, v = np.clip(mesh.uvs, 0.0, 1.0).T
+        bottom = height - place.top - place.height
+        uvs = np.stack(
+            [(place.left + u * place.width) / width, (bottom + v * place.height) / height], axis=1
+        )
+        return mesh.replace(uvs=uvs)
+
+
+def pack_textures(
+    images: Sequence[npt.NDArray[Any]], options: PackOptions | None = None
+) -> PackedTextures:
+    """Put several images into one.
+
+    Parameters
+    ----------
+    images : sequence of (H, W, C) float32
+        Linear; of 1 to 4 channels each. The result has as many as any of them needs: gray becomes
+        equal red, green and blue, and an image without opacity is opaque.
+    options
+        None for `PackOptions()`.
+
+    Raises
+    ------
+    OptionError
+        There is no image, an array is none, or there is no room even for single texels.
+
+    Examples
+    --------
+    >>> packed = pack_textures([np.ones((4, 4, 3)), np.zeros((2, 4, 1))], PackOptions(padding=0))
+    >>> packed.pixels.shape, packed.scale
+    ((8, 4, 3), 1.0)
+    """
+    options = options or PackOptions()
+    if not images:
+        raise OptionError("images: there is none to pack; give at least one")
+    for number, image in enumerate(images, start=1):
+        if image.ndim != 3 or image.size == 0 or image.shape[2] > 4:
+            raise OptionError(f"image {number}: the shape {image.shape} is not (H, W, 1 to 4)")
+    sizes = [(image.shape[1], image.shape[0]) for image in images]
+    width, height, scale, corners = _layout(sizes, options)
+    n_channels = _n_channels([image.shape[2] for image in images])
+    pixels = np.zeros((height, width, n_channels), np.float32)
+    pad = options.padding
+    places = []
+    for image, size, (left, top) in zip(images, sizes, corners, strict=True):
+        w, h = _scaled(size, scale)
+        texels = _resized(_with_channels(image, n_channels), w, h)
+        padded = np.pad(texels, ((pad, pad), (pad, pad), (0, 0)), _NP_PAD[options.edges])  # type: ignore[call-overload]
+        pixels[top : top + h + 2 * pad, left : left + w + 2 * pad] = padded
+        places.append(PlacedImage(left + pad, top + pad, w, h))
+    return PackedTextures(pixels, tuple(places), scale)
+
+
+def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, float, Sequence[Size]]:
+    """Width, height, scale and the left upper corners of the images with their padding."""
+    if options.sides is None:
+        for width, height in _bins():
+            corners = place_rectangles(_padded(sizes, 1.0, options.padding), width, height)
+            if corners is not None:
+                return width, height, 1.0, corners
+        width = height = MAX_SIZE
+    else:
+        width, height = options.sides
+    best, scale = None, 0.0
+    too_large = 1.0
+    corners = place_rectangles(_padded(sizes, 1.0, options.padding), width, height)
+    if corners is not None:
+        return width, height, 1.0, corners
+    for _ in range(_SCALE_STEPS):
+        middle = (scale + too_large) / 2.0
+        corners = place_rectangles(_padded(sizes, middle, options.padding), width, height)
+        if corners is None:
+            too_large = middle
+        else:
+            best, scale = corners, middle
+    if best is None:
+        raise OptionError(
+            f"size: {width} x {height} has no room for {len(sizes)} images with "
+            f"{options.padding} texels of padding; take a larger one or less padding"
+        )
+    return width, height, scale, best
+
+
+def _bins() -> list[Size]:
+    """Sides that are powers of two, at most twice as long as the other, by their area."""
+    powers = [1 << i for i in range(MAX_SIZE.bit_length())]
+    pairs = [(a, b) for a in powers for b in powers if a <= 2 * b and b <= 2 * a]
+    return sorted(pairs, key=lambda pair: (pair[0] * pair[1], pair[1]))
+
+
+def _scaled(size: Size, scale: float) -> Size:
+    return max(round(size[0] * scale), 1), max(round(size[1] * scale), 1)
+
+
+def _padded(sizes: Sequence[Size], scale: float, padding: int) -> list[Size]:
+    return [(w + 2 * padding, h + 2 * padding) for w, h in (_scaled(size, scale) for size in sizes)]
+
+
+def _n_channels(counts: Sequence[int]) -> int:
+    """Channels that hold images of so many: gray or colors, with opacity or without."""
+    colors = 3 if max(counts) > 2 else 1
+    return colors + int(any(count in (2, 4) for count in counts))
+
+
+def _with_channels(image: npt.NDArray[Any], n_channels: int) -> FloatImage:
+    n_colors = 3 if n_channels > 2 else 1
+    own_colors = 1 if image.shape[2] < 3 else 3
+    full = np.ones((*image.shape[:2], n_channels), np.float32)
+    full[..., :n_colors] = image[..., :own_colors]
+    if image.shape[2] > own_colors:
+        full[..., n_colors] = image[..., own_colors]
+    return full
+
+
+def _resized(image: FloatImage, width: int, height: int) -> FloatImage:
+    """Return an image made smaller by a triangle filter, which never rings."""
+    if image.shape[:2] == (height, width):
+        return image
+    import OpenImageIO as oiio  # noqa: N813
+
+    source = oiio.ImageBuf(np.ascontiguousarray(image))
+    roi = oiio.ROI(0, width, 0, height, 0, 1, 0, image.shape[2])
+    smaller = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=roi)
+    return np.asarray(smaller.get_pixels(oiio.FLOAT), np.float32).reshape(height, width, -1)

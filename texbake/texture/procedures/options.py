@@ -1,0 +1,173 @@
+"""Which procedures there are and what each of them takes, written once, without numpy.
+
+The command line and the reader of scene files take names, defaults and checks from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from numbers import Integral, Real
+from typing import Any
+
+from texbake.errors import OptionError
+
+WEIGHTS = ("cubic", "quintic")
+PROFILES = ("hard", "sine")
+FEATURES = ("f1", "f2-f1")
+
+# How octaves follow one another: each `lacunarity` times finer and `gain` times lower.
+_OCTAVES = {"octaves": 6, "lacunarity": 2.0, "gain": 0.5}
+
+# The procedures and their parameters; lengths in units of the points, angles in radians.
+PROCEDURE_DEFAULTS: dict[str, dict[str, Any]] = {
+    "checker": {"dimensions": None},
+    "stripes": {"profile": "hard", "width": 0.5, "direction": (1.0, 0.0, 0.0)},
+    "noise": {"weight": "cubic", "seed": 0},
+    "fractal": {**_OCTAVES, "weight": "cubic", "seed": 0},
+    "turbulence": {**_OCTAVES, "weight": "cubic", "seed": 0},
+    "marble": {
+        "frequency": 6.0,
+        "turbulence_frequency": 2.0,
+        "amount": 8.0,
+        "direction": (1.0, 0.0, 0.0),
+        **_OCTAVES,
+        "weight": "cubic",
+        "seed": 0,
+    },
+    "wood": {
+        "rings": 8.0,
+        "wobble": 1.5,
+        "grain": 0.25,
+        "axis": (0.0, 1.0, 0.0),
+        "weight": "cubic",
+        "seed": 0,
+    },
+    "granite": {
+        "frequency": 8.0,
+        "octaves": 4,
+        "lacunarity": 2.0,
+        "gain": 0.7,
+        "weight": "cubic",
+        "seed": 0,
+    },
+    "worley": {"feature": "f1", "jitter": 1.0, "dimensions": None, "seed": 0},
+}
+PROCEDURE_NAMES = tuple(PROCEDURE_DEFAULTS)
+# Those that have colors of their own; the others give one number.
+COLORED_PROCEDURES = ("marble", "wood", "granite")
+
+_CHOICES: dict[str, tuple[Any, ...]] = {
+    "weight": WEIGHTS,
+    "profile": PROFILES,
+    "feature": FEATURES,
+    "dimensions": (2, 3, None),
+}
+# Least and greatest value. Beyond 32 octaves of twice the frequency, float64 has no digits left
+# even next to the origin; the greatest frequencies keep every product finite.
+_WHOLE_RANGES = {"octaves": (1, 32)}
+_RANGES = {
+    "lacunarity": (1.0, 16.0),
+    "gain": (0.0, 1.0),
+    "jitter": (0.0, 1.0),
+    "frequency": (0.0, 1e6),
+    "turbulence_frequency": (0.0, 1e6),
+    "rings": (0.0, 1e6),
+    "amount": (0.0, 1e6),
+    "wobble": (0.0, 1e6),
+    "grain": (0.0, 1.0),
+}
+_INNER_RANGES = {"width": (0.0, 1.0)}
+_VECTORS = ("direction", "axis")
+
+
+def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Every parameter of a procedure: what is given, checked, and defaults for the rest.
+
+    Parameters
+    ----------
+    name
+        One of `PROCEDURE_NAMES`.
+    parameters
+        Some of the procedure's parameters.
+
+    Returns
+    -------
+    dict
+        Keys as in `PROCEDURE_DEFAULTS[name]`; vectors as tuples of floats, not normalized.
+
+    Raises
+    ------
+    OptionError
+        The procedure is not known, has no such parameter, or the parameter no such value.
+
+    Examples
+    --------
+    >>> checked_parameters("noise", {"seed": 4})
+    {'weight': 'cubic', 'seed': 4}
+    """
+    if name not in PROCEDURE_DEFAULTS:
+        raise OptionError(
+            f"procedure: {name!r} is not known; it is one of {', '.join(PROCEDURE_NAMES)}"
+        )
+    defaults = PROCEDURE_DEFAULTS[name]
+    full = dict(defaults)
+    for key, value in parameters.items():
+        if key not in defaults:
+            raise OptionError(
+                f"{name}.{key}: it is no parameter of {name}; those are {', '.join(defaults)}"
+            )
+        full[key] = _checked(f"{name}.{key}", key, value)
+    return full
+
+
+def _checked(where: str, key: str, value: Any) -> Any:
+    """Return the value of a parameter; parameters of one name mean the same everywhere."""
+    if key in _CHOICES:
+        choices = _CHOICES[key]
+        # Of the very type: 2.0 and True are equal to whole numbers, arrays to nothing.
+        if type(value) not in (str, int, type(None)) or value not in choices:
+            words = ", ".join(str(choice) for choice in choices if choice is not None)
+            raise OptionError(f"{where}: {value!r} is not known; give one of {words}")
+        return value
+    if key == "seed":
+        if isinstance(value, bool) or not isinstance(value, Integral):
+            raise OptionError(f"{where}: {value!r} is no whole number; give one such as 7")
+        return int(value)
+    if key in _VECTORS:
+        return _checked_direction(where, value)
+    return _checked_number(where, key, value)
+
+
+def _checked_number(where: str, key: str, value: Any) -> int | float:
+    if key in _WHOLE_RANGES:
+        least, greatest = _WHOLE_RANGES[key]
+        whole = isinstance(value, Integral) and not isinstance(value, bool)
+        if not (whole and least <= int(value) <= greatest):
+            raise OptionError(
+                f"{where}: {value!r} is not right; give a whole number from {least} to {greatest}"
+            )
+        return int(value)
+    inner = key in _INNER_RANGES
+    low, high = _INNER_RANGES[key] if inner else _RANGES[key]
+    # False also for what is not a number.
+    if not _is_real(value) or not (low < value < high if inner else low <= value <= high):
+        words = f"between {low:g} and {high:g}" if inner else f"from {low:g} to {high:g}"
+        raise OptionError(f"{where}: {value!r} is not right; give a number {words}")
+    return float(value)
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _checked_direction(where: str, value: Any) -> tuple[float, ...]:
+    if (
+        isinstance(value, str)
+        or not isinstance(value, Sequence)
+        or len(value) != 3
+        or not all(_is_real(number) and math.isfinite(number) for number in value)
+        or not 1e-100 < math.hypot(*value) < 1e100
+    ):
+        raise OptionError(f"{where}: {value!r} is no direction; give three numbers such as 1, 0, 0")
+    return tuple(float(number) for number in value)

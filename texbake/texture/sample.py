@@ -1,0 +1,273 @@
+"""Values of images at texture coordinates, by any filter.
+
+Each filter is a module with one kernel, compiled when it is first used:
+
+============  ==========================================  =======================================
+filter        reads                                       module
+============  ==========================================  =======================================
+nearest       one texel of the finest level               this one
+bilinear      four texels of the finest level             `trilinear`
+bicubic       sixteen texels of the finest level          `bicubic`
+trilinear     four texels of each of two levels           `trilinear`
+ewa           an ellipse of each of two levels            `ewa`
+supersampled  256 bilinear lookups in the finest level    `supersample`
+============  ==========================================  =======================================
+
+The last three need to know what a pixel covers, as the derivatives of the coordinates.
+
+Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.kernels import kernel
+from texbake.parallel import run_bands
+from texbake.texture.bicubic import bicubic_kernel
+from texbake.texture.ewa import WEIGHTS, ewa_kernel
+from texbake.texture.lookup import (
+    WRAPS,
+    border_values,
+    folded,
+    row_of_v,
+    texel_at,
+    wrap_code,
+)
+from texbake.texture.mipmaps import MipChain, mip_chain, single_level
+from texbake.texture.supersample import SAMPLES, supersampled_kernel
+from texbake.texture.trilinear import footprint_level, trilinear_kernel
+
+__all__ = [
+    "FILTERS",
+    "FILTERS_WITH_FOOTPRINT",
+    "WRAPS",
+    "mip_levels",
+    "sample",
+    "sample_texture",
+]
+
+FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
+FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
+
+# Lookups a band: some milliseconds of work.
+_BAND = 1 << 16
+
+_NO_DERIVATIVES = np.empty((0, 4), np.float32)
+_NO_DERIVATIVES.flags.writeable = False
+
+
+def sample(
+    chain: MipChain,
+    uvs: npt.NDArray[Any],
+    derivatives: npt.NDArray[Any] | None = None,
+    *,
+    filter: str = "trilinear",  # noqa: A002  # what the field calls it
+    wrap: str = "repeat",
+    border: npt.ArrayLike | None = None,
+    max_anisotropy: float = 16.0,
+    threads: int | None = None,
+) -> npt.NDArray[np.float32]:
+    """Values of an image at texture coordinates.
+
+    Parameters
+    ----------
+    chain : MipChain
+        Filters that read smaller levels use those that there are.
+    uvs : (n, 2) float64
+        Texture coordinates, v up. Whatever they are, no texel outside the image is read; one that
+        is not a number counts as 0, and so does an infinite one that repeats or is mirrored.
+    derivatives : (n, 4) float32, optional
+        du/dx, dv/dx, du/dy, dv/dy: by how much coordinates grow for one pixel to the right, then
+        for one down. Needed by `trilinear`, `ewa` and `supersampled`. In the first two, what is not
+        a number counts as no change and infinite change reads the last level.
+    filter
+        `nearest`, `bilinear`, `bicubic`, `trilinear`, `ewa`, or `supersampled`, the slow reference.
+    wrap
+        What lies outside the unit square: `repeat`, `mirror`, `clamp` or `border`.
+    border : float or (C,), optional
+        Values of the border; 0 if not given.
+    max_anisotropy
+        Of `ewa`: ratio of the ellipse's axes beyond which the minor is lengthened, which bounds the
+        time of a lookup.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (n, C) float32
+        Of a constant image, exactly the constant, wherever no border is read.
+
+    Raises
+    ------
+    OptionError
+        An option is unknown or out of range, an array has another shape, or derivatives are
+        missing.
+    """
+    if filter not in FILTERS:
+        raise OptionError(f"filter: {filter!r} is not known; it is one of {', '.join(FILTERS)}")
+    code = wrap_code(wrap)
+    if not max_anisotropy >= 1.0:
+        raise OptionError(f"max_anisotropy: {max_anisotropy} is too small; it must be at least 1")
+    uvs = _readable(uvs, np.float64, 2, "uvs")
+    changes = _NO_DERIVATIVES
+    if filter in FILTERS_WITH_FOOTPRINT:
+        if derivatives is None:
+            raise OptionError(f"derivatives: {filter} filtering needs them; give them or bilinear")
+        changes = _readable(derivatives, np.float32, 4, "derivatives")
+        if len(changes) != len(uvs):
+            raise OptionError(f"derivatives: {len(changes)} rows for {len(uvs)} coordinates")
+    outside = border_values(border, chain.n_channels)
+    out = np.empty((len(uvs), chain.n_channels), np.float32)
+    levels = chain.texels, chain.offsets, chain.sizes
+
+    def work(start: int, stop: int) -> None:
+        rows = out, start, stop
+        if filter == "nearest":
+            _nearest_kernel(*levels, uvs, code, outside, *rows)
+        elif filter == "bicubic":
+            bicubic_kernel(*levels, uvs, code, outside, *rows)
+        elif filter == "ewa":
+            bound = float(max_anisotropy)
+            ewa_kernel(*levels, uvs, changes, bound, code, outside, WEIGHTS, *rows)
+        elif filter == "supersampled":
+            supersampled_kernel(*levels, uvs, changes, SAMPLES, code, outside, *rows)
+        else:
+            trilinear_kernel(*levels, uvs, changes, code, outside, *rows)
+
+    run_bands(work, len(uvs), band=_BAND, threads=threads)
+    return out
+
+
+def sample_texture(
+    texture: MipChain | npt.NDArray[Any],
+    uvs: npt.NDArray[Any],
+    derivatives: npt.NDArray[Any] | None = None,
+    *,
+    filter: str = "bilinear",  # noqa: A002
+    wrap: str = "repeat",
+    border: npt.ArrayLike | None = None,
+    max_anisotropy: float = 16.0,
+    threads: int | None = None,
+) -> npt.NDArray[np.float32]:
+    """Values of an image, or of its mip levels, at texture coordinates of any shape.
+
+    Parameters
+    ----------
+    texture : (H, W, C) float32 or MipChain
+        Linear values. Mip levels that the filter reads are made of an image; make them once with
+        `mip_chain` for several calls.
+    uvs : (..., 2) float64
+        Texture coordinates, v up.
+    derivatives : (..., 4) float32, optional
+        du/dx, dv/dx, du/dy, dv/dy, as for `sample`, which the other parameters are also as for.
+
+    Returns
+    -------
+    (..., C) float32
+
+    Raises
+    ------
+    OptionError
+        As `sample`.
+
+    Examples
+    --------
+    >>> image = np.array([[[0.0], [1.0]]], np.float32)
+    >>> sample_texture(image, np.array([[0.25, 0.5], [0.5, 0.5]])).ravel().tolist()
+    [0.0, 0.5]
+    """
+    if not isinstance(texture, MipChain):
+        wanted = filter in ("trilinear", "ewa")
+        texture = (
+            mip_chain(texture, wrap=wrap, threads=threads) if wanted else single_level(texture)
+        )
+    uvs = np.asarray(uvs)
+    if uvs.ndim == 0 or uvs.shape[-1] != 2:
+        raise OptionError(f"uvs: the shape {uvs.shape} is not (..., 2)")
+    if derivatives is not None:
+        derivatives = np.asarray(derivatives)
+        if derivatives.shape != (*uvs.shape[:-1], 4):
+            raise OptionError(
+                f"derivatives: the shape {derivatives.shape} is not {(*uvs.shape[:-1], 4)}"
+            )
+        derivatives = derivatives.reshape(-1, 4)
+    values = sample(
+        texture, uvs.reshape(-1, 2), derivatives, filter=filter, wrap=wrap, border=border,
+        max_anisotropy=max_anisotropy, threads=threads,
+    )  # fmt: skip
+    return values.reshape(*uvs.shape[:-1], texture.n_channels)
+
+
+def mip_levels(
+    derivatives: npt.NDArray[Any], width: int, height: int, *, threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """Mip level whose texels are as large as a pixel, as `trilinear` filtering finds it.
+
+    Parameters
+    ----------
+    derivatives : (n, 4) float32
+        du/dx, dv/dx, du/dy, dv/dy.
+    width, height
+        Of the finest level, in texels.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (n,) float32
+        log2 of the longer step on the texture that one pixel makes, in texels. Not limited to the
+        levels of an image: negative where it is magnified, minus infinity where coordinates do not
+        change.
+
+    Raises
+    ------
+    OptionError
+        The derivatives have another shape.
+    """
+    changes = _readable(derivatives, np.float32, 4, "derivatives")
+    out = np.empty(len(changes), np.float32)
+    size = np.float32(width), np.float32(height)
+
+    def work(start: int, stop: int) -> None:
+        _levels_kernel(changes, *size, out, start, stop)
+
+    run_bands(work, len(changes), band=_BAND, threads=threads)
+    return out
+
+
+def _readable(values: npt.NDArray[Any], dtype: Any, columns: int, name: str) -> npt.NDArray[Any]:
+    """Values as a contiguous array, read-only, so that kernels have one signature."""
+    array = np.require(values, dtype, "C").view()
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise OptionError(f"{name}: the shape {array.shape} is not (n, {columns})")
+    array.flags.writeable = False
+    return array
+
+
+@kernel
+def _nearest_kernel(texels, offsets, sizes, uvs, wrap, border, out, start, stop):  # type: ignore[no-untyped-def]
+    height, width = sizes[0]
+    for i in range(start, stop):
+        column, row = _texel_of(folded(uvs[i, 0], wrap), folded(uvs[i, 1], wrap), width, height)
+        index = texel_at(column, row, width, height, wrap)
+        for channel in range(texels.shape[1]):
+            out[i, channel] = texels[index, channel] if index >= 0 else border[channel]
+
+
+@kernel
+def _texel_of(u, v, width, height):  # type: ignore[no-untyped-def]
+    """Column and row that hold a coordinate; a texel holds its left and its lower edge."""
+    column = int(np.floor(min(max(u * width, -1.0), float(width))))
+    row = int(np.ceil(min(max(row_of_v(v, height), 0.0), height + 1.0))) - 1
+    return column, row
+
+
+@kernel
+def _levels_kernel(derivatives, width, height, out, start, stop):  # type: ignore[no-untyped-def]
+    for i in range(start, stop):
+        out[i] = footprint_level(derivatives[i], width, height)
