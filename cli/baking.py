@@ -91,7 +91,7 @@ def _check_outputs(
     options: BakeOptions,
 ) -> None:
     from texbake.bake.maps import MAPS
-    from texbake.texture.image import check_image_format
+    from texbake.texture.image_formats import check_image_format
 
     for name, path in files.items():
         check_image_format(path, options.bits, channels=MAPS[name].channels, lossless=True)

@@ -33,7 +33,7 @@ def bake_light_to_files(
         `size`, `samples`, `bits`, `padding`, `fill` and `threads` of `BakeOptions`.
     """
     options = BakeOptions(**choices)
-    from texbake.texture.image import check_image_format
+    from texbake.texture.image_formats import check_image_format
 
     check_image_format(folder / f"map.{suffix}", options.bits, color=True, channels=3)
     check_folder(folder)

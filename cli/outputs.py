@@ -15,7 +15,7 @@ from .options import WRITABLE_MESH_SUFFIXES
 def check_picture(path: Path | None) -> None:
     """Raise if an 8-bit picture could not be written; None is fine."""
     if path is not None:
-        from texbake.texture.image import check_image_format
+        from texbake.texture.image_formats import check_image_format
 
         check_image_format(path, color=True, channels=3)
         check_writable(path)

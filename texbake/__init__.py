@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from texbake.bake.options import BakeOptions
     from texbake.bake.report import BakeReport
     from texbake.bake.result import BakeResult
+    from texbake.bake.texture.camera import PhotoCamera
+    from texbake.bake.texture.options import PhotoOptions, SolidOptions
+    from texbake.bake.texture.photo import Photo
+    from texbake.bake.texture.photos import bake_photos
+    from texbake.bake.texture.result import TextureBake, TextureReport
+    from texbake.bake.texture.solid import bake_solid
     from texbake.errors import (
         CageError,
         DependencyError,
@@ -83,7 +89,19 @@ if TYPE_CHECKING:
     from texbake.render.scene.scene import Scene, SceneObject, View
     from texbake.render.scene.textures import ImageTexture, ProcedureTexture
     from texbake.texture.checker import checker_image
+    from texbake.texture.cube_lookup import sample_cube
+    from texbake.texture.cube_map import CubeMap
+    from texbake.texture.height_options import HeightToNormalOptions, NormalToHeightOptions
+    from texbake.texture.height_to_normal import height_to_normal
     from texbake.texture.image import Image, read_image, write_image
+    from texbake.texture.latitude_longitude import from_latitude_longitude, to_latitude_longitude
+    from texbake.texture.mipmaps import MipChain, mip_chain
+    from texbake.texture.normal_to_height import HeightField, normal_to_height
+    from texbake.texture.pack import PackedTextures, pack_textures
+    from texbake.texture.pack_options import PackOptions
+    from texbake.texture.ramp import ramp_lookup
+    from texbake.texture.sample import sample_texture
+    from texbake.texture.volume import volume_lookup
 
 # The public names of each module.
 _NAMES = {
@@ -158,6 +176,45 @@ _NAMES = {
     ),
     "texbake.render.camera": ("Camera",),
     "texbake.render.plan.plan": ("Plan",),
+    "texbake.texture.sample": ("sample_texture",),
+    "texbake.texture.mipmaps": (
+        "MipChain",
+        "mip_chain",
+    ),
+    "texbake.texture.cube_map": ("CubeMap",),
+    "texbake.texture.cube_lookup": ("sample_cube",),
+    "texbake.texture.latitude_longitude": (
+        "from_latitude_longitude",
+        "to_latitude_longitude",
+    ),
+    "texbake.texture.ramp": ("ramp_lookup",),
+    "texbake.texture.volume": ("volume_lookup",),
+    "texbake.bake.texture.camera": ("PhotoCamera",),
+    "texbake.bake.texture.options": (
+        "PhotoOptions",
+        "SolidOptions",
+    ),
+    "texbake.bake.texture.photo": ("Photo",),
+    "texbake.bake.texture.photos": ("bake_photos",),
+    "texbake.bake.texture.result": (
+        "TextureBake",
+        "TextureReport",
+    ),
+    "texbake.bake.texture.solid": ("bake_solid",),
+    "texbake.texture.height_options": (
+        "HeightToNormalOptions",
+        "NormalToHeightOptions",
+    ),
+    "texbake.texture.height_to_normal": ("height_to_normal",),
+    "texbake.texture.normal_to_height": (
+        "HeightField",
+        "normal_to_height",
+    ),
+    "texbake.texture.pack": (
+        "PackedTextures",
+        "pack_textures",
+    ),
+    "texbake.texture.pack_options": ("PackOptions",),
     "texbake.texture.checker": ("checker_image",),
     "texbake.texture.image": ("Image", "read_image", "write_image"),
 }
@@ -175,6 +232,7 @@ __all__ = [
     "Camera",
     "Closeness",
     "Comparison",
+    "CubeMap",
     "DemoOptions",
     "DependencyError",
     "Displacement",
@@ -184,6 +242,8 @@ __all__ = [
     "FileFormatError",
     "Fog",
     "Frame",
+    "HeightField",
+    "HeightToNormalOptions",
     "Image",
     "ImageTexture",
     "Light",
@@ -193,10 +253,17 @@ __all__ = [
     "Mesh",
     "MeshError",
     "MeshInfo",
+    "MipChain",
     "MissError",
     "NormalMap",
+    "NormalToHeightOptions",
     "OptionError",
+    "PackOptions",
+    "PackedTextures",
     "Parallax",
+    "Photo",
+    "PhotoCamera",
+    "PhotoOptions",
     "Plan",
     "ProcedureTexture",
     "ProjectedTexture",
@@ -209,8 +276,11 @@ __all__ = [
     "SceneObject",
     "Shadow",
     "SimplifyReport",
+    "SolidOptions",
     "SurfaceDistance",
     "TexbakeError",
+    "TextureBake",
+    "TextureReport",
     "UnwrapError",
     "UnwrapOptions",
     "UnwrapReport",
@@ -219,16 +289,24 @@ __all__ = [
     "WrittenMap",
     "__version__",
     "bake",
+    "bake_photos",
+    "bake_solid",
     "checker_image",
     "compare",
     "corner_tangents",
     "demo",
     "distortion",
     "draw_layout",
+    "from_latitude_longitude",
+    "height_to_normal",
     "layout_svg",
     "make",
     "mesh_info",
+    "mip_chain",
+    "normal_to_height",
+    "pack_textures",
     "plan_scene",
+    "ramp_lookup",
     "read_image",
     "read_mesh",
     "read_scene",
@@ -237,12 +315,16 @@ __all__ = [
     "render_checker",
     "render_scene",
     "run",
+    "sample_cube",
+    "sample_texture",
     "simplify",
     "simplify_with_report",
     "surface_distance",
+    "to_latitude_longitude",
     "unwrap",
     "unwrap_together",
     "unwrap_with_report",
+    "volume_lookup",
     "write_image",
     "write_layout",
     "write_mesh",

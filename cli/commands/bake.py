@@ -103,4 +103,4 @@ def _check_light(context: click.Context, scene: Path | None, maps: tuple[str, ..
         given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
         if given and name not in _OF_LIGHT:
             called = parameter.opts[0] if isinstance(parameter, click.Option) else name.upper()
-            raise click.UsageError(f"{called} has no meaning for --maps {LIGHT_MAP}", context)
+            raise click.UsageError(f"--maps {LIGHT_MAP} does not take {called}", context)

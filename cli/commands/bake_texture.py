@@ -161,7 +161,7 @@ def bake_texture(
     check_report(report)
     import texbake
     from texbake.pipeline.report import write_report
-    from texbake.texture.image import check_image_format
+    from texbake.texture.image_formats import check_image_format
 
     check_image_format(output, bits, color=not data)
     with terminal.progress() as progress:

@@ -88,7 +88,7 @@ def height_to_normal(
     check_writable(output)
     import texbake
     from texbake.texture.height_to_normal import height_scale
-    from texbake.texture.image import check_image_format
+    from texbake.texture.image_formats import check_image_format
     from texbake.texture.map_files import write_normals
 
     check_image_format(output, bits, channels=3, lossless=True)

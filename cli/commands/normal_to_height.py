@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from texbake.files import check_writable
-from texbake.texture.height_options import METHODS, WRAPS, NormalToHeightOptions
+from texbake.texture.height_options import CONVENTIONS, METHODS, WRAPS, NormalToHeightOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, number_option, output_file, threads_option
 from ..outputs import check_distinct
@@ -39,6 +39,12 @@ from ..types import FileOf
     "W",
     "How wide the image is, in the unit that heights come in.",
 )
+@choice_option(
+    "--convention",
+    CONVENTIONS,
+    NormalToHeightOptions.convention,
+    "Green channel: +Y up or down.  [default: what the file says of itself, else opengl]",
+)
 @number_option(
     "--bits",
     int,
@@ -54,6 +60,7 @@ def normal_to_height(
     method: str,
     wrap: str,
     width: float,
+    convention: str | None,
     bits: int | None,
     threads: int | None,
     terminal: Terminal,
@@ -62,11 +69,11 @@ def normal_to_height(
 
     Their mean is 0, since normals do not tell it. The file says their scale.
     """
-    options = NormalToHeightOptions(method=method, wrap=wrap, width=width)
+    options = NormalToHeightOptions(method=method, wrap=wrap, width=width, convention=convention)
     check_distinct([output], [normal])
     check_writable(output)
     import texbake
-    from texbake.texture.image import check_image_format
+    from texbake.texture.image_formats import check_image_format
     from texbake.texture.map_files import write_heights
 
     check_image_format(output, bits, channels=1, lossless=True)

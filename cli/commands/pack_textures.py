@@ -86,8 +86,8 @@ def pack_textures(
     check_distinct([output, *targets], [*images, *meshes])
     check_writable(output)
     import texbake
-    from texbake.texture.image import check_image_format
     from texbake.texture.image_files import bits_for
+    from texbake.texture.image_formats import check_image_format
 
     check_image_format(output, color=not data)
     with terminal.progress() as progress:

@@ -20,7 +20,7 @@ from texbake import (
     write_mesh,
 )
 from texbake.mesh.shapes import cube
-from texbake.texture.image import check_image_format
+from texbake.texture.image_formats import check_image_format
 
 
 def parsed(line: str) -> dict[str, Any]:

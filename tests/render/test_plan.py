@@ -5,16 +5,15 @@ import sys
 import threading
 import types
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.render.camera import Camera
 from texbake.render.draw import draw, plan_of, prepare
-from texbake.render.effects import EFFECTS
+from texbake.render.effects import EFFECTS, images
 from texbake.render.options import RenderOptions
 from texbake.render.plan.effect import Call, Effect, Refusal, only_when_needed
 from texbake.render.plan.plan import compile_plan
@@ -96,7 +95,6 @@ class Case:
     options: RenderOptions = SMALL
     unwanted_options: RenderOptions = SMALL
     always: str = ""
-    hooks_not_run: Collection[str] = field(default=())
 
 
 def lit(*lights, **fields):
@@ -108,9 +106,7 @@ DARK_CORNERS = Case(
     wanted=scene(lambert(), lighting=OCCLUDED),
     unwanted=scene(lambert(), lighting=replace(OCCLUDED, ambient=Ambient())),
 )
-GLASS = Case(
-    wanted=scene(unlit(), unlit(opacity=0.5)), unwanted=scene(unlit(), unlit(opacity=1.0))
-)
+GLASS = Case(wanted=scene(unlit(), unlit(opacity=0.5)), unwanted=scene(unlit(), unlit(opacity=1.0)))
 SHADOWED = Case(
     wanted=scene(lambert(), lambert(), lighting=lit(replace(SUN, shadow=Shadow(size=32)))),
     unwanted=scene(lambert(), lambert(), lighting=lit(SUN)),
@@ -233,9 +229,7 @@ CASES: dict[str, Case] = {
         wanted=scene(lambert(), lighting=Lighting(ambient=Ambient(color=(1, 1, 1)))),
         unwanted=scene(lambert(), lighting=lit(SUN)),
     ),
-    "light map": Case(
-        wanted=scene(lambert(light_map=0.5)), unwanted=scene(unlit(light_map=0.5))
-    ),
+    "light map": Case(wanted=scene(lambert(light_map=0.5)), unwanted=scene(unlit(light_map=0.5))),
     "emission": Case(wanted=scene(lambert(emission=(1, 1, 1))), unwanted=scene(lambert())),
     "refraction": Case(
         wanted=scene(unlit(refraction=Refraction())),
@@ -245,9 +239,7 @@ CASES: dict[str, Case] = {
         wanted=scene(unlit(reflection=Reflection())),
         unwanted=scene(unlit(refraction=Refraction())),
     ),
-    "fog": Case(
-        wanted=scene(unlit(), lighting=Lighting(fog=Fog())), unwanted=scene(unlit())
-    ),
+    "fog": Case(wanted=scene(unlit(), lighting=Lighting(fog=Fog())), unwanted=scene(unlit())),
     "buffer": Case(
         wanted=scene(unlit()), unwanted=scene(unlit()), options=replace(SMALL, buffer="depth")
     ),
@@ -324,13 +316,14 @@ def functions_of(module: str) -> set[types.CodeType]:
 
 
 def module_of(effect: Effect) -> str:
-    """Module that defines an effect, by where it stands."""
-    for name, module in sys.modules.items():
-        if name.startswith("texbake.render.effects.") and effect in vars(module).values():
-            hooks = [getattr(effect, hook) for hook in (*HOOKS, "called_for")]
-            if any(hook is not None and hook.__module__ == name for hook in hooks):
-                return name
-    raise AssertionError(f"{effect.name} is in no module of effects")
+    """Name of the one module that an effect stands in."""
+    (name,) = (
+        name
+        for name, module in sys.modules.items()
+        if name.startswith("texbake.render.effects.")
+        and any(thing is effect for thing in vars(module).values())
+    )
+    return name
 
 
 def reached(functions: Collection[Callable]) -> set[types.CodeType]:
@@ -353,6 +346,7 @@ def reached(functions: Collection[Callable]) -> set[types.CodeType]:
         named = [function.__globals__.get(name) for part in parts for name in part.co_names]
         named += [cell.cell_contents for cell in function.__closure__ or ()]
         for thing in named:
+            thing = getattr(thing, "py_func", thing)  # of a kernel, whose calls are seen too
             if isinstance(thing, type) and thing.__module__.startswith("texbake.render."):
                 members = [getattr(item, "fget", item) for item in vars(thing).values()]
                 waiting += [item for item in members if isinstance(item, types.FunctionType)]
@@ -404,3 +398,213 @@ def test_what_nothing_calls_for_runs_no_line_of_its_module(effect):
     ]
     assert len(ran & {place(code) for code in reached(others)}) > 0  # other threads are watched
     assert ran & own <= asking | {place(code) for code in reached(others)}
+
+
+def watching(scene_effects=EFFECTS):
+    """Effects with one more at the end, which keeps what fragments are shaded."""
+    kept = []
+    probe = Effect(
+        name="probe",
+        does="looks",
+        called_for=lambda question: [Call(i, "the test", "it looks") for i in question.shaded],
+        left_out="nothing is shaded",
+        shade=lambda fragments, picture: kept.append(fragments),
+    )
+    return (*scene_effects, probe), kept
+
+
+@pytest.mark.parametrize("filter_name", ["nearest", "bilinear", "bicubic"])
+def test_a_lookup_without_footprint_has_no_mip_levels_and_no_derivatives(filter_name, monkeypatch):
+    def fail(*arguments, **named):
+        raise AssertionError("a mip chain was made")
+
+    monkeypatch.setattr(images, "mip_chain", fail)
+    textured = scene(unlit(base_color=picture(filter=filter_name)))
+    effects, kept = watching()
+    frame = drawn(textured, SMALL, effects)
+    assert not frame.plan.has("mip maps") and not frame.plan.has("derivatives")
+    assert len(kept) > 0
+    assert all(len(item.changes) == 0 and len(item.uv_changes) == 0 for item in kept)
+    # The options' filter goes before the texture's own, both ways.
+    trilinear = scene(unlit(base_color=picture(filter="trilinear")))
+    assert not drawn(trilinear, replace(SMALL, filter=filter_name)).plan.has("mip maps")
+    with pytest.raises(AssertionError, match="a mip chain was made"):
+        drawn(textured, replace(SMALL, filter="ewa"))
+
+
+@pytest.mark.parametrize(
+    ("texture", "wanted"),
+    [
+        (ProcedureTexture(procedure="checker"), True),
+        (ProcedureTexture(procedure="checker", filtered=False), False),
+        (picture(filter="trilinear"), True),
+        (picture(filter="nearest"), False),
+        ((0.1, 0.2, 0.3), False),
+    ],
+)
+def test_derivatives_are_found_only_for_what_is_filtered_over_the_pixel(texture, wanted):
+    effects, kept = watching()
+    frame = drawn(scene(unlit(base_color=texture)), SMALL, effects)
+    assert frame.plan.has("derivatives") == wanted
+    assert [len(item.changes) > 0 for item in kept] == [wanted] * len(kept) and kept
+
+
+def entered_by(the_scene, options=SMALL):
+    copies, entered = counted(EFFECTS)
+    frame = drawn(the_scene, options, copies)
+    return frame, set(entered)
+
+
+def with_item(the_scene, index, **changes):
+    objects = list(the_scene.objects)
+    objects[index] = replace(objects[index], **changes)
+    return replace(the_scene, objects=tuple(objects))
+
+
+def far_away():
+    matrix = np.eye(4)
+    matrix[0, 3] = 1e4
+    return matrix
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda s: with_item(s, 0, receives_shadows=False),
+        lambda s: with_item(with_item(s, 0, casts_shadows=False), 1, casts_shadows=False),
+        lambda s: with_item(s, 0, material=unlit()),
+        lambda s: with_item(s, 0, transform=far_away()),
+        lambda s: with_item(s, 1, transform=far_away()),
+        lambda s: with_item(s, 0, visible=False),
+        lambda s: replace(s, lighting=lit(replace(SUN, intensity=0.0, shadow=Shadow()))),
+        lambda s: replace(s, lighting=lit(SUN)),
+    ],
+    ids=[
+        "nothing receives", "nothing casts", "receiver unlit", "receiver out of the picture",
+        "caster beside", "receiver invisible", "dark light", "light casts none",
+    ],
+)  # fmt: skip
+def test_no_shadow_map_is_made_whose_shadows_fall_on_nothing_seen(changed):
+    # The plane in front casts on the one behind and, flat as it is, never on itself.
+    shadowed = scene(lambert(), lambert(), lighting=lit(replace(SUN, shadow=Shadow(size=32))))
+    shadowed = with_item(shadowed, 1, receives_shadows=False)
+    frame, entered = entered_by(shadowed)
+    assert ("shadow maps", "prepare") in entered and ("shadow maps", "dim") in entered
+    frame, entered = entered_by(changed(shadowed))
+    assert not entered & {("shadow maps", "prepare"), ("shadow maps", "dim")}
+    assert not frame.plan.has("shadow maps") or frame.costs.by_name["shadow maps"].skipped
+    assert frame.plan.has("shadow maps") or reasons(frame.plan, "shadow maps")
+
+
+def test_no_environment_is_rendered_without_a_reflector_in_view():
+    mirror = unlit(reflection=Reflection(environment="rendered", size=4))
+    both = scene(unlit(), mirror)
+    frame, entered = entered_by(both)
+    assert ("rendered environment", "load") in entered
+    # Out of the picture: it is not even planned.
+    frame, entered = entered_by(with_item(both, 1, transform=far_away()))
+    assert not frame.plan.has("rendered environment")
+    # Behind another surface: planned, and dropped once that is known.
+    hidden = scene(mirror, unlit())
+    options = replace(SMALL, view=(0.0, 0.0))
+    front = with_item(hidden, 1, mesh=plane().replace(positions=plane().positions * 3 - (1, 1, 0)))
+    frame, entered = entered_by(front, options)
+    assert frame.plan.has("rendered environment")
+    assert not entered & {("rendered environment", hook) for hook in ("load", "prepare")}
+    assert frame.costs.by_name["rendered environment"].skipped == "not in the picture"
+    # A lone mirror has nothing to show.
+    frame, entered = entered_by(scene(mirror))
+    assert reasons(frame.plan, "rendered environment") == [
+        "there is nothing else that it could show"
+    ]
+
+
+@pytest.mark.parametrize("mesh", [plane(), cube(), uv_sphere(8, 16)])
+def test_one_fragment_is_shaded_a_pixel_where_there_is_no_edge(mesh):
+    options = RenderOptions(width=48, height=40, supersampling=4, view=(30.0, 20.0))
+    effects, kept = watching()
+    the_scene = Scene(objects=(SceneObject(mesh=mesh, material=unlit()),))
+    camera = Camera.framing(mesh, options=options)
+    frame = draw(prepare(the_scene, options, effects=effects), camera)
+    samples = frame._visibility.face_ids.reshape(40, 4, 48, 4).swapaxes(1, 2).reshape(-1, 16)
+    triangles = [set(ids[ids >= 0]) for ids in samples]
+    pixels = np.concatenate([item.pixels for item in kept])
+    shaded = np.bincount(pixels, minlength=48 * 40)
+    np.testing.assert_array_equal(shaded, [len(ids) for ids in triangles])
+    assert (shaded == 1).sum() > 200
+    # Each for the share of the pixel that it is seen in.
+    assert sum(item.counts.sum() for item in kept) == (samples >= 0).sum()
+    kept.clear()
+    draw(prepare(the_scene, replace(options, edges="supersample"), effects=effects), camera)
+    assert sum(len(item) for item in kept) == (samples >= 0).sum()
+
+
+def test_what_is_unlit_or_out_of_the_picture_calls_for_hardly_anything():
+    plan = plan_of(prepare(scene(unlit())), camera_for(SMALL))
+    assert [item.name for item in plan.passes] == ["placing", "slots", "unlit"]
+    away = with_item(scene(Material(), lighting=lit(SUN)), 0, transform=far_away())
+    plan = plan_of(prepare(away), camera_for(SMALL))
+    assert [item.name for item in plan.passes] == ["placing"]
+
+
+def test_each_call_names_who_asks_and_each_need_for_what():
+    the_scene = scene(lambert(normal_map=normals()), unlit(), lighting=lit(SUN))
+    plan = plan_of(prepare(the_scene, SMALL), camera_for(SMALL))
+    calls = {item.name: item.calls for item in plan.passes}
+    assert calls["normal map"] == (
+        Call(0, 'object "item 0"', "its material has a normal map"),
+        Call(0, 'object "item 0"', "for lambert"),
+    )
+    assert calls["tangents"] == (Call(0, 'object "item 0"', "for normal map"),)
+    assert calls["unlit"] == (Call(1, 'object "item 1"', "its shading is unlit"),)
+    assert [effect.name for effect in plan.for_target(1)] == ["placing", "slots", "unlit"]
+    assert plan.has("unlit", 1) and not plan.has("unlit", 0) and plan.has("unlit")
+
+
+def fake(name, *, calls=(), needs=(), of="object"):
+    return Effect(
+        name=name,
+        does=name,
+        of=of,
+        called_for=(lambda question: list(calls)) if calls else only_when_needed,
+        left_out=f"no {name}",
+        needs=(lambda question, target: needs) if needs else None,
+    )
+
+
+def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
+    question = Question(scene(unlit(), unlit()), SMALL, camera_for(SMALL))
+    asks = [Call(1, "b", "wants it"), Call(0, "a", "wants it"), Refusal("c", "is too late")]
+    effects = [
+        fake("sky", of="picture"),
+        fake("ground", needs=("sky",)),
+        fake("idle", needs=("ground",)),
+        fake("tree", calls=asks, needs=("ground",)),
+    ]
+    plan = compile_plan(question, effects)
+    assert [(item.name, item.targets) for item in plan.passes] == [
+        ("sky", (None,)), ("ground", (0, 1)), ("tree", (0, 1)),
+    ]  # fmt: skip
+    assert [(item.name, item.by, item.why) for item in plan.left_out] == [
+        ("idle", "", "no idle"), ("tree", "c", "is too late"),
+    ]  # fmt: skip
+    with pytest.raises(AssertionError, match="tree stands before ground"):
+        compile_plan(question, effects[::-1])
+
+
+def test_names_of_effects_are_their_own_and_their_sentences_short():
+    assert len({effect.name for effect in EFFECTS}) == len(EFFECTS)
+    assert set(CASES) >= {effect.name for effect in EFFECTS}
+    for effect in EFFECTS:
+        assert effect.of in ("object", "light", "picture")
+        for sentence in effect.does, effect.left_out:
+            assert 0 < len(sentence) < 80 and not sentence.endswith(".")
+
+
+def test_a_list_without_an_effect_draws_the_same_where_nothing_calls_for_it():
+    the_scene = scene(Material(), lambert(), lighting=lit(SUN, ambient=Ambient(color=(1, 1, 1))))
+    full = drawn(the_scene)
+    used = {item.name for item in full.plan.passes}
+    fewer = tuple(effect for effect in EFFECTS if effect.name in used)
+    assert len(fewer) < len(EFFECTS) / 2
+    assert drawn(the_scene, SMALL, fewer).color.tobytes() == full.color.tobytes()

@@ -23,14 +23,14 @@ def both(mesh, view, mode, fov=35.0):
     visibility, weights = rasterize_scanlines(world, matrix, WIDTH, HEIGHT, modes=modes)
     rows = fragment_rows(expected.face_ids, world, (0, HEIGHT), side=1)
     computed, _, _ = weights_at(world, matrix, WIDTH, HEIGHT, rows.faces, rows.places)
-    return expected, visibility, weights, rows, computed
+    return expected, visibility, weights, computed
 
 
 @pytest.mark.parametrize("mode", [CULL_BACK, SHOW_BACK])
 @pytest.mark.parametrize("view", [(0.0, 0.0), (33.0, 21.0), (200.0, -60.0), (20.0, 5.0, 0.3)])
 @pytest.mark.parametrize("mesh", [cube(), icosphere(3), grid_sphere(40, 60)], ids=lambda m: m.name)
 def test_both_rasterizers_see_the_same(mesh, view, mode):
-    expected, visibility, weights, rows, computed = both(mesh, view, mode)
+    expected, visibility, weights, computed = both(mesh, view, mode)
     covered = expected.face_ids >= 0
     # Which samples are covered is decided by whole numbers in both.
     np.testing.assert_array_equal(visibility.face_ids >= 0, covered)
@@ -48,7 +48,7 @@ def test_a_plane_to_the_horizon_is_correct_in_perspective():
     from texbake.mesh.shapes import plane
 
     mesh = plane(1, 1)
-    _, visibility, weights, rows, computed = both(mesh, (30.0, 25.0, 0.9), SHOW_BACK)
+    _, visibility, weights, computed = both(mesh, (30.0, 25.0, 0.9), SHOW_BACK)
     covered = visibility.face_ids >= 0
     assert covered.sum() > 5000
     # Two large triangles: 1e-9 is what rounding gathers over the longest span.

@@ -81,7 +81,7 @@ def points(
 
 
 def beside(at: np.ndarray, source: np.ndarray, center: tuple[float, float, float]) -> np.ndarray:
-    """How far the line from points toward a source (x, y, z, 1), or (x, y, z, 0), passes a center."""
+    """How far the line from points to a source (x, y, z, 1), or (x, y, z, 0), passes a center."""
     toward = source[:3] - at if source[3] else np.broadcast_to(source[:3], at.shape)
     toward = toward / np.linalg.norm(toward, axis=-1, keepdims=True)
     return np.asarray(np.linalg.norm(np.cross(np.array(center) - at, toward), axis=-1))
@@ -154,12 +154,13 @@ def test_a_plane_is_lit_all_over_at_any_slope(size: int, radius: float, elevatio
 
 @pytest.mark.parametrize("bend", [0.2, -0.2], ids=["bowl", "dome"])
 @pytest.mark.parametrize("direction", [(0.0, -1.0, 0.0), (0.4, -1.0, 0.3), (0.0, -1.0, 0.9)])
-@pytest.mark.parametrize("size", [64, 500])
+@pytest.mark.parametrize("size", [24, 64, 500])
+@pytest.mark.parametrize("n", [12, 150])
 def test_a_bent_surface_does_not_shade_itself(
-    bend: float, direction: tuple[float, float, float], size: int
+    bend: float, direction: tuple[float, float, float], size: int, n: int
 ) -> None:
     # Its steepest slope, 0.8 bend, is far below the sun's: all of it is lit.
-    mesh = plane(12, 12, lambda u, v: bend * ((2 * u - 1) ** 2 + (2 * v - 1) ** 2))
+    mesh = plane(n, n, lambda u, v: bend * ((2 * u - 1) ** 2 + (2 * v - 1) ** 2))
     matrix = transform_matrix(scale=(6, 6, 2), rotate=(-90, 0, 0), translate=(-3, 0, 3))
     item = SceneObject(mesh=mesh, material=WHITE, transform=matrix)
     for source in light(size=size, direction=direction), light("point", size, position=(0, 6, 0)):
@@ -168,16 +169,21 @@ def test_a_bent_surface_does_not_shade_itself(
 
 
 @pytest.mark.parametrize("size", [32, 256, 1024])
-def test_a_shadow_begins_at_the_foot_of_a_wall(size: int) -> None:
-    wall = SceneObject(
-        mesh=quad((0, 0, 2), (0, 0, -2), (0, 1, -2), (0, 1, 2)), material=WHITE, name="wall"
-    )
-    found = share(floor(), wall, light=light(size=size, direction=(-1.0, -1.0, 0.0)))
+@pytest.mark.parametrize("is_one", [False, True], ids=["two objects", "one object"])
+def test_a_shadow_begins_at_the_foot_of_a_wall(size: int, is_one: bool) -> None:
+    wall = quad((0, 0, 2), (0, 0, -2), (0, 1, -2), (0, 1, 2))
+    ground = quad((-3, 0, 3), (3, 0, 3), (3, 0, -3), (-3, 0, -3))
+    meshes = [join_meshes([wall, ground])] if is_one else [wall, ground]
+    objects = [SceneObject(mesh=mesh, material=WHITE) for mesh in meshes]
+    found = share(*objects, light=light(size=size, direction=(-1.0, -1.0, 0.0)))
     at = points()
     x = at[..., 0]
     near_it = (np.abs(at[..., 2]) < 1.0) & (np.abs(x) < 2.9) & np.isfinite(found)
-    # The wall's view is 4 long; on the floor, texels are stretched by the slope of the sun.
-    reach = (1.5 + 0.5) * 4.0 / (size - 6) * math.sqrt(2.0)
+    # The light sees 4 of the wall, or 6 of all; on the floor, texels are stretched by the slope of
+    # the sun. Within one object the surface might climb as steeply as the wall over the filter,
+    # as far again.
+    texel = (6.0 if is_one else 4.0) / (size - 6) * math.sqrt(2.0)
+    reach = (1.5 + 0.5) * texel * (2.0 if is_one else 1.0)
     lit_side, behind = near_it & (x > 0.03), near_it & (x < -reach) & (x > -1 + reach)
     assert (found[lit_side] == 1.0).all()
     assert (found[behind] == 0.0).all()

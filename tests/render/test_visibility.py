@@ -67,7 +67,8 @@ def test_a_plane_is_seen_where_rays_meet_it(eye):
     directions = rays(camera)[covered]
     distances = -camera.eye[2] / directions[:, 2]
     expected = camera.eye + distances[:, None] * directions
-    # Texture coordinates (x + 2) / 4 of the plane to 1e-5. A sample that snapping brought in is moved back to the edge, by 1/512 of a sample at most.
+    # Texture coordinates (x + 2) / 4 of the plane to 1e-5: a sample that snapping brought in is
+    # moved back to the edge, by 1/512 of a sample at most.
     assert np.abs(points - expected).max() / 4 < 1e-5
     # The direction of a ray is one unit deep, so that its length is the distance in depth. Depths
     # are those of the snapped triangle: off by what depth changes within 1/512 of a sample, which

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake.errors import FileFormatError, OptionError
+from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.height_options import (
     DERIVATIVES,
     METHODS,
@@ -12,6 +13,7 @@ from texbake.texture.height_options import (
     NormalToHeightOptions,
 )
 from texbake.texture.height_to_normal import height_to_normal
+from texbake.texture.image import Image
 from texbake.texture.normal_to_height import normal_to_height
 
 Array = np.ndarray
@@ -191,6 +193,30 @@ def test_slopes_of_no_surface_are_fitted_and_told() -> None:
         # The wave is the same across and along, so no method takes one for steeper.
         np.testing.assert_allclose(field.heights, 0.0, atol=1e-9)
         assert field.rms_slope_error > 0.6
+
+
+def test_an_image_is_read_as_it_says_of_itself() -> None:
+    heights, right, up = waves(32, 48)
+    pixels = ((normals_of(right, -up) + 1) / 2).astype(np.float32)
+    told = Image(pixels, {CONVENTION: "directx"})
+    silent = NormalToHeightOptions(convention="directx", width=48.0)
+    for image, options in ((told, NormalToHeightOptions(width=48.0)), (Image(pixels), silent)):
+        field = normal_to_height(image, options)
+        assert field.rms_slope_error < 0.01
+        assert np.corrcoef(field.heights.ravel(), heights.ravel())[0, 1] > 0.9999
+    # Taken the wrong way, the slopes are those of no surface.
+    assert normal_to_height(Image(pixels)).rms_slope_error > 0.1
+    with pytest.raises(FileFormatError, match=r"n\.png: its normals are in object space"):
+        normal_to_height(Image(pixels, {SPACE: "object"}, name="n.png"))
+    scaled = Image(heights[..., None].astype(np.float32), {DISPLACEMENT_SCALE: 0.25})
+    np.testing.assert_allclose(
+        height_to_normal(scaled),
+        height_to_normal(heights, HeightToNormalOptions(scale=0.25)),
+        atol=1e-6,
+    )
+    wrong = Image(heights[..., None].astype(np.float32), {DISPLACEMENT_SCALE: "x"}, name="h.png")
+    with pytest.raises(FileFormatError, match=r"h\.png: its texbake:displacement_scale 'x'"):
+        height_to_normal(wrong)
 
 
 def test_steep_normals_are_counted() -> None:

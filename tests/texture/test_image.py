@@ -7,7 +7,8 @@ import pytest
 
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.texture.encoding import decode_srgb
-from texbake.texture.image import check_image_format, holds_floats, read_image, write_image
+from texbake.texture.image import read_image, write_image
+from texbake.texture.image_formats import check_image_format, holds_floats
 
 # What each format holds, and the most that a value in [0, 1] changes on the way: half a code, half
 # a step of a half float below 1 (2^-12), nothing for floats, 1/256 for shared exponents.

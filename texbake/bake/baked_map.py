@@ -14,7 +14,8 @@ from texbake.bake.options import BakeOptions
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.encoding import count_clipped, encode_heights, encode_normals, height_range
-from texbake.texture.image import check_image_format, holds_floats, write_image
+from texbake.texture.image import write_image
+from texbake.texture.image_formats import check_image_format, holds_floats
 
 
 @dataclass(frozen=True)

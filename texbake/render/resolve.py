@@ -164,7 +164,7 @@ class Sums:
         normals = fragments.normals if keeps_normals else _NO_ROWS
         _add_kernel(
             fragments.pixels, fragments.counts, fragments.light, normals,
-            self.color, self.coverage, self.normals,
+            self.color.reshape(-1, 4), self.coverage.reshape(-1), self.normals.reshape(-1, 3),
         )  # fmt: skip
 
     def finished(
@@ -196,17 +196,15 @@ _NO_ROWS = np.empty((0, 3), np.float32)
 
 @kernel
 def _add_kernel(pixels, counts, light, normals, color, coverage, normal_sums):  # type: ignore[no-untyped-def]
-    width = color.shape[1]
     for i in range(len(pixels)):
-        row, column = pixels[i] // width, pixels[i] % width
-        count = counts[i]
+        pixel, count = pixels[i], counts[i]
         for k in range(3):
-            color[row, column, k] += count * light[i, k]
-        color[row, column, 3] += count
-        coverage[row, column] += count
+            color[pixel, k] += count * light[i, k]
+        color[pixel, 3] += count
+        coverage[pixel] += count
         if len(normals) > 0:
             for k in range(3):
-                normal_sums[row, column, k] += count * normals[i, k]
+                normal_sums[pixel, k] += count * normals[i, k]
 
 
 @kernel

@@ -18,8 +18,9 @@ from texbake.texture.cube_files import (
 from texbake.texture.cube_lookup import resized
 from texbake.texture.cube_map import CubeMap
 from texbake.texture.cube_options import CubeOptions
-from texbake.texture.image import Image, check_image_format, read_image
+from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, clipped_share, suffix_like, write_images
+from texbake.texture.image_formats import check_image_format
 from texbake.texture.latitude_longitude import from_latitude_longitude, to_latitude_longitude
 
 

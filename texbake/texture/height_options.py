@@ -10,6 +10,7 @@ from texbake.errors import OptionError
 DERIVATIVES = ("central", "sobel", "scharr")
 METHODS = ("frankot-chellappa", "poisson")
 WRAPS = ("repeat", "clamp")
+CONVENTIONS = ("opengl", "directx")
 DEFAULT_SCALE = 0.05  # of heights that say nothing of themselves, in widths of the image
 
 
@@ -60,13 +61,19 @@ class NormalToHeightOptions:
         `repeat`: the map tiles, and so do the heights; `clamp`: it ends at its border.
     width : float
         How wide the image is, in the unit that heights come in.
+    convention : str, optional
+        Green channel of an image: `opengl` (+Y up) or `directx` (+Y down). None: what the image
+        says of itself, else `opengl`. Slopes that are left over tell a wrong one.
     """
 
     method: str = "poisson"
     wrap: str = "repeat"
     width: float = 1.0
+    convention: str | None = None
 
     def __post_init__(self) -> None:
+        if self.convention is not None:
+            _check_choice("convention", self.convention, CONVENTIONS)
         _check_choice("method", self.method, METHODS)
         _check_choice("wrap", self.wrap, WRAPS)
         _check_width(self.width)

@@ -30,6 +30,7 @@ from texbake.texture.encoding import (
     max_code,
     quantize_unsigned,
 )
+from texbake.texture.image_formats import PNG, check_image_format, format_of, holds_floats
 
 # (H, W) or (H, W, C), row 0 at the top.
 FloatImage = npt.NDArray[np.float32]
@@ -73,93 +74,8 @@ class ImageHeader:
     metadata: dict[str, Value]
 
 
-@dataclass(frozen=True)
-class _Format:
-    """What a file format can hold. `float_bits` are those of its `bits` that are floats."""
-
-    name: str
-    bits: tuple[int, ...]
-    float_bits: tuple[int, ...]
-    color_bits: int
-    data_bits: int
-    channels: tuple[int, ...] | None
-    description_limit: int
-    compression: str
-
-
-_PNG = _Format("PNG", (8, 16), (), 8, 16, (1, 2, 3, 4), 1 << 20, "")
-# LZW: read by everything, and twice as fast to write as deflate for a quarter more bytes.
-_TIFF = _Format("TIFF", (8, 16, 32), (32,), 8, 32, None, 1 << 20, "lzw")
-_JPEG = _Format("JPEG", (8,), (), 8, 8, (1, 3), 1 << 15, "jpeg:95")
-_FORMATS = {
-    ".png": _PNG,
-    ".exr": _Format("EXR", (16, 32), (16, 32), 16, 32, None, 1 << 20, "zip"),
-    ".tif": _TIFF,
-    ".tiff": _TIFF,
-    ".tga": _Format("TGA", (8,), (), 8, 8, (1, 3, 4), 324, "rle"),
-    ".hdr": _Format("HDR", (32,), (32,), 32, 32, (3,), 0, ""),
-    ".jpg": _JPEG,
-    ".jpeg": _JPEG,
-    ".ppm": _Format("PPM", (8, 16), (), 8, 16, (1, 3), 0, ""),
-}
-
 # numpy's name of a type, and OpenImageIO's.
 _OIIO_TYPES = {"uint8": "uint8", "uint16": "uint16", "float16": "half", "float32": "float"}
-
-
-def check_image_format(
-    path: PathLike,
-    bits: int | None = None,
-    *,
-    color: bool = False,
-    channels: int | None = None,
-    lossless: bool = False,
-) -> int:
-    """Bits a channel of a file to be written; raise now if it could not be.
-
-    Long work calls this first.
-
-    Parameters
-    ----------
-    path
-        Its suffix names the format.
-    bits
-        8, 16 or 32; None for what is usual: 8 for color (16 in EXR), the most for data.
-    color
-        Whether it is color, for that choice.
-    channels
-        Number of channels, where it is known.
-    lossless
-        Refuse a format that does not keep what it is given.
-
-    Raises
-    ------
-    FileFormatError
-        The suffix is none that is known.
-    OptionError
-        The format does not hold that many bits or channels.
-    """
-    kind = _format_of(path)
-    if lossless and kind is _JPEG:
-        raise OptionError(f"{path}: JPEG changes what it is given; use png, exr, tif or tga")
-    if bits is None:
-        return kind.color_bits if color else kind.data_bits
-    if bits not in kind.bits:
-        raise OptionError(
-            f"{path}: {kind.name} holds {_alternatives(kind.bits)} bits a channel, not {bits}; "
-            f"{_advice(bits)}"
-        )
-    if channels is not None and kind.channels is not None and channels not in kind.channels:
-        raise OptionError(
-            f"{path}: {kind.name} holds {_alternatives(kind.channels)} channels, not {channels}; "
-            "use EXR or TIFF"
-        )
-    return bits
-
-
-def holds_floats(path: PathLike, bits: int) -> bool:
-    """Whether a file of this name and number of bits holds floats, as they are, and not codes."""
-    return bits in _format_of(path).float_bits
 
 
 def write_image(
@@ -208,7 +124,7 @@ def write_image(
     stored = _stored(pixels, path, bits, color, threads)
     description = to_description(metadata or {})
     with replacing(path) as temporary:
-        if _format_of(path) is _PNG:
+        if format_of(path) is PNG:
             write_png(temporary, stored, srgb=color, description=description, threads=threads)
         else:
             _write_with_openimageio(stored, path, temporary, color, description)
@@ -255,23 +171,6 @@ def read_header(path: PathLike) -> ImageHeader:
     description = description or spec.get_string_attribute("ImageDescription")
     source.close()
     return ImageHeader(spec.width, spec.height, spec.nchannels, from_description(description))
-
-
-def _format_of(path: PathLike) -> _Format:
-    suffix = Path(path).suffix.lower()
-    if suffix not in _FORMATS:
-        known = ", ".join(name[1:] for name in _FORMATS)
-        raise FileFormatError(f"{path}: the image format {suffix!r} is not known; use {known}")
-    return _FORMATS[suffix]
-
-
-def _alternatives(numbers: tuple[int, ...]) -> str:
-    return " or ".join(map(str, numbers))
-
-
-def _advice(bits: int) -> str:
-    fitting = {kind.name: None for kind in _FORMATS.values() if bits in kind.bits}
-    return f"use {' or '.join(fitting)}" if fitting else "use 8, 16 or 32"
 
 
 def _stored(
@@ -329,7 +228,7 @@ def _write_with_openimageio(
 ) -> None:
     import OpenImageIO as oiio  # noqa: N813
 
-    kind = _format_of(path)
+    kind = format_of(path)
     height, width, n_channels = stored.shape
     spec = oiio.ImageSpec(width, height, n_channels, _OIIO_TYPES[stored.dtype.name])
     spec.attribute("DateTime", "")  # else TIFF and EXR get the time of writing

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder, replacing
-from texbake.texture.image import Image, check_image_format, holds_floats, write_image
+from texbake.texture.image import Image, write_image
+from texbake.texture.image_formats import check_image_format, holds_floats
 
 _GREATEST_HALF = 65504.0
 

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.encoding import encode_heights, encode_normals, height_range
-from texbake.texture.image import check_image_format, holds_floats, write_image
+from texbake.texture.image import write_image
+from texbake.texture.image_formats import check_image_format, holds_floats
 
 
 def write_normals(

@@ -17,8 +17,9 @@ import numpy.typing as npt
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable
 from texbake.texture.encoding import decode_normals, encode_normals
-from texbake.texture.image import Image, check_image_format, holds_floats, read_image
+from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
+from texbake.texture.image_formats import check_image_format, holds_floats
 from texbake.texture.mip_options import MipOptions
 from texbake.texture.mipmaps import mip_chain
 

@@ -63,7 +63,7 @@ def normal_to_height(
     ----------
     normals : Image or (H, W, 3) float
         An array holds vectors of any length, x to the right, y up; an image is decoded as its
-        metadata says, OpenGL's way where it says nothing.
+        options or its metadata say.
     options
         None for `NormalToHeightOptions()`.
 
@@ -81,7 +81,9 @@ def normal_to_height(
     [0.0, 0.0, 0.0, 0.0]
     """
     options = options or NormalToHeightOptions()
-    normals = _decoded(normals) if isinstance(normals, Image) else np.asarray(normals)
+    if isinstance(normals, Image):
+        normals = _decoded(normals, options.convention)
+    normals = np.asarray(normals)
     if normals.ndim != 3 or normals.shape[2] != 3 or normals.size == 0:
         raise OptionError(f"normals: the shape {normals.shape} is not (height, width, 3)")
     slopes, n_steep = _slopes(normals)
@@ -94,7 +96,7 @@ def normal_to_height(
     return HeightField(heights.astype(np.float32), n_steep, error)
 
 
-def _decoded(image: Image) -> npt.NDArray[np.float32]:
+def _decoded(image: Image, convention: str | None) -> npt.NDArray[np.float32]:
     space = image.metadata.get(SPACE, "tangent")
     if space != "tangent":
         raise FileFormatError(
@@ -102,7 +104,8 @@ def _decoded(image: Image) -> npt.NDArray[np.float32]:
         )
     if image.pixels.shape[2] < 3:
         raise OptionError(f"{image.name}: the shape {image.pixels.shape} is not that of normals")
-    return decode_normals(image.pixels, convention=str(image.metadata.get(CONVENTION, "opengl")))
+    convention = convention or str(image.metadata.get(CONVENTION, "opengl"))
+    return decode_normals(image.pixels, convention=convention)
 
 
 def _slopes(normals: npt.NDArray[Any]) -> tuple[tuple[FloatArray, FloatArray], int]:

@@ -61,9 +61,9 @@ class PackedTextures:
     @property
     def filled(self) -> float:
         """Share of the texels that are an image's, without padding."""
-        return sum(place.width * place.height for place in self.places) / (
-            self.pixels.shape[0] * self.pixels.shape[1]
-        )
+        height, width = self.pixels.shape[:2]
+        n_filled = sum(place.width * place.height for place in self.places)
+        return n_filled / float(height * width)
 
     def remapped(self, mesh: Mesh, index: int) -> Mesh:
         """Return a mesh with its texture coordinates moved to where its image is.
@@ -123,7 +123,7 @@ def pack_textures(
     --------
     >>> packed = pack_textures([np.ones((4, 4, 3)), np.zeros((2, 4, 1))], PackOptions(padding=0))
     >>> packed.pixels.shape, packed.scale
-    ((8, 4, 3), 1.0)
+    ((4, 8, 3), 1.0)
     """
     options = options or PackOptions()
     if not images:

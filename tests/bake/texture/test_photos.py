@@ -160,7 +160,7 @@ def test_what_is_hidden_gets_nothing_exactly() -> None:
 
 def test_a_margin_keeps_pixels_of_the_outline_out() -> None:
     mesh = two_walls()
-    image = take_photo(mesh, FRONT, lambda p: np.where(p[:, 2:] > 1.0, GREEN, RED), 100, 100)
+    image = take_photo(mesh, FRONT, lambda p: np.where(p[:, 2:] > 1.0, GREEN, RED), 110, 110)
     photo = Photo(image=image[..., :3] + 0.0, camera=FRONT)
     bare = bake_photos(mesh, [photo], dataclasses.replace(EVEN, size=512))
     wide = bake_photos(mesh, [photo], dataclasses.replace(EVEN, size=512, margin=1.5))
@@ -249,13 +249,13 @@ def test_many_photographs_give_back_the_colors_of_a_mesh() -> None:
         for camera in cameras
     ]
     # One sample, at the center of each texel, where the colors are known.
-    found = bake_photos(sphere, photos, PhotoOptions(size=128, samples=1))
+    found = bake_photos(sphere, photos, PhotoOptions(size=512, samples=1))
     error = np.abs(found.values - waves(places(sphere, found)))[found.has_color].max(axis=1)
     # A pixel covers 1/130 of the radius, and up to 1/23 where the surface is at 80 degrees to it:
     # waves 0.4 sin 5x bend by up to 0.4 * 5² / 23² / 8 = 0.0024 between pixels.
     assert np.percentile(error, 99) < 0.0024
     assert np.median(error) < 2e-4
-    assert found.report.unseen_percent < 2.0
+    assert found.report.unseen_percent < 3.0  # about the poles, which lie more than 80 degrees off
     assert found.report.seconds > 0.0
 
 
@@ -387,7 +387,7 @@ def test_a_real_mesh_gets_its_own_colors_back(data_dir: Path) -> None:
     photos = [
         Photo(image=take_photo(mesh, camera, waves, 400, 300), camera=camera) for camera in cameras
     ]
-    found = bake_photos(mesh, photos, PhotoOptions(size=256, samples=1))
+    found = bake_photos(mesh, photos, PhotoOptions(size=512, samples=1))
     error = np.abs(found.values - waves(places(mesh, found)))[found.has_color].max(axis=1)
     # As on a sphere; pixels are 1/170 of the diagonal, which is 2.5 long.
     assert np.percentile(error, 99) < 0.01

@@ -157,4 +157,4 @@ def greatest_lengths(steps: FloatArray) -> FloatArray:
     a = np.einsum("ij,ij->i", steps[:, :, 0], steps[:, :, 0])
     b = np.einsum("ij,ij->i", steps[:, :, 0], steps[:, :, 1])
     c = np.einsum("ij,ij->i", steps[:, :, 1], steps[:, :, 1])
-    return np.sqrt((a + c + np.hypot(a - c, 2.0 * b)) / 2.0)
+    return np.asarray(np.sqrt((a + c + np.hypot(a - c, 2.0 * b)) / 2.0))

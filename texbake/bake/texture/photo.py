@@ -86,7 +86,7 @@ class Picture:
             self._chain,
             views.coordinates,
             views.derivatives,
-            filter="trilinear",
+            filter="ewa",
             wrap="clamp",
             threads=self._threads,
         )

@@ -11,14 +11,11 @@ from texbake.bake.rays import RayField
 from texbake.bake.texels import Samples
 from texbake.bake.texture.camera import PhotoCamera
 from texbake.bake.texture.coverage import Coverage
+from texbake.bake.texture.mapped_source import MappedSource
 from texbake.bake.texture.options import PhotoOptions
 from texbake.bake.texture.photo import Photo, Picture
-from texbake.bake.texture.photo_sources import (
-    MappedSource,
-    PhotoSource,
-    ProjectedSource,
-    SurfacePoints,
-)
+from texbake.bake.texture.photo_sources import PhotoSource, SurfacePoints
+from texbake.bake.texture.projected_source import ProjectedSource
 from texbake.bake.texture.result import PhotoShare, TextureBake, finished
 from texbake.bake.texture.visibility import Visibility
 from texbake.errors import OptionError

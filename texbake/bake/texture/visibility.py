@@ -43,7 +43,7 @@ class Visibility:
         points: FloatArray,
         faces: IntArray,
         seen_from: FloatArray,
-        slack: npt.ArrayLike = 0.0,
+        slack: FloatArray | float = 0.0,
     ) -> npt.NDArray[np.bool_]:
         """Tell which points have a surface between them and a projector.
 
@@ -74,7 +74,7 @@ class Visibility:
             reach,
         )
         met = self._caster.cast(rays, cull_back_faces=False).faces
-        return (met != NO_HIT) & (met != faces)
+        return np.asarray((met != NO_HIT) & (met != faces))
 
     def close(self) -> None:
         """Free the ray tree."""

@@ -118,8 +118,8 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
         The matrix flattens the picture to a line or a point.
     """
     local = LocalFrame.around(mesh)
-    matrix = _local_matrix(mesh, options, local)
-    seen_from = _seen_from(matrix)
+    matrix = projector_matrix(mesh, options, local)
+    seen_from = seen_from_of(matrix)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
     positions = np.zeros((mesh.n_vertices, 3))
@@ -157,7 +157,7 @@ def _bounding_sphere(mesh: Mesh) -> tuple[FloatArray, float]:
     return local.center, radius / local.scale if radius > 0.0 else 1.0
 
 
-def _local_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> FloatArray:
+def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> FloatArray:
     """(4, 4) float64: local (x, y, z, 1) to (s, t, r, q); q is 1 where it is constant."""
     if options.matrix is None:
         matrix = camera_matrix(mesh, options.camera, options.fov)
@@ -172,7 +172,7 @@ def _local_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> Floa
     return matrix
 
 
-def _seen_from(matrix: FloatArray) -> FloatArray:
+def seen_from_of(matrix: FloatArray) -> FloatArray:
     """(4,) float64: where the light comes from: (x, y, z, 1), or a direction (x, y, z, 0).
 
     It is the one point that has no picture: s, t and q are 0 there.

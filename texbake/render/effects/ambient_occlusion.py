@@ -33,8 +33,8 @@ from texbake.texture.image import FloatImage
 _RADIUS = 0.2
 # Side of the pattern of turns, and of the mean that takes it out.
 _PATTERN = 4
-# Least angle, as a sine, that a horizon rises above the surface: what float32 depths tell of a flat
-# surface seen at a slant.
+# Least angle, as a sine, that a point must rise above the surface to hide any light: float32 depths
+# put the points of a flat surface seen at a slant that far off it.
 _FLAT = 1e-3
 # Rows of pixels a band.
 _ROWS = 16
@@ -97,7 +97,7 @@ def _places_kernel(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, to_eye):  # type: ignore[no-untyped-def]
+def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, normal, to_eye):  # type: ignore[no-untyped-def]
     """Cosine to the eye's direction of the highest point on one side of a pixel; -1 for none."""
     highest = -1.0
     here = places[row, column]
@@ -113,14 +113,17 @@ def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, to_eye
         there = places[j, i]
         if there[0] == 0.0 and there[1] == 0.0 and there[2] == 0.0:
             continue
-        squared, along = 0.0, 0.0
+        squared, along, above = 0.0, 0.0, 0.0
         for k in range(3):
             apart = there[k] - here[k]
             squared += apart * apart
             along += apart * to_eye[k]
+            above += apart * normal[k]
         if not 0.0 < squared < radius * radius:
             continue
         distance = math.sqrt(squared)
+        if above <= _FLAT * distance:
+            continue
         # Fades out toward the radius, so that nothing jumps there.
         share = min(1.0, 2.0 * (1.0 - distance / radius))
         highest = max(highest, share * (along / distance + 1.0) - 1.0)
@@ -184,12 +187,16 @@ def _slice(  # type: ignore[no-untyped-def]
     if projected < 1e-6:  # the slice lies in the surface
         return 0.0, 0.0
     tilt = math.atan2(across, toward)
-    ahead = _horizon(places, row, column, cosine, sine, n_steps, reach, offset, radius, to_eye)
-    behind = _horizon(places, row, column, -cosine, -sine, n_steps, reach, offset, radius, to_eye)
+    ahead = _horizon(
+        places, row, column, cosine, sine, n_steps, reach, offset, radius, normal, to_eye
+    )
+    behind = _horizon(
+        places, row, column, -cosine, -sine, n_steps, reach, offset, radius, normal, to_eye
+    )
     # Horizons as angles from the eye's direction, at least that of the surface itself.
     most, least = tilt + 0.5 * math.pi, tilt - 0.5 * math.pi
-    first = min(math.acos(min(max(ahead, -1.0), 1.0)) + _FLAT, most)
-    second = max(-math.acos(min(max(behind, -1.0), 1.0)) - _FLAT, least)
+    first = min(math.acos(min(max(ahead, -1.0), 1.0)), most)
+    second = max(-math.acos(min(max(behind, -1.0), 1.0)), least)
     return (
         projected * (_arc(first, tilt) + _arc(second, tilt)),
         projected * (_arc(most, tilt) + _arc(least, tilt)),

@@ -188,10 +188,12 @@ def _light_kernel(  # type: ignore[no-untyped-def]
             toward_eye = 0.0
             for k in range(3):
                 toward_eye += normals[i, k] * to_eye[i, k]
-            # Between the four texels about (n·v, roughness), whose centers lie at halves.
+            # Between the four texels about (n·v, roughness), whose centers lie at halves; past the
+            # last of them, at roughness 1, in a line with the two before.
             x = min(max(abs(toward_eye) * size - 0.5, 0.0), size - 1.0)
-            y = min(max(roughness[row_of(roughness, i), 0] * size - 0.5, 0.0), size - 1.0)
-            left, top = int(x), int(y)
+            y = max(roughness[row_of(roughness, i), 0] * size - 0.5, 0.0)
+            y = min(y, size - 0.5)
+            left, top = int(x), max(min(int(y), size - 2), 0)
             right, below = min(left + 1, size - 1), min(top + 1, size - 1)
             fx, fy = x - left, y - top
             scale = (1.0 - fy) * (

@@ -19,7 +19,7 @@ from texbake.render.maps import MapSource, channel_of, colors_from, data_from, n
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Target
 from texbake.render.plan.question import Question
-from texbake.render.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
+from texbake.render.scene.textures import FILTERS_WITH_FOOTPRINT, FILTERS_WITH_LEVELS, ImageTexture
 from texbake.texture.image import FloatImage
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 from texbake.texture.sample import sample
@@ -74,6 +74,13 @@ def _called_for(question: Question) -> Iterator[Call]:
     for index in question.shaded:
         for name, _ in _images(question, index):
             yield Call(index, question.name(index), f"{name} is an image")
+
+
+def _needs(question: Question, target: Target) -> Iterator[str]:
+    assert target is not None
+    yield "texture coordinates"
+    if any(question.wants_footprint(texture) for _, texture in _images(question, target)):
+        yield "derivatives"
 
 
 def _load(picture: Picture, target: Target) -> dict[str, LoadedImage]:
@@ -174,12 +181,12 @@ def _mips_called_for(question: Question) -> Iterator[Call]:
     for index in question.shaded:
         for name, texture in _images(question, index):
             kind = question.filter_of(texture)
-            if kind in FILTERS_WITH_FOOTPRINT:
+            if kind in FILTERS_WITH_LEVELS:
                 yield Call(index, question.name(index), f"{name} is filtered {kind}")
 
 
 def _mips_need(question: Question, target: Target) -> tuple[str, ...]:
-    return ("images", "derivatives")
+    return ("images",)
 
 
 def _load_mips(picture: Picture, target: Target) -> dict[str, LoadedImage]:
@@ -188,7 +195,7 @@ def _load_mips(picture: Picture, target: Target) -> dict[str, LoadedImage]:
     return {
         name: with_levels(image, threads=picture.threads)
         for name, image in images.items()
-        if image.filter in FILTERS_WITH_FOOTPRINT
+        if image.filter in FILTERS_WITH_LEVELS
     }
 
 
@@ -229,6 +236,8 @@ def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> 
         image.chain, at, changes, filter=image.filter, wrap=image.wrap, border=image.border,
         threads=1,
     )  # fmt: skip
+    if image.filter == "bicubic":  # which swings beyond the values on both sides of an edge
+        np.clip(values, image.chain.texels.min(axis=0), image.chain.texels.max(axis=0), out=values)
     if (image.factor != 1.0).any():
         values *= image.factor
     return values
@@ -239,7 +248,7 @@ IMAGES = Effect(
     does="reads the images of materials",
     called_for=_called_for,
     left_out="no material in the picture has an image",
-    needs=lambda question, target: ("texture coordinates",),
+    needs=_needs,
     load=_load,
 )
 

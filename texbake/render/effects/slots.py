@@ -17,6 +17,7 @@ from texbake.render.fragments import Floats, Fragments, one_row
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Target
 from texbake.render.plan.question import Question
+from texbake.render.raster.world import read_only
 from texbake.render.scene.textures import ImageTexture, ProcedureTexture, Slot
 from texbake.texture.procedures import evaluate
 from texbake.texture.ramp import ramp_lookup
@@ -74,43 +75,41 @@ def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: 
 
 
 def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray, Floats | None]:
-    """(n, 3) float64 points of a procedure, and the width of a pixel there."""
+    """Points of a procedure, (n, 2) on the texture or (n, 3) in space, and the pixel's widths."""
     scale = np.broadcast_to(np.asarray(texture.scale, np.float64), 3)
+    wanted = texture.filtered and len(fragments.changes) > 0
     if texture.space == "uv":
         assert fragments.uvs is not None
-        flat = np.zeros((len(fragments.uvs), 1))
-        points = np.concatenate([fragments.uvs, flat], axis=1) * scale
-        if not texture.filtered or fragments.uv_changes is None or not len(fragments.uv_changes):
+        points = fragments.uvs * scale[:2]
+        if not wanted or fragments.uv_changes is None:
             return points, None
-        steps = fragments.uv_changes.reshape(-1, 2, 2) * scale[:2].astype(np.float32)
-        return points, np.linalg.norm(steps, axis=2).max(axis=1)
+        steps = np.abs(fragments.uv_changes.reshape(-1, 2, 2)) * np.abs(scale[:2])
+        return points, np.ascontiguousarray(steps.max(axis=1), np.float32)
     mesh, inverse = fragments.drawn.mesh, fragments.drawn.object_from_world
     if texture.space == "world" or inverse is None:
         places = mesh.positions * scale
     else:
         places = (mesh.positions @ inverse[:3, :3].T + inverse[:3, 3]) * scale
     points = np.empty((len(fragments), 3))
-    wanted = texture.filtered and len(fragments.changes) > 0
-    footprint = np.empty(len(fragments) if wanted else 0, np.float32)
+    widths = np.empty((len(fragments) if wanted else 0, 3), np.float32)
     _points_kernel(
-        places, mesh.faces, fragments.faces, fragments.weights, fragments.changes, points, footprint
-    )
-    return points, footprint if wanted else None
+        read_only(places, np.float64), mesh.faces, fragments.faces, fragments.weights,
+        fragments.changes, points, widths,
+    )  # fmt: skip
+    return points, widths if wanted else None
 
 
 @kernel
-def _points_kernel(places, corners, faces, weights, changes, out, footprint):  # type: ignore[no-untyped-def]
+def _points_kernel(places, corners, faces, weights, changes, out, widths):  # type: ignore[no-untyped-def]
     for i in range(len(faces)):
         a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
-        right, down = 0.0, 0.0
         for k in range(3):
             along, up = places[b, k] - places[a, k], places[c, k] - places[a, k]
             out[i, k] = places[a, k] + weights[i, 0] * along + weights[i, 1] * up
-            if len(footprint) > 0:
-                right += (changes[i, 0] * along + changes[i, 1] * up) ** 2
-                down += (changes[i, 2] * along + changes[i, 3] * up) ** 2
-        if len(footprint) > 0:
-            footprint[i] = np.sqrt(max(right, down))
+            if len(widths) > 0:
+                right = abs(changes[i, 0] * along + changes[i, 1] * up)
+                down = abs(changes[i, 2] * along + changes[i, 3] * up)
+                widths[i, k] = max(right, down)
 
 
 def vertex_colors(fragments: Fragments) -> Floats:

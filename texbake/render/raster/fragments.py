@@ -130,11 +130,12 @@ def _fill_kernel(  # type: ignore[no-untyped-def]
             if _is_plain(face_ids, row, column, side, merges):
                 found[0] = face_ids[row * side, column * side]
                 n_found = 1 if found[0] >= 0 else 0
-                sums[0, 0] = side * side
-                sums[0, 1] = side * side * side * (column + 0.5)
-                sums[0, 2] = side * side * side * (row + 0.5)
+                sums[0, 0], sums[0, 1], sums[0, 2] = side * side, column + 0.5, row + 0.5
             else:
                 n_found = _pixel(face_ids, row, column, side, merges, found, sums)
+                for k in range(n_found):
+                    sums[k, 1] /= sums[k, 0] * side
+                    sums[k, 2] /= sums[k, 0] * side
             for k in range(n_found):
                 owner = _owner(found[k], starts)
                 slot = nexts[owner]
@@ -143,8 +144,7 @@ def _fill_kernel(  # type: ignore[no-untyped-def]
                 faces[slot] = found[k]
                 pixels[slot] = row * width + column
                 sample_counts[slot] = sums[k, 0]
-                places[slot, 0] = sums[k, 1] / (sums[k, 0] * side)
-                places[slot, 1] = sums[k, 2] / (sums[k, 0] * side)
+                places[slot, 0], places[slot, 1] = sums[k, 1], sums[k, 2]
             if wants_samples:
                 first = 0
                 for j in range(row * side, (row + 1) * side):

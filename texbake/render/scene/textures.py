@@ -23,6 +23,8 @@ FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
 WRAPS = ("repeat", "mirror", "clamp", "border")
 # Filters that need to know how far apart the coordinates of neighboring pixels are.
 FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
+# Filters that read smaller levels of an image.
+FILTERS_WITH_LEVELS = ("trilinear", "ewa")
 SPACES = ("object", "world", "uv")
 
 Rgb = tuple[float, float, float]

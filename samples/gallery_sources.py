@@ -1,0 +1,352 @@
+"""Draw the pictures, profiles and meshes that the scenes of the gallery use, all of them by code.
+
+python gallery_sources.py [FOLDER]
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import texbake
+from texbake.bake.texture.camera import PhotoCamera
+from texbake.bake.texture.options import PhotoOptions, SolidOptions
+from texbake.bake.texture.photo import Photo
+from texbake.bake.texture.photos import bake_photos
+from texbake.bake.texture.solid import bake_solid
+from texbake.pipeline.light_map import bake_light_maps
+from texbake.texture.height_options import HeightToNormalOptions
+from texbake.texture.height_to_normal import height_to_normal
+from texbake.texture.procedures import evaluate
+
+SCENES = Path(__file__).parent / "scenes"
+
+# Radius and height, from the foot to the knob of the lid.
+POT = """\
+0 0
+0.46 0
+0.48 0.035
+0.50 0.06
+0.66 0.16
+0.80 0.34
+0.86 0.54
+0.82 0.74
+0.70 0.92
+0.58 1.03
+0.60 1.07
+0.57 1.10
+0.50 1.13
+0.36 1.20
+0.20 1.245
+0.09 1.27
+0.07 1.30
+0.10 1.35
+0.11 1.39
+0.08 1.43
+0 1.445
+"""
+VASE = "0 0\n0.55 0\n0.7 0.3\n0.72 0.6\n0.5 1.1\n0.3 1.45\n0.28 1.6\n0.42 1.8\n"
+# Centers and radii of the tubes of the pot, as control points of cubic curves.
+SPOUT = (
+    ((0.62, 0.34), (0.98, 0.40), (1.00, 0.70), (1.18, 0.92), (1.24, 0.99), (1.30, 1.03),
+     (1.36, 1.05)),
+    (0.24, 0.19, 0.13, 0.105, 0.10, 0.10, 0.11),
+)  # fmt: skip
+HANDLE = (
+    ((-0.58, 0.92), (-0.86, 1.06), (-1.26, 1.08), (-1.26, 0.74), (-1.26, 0.48), (-1.02, 0.30),
+     (-0.72, 0.28)),
+    (0.075, 0.075, 0.075, 0.075, 0.075, 0.075, 0.075),
+)  # fmt: skip
+# Control points of a quarter circle, as a cubic curve: error 0.03 % of the radius.
+_QUARTER = 0.5522847498
+
+
+def main(scenes: Path) -> None:
+    """Write everything; what is baked from scenes comes last."""
+    textures, meshes = scenes / "textures", scenes / "meshes"
+    for folder in textures, meshes:
+        folder.mkdir(parents=True, exist_ok=True)
+    write_meshes(meshes)
+    write_earth(textures)
+    write_tiles(textures)
+    write_slides(textures)
+    write_sky(textures)
+    write_small_maps(textures)
+    write_orange(scenes)
+    write_bakes(scenes)
+
+
+# Meshes
+
+
+def write_meshes(folder: Path) -> None:
+    """Write the pot, its spout and handle, a vase, and a ball with colors at its vertices."""
+    (folder / "pot.txt").write_text(POT)
+    (folder / "vase.txt").write_text(VASE)
+    for name, (centers, radii) in {"spout": SPOUT, "handle": HANDLE}.items():
+        patches = tube(np.array(centers), np.array(radii))
+        rows = [" ".join(f"{x:.6g}" for x in point) for point in patches.reshape(-1, 3)]
+        (folder / f"{name}.txt").write_text("\n".join([str(len(patches)), *rows]) + "\n")
+    ball = texbake.make("torus", resolution=(40, 20), minor_radius=0.5)
+    x, y, z = ball.positions.T / np.abs(ball.positions).max(axis=0)[:, None]
+    colors = 0.5 + 0.5 * np.stack([x, y, z], axis=1)
+    ball = ball.replace(colors=colors.astype(np.float32))
+    texbake.write_mesh(ball, folder / "colored.ply")
+
+
+def tube(centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """(P, 4, 4, 3) patches around a plane curve of cubic pieces, four to each piece.
+
+    Rings stand across the polygon of control points, which is near enough for a spout.
+    """
+    along = np.gradient(centers, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0], np.zeros(len(along))], axis=1)
+    middle = np.concatenate([centers, np.zeros((len(centers), 1))], axis=1)
+    quarter = np.array([[1.0, 0.0], [1.0, _QUARTER], [_QUARTER, 1.0], [0.0, 1.0]])
+    patches = []
+    for piece in range(len(centers) // 3):
+        for turn in range(4):
+            a, b = [(1, 0), (0, 1), (-1, 0), (0, -1)][turn]
+            sides = quarter @ np.array([[a, b], [-b, a]])
+            patch = np.empty((4, 4, 3))
+            for v in range(4):
+                k = 3 * piece + v
+                patch[v] = middle[k] + radii[k] * (
+                    sides[:, :1] * across[k] + sides[:, 1:] * np.array([0.0, 0.0, 1.0])
+                )
+            patches.append(patch)
+    return np.array(patches)
+
+
+# Textures
+
+
+def write_earth(folder: Path, width: int = 768) -> None:
+    """Draw a planet with seas, and where it is wet and so shines."""
+    height = width // 2
+    points = globe(width, height)
+    land = fractal(points * 1.55, seed=11, octaves=9, gain=0.56)
+    detail = fractal(points * 5.0, seed=3, octaves=7, gain=0.6)
+    latitude = np.abs(points[:, 1])
+    level = land - 0.535
+    ice = latitude + 0.12 * (detail - 0.5) > 0.93
+    dry = np.clip(1.6 - 4.0 * np.abs(latitude - 0.38) + 5.0 * (detail - 0.5), 0.0, 1.0)
+    deep = ramp(((0.004, 0.02, 0.085), (0.01, 0.055, 0.17), (0.03, 0.19, 0.30)), 1 + level / 0.2)
+    green = ramp(((0.025, 0.085, 0.02), (0.06, 0.12, 0.03), (0.20, 0.17, 0.08)), level / 0.13)
+    sand = ramp(((0.36, 0.25, 0.12), (0.42, 0.30, 0.16), (0.28, 0.20, 0.12)), level / 0.13)
+    ground = green + dry[:, None] * (sand - green)
+    snow = np.clip((level - 0.13 + 0.2 * (detail - 0.5)) / 0.03, 0.0, 1.0)[:, None]
+    ground = ground + snow * (0.75 - ground)
+    color = np.where((level > 0.0)[:, None], ground, deep)
+    color[ice] = (0.78, 0.82, 0.86)
+    sea = np.where((level > 0.0) | ice, 0.03, 0.9)
+    save(folder / "earth.png", color.reshape(height, width, 3))
+    save(folder / "earth_sea.png", sea.reshape(height, width), color=False)
+
+
+def write_tiles(folder: Path, size: int = 384) -> None:
+    """Draw bricks in mortar: colors, heights, the normals of those, and what they hide."""
+    v, u = (np.mgrid[0:size, 0:size] + 0.5) / size
+    row = np.floor(v * 6)
+    across = u * 3 + 0.5 * (row % 2)
+    x, y = across % 1.0, (v * 6) % 1.0
+    # Distance from the edge of a brick, in heights of a row; the mortar is 0.1 wide.
+    edge = np.minimum(np.minimum(x, 1 - x) * 2.0, np.minimum(y, 1 - y)) - 0.05
+    grain = tiling(size, 24.0, seed=5)
+    rough = tiling(size, 6.0, seed=8)
+    rise = np.clip((edge + 0.05 * (rough - 0.5)) / 0.11, 0.0, 1.0)
+    rise = rise * rise * (3 - 2 * rise)
+    brick = np.floor(across % 3) + 7 * row
+    lift = 0.12 * np.sin(12.9898 * brick + 4.1) ** 2
+    height = rise * (0.78 + lift) + 0.1 * rise * (rough - 0.5) + 0.06 * grain
+    tone = np.sin(78.233 * brick + 1.3)
+    base = np.array([0.38, 0.12, 0.065]) * (1 + 0.28 * tone)[..., None]
+    base = base + np.array([0.03, 0.045, 0.035]) * np.sin(41.3 * brick)[..., None]
+    base *= (0.72 + 0.56 * rough)[..., None]
+    mortar = np.array([0.36, 0.34, 0.30]) * (0.75 + 0.5 * grain)[..., None]
+    color = mortar + rise[..., None] * (base - mortar)
+    height = np.clip(height, 0.0, 1.0)
+    save(folder / "bricks.png", color)
+    save(folder / "bricks_height.png", height, color=False)
+    normals = height_to_normal(height, HeightToNormalOptions(scale=0.035))
+    save(folder / "bricks_normal.png", 0.5 * normals + 0.5, color=False)
+    save(folder / "bricks_occlusion.png", 0.15 + 0.85 * rise, color=False)
+
+
+def write_slides(folder: Path) -> None:
+    """Draw a slide with a sunset, a window, and a sticker with a hole around it."""
+    height, width = 256, 384
+    y, x = np.mgrid[0:height, 0:width] + 0.5
+    x, y = x / height, 1 - y / height  # in heights of the picture, y up
+    sky = ramp(((0.95, 0.42, 0.08), (0.75, 0.16, 0.16), (0.16, 0.06, 0.30), (0.02, 0.03, 0.18)),
+               (y - 0.3) / 0.7)  # fmt: skip
+    away = np.hypot(x - 0.95, y - 0.44)
+    sky += np.exp(-8.0 * away)[..., None] * np.array([0.9, 0.5, 0.1])
+    picture = np.where((away < 0.13)[..., None], (1.0, 0.85, 0.35), sky)
+    for base, wave, tone in (
+        (0.42, 0.10, (0.16, 0.05, 0.14)),
+        (0.33, 0.075, (0.07, 0.03, 0.09)),
+        (0.22, 0.05, (0.02, 0.015, 0.04)),
+    ):
+        ridge = base + wave * (np.sin(7 * x / (base + 0.2) + 9 * base) * 0.6
+                               + np.sin(17 * x + 20 * base) * 0.4)  # fmt: skip
+        picture = np.where((y < ridge)[..., None], tone, picture)
+    border = np.minimum(np.minimum(x, width / height - x), np.minimum(y, 1 - y)) < 0.03
+    save(folder / "slide.png", np.where(border[..., None], 1.0, picture))
+    size = 256
+    v, u = (np.mgrid[0:size, 0:size] + 0.5) / size
+    bars = (np.abs(((u - 0.1) * 2.5) % 1.0 - 0.5) < 0.42) & (np.abs((v - 0.06) * 3.4 % 1 - 0.5) < 0.43)
+    pane = bars & (np.abs(u - 0.5) < 0.4) & (np.abs(v - 0.5) < 0.44)
+    save(folder / "window.png", np.where(pane[..., None], (1.0, 0.93, 0.78), 0.0))
+    around, radius = np.arctan2(v - 0.5, u - 0.5), 2 * np.hypot(u - 0.5, v - 0.5)
+    star = radius < 0.62 + 0.3 * np.cos(5 * (around + np.pi / 2))
+    color = np.where((radius < 0.34)[..., None], (0.9, 0.75, 0.1), (0.65, 0.02, 0.05))
+    save(folder / "sticker.png", np.concatenate([color, star[..., None]], axis=2))
+    leaf = leaves(u, v)
+    green = ramp(((0.03, 0.11, 0.02), (0.16, 0.30, 0.04)), u * 0.5 + 0.5 * v)
+    save(folder / "leaves.png", np.concatenate([green, leaf[..., None]], axis=2))
+
+
+def leaves(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """1 where a fern is, 0 elsewhere."""
+    stem = 0.5 + 0.08 * np.sin(3 * v)
+    shown = np.abs(u - stem) < 0.012
+    for k in range(11):
+        middle = 0.94 - 0.085 * k
+        length = 0.10 + 0.032 * k if k < 8 else 0.46 - 0.05 * (k - 6)
+        side = np.abs(u - stem)
+        bent = v - middle + 0.55 * side
+        width = 0.034 * np.sqrt(np.clip(side / length, 0, 1)) * np.clip(1 - side / length, 0, 1) * 2
+        shown |= (np.abs(bent) < width) & (side < length)
+    return shown.astype(np.float64)
+
+
+def write_sky(folder: Path, width: int = 768) -> None:
+    """Draw a sky over hills, all around, and the same as the six faces of a cube map."""
+    height = width // 2
+    points = globe(width, height)
+    x, y, z = points.T
+    sky = ramp(((0.72, 0.80, 0.88), (0.30, 0.50, 0.80), (0.08, 0.22, 0.58)), np.clip(y, 0, 1) ** 0.6)
+    plane = np.stack([x, z], axis=1) / np.maximum(y, 0.02)[:, None]
+    clouds = fractal(np.column_stack([plane * 0.9, np.zeros(len(y))]), seed=21, octaves=7)
+    cloud = np.clip((clouds - 0.48) / 0.14, 0, 1) * np.clip(y / 0.25, 0, 1)
+    sky = sky + cloud[:, None] * (0.92 - sky)
+    around = np.arctan2(x, z)
+    ridge = 0.02 + 0.10 * (fractal(np.column_stack([np.sin(around), np.cos(around), 0 * x]) * 3.0,
+                                   seed=4, octaves=6) - 0.3)  # fmt: skip
+    hills = ramp(((0.05, 0.10, 0.12), (0.16, 0.24, 0.28)), (ridge - y) * 8)
+    sky = np.where((y < ridge)[:, None], hills, sky)
+    spot = np.stack([x, z], axis=1) / np.maximum(-y, 0.03)[:, None]
+    meadow = fractal(np.column_stack([spot * 2.0, np.ones(len(y))]), seed=9, octaves=6)
+    far = np.clip(-y / 0.5, 0, 1)[:, None]
+    ground = ramp(((0.05, 0.11, 0.02), (0.16, 0.22, 0.05), (0.28, 0.26, 0.10)), meadow * 1.4 - 0.2)
+    ground = ground + (1 - far) * (np.array([0.13, 0.20, 0.16]) - ground)
+    color = np.where((y < 0)[:, None], ground, sky)
+    sun = points @ (np.array([0.45, 0.62, 0.64]) / np.linalg.norm([0.45, 0.62, 0.64]))
+    color = np.where((sun > 0.9965)[:, None], 1.0, color + 0.5 * np.exp((sun[:, None] - 1) * 60))
+    color = np.clip(color, 0, 1).reshape(height, width, 3).astype(np.float32)
+    save(folder / "sky.png", color)
+    cube = texbake.from_latitude_longitude(color, size=128)
+    for name, face in zip(("right", "left", "up", "down", "back", "front"), cube.faces, strict=True):
+        save(folder / f"sky_{name}.png", face)
+
+
+def write_small_maps(folder: Path, size: int = 256) -> None:
+    """Draw a numbered checker, smears that dull a gloss, a vector field and letters on a panel."""
+    save(folder / "checker.png", texbake.checker_image(512, 8))
+    v, u = (np.mgrid[0:size, 0:size] + 0.5) / size
+    smear = tiling(size, 5.0, seed=2, stretch=4.0)
+    rings = 0.5 + 0.5 * np.cos(90 * np.hypot(u - 0.5, 0.8 * (v - 0.5)) + 8 * smear)
+    save(folder / "smears.png", np.clip(1.5 * smear * (0.4 + 0.6 * rings), 0, 1), color=False)
+    glow = (np.abs((u * 8) % 1 - 0.5) < 0.34) & (np.abs((v * 8) % 1 - 0.5) < 0.30)
+    lit = glow & (np.sin(91.7 * np.floor(u * 8) + 47.3 * np.floor(v * 8)) > -0.15)
+    save(folder / "windows.png", np.where(lit[..., None], (1.0, 0.62, 0.18), 0.0))
+    # Hooks: up in the middle, and sideways at the top, about 0.5.
+    x, y = (u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5
+    bump = np.clip(1 - 2.2 * np.hypot(x, y), 0, 1)
+    vectors = np.stack([0.5 + 0.5 * bump**3, 0.5 + 0 * bump, 0.5 + 0.5 * np.sqrt(bump)], axis=2)
+    save(folder / "hooks.png", vectors, color=False)
+
+
+# Bakes
+
+
+def write_orange(scenes: Path) -> None:
+    """Photograph the displaced orange from six sides, and blend the photographs on a sphere."""
+    scene = texbake.read_scene(scenes / "orange_displaced.toml")
+    orange = replace(scene.objects[0], transform=None)
+    options = texbake.RenderOptions(width=320, height=320, supersampling=2, fov=30.0)
+    photos = []
+    for direction in ((0, 0, 1), (0.95, 0.2, -0.35), (-0.95, -0.2, -0.35), (0, 1, 0.05), (0, -1, 0.05)):
+        eye = tuple(4.4 * np.array(direction) / np.linalg.norm(direction))
+        view = texbake.View(position=eye, target=(0.0, 0.0, 0.0), fov=30.0)
+        lamp = texbake.Light(kind="directional", direction=(-0.2, -0.35, -1.0), follows_camera=True,
+                             intensity=0.75)  # fmt: skip
+        sky = texbake.Ambient(color=(0.35, 0.35, 0.35))
+        shot = texbake.Scene(
+            objects=(orange,), lighting=texbake.Lighting(lights=(lamp,), ambient=sky), view=view
+        )
+        picture = texbake.render_scene(shot, options).color[:, :, :3]
+        camera = PhotoCamera(position=eye, target=(0.0, 0.0, 0.0), fov=30.0)
+        photos.append(Photo(image=picture, camera=camera))
+    sphere = texbake.make("sphere", resolution=(128, 64))
+    baked = bake_photos(sphere, photos, PhotoOptions(size=(768, 384), falloff=3.0, max_angle=70.0))
+    save(scenes / "textures" / "orange_photo.png", baked.values)
+
+
+def write_bakes(scenes: Path) -> None:
+    """Bake marble into the atlas of a vase, and the light of a room into its walls."""
+    vase = texbake.read_scene(scenes / "baked_marble.toml").objects[0].mesh
+    options = SolidOptions(procedure="marble", size=512, samples=16, parameters={"seed": 5})
+    bake_solid(vase, options).write(scenes / "textures" / "baked_marble.png")
+    room = texbake.read_scene(scenes / "light_map_room.toml")
+    baked = bake_light_maps(room, texbake.BakeOptions(size=192, samples=16))
+    for item in baked.maps:
+        save(scenes / "textures" / f"light_{item.name}.png", item.values)
+
+
+# Small parts
+
+
+def globe(width: int, height: int) -> np.ndarray:
+    """(H * W, 3) unit vectors of a latitude-longitude picture; its middle column looks to -z."""
+    v, u = np.mgrid[0:height, 0:width] + 0.5
+    azimuth, elevation = (u / width - 0.5) * 2 * np.pi, (0.5 - v / height) * np.pi
+    flat = np.cos(elevation)
+    points = np.stack(
+        [flat * np.sin(azimuth), np.sin(elevation), -flat * np.cos(azimuth)], axis=-1
+    )
+    return points.reshape(-1, 3)
+
+
+def fractal(points: np.ndarray, **parameters: float) -> np.ndarray:
+    """Return noise at many scales, about 0.5."""
+    return evaluate("fractal", points, parameters=parameters)[:, 0].astype(np.float64)
+
+
+def tiling(size: int, frequency: float, *, seed: int, stretch: float = 1.0) -> np.ndarray:
+    """(size, size) noise that tiles: on the product of two circles, cut to three dimensions."""
+    v, u = (np.mgrid[0:size, 0:size] + 0.5) / size * 2 * np.pi
+    ring = frequency / (2 * np.pi)
+    # A torus: distances along v change a little with u, which noise does not show.
+    wide = 3.0 * ring + ring * np.cos(u) / stretch
+    points = np.stack([wide * np.cos(v), wide * np.sin(v), ring * np.sin(u)], axis=-1)
+    return fractal(points.reshape(-1, 3), seed=seed).reshape(size, size)
+
+
+def ramp(stops: tuple, values: np.ndarray) -> np.ndarray:
+    """(..., 3) colors between stops, at values from 0 to 1."""
+    values = np.asarray(values, np.float32)
+    colors = texbake.ramp_lookup(np.array(stops, np.float32), values.ravel())
+    return colors.reshape(*values.shape, 3).astype(np.float64)
+
+
+def save(path: Path, pixels: np.ndarray, *, color: bool = True) -> None:
+    """Write 8 bits a channel."""
+    texbake.write_image(np.asarray(pixels, np.float32), path, color=color, bits=8)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else SCENES)

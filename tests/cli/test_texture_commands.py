@@ -1,0 +1,190 @@
+"""Baking, packing and converting textures, as a person runs the commands."""
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from texbake import read_image, read_mesh, write_image, write_mesh
+from texbake.mesh.shapes import plane
+from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
+
+Invoke = Callable[..., Result]
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+# A command line and the files that it leaves behind.
+LINES = {
+    "bake-texture low.obj -o t.png --procedure marble --param amount=5 --size 64 --padding 1 "
+    "--report r.json": ["t.png", "r.json"],
+    "bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --data --size 32 --samples 1": [
+        "t.exr"
+    ],
+    "bake-texture low.obj -o t.png --photo red.png --camera front.toml --photo red.png "
+    "--camera back.txt --size 64 --unseen-map u.png": ["t.png", "u.png"],
+    "bake-texture low.obj -o t.jpg --photo red.png --photo-uvs low.obj --size 64": ["t.jpg"],
+    "pack-textures red.png hill.png -o a.png": ["a.png"],
+    "pack-textures red.png hill.png -o a.tif --mesh plane.obj --mesh low.obj --meshes-to out "
+    "--padding 2 --edges repeat": ["a.tif", "out/plane.obj", "out/low.obj"],
+    "height-to-normal hill.png -o n.png --scale 0.1 --wrap clamp --derivative scharr": ["n.png"],
+    "normal-to-height normal.png -o h.exr --method frankot-chellappa --width 2": ["h.exr"],
+}
+
+
+@pytest.fixture
+def shop(workplace: Path) -> Path:
+    """The workplace with images, a plane and cameras."""
+    write_image(np.full((16, 24, 3), (1.0, 0.0, 0.0)), "red.png", color=True)
+    y, x = np.mgrid[:32, :32] / 32
+    hill = 0.5 + 0.25 * np.sin(2 * np.pi * x) * np.cos(2 * np.pi * y)
+    write_image(hill, "hill.png", bits=16)
+    write_image(np.full((16, 16, 3), (0.5, 0.5, 1.0)), "normal.png", bits=16)
+    write_mesh(plane(), "plane.obj")
+    Path("front.toml").write_text("position = [0, 0, 4]\ntarget = [0, 0, 0]\nfov = 45\n")
+    # Looks along +z, in parallel: s = (1 - x) / 2, t = (y + 1) / 2.
+    Path("back.txt").write_text("-0.5 0 0 0.5  0 0.5 0 0.5  0 0 1 1  0 0 0 1")
+    return workplace
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_command_writes_its_files_and_no_others(line: str, shop: Path, invoke: Invoke) -> None:
+    before = {path for path in shop.rglob("*") if path.is_file()}
+    result = invoke(line)
+    after = {path for path in shop.rglob("*") if path.is_file()}
+    assert after - before == {shop / name for name in LINES[line]}
+    told = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
+    assert told == {Path(name) for name in LINES[line]}
+
+
+@pytest.mark.parametrize("line", [line for i, line in enumerate(LINES) if i in (0, 2, 5, 6, 7)])
+def test_command_as_a_process(line: str, shop: Path, run: Run) -> None:
+    done = run(line)
+    assert done.returncode == 0, done.stderr
+    assert all((shop / name).stat().st_size > 0 for name in LINES[line])
+    assert all(row.startswith("texbake: warning: ") for row in done.stderr.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("bake-texture low.obj -o t.png", "give a procedure or photographs"),
+        (
+            "bake-texture low.obj -o t.png --procedure wood --photo red.png --camera front.toml",
+            "give a procedure or photographs",
+        ),
+        ("bake-texture low.obj -o t.png --photo red.png", "0 are given for 1 photographs"),
+        ("bake-texture low.obj -o t.png --procedure wood --camera front.toml", "goes with --photo"),
+        ("bake-texture low.obj -o t.png --procedure wood --param rings", "KEY=VALUE"),
+        ("bake-texture low.obj -o t.png --procedure wood --param speed=3", "wood.speed"),
+        ("bake-texture low.obj -o t.png --procedure wood --param rings=few", "wood.rings: 'few'"),
+        ("bake-texture low.obj -o t.png --procedure wood --colors red", "no color such as #c89a5b"),
+        ("bake-texture low.obj -o t.png --procedure wood --scale 0", "scale: 0"),
+        ("bake-texture low.obj -o t.png --procedure wood --bits 12", "8 or 16 bits"),
+        ("bake-texture low.obj -o red.png --photo red.png --camera front.toml", "also an input"),
+        ("pack-textures red.png -o red.png", "also an input"),
+        (
+            "pack-textures red.png hill.png -o a.png --mesh plane.obj --meshes-to o",
+            "1 are given for 2",
+        ),
+        ("pack-textures red.png -o a.png --mesh plane.obj", "give both"),
+        ("pack-textures red.png -o a.png --mesh plane.obj --meshes-to .", "also an input"),
+        ("pack-textures red.png -o a.png --size 8 --padding 4", "has no room"),
+        ("height-to-normal hill.png -o hill.png", "also an input"),
+        ("height-to-normal hill.png -o n.png --width 0", "width: 0"),
+        ("normal-to-height normal.png -o h.png --bits 32", "not 32"),
+    ],
+)
+def test_wrong_usage_is_one_line(line: str, message: str, shop: Path, invoke: Invoke) -> None:
+    result = invoke(line, exit_code=2)
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not Path("t.png").exists() and not Path("a.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("bake-texture high.ply -o t.png --procedure wood", "high.ply: it has no texture coord"),
+        ("bake-texture low.obj -o t.png --photo red.png --camera bad.toml", "bad.toml: lens"),
+        ("bake-texture low.obj -o t.png --photo no.png --camera front.toml", "no.png"),
+        ("pack-textures red.png -o a.png --mesh tiled.obj --meshes-to o", "tiled.obj: 3 of its"),
+        ("normal-to-height world.png -o h.png", "world.png: its normals are in world space"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_one_line(
+    line: str, message: str, shop: Path, invoke: Invoke
+) -> None:
+    Path("bad.toml").write_text("position = [0, 0, 4]\ntarget = [0, 0, 0]\nlens = 35\n")
+    mesh = plane()
+    assert mesh.uvs is not None
+    write_mesh(mesh.replace(uvs=mesh.uvs * 2), "tiled.obj")
+    write_image(np.full((4, 4, 3), 0.5), "world.png", bits=8, metadata={SPACE: "world"})
+    result = invoke(line, exit_code=1)
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not Path("t.png").exists() and not Path("a.png").exists()
+
+
+def test_a_photograph_reaches_what_it_sees(shop: Path, invoke: Invoke) -> None:
+    invoke(
+        "bake-texture low.obj -o t.png --photo red.png --camera front.toml --size 64 --fill none "
+        "--feather 0 --report r.json"
+    )
+    figures = json.loads(Path("r.json").read_text())
+    assert 0 < figures["texels_unseen"] < figures["texels_covered"]
+    colors = read_image("t.png", color=True).pixels
+    assert set(map(tuple, colors.reshape(-1, 3))) == {(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)}
+
+
+def test_colors_are_srgb(shop: Path, invoke: Invoke) -> None:
+    invoke("bake-texture low.obj -o t.png --procedure noise --colors #336699 --size 16")
+    codes = read_image("t.png", color=False).pixels * 255
+    np.testing.assert_allclose(codes, np.broadcast_to((0x33, 0x66, 0x99), codes.shape), atol=1e-4)
+
+
+def test_packed_texels_are_the_very_codes(shop: Path, invoke: Invoke) -> None:
+    rng = np.random.default_rng(0)
+    deep = rng.integers(0, 65536, (20, 12, 3)).astype(np.uint16)
+    for name, codes in (
+        ("deep", deep),
+        ("flat", rng.integers(0, 256, (9, 30, 3)).astype(np.uint8)),
+    ):
+        write_image(codes, f"{name}.png", color=True)
+    invoke("pack-textures deep.png -o a.png --padding 3")
+    codes = np.rint(read_image("a.png", color=False).pixels * 65535).astype(int)
+    np.testing.assert_array_equal(codes[3:23, 3:15], deep)
+    invoke("pack-textures flat.png -o b.png --padding 0 --size 30x9")
+    flat = (read_image(name, color=False).pixels for name in ("flat.png", "b.png"))
+    np.testing.assert_array_equal(*flat)
+
+
+def test_packed_meshes_are_moved(shop: Path, invoke: Invoke) -> None:
+    invoke(
+        "pack-textures red.png hill.png -o a.png --mesh plane.obj --mesh low.obj --meshes-to out"
+    )
+    moved = read_mesh("out/plane.obj")
+    assert moved.uvs is not None
+    extent = np.ptp(moved.uvs, axis=0) * read_image("a.png", color=True).pixels.shape[1::-1]
+    np.testing.assert_allclose(extent, (24, 16), atol=1e-4)
+
+
+def test_heights_come_back_through_files(shop: Path, invoke: Invoke) -> None:
+    """Heights to normals to heights, each file saying how the next command is to read it."""
+    invoke("height-to-normal hill.png -o n.png --scale 0.2 --width 1 --convention directx")
+    assert read_image("n.png", color=False).metadata[CONVENTION] == "directx"
+    invoke("normal-to-height n.png -o h.png --width 1")
+    found = read_image("h.png", color=False)
+    scale = found.metadata[DISPLACEMENT_SCALE]
+    assert isinstance(scale, float)
+    y, x = np.mgrid[:32, :32] / 32
+    hill = 0.2 * 0.25 * np.sin(2 * np.pi * x) * np.cos(2 * np.pi * y)
+    # The wave of 32 texels comes back as cos²(pi / 32) = 0.990 of itself.
+    kept = np.cos(np.pi / 32) ** 2
+    heights = found.pixels[..., 0] * scale
+    np.testing.assert_allclose(heights - heights.mean(), kept * hill, atol=2e-5)
+    invoke("height-to-normal h.png -o again.png --convention directx")
+    first, again = (read_image(f"{name}.png", color=False).pixels for name in ("n", "again"))
+    assert np.abs(first - again).max() < 0.01

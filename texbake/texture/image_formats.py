@@ -1,0 +1,113 @@
+"""What image formats can hold: bits, floats, channels, and a description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from texbake.errors import FileFormatError, OptionError
+from texbake.files import PathLike
+
+
+@dataclass(frozen=True)
+class ImageFormat:
+    """What a file format can hold. `float_bits` are those of its `bits` that are floats."""
+
+    name: str
+    bits: tuple[int, ...]
+    float_bits: tuple[int, ...]
+    color_bits: int
+    data_bits: int
+    channels: tuple[int, ...] | None
+    description_limit: int
+    compression: str
+
+
+PNG = ImageFormat("PNG", (8, 16), (), 8, 16, (1, 2, 3, 4), 1 << 20, "")
+# LZW: read by everything, and twice as fast to write as deflate for a quarter more bytes.
+TIFF = ImageFormat("TIFF", (8, 16, 32), (32,), 8, 32, None, 1 << 20, "lzw")
+JPEG = ImageFormat("JPEG", (8,), (), 8, 8, (1, 3), 1 << 15, "jpeg:95")
+_FORMATS = {
+    ".png": PNG,
+    ".exr": ImageFormat("EXR", (16, 32), (16, 32), 16, 32, None, 1 << 20, "zip"),
+    ".tif": TIFF,
+    ".tiff": TIFF,
+    ".tga": ImageFormat("TGA", (8,), (), 8, 8, (1, 3, 4), 324, "rle"),
+    ".hdr": ImageFormat("HDR", (32,), (32,), 32, 32, (3,), 0, ""),
+    ".jpg": JPEG,
+    ".jpeg": JPEG,
+    ".ppm": ImageFormat("PPM", (8, 16), (), 8, 16, (1, 3), 0, ""),
+}
+
+
+def check_image_format(
+    path: PathLike,
+    bits: int | None = None,
+    *,
+    color: bool = False,
+    channels: int | None = None,
+    lossless: bool = False,
+) -> int:
+    """Bits a channel of a file to be written; raise now if it could not be.
+
+    Long work calls this first.
+
+    Parameters
+    ----------
+    path
+        Its suffix names the format.
+    bits
+        8, 16 or 32; None for what is usual: 8 for color (16 in EXR), the most for data.
+    color
+        Whether it is color, for that choice.
+    channels
+        Number of channels, where it is known.
+    lossless
+        Refuse a format that does not keep what it is given.
+
+    Raises
+    ------
+    FileFormatError
+        The suffix is none that is known.
+    OptionError
+        The format does not hold that many bits or channels.
+    """
+    kind = format_of(path)
+    if lossless and kind is JPEG:
+        raise OptionError(f"{path}: JPEG changes what it is given; use png, exr, tif or tga")
+    if bits is None:
+        return kind.color_bits if color else kind.data_bits
+    if bits not in kind.bits:
+        raise OptionError(
+            f"{path}: {kind.name} holds {_alternatives(kind.bits)} bits a channel, not {bits}; "
+            f"{_advice(bits)}"
+        )
+    if channels is not None and kind.channels is not None and channels not in kind.channels:
+        raise OptionError(
+            f"{path}: {kind.name} holds {_alternatives(kind.channels)} channels, not {channels}; "
+            "use EXR or TIFF"
+        )
+    return bits
+
+
+def holds_floats(path: PathLike, bits: int) -> bool:
+    """Whether a file of this name and number of bits holds floats, as they are, and not codes."""
+    return bits in format_of(path).float_bits
+
+
+def format_of(path: PathLike) -> ImageFormat:
+    """Return the format that a file's suffix names; raise `FileFormatError` for another."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in _FORMATS:
+        known = ", ".join(name[1:] for name in _FORMATS)
+        raise FileFormatError(f"{path}: the image format {suffix!r} is not known; use {known}")
+    return _FORMATS[suffix]
+
+
+def _alternatives(numbers: tuple[int, ...]) -> str:
+    return " or ".join(map(str, numbers))
+
+
+def _advice(bits: int) -> str:
+    fitting = {kind.name: None for kind in _FORMATS.values() if bits in kind.bits}
+    return f"use {' or '.join(fitting)}" if fitting else "use 8, 16 or 32"
