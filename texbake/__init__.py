@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from texbake.pipeline.checker import render_checker
     from texbake.pipeline.demo import demo
     from texbake.pipeline.layout import write_layout
+    from texbake.pipeline.light_map import LightMaps, bake_light_maps
     from texbake.pipeline.options import DemoOptions, RunOptions
     from texbake.pipeline.run import RunResult, run
     from texbake.render.camera import Camera
@@ -139,6 +140,7 @@ _NAMES = {
     "texbake.pipeline.checker": ("render_checker",),
     "texbake.pipeline.demo": ("demo",),
     "texbake.pipeline.layout": ("write_layout",),
+    "texbake.pipeline.light_map": ("LightMaps", "bake_light_maps"),
     "texbake.pipeline.options": ("DemoOptions", "RunOptions"),
     "texbake.pipeline.run": ("RunResult", "run"),
     "texbake.render.compare": ("Closeness", "Comparison", "compare"),
@@ -247,6 +249,7 @@ __all__ = [
     "Image",
     "ImageTexture",
     "Light",
+    "LightMaps",
     "Lighting",
     "MakeOptions",
     "Material",
@@ -289,6 +292,7 @@ __all__ = [
     "WrittenMap",
     "__version__",
     "bake",
+    "bake_light_maps",
     "bake_photos",
     "bake_solid",
     "checker_image",

@@ -43,10 +43,7 @@ class Wall:
         return Mesh(
             positions=np.concatenate([SIZE * (2 * corners - 1), np.zeros((4, 1))], axis=1),
             faces=faces,
-            uvs=corners,
-            uv_faces=faces,
-            name="wall",
-            **fields,
+            **{"uvs": corners, "uv_faces": faces, "name": "wall"} | fields,
         )
 
     def frame(self, material, lighting=None, *, options=None, normal=None, effects=None, **fields):

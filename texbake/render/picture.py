@@ -93,6 +93,7 @@ class Costs:
 
     by_name: dict[str, PassCost] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
+    _running: threading.local = field(default_factory=threading.local)
 
     def add(self, name: str, seconds: float, n_bytes: int = 0) -> None:
         """Count some time and memory of a pass."""
@@ -108,12 +109,16 @@ class Costs:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Count the time of a block."""
+        """Count the time of a block, without that of blocks within it, which is theirs."""
+        inner = getattr(self._running, "seconds", 0.0)
+        self._running.seconds = 0.0
         start = time.perf_counter()
         try:
             yield
         finally:
-            self.add(name, time.perf_counter() - start)
+            taken = time.perf_counter() - start
+            self.add(name, taken - self._running.seconds)
+            self._running.seconds = inner + taken
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

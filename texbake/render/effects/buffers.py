@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.colors import linear_from_oklch
-from texbake.render.effects.images import image_of
+from texbake.mesh.mesh import FloatArray
+from texbake.render.effects.images import image_of, on_image
 from texbake.render.effects.shading_models import normals_effect
 from texbake.render.fragments import Floats, Fragments
 from texbake.render.picture import Picture
@@ -101,18 +102,21 @@ def _uv(fragments: Fragments, picture: Picture) -> Floats:
     return decode_srgb(shown).astype(np.float32)
 
 
-def _size(fragments: Fragments, picture: Picture) -> tuple[int, int]:
-    """Width and height of the base color's image."""
-    if not _has_image(picture.question, fragments.target):
-        return _TEXELS, _TEXELS
-    chain = image_of(picture, fragments.target, "base_color").chain
-    return chain.width, chain.height
+def _texels(fragments: Fragments, picture: Picture) -> tuple[FloatArray, Floats]:
+    """(n, 2): place in texels of the base color's image; (n,): level that a pixel asks for."""
+    at, changes, width, height = fragments.uvs, fragments.uv_changes, _TEXELS, _TEXELS
+    assert at is not None and changes is not None
+    if _has_image(picture.question, fragments.target):
+        image = image_of(picture, fragments.target, "base_color")
+        at, changes = on_image(image, at, changes)
+        width, height = image.chain.width, image.chain.height
+    assert changes is not None
+    return at * (width, height), mip_levels(changes, width, height, threads=1)
 
 
 def _mip_level(fragments: Fragments, picture: Picture) -> Floats:
     """A hue for each level, mixed between two; gray where the texture is magnified."""
-    assert fragments.uv_changes is not None
-    levels = mip_levels(fragments.uv_changes, *_size(fragments, picture), threads=1)
+    _, levels = _texels(fragments, picture)
     shown = np.clip(levels, 0.0, 30.0)
     chroma = np.where(levels < 0.0, 0.0, 0.14)
     return linear_from_oklch(0.75, chroma, 30.0 + 50.0 * shown).astype(np.float32)
@@ -133,11 +137,7 @@ def _object_id(fragments: Fragments, picture: Picture) -> Floats:
 
 def _texel_grid(fragments: Fragments, picture: Picture) -> Floats:
     """Texels as a fine checker; gray where they are smaller than a pixel."""
-    assert fragments.uvs is not None
-    size = np.array(_size(fragments, picture), np.float64)
-    texels = fragments.uvs * size
-    assert fragments.uv_changes is not None
-    levels = mip_levels(fragments.uv_changes, int(size[0]), int(size[1]), threads=1)
+    texels, levels = _texels(fragments, picture)
     odd = (np.floor(texels).sum(axis=1) % 2.0).astype(np.float32)
     # Fades from texels of two pixels to texels of one.
     sharp = np.clip(-levels, 0.0, 1.0)

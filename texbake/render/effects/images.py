@@ -223,15 +223,23 @@ def look_up(
     return image_values(image, at, changes)
 
 
+def on_image(
+    image: LoadedImage, at: FloatArray, changes: Floats | None
+) -> tuple[FloatArray, Floats | None]:
+    """Coordinates (n, 2) of the mesh, and their changes (n, 4), as coordinates of the image."""
+    if image.turn is None:
+        return at, changes
+    if changes is not None:
+        changes = (changes.reshape(-1, 2, 2) @ image.turn.T.astype(np.float32)).reshape(-1, 4)
+    return at @ image.turn.T + image.offset, changes
+
+
 def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:
     """(n, C) float32: values of an image at coordinates of the mesh.
 
     `changes` (n, 4) are those from pixel to pixel, for a filter with a footprint; else None.
     """
-    if image.turn is not None:
-        at = at @ image.turn.T + image.offset
-        if changes is not None:
-            changes = (changes.reshape(-1, 2, 2) @ image.turn.T.astype(np.float32)).reshape(-1, 4)
+    at, changes = on_image(image, at, changes)
     values = sample(
         image.chain, at, changes, filter=image.filter, wrap=image.wrap, border=image.border,
         threads=1,

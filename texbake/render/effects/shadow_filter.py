@@ -11,8 +11,8 @@ filter's footprint the surface gets nearer and farther with its slope. So
    too. Of two surfaces that meet between the point and the texel one passes neither test: at a
    ridge the first leaves it out, in a groove the second. Nothing meets the point's surface, though,
    where no texel about it sees that;
-3. where the triangle is one of the point's own object, between the two the surface may go up and
-   down, on triangles smaller than a texel, as steeply as the steeper of the two does on either axis;
+3. where the triangle is one of the point's own object, the surface may go up and down between the
+   two, on triangles smaller than a texel, as steeply as the steeper of them does on either axis;
    only what is nearer than that cannot be the same piece of surface.
 
 In clip space depth z/w is linear in x/w and y/w on any plane, so all that is a multiplication by

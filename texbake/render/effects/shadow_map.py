@@ -1,10 +1,9 @@
 """Shadow maps: what lights see first, and with it what they do not reach.
 
-A map is rasterized for each light that asks for shadows, unless what casts them and what is seen to
-receive them cannot meet. It keeps, for each texel, the depth and the triangle that the light sees at
-its center (`texbake.render.effects.shadow_fit` says of which view). The light of a point is dimmed
-by the share of its surroundings in the map that lies in shadow
-(`texbake.render.effects.shadow_filter`).
+A map is rasterized for each light that asks for shadows, unless none of them can fall on anything
+seen. It keeps, for each texel, the depth and the triangle that the light sees at its center; in
+which view, `texbake.render.effects.shadow_fit` says. The light of a point is dimmed by the share of
+its surroundings in the map that lies in shadow (`texbake.render.effects.shadow_filter`).
 
 What is opaque in part casts the shadow of what is opaque.
 
