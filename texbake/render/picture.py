@@ -40,8 +40,9 @@ class DrawnObject:
         Inverse of its transform; None where it has none.
     base_faces : (F,) int32, optional
         Face of `mesh` that each drawn one is a piece of; None where they are the same.
-    base_weights : (F, 3, 3) float64, optional
-        Place on that face of each corner of the piece, as weights of its three corners.
+    base_weights : (F, 3, 2) float32, optional
+        Place on that face of each corner of the piece, as weights of its second and third corner;
+        exact, since they are halves of halves.
     normals, normal_faces : optional
         Shading normals of the drawn triangles where those are finer.
     """
@@ -52,9 +53,17 @@ class DrawnObject:
     faces: IntArray
     object_from_world: FloatArray | None = None
     base_faces: IntArray | None = None
-    base_weights: FloatArray | None = None
+    base_weights: npt.NDArray[np.float32] | None = None
     normals: FloatArray | None = None
     normal_faces: IntArray | None = None
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of finer triangles than the mesh's; those are counted by nobody else."""
+        arrays = [self.base_faces, self.base_weights, self.normals]
+        if self.base_faces is not None:
+            arrays += [self.positions, self.faces]
+        return sum(array.nbytes for array in arrays if array is not None)
 
     def on_base(
         self, faces: IntArray, weights: FloatArray, changes: npt.NDArray[np.float32]
@@ -71,8 +80,9 @@ def _on_base_kernel(faces, weights, changes, corners, weights_out, changes_out):
     for i in range(len(faces)):
         piece = corners[faces[i]]
         for k in range(2):
-            along, up = piece[1, k + 1] - piece[0, k + 1], piece[2, k + 1] - piece[0, k + 1]
-            weights_out[i, k] = piece[0, k + 1] + weights[i, 0] * along + weights[i, 1] * up
+            along = np.float64(piece[1, k] - piece[0, k])
+            up = np.float64(piece[2, k] - piece[0, k])
+            weights_out[i, k] = piece[0, k] + weights[i, 0] * along + weights[i, 1] * up
             if len(changes) > 0:
                 changes_out[i, k] = changes[i, 0] * along + changes[i, 1] * up
                 changes_out[i, 2 + k] = changes[i, 2] * along + changes[i, 3] * up

@@ -110,13 +110,14 @@ class Question:
 
     def image_opacity(self, index: int) -> ImageTexture | None:
         """Fourth channel of the base color's image, where it counts as opacity and there is one."""
-        material = self.material(index)
-        texture = material.base_color
-        if material.alpha_mode == "opaque" or not isinstance(texture, ImageTexture):
-            return None
-        if texture.channel is not None or not has_opacity(texture.image):
-            return None
-        return replace(texture, channel=3, factor=1.0, color=False)
+        if index not in self._image_opacities:
+            self._image_opacities[index] = _image_opacity(self.material(index))
+        return self._image_opacities[index]
+
+    @cached_property
+    def _image_opacities(self) -> dict[int, ImageTexture | None]:
+        """What has been asked before: telling whether a file has a fourth channel opens it."""
+        return {}
 
     def filter_of(self, texture: ImageTexture) -> str:
         """Filter of a texture: that of the options where they name one, else its own."""
@@ -127,6 +128,15 @@ class Question:
         if isinstance(texture, ProcedureTexture):
             return texture.filtered and self.options.filter not in ("nearest", "bilinear")
         return self.filter_of(texture) in FILTERS_WITH_FOOTPRINT
+
+
+def _image_opacity(material: Material) -> ImageTexture | None:
+    texture = material.base_color
+    if material.alpha_mode == "opaque" or not isinstance(texture, ImageTexture):
+        return None
+    if texture.channel is not None or not has_opacity(texture.image):
+        return None
+    return replace(texture, channel=3, factor=1.0, color=False)
 
 
 def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:

@@ -1,0 +1,182 @@
+"""`texbake preview` of scenes: what it says of its plan, and pictures side by side and around."""
+
+import json
+
+import numpy as np
+import pytest
+
+from texbake import plan_scene, read_image, read_scene, render_scene, write_mesh
+from texbake.mesh.shapes import plane, uv_sphere
+
+SCENE = """
+[render]
+width = 64
+height = 48
+
+[camera]
+view = [20, 15]
+
+[[lights]]
+name = "key"
+kind = "directional"
+direction = [-1, -1, -1]
+
+[materials.checked]
+shading = "lambert"
+base_color = { procedure = "checker", space = "uv", scale = 8.0 }
+
+[[objects]]
+name = "ball"
+mesh = "ball.obj"
+material = "checked"
+"""
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """A current folder with a scene of a ball in it."""
+    write_mesh(uv_sphere(12, 24), tmp_path / "ball.obj")
+    (tmp_path / "ball.toml").write_text(SCENE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def pixels(path):
+    return read_image(path, color=True).pixels
+
+
+def test_a_scene_is_drawn_as_the_api_draws_it(invoke, scene):
+    invoke("preview ball.toml -o ball.exr")
+    read = read_scene("ball.toml")
+    frame = render_scene(read, read.options())
+    assert pixels("ball.exr").shape == (48, 64, 3)
+    # Half floats: 11 bits.
+    np.testing.assert_allclose(pixels("ball.exr"), frame.color[..., :3], rtol=6e-4, atol=1e-6)
+
+
+def test_options_that_are_given_stand_above_the_scene(invoke, scene):
+    invoke("preview ball.toml -o ball.png --size 40x30 --view 0,90")
+    assert pixels("ball.png").shape == (30, 40, 3)
+    # Not given: the scene's, whatever the default of the option is.
+    invoke("preview ball.toml -o same.png")
+    assert pixels("same.png").shape == (48, 64, 3)
+
+
+def test_explain_tells_just_the_passes_and_why(invoke, scene):
+    output = invoke("preview ball.toml -o ball.png --explain").stdout
+    plan = plan_scene(read_scene("ball.toml"))
+    told, left_out = output.split("\n\n")
+    rows = [line.split("  ")[0] for line in told.splitlines()[1:]]
+    assert set(rows) == {item.name for item in plan.passes} | {
+        "rasterizing", "fragments", "pixels",
+    }  # fmt: skip
+    assert 'its shading is lambert (object "ball")' in told
+    assert "ms" in told.splitlines()[0]
+    assert "fog" not in rows
+    assert "the scene has no fog" in left_out
+
+
+def test_a_plan_alone_draws_nothing(invoke, scene):
+    output = invoke("preview ball.toml --plan-only").stdout
+    assert "ms" not in output.splitlines()[0]
+    assert sorted(path.name for path in scene.iterdir()) == ["ball.obj", "ball.toml"]
+    plan = json.loads(invoke("preview ball.toml --plan-only --explain json").stdout)
+    assert {"name", "does", "called_for_by"} == set(plan["passes"][0])
+    invoke("preview ball.toml --plan-only --report plan.json")
+    assert json.loads((scene / "plan.json").read_text()) == plan
+
+
+def test_the_json_form_has_what_passes_took(invoke, scene):
+    invoke("preview ball.toml -o ball.png --report plan.json")
+    plan = json.loads((scene / "plan.json").read_text())
+    by_name = {item["name"]: item for item in plan["passes"]}
+    assert by_name["rasterizing"]["milliseconds"] > 0
+    # Two samples a side, a face and a depth of four bytes each.
+    assert by_name["rasterizing"]["bytes"] == 64 * 48 * 4 * 8
+    assert by_name["lambert"]["called_for_by"] == [
+        {"target": 0, "by": 'object "ball"', "why": "its shading is lambert"}
+    ]
+    assert {item["name"] for item in plan["left_out"]}.isdisjoint(by_name)
+
+
+@pytest.mark.parametrize(
+    ("options", "n_panels"),
+    [
+        ("--affine-vs-perspective", 2),
+        ("--interpolation affine,scanline,perspective", 3),
+        ("--filter nearest,trilinear", 2),
+        ("--buffer depth,normals,uv,mip-level,overdraw,object-id,texel-grid", 7),
+        ("--buffer uv --interpolation affine,perspective", 2),
+    ],
+)
+def test_several_ways_are_laid_side_by_side(invoke, scene, options, n_panels):
+    invoke(f"preview ball.toml -o ways.png {options}")
+    height, width, _ = pixels("ways.png").shape
+    # Panels are at least twelve letters wide, each with a margin, and a caption below.
+    assert width // n_panels >= 64
+    assert height > 48
+
+
+def test_a_turntable_is_a_folder_of_pictures(invoke, scene):
+    invoke("preview ball.toml -o frames --view turntable:4 --explain")
+    names = sorted(path.name for path in (scene / "frames").iterdir())
+    assert names == ["000.png", "001.png", "002.png", "003.png"]
+    first = pixels(scene / "frames" / "000.png")
+    invoke("preview ball.toml -o alone.png")
+    np.testing.assert_array_equal(first, pixels("alone.png"))
+    # A quarter of a turn under a light that stays: another picture.
+    assert np.abs(first - pixels(scene / "frames" / "001.png")).max() > 0.05
+
+
+def test_a_gltf_file_is_drawn_with_its_own_materials(invoke, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_mesh(plane(), "sheet.glb")
+    output = invoke("preview sheet.glb -o sheet.png --size 32 --explain").stdout
+    assert "metallic-roughness" in output
+    flat = np.zeros((2, 2, 3), np.float32)
+    from texbake import write_image
+
+    write_image(flat, "black.png", color=True)
+    invoke("preview sheet.glb --albedo black.png -o black_sheet.png --size 32 --view 0,0")
+    assert pixels("black_sheet.png")[16, 16].max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("line", "exit_code", "told"),
+    [
+        ("preview ball.toml", 2, "--output"),
+        ("preview ball.toml -o p.png --normal-map n.png", 2, "a scene has its own materials"),
+        ("preview ball.toml -o p.png --buffer heat", 2, "heat"),
+        ("preview ball.toml -o p.png --filter sharp", 2, "sharp"),
+        ("preview ball.toml -o ball.toml", 2, "ball.toml"),
+        ("preview ball.toml -o p.png --view turntable:0", 2, "turntable"),
+        ("preview missing.toml -o p.png", 1, "missing.toml"),
+        ("preview ball.toml -o p.txt", 1, "p.txt"),
+        ("preview ball.toml -o p.png --affine-vs-perspective --interpolation affine", 2, "names"),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_line(invoke, scene, line, exit_code, told):
+    result = invoke(line, exit_code)
+    message = result.stderr.strip().splitlines()[-1]
+    assert told in message, result.stderr
+    assert not (scene / "p.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("shading =", "shadng =", "shading"),
+        ('"lambert"', '"gouraud"', "lambert"),
+        ('"checker"', '"chequers"', "checker"),
+        ('mesh = "ball.obj"', 'mesh = "bal.obj"', "bal.obj"),
+        ("direction = [-1, -1, -1]", "direction = [0, 0, 0]", "direction"),
+    ],
+)
+def test_a_wrong_scene_is_told_with_file_and_key(invoke, scene, old, new, told):
+    assert old in SCENE
+    (scene / "wrong.toml").write_text(SCENE.replace(old, new))
+    message = invoke("preview wrong.toml -o p.png", 1).stderr.strip()
+    assert message.count("\n") == 0
+    assert "wrong.toml" in message
+    assert told in message
+    assert not (scene / "p.png").exists()
