@@ -46,7 +46,12 @@ POT = """\
 0.08 1.43
 0 1.445
 """
-VASE = "0 0\n0.55 0\n0.7 0.3\n0.72 0.6\n0.5 1.1\n0.3 1.45\n0.28 1.6\n0.42 1.8\n"
+# Of a vase, coarsely: up the outside, over the lip, down the inside.
+VASE = (
+    (0.0, 0.0), (0.25, 0.0), (0.50, 0.01), (0.58, 0.06), (0.70, 0.30), (0.72, 0.60), (0.62, 0.90),
+    (0.44, 1.20), (0.30, 1.45), (0.29, 1.60), (0.40, 1.78), (0.44, 1.80), (0.42, 1.815),
+    (0.36, 1.79), (0.25, 1.62), (0.26, 1.45), (0.34, 1.25), (0.20, 1.10), (0.0, 1.08),
+)  # fmt: skip
 # Centers and radii of the tubes of the pot, as control points of cubic curves.
 SPOUT = (
     ((0.62, 0.34), (0.98, 0.40), (1.00, 0.70), (1.18, 0.92), (1.24, 0.99), (1.30, 1.03),
@@ -81,18 +86,39 @@ def main(scenes: Path) -> None:
 
 
 def write_meshes(folder: Path) -> None:
-    """Write the pot, its spout and handle, a vase, and a ball with colors at its vertices."""
+    """Write the pot, its spout and handle, a vase, and a ring with colors at its vertices."""
     (folder / "pot.txt").write_text(POT)
-    (folder / "vase.txt").write_text(VASE)
+    write_rows(folder / "vase.txt", smooth(np.array(VASE), 6))
     for name, (centers, radii) in {"spout": SPOUT, "handle": HANDLE}.items():
         patches = tube(np.array(centers), np.array(radii))
-        rows = [" ".join(f"{x:.6g}" for x in point) for point in patches.reshape(-1, 3)]
-        (folder / f"{name}.txt").write_text("\n".join([str(len(patches)), *rows]) + "\n")
-    ball = texbake.make("torus", resolution=(40, 20), minor_radius=0.5)
-    x, y, z = ball.positions.T / np.abs(ball.positions).max(axis=0)[:, None]
-    colors = 0.5 + 0.5 * np.stack([x, y, z], axis=1)
-    ball = ball.replace(colors=colors.astype(np.float32))
-    texbake.write_mesh(ball, folder / "colored.ply")
+        write_rows(folder / f"{name}.txt", patches.reshape(-1, 3), head=f"{len(patches)}\n")
+    ring = texbake.make("torus", resolution=(40, 20), minor_radius=0.5)
+    colors = 0.5 + 0.5 * ring.positions / np.abs(ring.positions).max(axis=0)
+    ring = texbake.Mesh(
+        positions=ring.positions, faces=ring.faces, colors=colors.astype(np.float32)
+    )
+    texbake.write_mesh(ring, folder / "colored.ply")
+
+
+def smooth(points: np.ndarray, n_steps: int) -> np.ndarray:
+    """Points on the curve of Catmull and Rom through some, `n_steps` from one to the next."""
+    ends = np.concatenate([points[:1], points, points[-1:]])
+    before, first, second, after = (ends[k : len(points) - 1 + k, None] for k in range(4))
+    t = (np.arange(n_steps) / n_steps)[None, :, None]
+    curve = 0.5 * (
+        2 * first
+        + (second - before) * t
+        + (2 * before - 5 * first + 4 * second - after) * t**2
+        + (3 * first - before - 3 * second + after) * t**3
+    )
+    curve = np.concatenate([curve.reshape(-1, 2), points[-1:]])
+    return np.column_stack([np.maximum(curve[:, 0], 0.0), curve[:, 1]])
+
+
+def write_rows(path: Path, rows: np.ndarray, head: str = "") -> None:
+    """Write numbers, a row a line."""
+    lines = (" ".join(f"{x:.5f}" for x in row) for row in rows)
+    path.write_text(head + "\n".join(lines) + "\n")
 
 
 def tube(centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
@@ -114,7 +140,7 @@ def tube(centers: np.ndarray, radii: np.ndarray) -> np.ndarray:
             for v in range(4):
                 k = 3 * piece + v
                 patch[v] = middle[k] + radii[k] * (
-                    sides[:, :1] * across[k] + sides[:, 1:] * np.array([0.0, 0.0, 1.0])
+                    sides[:, :1] * across[k] - sides[:, 1:] * np.array([0.0, 0.0, 1.0])
                 )
             patches.append(patch)
     return np.array(patches)
@@ -176,7 +202,7 @@ def write_tiles(folder: Path, size: int = 384) -> None:
 
 
 def write_slides(folder: Path) -> None:
-    """Draw a slide with a sunset, a window, and a sticker with a hole around it."""
+    """Draw a sunset, by itself and as a slide, a window, a sticker and a fern."""
     height, width = 256, 384
     y, x = np.mgrid[0:height, 0:width] + 0.5
     x, y = x / height, 1 - y / height  # in heights of the picture, y up
@@ -193,42 +219,49 @@ def write_slides(folder: Path) -> None:
         ridge = base + wave * (np.sin(7 * x / (base + 0.2) + 9 * base) * 0.6
                                + np.sin(17 * x + 20 * base) * 0.4)  # fmt: skip
         picture = np.where((y < ridge)[..., None], tone, picture)
-    border = np.minimum(np.minimum(x, width / height - x), np.minimum(y, 1 - y)) < 0.03
-    save(folder / "slide.png", np.where(border[..., None], 1.0, picture))
+    save(folder / "sunset.png", picture)
+    # In a mount: the cone of a spot just holds its corners.
+    mount = np.zeros((464, 464, 3))
+    mount[104:360, 40:424] = picture
+    save(folder / "slide.png", mount)
     size = 256
     v, u = (np.mgrid[0:size, 0:size] + 0.5) / size
-    bars = (np.abs(((u - 0.1) * 2.5) % 1.0 - 0.5) < 0.42) & (np.abs((v - 0.06) * 3.4 % 1 - 0.5) < 0.43)
+    bars = (np.abs(((u - 0.1) * 2.5) % 1.0 - 0.5) < 0.42) & (
+        np.abs((v - 0.06) * 3.4 % 1 - 0.5) < 0.43
+    )
     pane = bars & (np.abs(u - 0.5) < 0.4) & (np.abs(v - 0.5) < 0.44)
     save(folder / "window.png", np.where(pane[..., None], (1.0, 0.93, 0.78), 0.0))
     around, radius = np.arctan2(v - 0.5, u - 0.5), 2 * np.hypot(u - 0.5, v - 0.5)
     star = radius < 0.62 + 0.3 * np.cos(5 * (around + np.pi / 2))
     color = np.where((radius < 0.34)[..., None], (0.9, 0.75, 0.1), (0.65, 0.02, 0.05))
     save(folder / "sticker.png", np.concatenate([color, star[..., None]], axis=2))
-    leaf = leaves(u, v)
-    green = ramp(((0.03, 0.11, 0.02), (0.16, 0.30, 0.04)), u * 0.5 + 0.5 * v)
+    leaf = leaves(u, 1 - v)
+    green = ramp(((0.16, 0.34, 0.04), (0.04, 0.14, 0.02)), v)
     save(folder / "leaves.png", np.concatenate([green, leaf[..., None]], axis=2))
 
 
 def leaves(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """1 where a fern is, 0 elsewhere."""
     stem = 0.5 + 0.08 * np.sin(3 * v)
-    shown = np.abs(u - stem) < 0.012
+    shown = (np.abs(u - stem) < 0.012) & (v < 0.95)
     for k in range(11):
-        middle = 0.94 - 0.085 * k
-        length = 0.10 + 0.032 * k if k < 8 else 0.46 - 0.05 * (k - 6)
+        middle = 0.10 + 0.078 * k
+        length = 0.08 + 0.30 * np.sin(np.pi * (0.12 + 0.8 * k / 10)) ** 0.8
         side = np.abs(u - stem)
-        bent = v - middle + 0.55 * side
+        bent = v - middle - 0.3 * side
         width = 0.034 * np.sqrt(np.clip(side / length, 0, 1)) * np.clip(1 - side / length, 0, 1) * 2
         shown |= (np.abs(bent) < width) & (side < length)
     return shown.astype(np.float64)
 
 
-def write_sky(folder: Path, width: int = 768) -> None:
+def write_sky(folder: Path, width: int = 1024) -> None:
     """Draw a sky over hills, all around, and the same as the six faces of a cube map."""
     height = width // 2
-    points = globe(width, height)
+    points = globe(2 * width, 2 * height)
     x, y, z = points.T
-    sky = ramp(((0.72, 0.80, 0.88), (0.30, 0.50, 0.80), (0.08, 0.22, 0.58)), np.clip(y, 0, 1) ** 0.6)
+    sky = ramp(
+        ((0.72, 0.80, 0.88), (0.30, 0.50, 0.80), (0.08, 0.22, 0.58)), np.clip(y, 0, 1) ** 0.6
+    )
     plane = np.stack([x, z], axis=1) / np.maximum(y, 0.02)[:, None]
     clouds = fractal(np.column_stack([plane * 0.9, np.zeros(len(y))]), seed=21, octaves=7)
     cloud = np.clip((clouds - 0.48) / 0.14, 0, 1) * np.clip(y / 0.25, 0, 1)
@@ -246,10 +279,13 @@ def write_sky(folder: Path, width: int = 768) -> None:
     color = np.where((y < 0)[:, None], ground, sky)
     sun = points @ (np.array([0.45, 0.62, 0.64]) / np.linalg.norm([0.45, 0.62, 0.64]))
     color = np.where((sun > 0.9965)[:, None], 1.0, color + 0.5 * np.exp((sun[:, None] - 1) * 60))
-    color = np.clip(color, 0, 1).reshape(height, width, 3).astype(np.float32)
+    # The mean of 2 x 2 samples.
+    color = np.clip(color, 0, 1).reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
     save(folder / "sky.png", color)
-    cube = texbake.from_latitude_longitude(color, size=128)
-    for name, face in zip(("right", "left", "up", "down", "back", "front"), cube.faces, strict=True):
+    cube = texbake.from_latitude_longitude(color.astype(np.float32), size=128)
+    for name, face in zip(
+        ("right", "left", "up", "down", "back", "front"), cube.faces, strict=True
+    ):
         save(folder / f"sky_{name}.png", face)
 
 
@@ -264,10 +300,11 @@ def write_small_maps(folder: Path, size: int = 256) -> None:
     lit = glow & (np.sin(91.7 * np.floor(u * 8) + 47.3 * np.floor(v * 8)) > -0.15)
     save(folder / "windows.png", np.where(lit[..., None], (1.0, 0.62, 0.18), 0.0))
     # Hooks: up in the middle, and sideways at the top, about 0.5.
-    x, y = (u * 4) % 1 - 0.5, (v * 4) % 1 - 0.5
+    v, u = (np.mgrid[0:128, 0:128] + 0.5) / 128
+    x, y = (u * 3) % 1 - 0.5, (v * 3) % 1 - 0.5
     bump = np.clip(1 - 2.2 * np.hypot(x, y), 0, 1)
     vectors = np.stack([0.5 + 0.5 * bump**3, 0.5 + 0 * bump, 0.5 + 0.5 * np.sqrt(bump)], axis=2)
-    save(folder / "hooks.png", vectors, color=False)
+    texbake.write_image(vectors.astype(np.float32), folder / "hooks.png", bits=16)
 
 
 # Bakes
@@ -279,12 +316,18 @@ def write_orange(scenes: Path) -> None:
     orange = replace(scene.objects[0], transform=None)
     options = texbake.RenderOptions(width=320, height=320, supersampling=2, fov=30.0)
     photos = []
-    for direction in ((0, 0, 1), (0.95, 0.2, -0.35), (-0.95, -0.2, -0.35), (0, 1, 0.05), (0, -1, 0.05)):
+    for direction in (
+        (0, 0, 1),
+        (0.95, 0.2, -0.35),
+        (-0.95, -0.2, -0.35),
+        (0, 1, 0.05),
+        (0, -1, 0.05),
+    ):
         eye = tuple(4.4 * np.array(direction) / np.linalg.norm(direction))
         view = texbake.View(position=eye, target=(0.0, 0.0, 0.0), fov=30.0)
         lamp = texbake.Light(kind="directional", direction=(-0.2, -0.35, -1.0), follows_camera=True,
-                             intensity=0.75)  # fmt: skip
-        sky = texbake.Ambient(color=(0.35, 0.35, 0.35))
+                             intensity=0.45)  # fmt: skip
+        sky = texbake.Ambient(color=(0.55, 0.55, 0.55))
         shot = texbake.Scene(
             objects=(orange,), lighting=texbake.Lighting(lights=(lamp,), ambient=sky), view=view
         )
@@ -298,8 +341,11 @@ def write_orange(scenes: Path) -> None:
 
 def write_bakes(scenes: Path) -> None:
     """Bake marble into the atlas of a vase, and the light of a room into its walls."""
-    vase = texbake.read_scene(scenes / "baked_marble.toml").objects[0].mesh
-    options = SolidOptions(procedure="marble", size=512, samples=16, parameters={"seed": 5})
+    vase = texbake.make("revolution", profile=smooth(np.array(VASE), 2), resolution=(40, 1))
+    vase = vase.replace(normals=None, normal_faces=None, uvs=None, uv_faces=None)
+    vase = texbake.unwrap(vase, method="atlas", size=384)
+    texbake.write_mesh(vase, scenes / "meshes" / "vase_atlas.ply")
+    options = SolidOptions(procedure="marble", size=384, samples=16, parameters={"seed": 5})
     bake_solid(vase, options).write(scenes / "textures" / "baked_marble.png")
     room = texbake.read_scene(scenes / "light_map_room.toml")
     baked = bake_light_maps(room, texbake.BakeOptions(size=192, samples=16))
@@ -315,9 +361,7 @@ def globe(width: int, height: int) -> np.ndarray:
     v, u = np.mgrid[0:height, 0:width] + 0.5
     azimuth, elevation = (u / width - 0.5) * 2 * np.pi, (0.5 - v / height) * np.pi
     flat = np.cos(elevation)
-    points = np.stack(
-        [flat * np.sin(azimuth), np.sin(elevation), -flat * np.cos(azimuth)], axis=-1
-    )
+    points = np.stack([flat * np.sin(azimuth), np.sin(elevation), -flat * np.cos(azimuth)], axis=-1)
     return points.reshape(-1, 3)
 
 

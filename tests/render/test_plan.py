@@ -212,6 +212,12 @@ CASES: dict[str, Case] = {
         wanted=scene(lambert(bump_map=BumpMap(texture=picture(1))), lighting=lit(SUN)),
         unwanted=scene(lambert(), lighting=lit(SUN)),
     ),
+    "emboss": Case(
+        wanted=scene(
+            lambert(bump_map=BumpMap(texture=picture(1), form="emboss")), lighting=lit(SUN)
+        ),
+        unwanted=scene(lambert(bump_map=BumpMap(texture=picture(1))), lighting=lit(SUN)),
+    ),
     "unlit": Case(wanted=scene(unlit()), unwanted=scene(lambert(), lighting=lit(SUN))),
     "lambert": Case(
         wanted=scene(lambert(), lighting=lit(SUN)),

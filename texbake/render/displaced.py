@@ -24,7 +24,7 @@ import numpy.typing as npt
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
-from texbake.render.tessellation import MOST_CUTS, Pieces, Places, cut, longest_within, uncut
+from texbake.render.tessellation import MOST_CUTS, Pieces, Places, cut, edges_to_cut, uncut
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,7 +104,7 @@ def displaced(
     points, normals = surface.points[used], surface.normals[used]
     now = Displaced(pieces, points, normals, _moved(surface, points, normals, places, moves))
     for _ in range(MOST_CUTS):
-        marked = longest_within(pieces, excess(now), max_triangles)
+        marked = edges_to_cut(pieces, excess(now), now.points, max_triangles)
         if not marked.any():
             break
         pieces, ends, places = cut(pieces, marked, now.points, threads=threads)

@@ -70,25 +70,35 @@ def has_opacity(source: MapSource) -> bool:
     return bool(source.pixels.shape[2] == 4)
 
 
-def heights_from(source: MapSource) -> FloatImage:
-    """(H, W, 1) float32: heights of a displacement map in model units.
+def heights_from(
+    source: MapSource,
+    *,
+    mid: float | None = None,
+    scale: float | None = None,
+    channel: int | None = None,
+    n_channels: int = 1,
+) -> FloatImage:
+    """(H, W, n_channels) float32: heights, or vectors, of a displacement map in model units.
 
-    An array holds them as they are. Of a file or image the metadata says the mid level and scale;
-    without them its values are heights as they are.
+    They are (value - mid) * scale. Where those are None the metadata of a file or image says them;
+    an array, or a file that says nothing, holds heights as they are. `channel` is the one to take
+    where it is not the first.
     """
     if isinstance(source, np.ndarray):
-        heights = _channels(source[..., None] if source.ndim == 2 else source, "displacement", 1)
-        name = "displacement"
+        image = Image(source[..., None] if source.ndim == 2 else source, name="displacement")
     else:
         image = _read(source, color=False)
-        name = image.name
-        heights = decode_heights(
-            _channels(image.pixels, name, 1),
-            mid=_number(image, DISPLACEMENT_MID, 0.0),
-            scale=_number(image, DISPLACEMENT_SCALE, 1.0),
-        )
+    pixels = image.pixels
+    if channel is not None and pixels.ndim == 3:
+        first = min(channel, pixels.shape[2] - 1)
+        pixels = pixels[..., first : first + 1]
+    heights = _channels(pixels, image.name, n_channels)
+    middle = _number(image, DISPLACEMENT_MID, 0.0) if mid is None else mid
+    span = _number(image, DISPLACEMENT_SCALE, 1.0) if scale is None else scale
+    if (middle, span) != (0.0, 1.0):
+        heights = decode_heights(heights, mid=middle, scale=span)
     if not np.isfinite(heights).all():
-        raise OptionError(f"{name}: a height is not finite; fill what was not baked first")
+        raise OptionError(f"{image.name}: a height is not finite; fill what was not baked first")
     return heights
 
 

@@ -1,9 +1,10 @@
-"""Triangles cut where their edges are too long, without a crack anywhere.
+r"""Triangles cut where their edges are too long, without a crack anywhere.
 
 What is cut is edges, in the middle, and never a triangle by itself: a triangle follows from which
 of its edges were cut, into two, three or four pieces. So the triangles on both sides of an edge
 agree on its points whatever each of them looks like, and every cut adds as many triangles as meet
-at the edge, which makes a bound on their number exact.
+at the edge, which makes a bound on their number exact. No triangle is cut without its longest edge,
+so that pieces do not get thin, however unevenly the surface is cut.
 
          2               2               2               2
         / \             /|\             / \             / \
@@ -15,10 +16,10 @@ at the edge, which makes a bound on their number exact.
 Each piece knows the base triangle it lies on and where its corners lie there. Those weights are
 halves of halves, which float32 holds exactly for as many cuts as `MOST_CUTS`.
 
-Based on: Bank, Sherman, Weiser, "Refinement algorithms and data structures for regular local mesh
-refinement", 1983 (red and green triangles). Departs from it in that a triangle with two long edges
-is cut into three, and that green triangles are cut further like all others: pieces are drawn, not
-computed on, and the shorter of two diagonals keeps them from getting thin.
+Based on: Rivara, "Algorithms for refining triangular grids suitable for adaptive and multigrid
+techniques", International Journal for Numerical Methods in Engineering 20, 1984 (longest edges);
+Bank, Sherman, Weiser, "Refinement algorithms and data structures for regular local mesh
+refinement", 1983 (a triangle with three cut edges).
 """
 
 from __future__ import annotations
@@ -143,8 +144,16 @@ def uncut(faces: IntArray) -> tuple[Pieces, Places]:
     return pieces, places
 
 
-def longest_within(pieces: Pieces, excess: FloatArray, most: int) -> Bools:
-    """(E,) bool: edges to cut, as many as a bound on the triangles allows, the longest first.
+@kernel
+def _squared_distance(a, b):  # type: ignore[no-untyped-def]
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: int) -> Bools:
+    """(E,) bool: edges to cut, as many as a bound on the triangles allows.
+
+    Those that are too long, and with them the longest of every triangle that is cut; where that
+    would be too many, only of the former those that are the most times too long.
 
     Parameters
     ----------
@@ -152,20 +161,46 @@ def longest_within(pieces: Pieces, excess: FloatArray, most: int) -> Bools:
         To be cut.
     excess : (E,) float64
         How many times too long each edge is; at most 1 for one that is short enough.
+    points : (V, 3) float64
+        Where vertices lie.
     most
         Bound on the triangles after the cut.
     """
     wanted = excess > 1.0
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
+    too_long = np.flatnonzero(wanted)
     room = most - len(pieces.faces)
-    if int(np.count_nonzero(wanted[pieces.face_edges])) <= room:
+    if _close_kernel(pieces.faces, pieces.face_edges, points, wanted) <= room:
         return wanted
     n_faces = np.bincount(pieces.face_edges.reshape(-1), minlength=len(pieces.ends))
-    longest = np.flatnonzero(wanted)
-    longest = longest[np.argsort(-excess[longest], kind="stable")]
+    longest = too_long[np.argsort(-excess[too_long], kind="stable")]
     kept = np.zeros_like(wanted)
     kept[longest[np.cumsum(n_faces[longest]) <= room]] = True
     return kept
+
+
+@kernel
+def _close_kernel(faces, face_edges, points, marked):  # type: ignore[no-untyped-def]
+    """Mark the longest edge of every triangle with a marked one; return how many cuts that is."""
+    changed, n_cuts = True, 0
+    while changed:
+        changed, n_cuts = False, 0
+        for i in range(len(faces)):
+            n = 0
+            for k in range(3):
+                n += marked[face_edges[i, k]]
+            if 0 < n < 3:
+                longest, length = 0, -1.0
+                for k in range(3):
+                    squared = _squared_distance(points[faces[i, k]], points[faces[i, (k + 1) % 3]])
+                    if squared > length:
+                        longest, length = face_edges[i, k], squared
+                if not marked[longest]:
+                    marked[longest] = True
+                    changed = True
+                    n += 1
+            n_cuts += n
+    return n_cuts
 
 
 def cut(
@@ -196,8 +231,8 @@ def cut(
     n_marked = int(np.count_nonzero(marked))
     halves = np.cumsum(marked, dtype=np.int32) + np.arange(len(marked), dtype=np.int32) - marked
     middles = (pieces.n_vertices - 1 + np.cumsum(marked)).astype(np.int32)
-    n_cuts = np.count_nonzero(marked[pieces.face_edges], axis=1)
-    added = np.concatenate([[0], np.cumsum(n_cuts)]).astype(np.int64)
+    added = np.empty(len(pieces.faces) + 1, np.int64)
+    _count_kernel(pieces.face_edges, marked, added)
     n_halves, n_inner = len(marked) + n_marked, int(added[-1])
     n_faces = len(pieces.faces) + n_inner
     finer = Pieces(
@@ -228,6 +263,15 @@ def cut(
 
 
 @kernel
+def _count_kernel(face_edges, marked, added):  # type: ignore[no-untyped-def]
+    """Write how many pieces all triangles before each one become more."""
+    added[0] = 0
+    for i in range(len(face_edges)):
+        n = np.int64(marked[face_edges[i, 0]]) + marked[face_edges[i, 1]]
+        added[i + 1] = added[i] + n + marked[face_edges[i, 2]]
+
+
+@kernel
 def _halve_kernel(ends, marked, halves, middles, out):  # type: ignore[no-untyped-def]
     for edge in range(len(ends)):
         half = halves[edge]
@@ -235,11 +279,6 @@ def _halve_kernel(ends, marked, halves, middles, out):  # type: ignore[no-untype
         if marked[edge]:
             out[half, 1] = middles[edge]
             out[half + 1, 0], out[half + 1, 1] = middles[edge], ends[edge, 1]
-
-
-@kernel
-def _squared_distance(a, b):  # type: ignore[no-untyped-def]
-    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @kernel
@@ -271,8 +310,7 @@ def _gather(i, first, whole, edges, n_vertices, vertex, weight, edge, places, pl
 def _cut_kernel(  # type: ignore[no-untyped-def]
     whole, edges, points, added, n_halves, n_vertices, out, ends_out, places, start, stop
 ):
-    faces, face_edges = whole[0], whole[1]
-    marked = edges[1]
+    face_edges, marked = whole[1], edges[1]
     vertex, weight = np.zeros(6, np.int32), np.empty((6, 2), np.float32)
     edge, middle = np.empty(9, np.int32), np.empty((2, 3))
     for i in range(start, stop):

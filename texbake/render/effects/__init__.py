@@ -9,6 +9,8 @@ from __future__ import annotations
 from texbake.render.effects.ambient import AMBIENT, EMISSION, LIGHT_MAP
 from texbake.render.effects.ambient_occlusion import AMBIENT_OCCLUSION, OCCLUSION_PICTURE
 from texbake.render.effects.buffers import BUFFER
+from texbake.render.effects.bump import BUMP_MAP, EMBOSS
+from texbake.render.effects.displacement import DISPLACEMENT
 from texbake.render.effects.environment import (
     BACKGROUND,
     ENVIRONMENT,
@@ -23,6 +25,7 @@ from texbake.render.effects.lights import LIGHTS
 from texbake.render.effects.mirrors import REFLECTION, REFRACTION, RENDERED_ENVIRONMENT
 from texbake.render.effects.normal_map import NORMAL_MAP, TANGENTS
 from texbake.render.effects.normals import NORMALS, VERTEX_NORMALS
+from texbake.render.effects.parallax import PARALLAX
 from texbake.render.effects.placing import PLACING
 from texbake.render.effects.projected_texture import PROJECTED_TEXTURES
 from texbake.render.effects.shading_models import BLINN_PHONG, LAMBERT, METALLIC_ROUGHNESS, UNLIT
@@ -40,6 +43,7 @@ from texbake.render.plan.effect import Effect
 EFFECTS: tuple[Effect, ...] = (
     # Where surfaces are; what is seen is found after these.
     PLACING,
+    DISPLACEMENT,
     # What they need once a scene or picture.
     LAYERS,
     OCCLUSION_PICTURE,
@@ -60,13 +64,15 @@ EFFECTS: tuple[Effect, ...] = (
     IMAGES,
     MIP_MAPS,
     PROCEDURES,
+    VERTEX_NORMALS,
+    PARALLAX,
     # What they are made of.
     SLOTS,
     PROJECTED_TEXTURES,
-    VERTEX_NORMALS,
     NORMALS,
     TANGENTS,
     NORMAL_MAP,
+    BUMP_MAP,
     # The light that leaves them.
     UNLIT,
     AMBIENT_OCCLUSION,
@@ -74,6 +80,7 @@ EFFECTS: tuple[Effect, ...] = (
     LAMBERT,
     BLINN_PHONG,
     METALLIC_ROUGHNESS,
+    EMBOSS,
     LIGHT_MAP,
     ENVIRONMENT_LIGHT,
     REFRACTION,

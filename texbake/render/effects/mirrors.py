@@ -92,7 +92,9 @@ def _rendered_called_for(question: Question) -> Iterator[Call | Refusal]:
 
 def _load(picture: Picture, target: Target) -> PlacedEnvironment | None:
     """Return what an object shows, once for all cameras where none of the lights follows them."""
-    return None if any(light.follows_camera for light in picture.lights) else _render(picture, target)
+    return (
+        None if any(light.follows_camera for light in picture.lights) else _render(picture, target)
+    )
 
 
 def _prepare(picture: Picture, target: Target) -> PlacedEnvironment:

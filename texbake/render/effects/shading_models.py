@@ -8,8 +8,9 @@ and the eye and H halfway between the last two, a lamp in front of the surface a
     metallic-roughness   I_L (N·L) ((1 - F) (1 - metalness) C_b + pi D V F)
 
 with F after Schlick from F_0 = mix(((ior - 1) / (ior + 1))^2, C_b, metalness), D of Trowbridge and
-Reitz and the height-correlated V of Smith, as glTF 2.0 (appendix B) has them. The factor pi is
-there because I_L is what a white Lambert surface reflects.
+Reitz and V of Smith, as glTF 2.0 (appendix B) has them; V in its height-correlated form, which
+masks the light of both directions together, as Khronos' own viewer does. The factor pi is there
+because I_L is what a white Lambert surface reflects.
 
 Based on: Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977;
 Khronos, "glTF 2.0 Specification", 2021; Heitz, "Understanding the masking-shadowing function in

@@ -51,6 +51,8 @@ class BumpMap:
     def __post_init__(self) -> None:
         if self.form not in BUMP_FORMS:
             raise OptionError(f"form: {self.form!r} is not one of {', '.join(BUMP_FORMS)}")
+        if not math.isfinite(self.height):
+            raise OptionError(f"height: {self.height} is not a finite number")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,16 +61,30 @@ class Displacement:
 
     The surface is cut into triangles whose edges are at most `edge_px` pixels long in the picture,
     or as fine as the map. A scalar d moves by (d - mid) height along the smooth normal; a `vector`
-    map moves in tangent (or object) `space`. Where a file's metadata tells mid and scale, these
-    are None.
+    map moves in tangent (or object) `space`, by the same rule for each component. Where `mid`,
+    `height` or `space` is None it is as the file's metadata tells, else 0, 1 and tangent.
     """
 
     texture: Texture
     height: float | None = None
     mid: float | None = None
     vector: bool = False
-    space: str = "tangent"
+    space: str | None = None
     edge_px: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.edge_px < math.inf:
+            raise OptionError(f"edge_px: {self.edge_px} is not above 0")
+        for name in "height", "mid":
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise OptionError(f"{name}: {value} is not a finite number")
+        if self.space not in (None, *DISPLACEMENT_SPACES):
+            raise OptionError(
+                f"space: {self.space!r} is not one of {', '.join(DISPLACEMENT_SPACES)}"
+            )
+        if self.vector and not isinstance(self.texture, ImageTexture):
+            raise OptionError("vector: a procedure has one height and no vector; give an image")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +98,12 @@ class Parallax:
     texture: ImageTexture
     depth: float = 0.05
     layers: int = 32
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.depth < math.inf:
+            raise OptionError(f"depth: {self.depth} is not 0 or more")
+        if self.layers < 1:
+            raise OptionError(f"layers: {self.layers} is not 1 or more")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

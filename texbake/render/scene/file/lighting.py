@@ -22,6 +22,7 @@ from texbake.render.scene.lights import (
     Light,
     Shadow,
 )
+from texbake.render.scene.studio_room import STUDIO_ROOM
 
 # Keys that only some kinds of light read.
 _READ_BY = {
@@ -71,10 +72,14 @@ def _faces(value: Any, info: ValidationInfo) -> Any:
     return tuple(existing_file(name, info) for name in value)
 
 
+def _room_or_file(value: Any, info: ValidationInfo) -> Any:
+    return value if value == STUDIO_ROOM else existing_file(value, info)
+
+
 EnvironmentTable = table(
     Environment,
     {
-        "image": Annotated[Any, PlainValidator(existing_file)],
+        "image": Annotated[Any, PlainValidator(_room_or_file)],
         "faces": Annotated[Any, PlainValidator(_faces)],
     },
 )

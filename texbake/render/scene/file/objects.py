@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Discriminator, Tag
 
 from texbake.errors import OptionError
@@ -16,6 +17,7 @@ from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import face_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import ProgressSink
@@ -225,10 +227,16 @@ def _shape(given: Mapping[str, Any]) -> Mesh:
             if key not in PLAIN_SHAPES[shape]:
                 raise OptionError(f"{key}: the shape {shape} does not use it")
         mesh: Mesh = getattr(import_module("texbake.mesh.shapes"), shape)(**options)
-        return mesh
+        return _with_flat_sides(mesh) if shape == "cube" else mesh
     for key in "level", "n_triangles":
         if key in options:
             raise OptionError(f"{key}: the shape {shape} does not use it")
     if "image" in options:
         options["image"] = read_image(options["image"], color=False).pixels
     return make(shape, MakeOptions(**options))
+
+
+def _with_flat_sides(mesh: Mesh) -> Mesh:
+    """Return the mesh with a normal for each face, where shading would round its edges."""
+    corners = np.repeat(np.arange(mesh.n_faces, dtype=np.int32)[:, None], 3, axis=1)
+    return mesh.replace(normals=face_normals(mesh), normal_faces=corners)

@@ -1,0 +1,193 @@
+"""Draw the gallery: a picture of every scene in scenes/, and the page that shows them.
+
+python gallery.py              # draws all sources, all pictures and the page
+python gallery.py marble fog   # draws these pictures alone
+"""
+
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import gallery_sources
+from PIL import Image
+
+import texbake
+from texbake.pipeline.preview import open_preview, render_side_by_side, side_by_side_options
+
+HERE = Path(__file__).parent
+SCENES, PICTURES, PAGE = HERE / "scenes", HERE / "gallery", HERE / "gallery.md"
+
+# Scenes that are shown as they are, in the order of the page.
+SECTIONS = {
+    "The orange, four ways": (
+        "orange_colored", "orange_mapped", "orange_bump", "orange_displaced",
+    ),
+    "Maps on a planet": ("earth_spherical", "earth_cylindrical"),
+    "Textures by formula": (
+        "marble", "wood", "granite", "worley", "stripes", "checker", "noise", "fractal_turbulence",
+        "ramp", "baked_marble",
+    ),
+    "Shading models and the slots of a material": (
+        "shading_models", "roughness_metalness", "material_map", "gloss_map", "emission",
+        "vertex_colors", "occlusion_map", "opacity_mask", "transparency",
+    ),
+    "Relief": (
+        "bump_forms", "normal_map", "parallax", "displacement_map", "vector_displacement",
+    ),
+    "Light": (
+        "shadow_directional", "shadow_point", "shadow_spot", "slide_projector", "light_profile",
+        "projected_texture", "hemisphere", "ambient_occlusion", "light_map_room", "light_map",
+        "fog",
+    ),
+    "Surroundings": (
+        "reflection", "cube_map", "refraction", "rendered_environment", "environment_light",
+    ),
+    "Filters and coordinates": ("filters", "magnified", "wrap_modes", "affine", "scanline"),
+    "The inside of the renderer": (
+        "buffers", "buffer_depth", "buffer_normals", "buffer_uv", "buffer_object-id", "texels",
+        "buffer_texel-grid", "buffer_mip-level", "rings", "buffer_overdraw",
+    ),
+}  # fmt: skip
+# What `texbake preview` is told beside the scene: keys of `side_by_side_options`.
+COMPARED = {
+    "filters": {"filters": ("nearest", "bilinear", "trilinear", "ewa", "supersampled")},
+    "magnified": {"filters": ("nearest", "bilinear", "bicubic")},
+    "affine": {"interpolations": ("affine", "perspective")},
+}
+# Of each buffer the scene that shows it, and what one sees.
+BUFFERS = {
+    "depth": ("buffers", "Distance: white at the nearest surface, black at the farthest."),
+    "normals": ("buffers", "Normals: (n + 1) / 2 as a color."),
+    "uv": ("buffers", "Texture coordinates: u as red and v as green, within each tile."),
+    "object-id": ("buffers", "A color for each object."),
+    "texel-grid": ("texels", "Texels as a checker, gray where they are smaller than pixels."),
+    "mip-level": (
+        "texels",
+        "The mip level that is read: a hue for each, gray where it is level 0.",
+    ),
+    "overdraw": ("rings", "How many triangles lie on a sample: the brighter, the more."),
+}
+INTRODUCTION = """\
+# Gallery
+
+A picture for every effect, with the scene file that made it. All of it is made by
+[`gallery.py`](gallery.py), its textures and meshes by [`gallery_sources.py`](gallery_sources.py).
+[Scene files](../docs/scenes.md) are explained in the documentation, and so are
+[passes](../docs/rendering.md): those named under a picture are all that
+`texbake preview SCENE --explain` lists for it, but for rasterizing, fragments and pixels, which every
+picture has. No line of the others was run.
+"""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture of the page: a scene, and how it is looked at.
+
+    `ways` are options of `side_by_side_options`; several pictures lie in a row.
+    """
+
+    name: str
+    scene: str
+    caption: str
+    ways: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def scene_file(self) -> Path:
+        """Where the scene is."""
+        return SCENES / f"{self.scene}.toml"
+
+    @property
+    def picture_file(self) -> Path:
+        """Where its picture is kept."""
+        return PICTURES / f"{self.name}.png"
+
+    @property
+    def options(self) -> str:
+        """What `texbake preview` is told beside the scene."""
+        return " ".join(f"--{key[:-1]} {','.join(names)}" for key, names in self.ways.items())
+
+
+def shots() -> list[Shot]:
+    """Every picture, in the order of the page."""
+    found = []
+    for name in (name for names in SECTIONS.values() for name in names):
+        kind, _, buffer = name.partition("_")
+        if kind == "buffer":
+            found.append(Shot(name, *BUFFERS[buffer], {"buffers": (buffer,)}))
+        else:
+            found.append(Shot(name, name, caption(name), COMPARED.get(name, {})))
+    return found
+
+
+def caption(scene: str) -> str:
+    """Return what a scene file says of itself in the comment on its first lines."""
+    words = []
+    for line in (SCENES / f"{scene}.toml").read_text().splitlines():
+        if not line.startswith("#"):
+            break
+        words.append(line.lstrip("# "))
+    return " ".join(words)
+
+
+def opened(shot: Shot, **changes: object) -> tuple[texbake.Scene, list]:
+    """Return the scene, and the options of every picture in the row with their captions."""
+    scene, options = open_preview(shot.scene_file, options=changes)
+    return scene, side_by_side_options(options, **shot.ways)
+
+
+def passes(shot: Shot) -> list[str]:
+    """Names of the passes that `--explain` lists, of all pictures in the row."""
+    scene, ways = opened(shot)
+    names = [item.name for _, options in ways for item in texbake.plan_scene(scene, options).passes]
+    return list(dict.fromkeys(names))
+
+
+def draw(shot: Shot) -> Image.Image:
+    """Draw a picture as `texbake preview` does."""
+    scene, ways = opened(shot)
+    if len(ways) == 1:
+        color = texbake.render_scene(scene, ways[0][1]).color[:, :, :3]
+    else:
+        color, _ = render_side_by_side(scene, ways)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture.png"
+        texbake.write_image(color, path, color=True, bits=8)
+        return Image.open(path).convert("RGB")
+
+
+def page() -> str:
+    """Write out the page."""
+    by_name = {shot.name: shot for shot in shots()}
+    parts = [INTRODUCTION]
+    for title, names in SECTIONS.items():
+        parts.append(f"## {title}\n")
+        parts += [entry(by_name[name]) for name in names]
+    return "\n".join(parts)
+
+
+def entry(shot: Shot) -> str:
+    """Write out what the page has of one picture."""
+    title = shot.name.replace("_", " ").replace("-", " ").capitalize()
+    options = f", with `{shot.options}`" if shot.options else ""
+    return (
+        f"### {title}\n\n![{title}](gallery/{shot.name}.png)\n\n{shot.caption}\n\n"
+        f"Scene: [{shot.scene}.toml](scenes/{shot.scene}.toml){options}.\n"
+        f"Passes: {', '.join(passes(shot))}.\n"
+    )
+
+
+def main(names: list[str]) -> None:
+    """Draw what is asked for, or everything."""
+    PICTURES.mkdir(exist_ok=True)
+    if not names:
+        gallery_sources.main(SCENES)
+    for shot in shots():
+        if not names or shot.name in names:
+            draw(shot).save(shot.picture_file, optimize=True)
+            print(shot.picture_file.relative_to(HERE))
+    PAGE.write_text(page())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
