@@ -75,8 +75,8 @@ A picture for every effect, with the scene file that made it. All of it is made 
 [`gallery.py`](gallery.py), its textures and meshes by [`gallery_sources.py`](gallery_sources.py).
 [Scene files](../docs/scenes.md) are explained in the documentation, and so are
 [passes](../docs/rendering.md): those named under a picture are all that
-`texbake preview SCENE --explain` lists for it, but for rasterizing, fragments and pixels, which every
-picture has. No line of the others was run.
+`texbake preview SCENE --explain` lists for it, but for rasterizing, fragments and pixels, which
+every picture has. No line of the others was run.
 """
 
 

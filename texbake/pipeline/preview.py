@@ -86,7 +86,8 @@ def open_preview(
 def with_light(scene: Scene) -> Scene:
     """Return the scene, under the light of the studio if nothing lights its surfaces.
 
-    What gives off light itself, or is unlit, lights nothing else.
+    What gives off light itself, or is unlit, lights nothing else. Light maps hold the light of a
+    scene.
 
     Where a material is a metal, it is the room of the studio instead, which metals mirror.
     """
@@ -97,6 +98,7 @@ def with_light(scene: Scene) -> Scene:
         or any(lighting.ambient.color)
         or any(lighting.ambient.ground or ())
         or lighting.environment is not None
+        or any(item.light_map is not None for item in materials)
     )
     if shines or all(item.shading == "unlit" for item in materials):
         return scene
