@@ -63,7 +63,8 @@ def told_in_one_line(ctx: click.Context | None = None) -> Iterator[None]:
     try:
         yield
     except click.UsageError as error:
-        raise _wrong_usage(error.format_message(), error.ctx or ctx) from error
+        message = error.format_message()
+        raise _wrong_usage(message[:1].lower() + message[1:], error.ctx or ctx) from error
     except OptionError as error:
         raise _wrong_usage(str(error), ctx) from error
     except TexbakeError as error:
@@ -83,4 +84,4 @@ def _wrong_usage(message: str, ctx: click.Context | None) -> Failure:
     if ctx is not None and ctx.invoked_subcommand is not None:
         path = f"{path} {ctx.invoked_subcommand}"
     message = message.strip().rstrip(".")
-    return Failure(f"{path}: {message[:1].lower()}{message[1:]} (see: {path} --help)", 2)
+    return Failure(f"{path}: {message} (see: {path} --help)", 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,10 +11,12 @@ from texbake.bake.options import BakeOptions
 from texbake.files import check_folder, make_folder
 from texbake.progress import Stages
 
+from .outputs import check_distinct
 from .terminal import Terminal
 
 if TYPE_CHECKING:
     from texbake.pipeline.light_map import LightMaps
+    from texbake.render.scene.scene import Scene
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
@@ -49,12 +52,20 @@ def bake_light_to_files(
             make_folder(folder)
             names = file_names([item.name for item in baked.maps])
             paths = [folder / f"{name}.{suffix}" for name in names]
+            check_distinct(paths, [path for path in read.files if path not in _light_maps(read)])
             for item, path in zip(baked.maps, paths, strict=True):
                 item.write(path, bits=options.bits, threads=options.threads)
     for warning in baked.warnings:
         terminal.warn(warning)
     terminal.summary(_table(baked))
     terminal.wrote(paths)
+
+
+def _light_maps(scene: Scene) -> set[Path]:
+    """Files that the scene's light maps are read from, which may be baked again."""
+    slots = [item.material.light_map for item in scene.objects]
+    images = [getattr(slot, "image", None) for slot in slots]
+    return {Path(image) for image in images if isinstance(image, str | os.PathLike)}
 
 
 def file_names(names: list[str]) -> list[str]:

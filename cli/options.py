@@ -95,8 +95,8 @@ def _view_option(*, turns: bool) -> Decorator[Any]:
         type=View(turns=turns),
         default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
         show_default=True,
-        help="Azimuth and elevation in degrees, and the distance from the middle in model units."
-        + ("; or a whole turn of N pictures." if turns else ""),
+        help="Azimuth and elevation in degrees, and the distance from the middle in model units"
+        + ("; or a whole turn of N pictures." if turns else "."),
     )
 
 

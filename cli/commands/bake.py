@@ -74,7 +74,9 @@ def bake(
     terminal: Terminal,
     **options: Any,
 ) -> None:
-    """Bake several maps of HIGH for LOW with one trace, or the light maps of a scene.
+    """Bake several maps with one trace, or light maps.
+
+    HIGH is the dense mesh, LOW the light one; of a scene its light maps are baked.
 
     A light map holds the ambient light and the static lights of a scene with their shadows, for
     each of its objects that has texture coordinates; it is named as the object.

@@ -48,8 +48,7 @@ _PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlu
     Example:
       texbake bake-texture bust.obj -o marble.png --procedure marble --param amount=5
       texbake bake-texture vase.obj -o wood.png --procedure wood --colors "#2b1a10,#c89a5b"
-      texbake bake-texture toy.obj -o toy.png --photo front.jpg --camera front.toml \\
-        --photo side.jpg --camera side.toml
+      texbake bake-texture toy.obj -o t.png --photo a.jpg --camera a.txt --photo b.jpg --camera b.txt
       texbake bake-texture head.obj -o head.png --photo left.jpg --photo-uvs left.obj
     """,
 )
@@ -148,7 +147,7 @@ def bake_texture(
     terminal: Terminal,
     **choices: Any,
 ) -> None:
-    """Bake a procedure or photographs into the texture of MESH.
+    """Bake a procedure or photographs into a texture.
 
     A solid procedure has no seams, because it is evaluated in space. Photographs are blended by how
     well each shows a place; what none shows is filled from around it, and told.

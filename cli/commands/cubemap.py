@@ -67,7 +67,7 @@ from ..types import FileOf
 def cubemap(
     source: Path, output: Path, threads: int | None, terminal: Terminal, **choices: Any
 ) -> None:
-    """Convert SOURCE between a latitude-longitude image and a cube map.
+    """Convert SOURCE to a cube map, or from one.
 
     SOURCE is a latitude-longitude image (twice as wide as high, its middle along -z), a cross of
     4 x 3 faces, or a folder with the files px, nx, py, ny, pz and nz. Each texel written is the

@@ -78,7 +78,7 @@ def height_to_normal(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Make a normal map of the heights in HEIGHT.
+    """Make a normal map of HEIGHT.
 
     The first channel counts. Heights that texbake wrote tell their scale in model units: give the
     width of the image in model units then.

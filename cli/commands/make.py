@@ -71,7 +71,7 @@ def _file(flag: str, suffixes: tuple[str, ...], text: str) -> Decorator[Any]:
 @_file("--image", IMAGE_SUFFIXES, "Heights, from black to white.")
 @terminal_options
 def make(shape: str, output: Path, image: Path | None, terminal: Terminal, **choices: Any) -> None:
-    """Make a mesh of a surface with its own coordinates (u, v).
+    """Make a mesh of a surface with coordinates (u, v).
 
     SHAPE is plane, cylinder, cone, sphere, torus, mobius, revolution (a profile swept about y),
     bezier (bicubic patches, such as the classic teapot's) or height-field. Options tell in

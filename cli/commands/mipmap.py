@@ -62,7 +62,7 @@ def mipmap(
     terminal: Terminal,
     **choices: Any,
 ) -> None:
-    """Write the mip levels of IMAGE, each half as large, down to one texel."""
+    """Write the mip levels of IMAGE, down to one texel."""
     options = MipOptions(kind=averaged_as, **choices)
     check_distinct([output, roughness], [image])
     from texbake.texture.mip_files import write_mip_levels

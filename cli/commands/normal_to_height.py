@@ -65,7 +65,9 @@ def normal_to_height(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Find the heights of the normal map NORMAL, which is in tangent space.
+    """Find the heights of the normal map NORMAL.
+
+    It is in tangent space.
 
     Their mean is 0, since normals do not tell it. The file says their scale.
     """

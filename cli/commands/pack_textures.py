@@ -76,7 +76,9 @@ def pack_textures(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Put several IMAGEs into one, and move the coordinates of their meshes.
+    """Put several IMAGEs into one, for one texture.
+
+    The coordinates of their meshes move with them.
 
     Texels are copied one to one where there is room. A mesh needs all of its coordinates in the
     unit square, because an image within another one cannot tile.

@@ -129,6 +129,8 @@ def preview(
     report: Path | None = choices["report"]
     turn = picture.pop("view") if isinstance(picture.get("view"), Turntable) else None
     inputs = [input, normal_map, displacement, albedo]
+    if turn is not None:
+        _check_one_way(choices)
     _check_outputs(output, report, inputs, turn=turn, plan_only=choices["plan_only"])
     import texbake
     from texbake.pipeline.preview import open_preview
@@ -144,6 +146,8 @@ def preview(
             options=picture,
             progress=progress,
         )
+        written = [] if choices["plan_only"] else _pictures(output, turn)
+        check_distinct([*written, report], scene.files)
         ways = _ways(options, choices)
         if choices["plan_only"]:
             plan = texbake.plan_scene(scene, ways[0][1])
@@ -155,7 +159,7 @@ def preview(
         else:
             frame = _write_picture(scene, ways, output, threads, progress)
     for note in scene.notes:
-        terminal.warn(note)
+        terminal.warn(f"{input}: {note}")
     if choices["explain"] is not None or report is not None:
         _tell(frame.plan, frame.costs, choices["explain"], report)
     terminal.wrote([output] if report is None else [output, report])
@@ -165,6 +169,15 @@ def _given(name: str) -> bool:
     """Whether an option of this command was given."""
     source = click.get_current_context().get_parameter_source(name)
     return source not in (ParameterSource.DEFAULT, None)
+
+
+def _check_one_way(choices: dict[str, Any]) -> None:
+    """Refuse several ways to draw a turn, of which only the first would be drawn."""
+    several = any(len(choices[name]) > 1 for name in ("filters", "interpolations", "buffers"))
+    if several or choices["affine_vs_perspective"]:
+        raise click.UsageError(
+            "A turntable is drawn in one way: name one filter, interpolation and buffer."
+        )
 
 
 def _check_outputs(
@@ -185,6 +198,13 @@ def _check_outputs(
         check_picture(output)
     else:
         check_folder(output)
+
+
+def _pictures(output: Path | None, turn: Turntable | None) -> list[Path | None]:
+    """Return the files that are going to be written."""
+    from texbake.pipeline.preview import turntable_files
+
+    return [output] if turn is None or output is None else [*turntable_files(output, turn.n_views)]
 
 
 def _ways(options: RenderOptions, choices: dict[str, Any]) -> list[tuple[str, RenderOptions]]:
@@ -217,7 +237,7 @@ def _write_picture(
 
     if len(ways) == 1:
         frame = texbake.render_scene(scene, ways[0][1], threads=threads, progress=progress)
-        texbake.write_image(frame.color[:, :, :3], output, color=True, threads=threads)
+        frame.write(output, threads=threads)
         return frame
     color, frames = render_side_by_side(scene, ways, threads=threads, progress=progress)
     texbake.write_image(color, output, color=True, threads=threads)

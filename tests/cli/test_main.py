@@ -143,7 +143,7 @@ def test_the_reader_of_a_pipe_may_leave(script: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("texbake bake", {"bake", "bake-normals", "bake-displacement"}),
+        ("texbake bake", {"bake", "bake-normals", "bake-displacement", "bake-texture"}),
         ("texbake info sc", {"scan.ply", "scans/"}),
         ("texbake bake a b --maps normal,dis", {"normal,displacement"}),
         ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),

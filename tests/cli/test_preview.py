@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from texbake import plan_scene, read_image, read_scene, render_scene, write_mesh
+from texbake import plan_scene, read_image, read_scene, render_scene, write_image, write_mesh
 from texbake.mesh.shapes import plane, uv_sphere
 
 SCENE = """
@@ -52,6 +52,19 @@ def test_a_scene_is_drawn_as_the_api_draws_it(invoke, scene):
     assert pixels("ball.exr").shape == (48, 64, 3)
     # Half floats: 11 bits.
     np.testing.assert_allclose(pixels("ball.exr"), frame.color[..., :3], rtol=6e-4, atol=1e-6)
+
+
+def test_a_transparent_background_is_written_with_its_opacity(invoke, scene):
+    (scene / "clear.toml").write_text(
+        SCENE.replace("[render]", '[render]\nbackground = "transparent"')
+    )
+    invoke("preview clear.toml -o clear.png --size 32x24")
+    opacity = pixels("clear.png")[..., 3]
+    assert opacity.shape == (24, 32)
+    assert opacity[0, 0] == 0.0
+    assert opacity[12, 16] == 1.0
+    # A format that holds none says so, in place of dropping it.
+    assert "not 4" in invoke("preview clear.toml -o clear.jpg --size 32x24", 2).stderr
 
 
 def test_options_that_are_given_stand_above_the_scene(invoke, scene):
@@ -142,6 +155,36 @@ def test_a_gltf_file_is_drawn_with_its_own_materials(invoke, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize(
+    "line",
+    [
+        "preview s.toml -o frames/000.png",
+        "preview s.toml -o frames --view turntable:2",
+        "preview s.toml -o p.png --report frames/000.png",
+        "preview s.toml --plan-only --report frames/000.png",
+    ],
+)
+def test_what_a_scene_reads_is_not_overwritten(invoke, scene, line):
+    (scene / "frames").mkdir()
+    image = scene / "frames" / "000.png"
+    write_image(np.full((2, 2, 3), 0.5, np.float32), image, color=True)
+    old = '{ procedure = "checker", space = "uv", scale = 8.0 }'
+    (scene / "s.toml").write_text(SCENE.replace(old, '"frames/000.png"'))
+    before = image.read_bytes()
+    assert "000.png: it is also an input" in invoke(line, 2).stderr
+    assert image.read_bytes() == before
+    assert not (scene / "p.png").exists()
+
+
+def test_names_of_files_keep_their_capital_letters(invoke, scene):
+    (scene / "Ball.toml").write_text(SCENE)
+    assert " Ball.toml: it is also an input" in invoke("preview Ball.toml -o Ball.toml", 2).stderr
+
+
+def test_a_report_does_not_replace_the_mesh_of_a_scene(invoke, scene):
+    assert "ball.obj" in invoke("preview ball.toml -o p.png --report ball.obj", 2).stderr
+
+
+@pytest.mark.parametrize(
     ("line", "exit_code", "told"),
     [
         ("preview ball.toml", 2, "--output"),
@@ -150,6 +193,7 @@ def test_a_gltf_file_is_drawn_with_its_own_materials(invoke, tmp_path, monkeypat
         ("preview ball.toml -o p.png --filter sharp", 2, "sharp"),
         ("preview ball.toml -o ball.toml", 2, "ball.toml"),
         ("preview ball.toml -o p.png --view turntable:0", 2, "turntable"),
+        ("preview ball.toml -o p --view turntable:2 --filter nearest,ewa", 2, "one way"),
         ("preview missing.toml -o p.png", 1, "missing.toml"),
         ("preview ball.toml -o p.txt", 1, "p.txt"),
         ("preview ball.toml -o p.png --affine-vs-perspective --interpolation affine", 2, "names"),

@@ -21,7 +21,7 @@ from texbake.render.scene.lights import (
 from texbake.render.scene.material import Material, NormalMap, Reflection, Refraction
 from texbake.render.scene.placing import transform_matrix
 from texbake.render.scene.scene import Scene, SceneObject
-from texbake.render.scene.textures import FILTERS, WRAPS, ImageTexture
+from texbake.render.scene.textures import FILTERS, WRAPS, ImageTexture, ProcedureTexture
 from texbake.texture.image import Image, write_image
 
 SMALL = RenderOptions(width=32, height=24, supersampling=2)
@@ -296,3 +296,65 @@ def test_a_cycle_of_mirrors_around_a_camera_ends():
     camera = Camera.looking_at((0, 0.2, 0), (1, 0, 0.3), fov=1.5, near=1e-3)
     scene = Scene(objects=items, lighting=EVERYTHING)
     finite_picture(scene, camera, RenderOptions(width=24, height=16, supersampling=1, bounces=2))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda bad: Material(base_color=(bad, 0.0, 0.0)),
+        lambda bad: Material(roughness=bad),
+        lambda bad: Material(shading="blinn-phong", exponent=bad),
+        lambda bad: Material(opacity=bad),
+        lambda bad: Material(emission=(0.0, bad, 0.0)),
+        lambda bad: Reflection(strength=bad),
+        lambda bad: Refraction(index=bad),
+        lambda bad: NormalMap(texture=ImageTexture(image=TEXELS), strength=bad),
+        lambda bad: ImageTexture(image=TEXELS, factor=bad),
+        lambda bad: ImageTexture(image=TEXELS, scale=(1.0, bad)),
+        lambda bad: ProcedureTexture(procedure="noise", scale=bad),
+        lambda bad: ProcedureTexture(procedure="noise", colors=((bad, 0.0, 0.0),)),
+        lambda bad: Ambient(color=(bad, 0.0, 0.0)),
+        lambda bad: Ambient(ground=(bad, 0.0, 0.0)),
+        lambda bad: Environment(color=(0.0, 0.0, bad)),
+        lambda bad: Fog(color=(0.0, bad, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
+    with pytest.raises(OptionError):
+        make(bad)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Refraction(index=0.0), "index: 0.0 is not above 0"),
+        (lambda: Refraction(environment="sky"), "environment: 'sky' is not one of"),
+        (lambda: Reflection(size=0), "size: 0 texels"),
+        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), space="uv"), "space: 'uv'"),
+        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), convention="gl"), "convention"),
+        (lambda: ImageTexture(image=TEXELS, channel=-1), "channel: -1 is below 0"),
+        (lambda: Material(exponent=-1.0), "material.exponent: -1.0 is below 0"),
+    ],
+)
+def test_values_out_of_range_are_named(make, match):
+    with pytest.raises(OptionError, match=match):
+        make()
+
+
+@pytest.mark.parametrize("brightness", [1e20, 1e38, 1e300])
+@pytest.mark.parametrize("shading", ["lambert", "blinn-phong", "metallic-roughness"])
+def test_light_that_float32_does_not_hold_is_bounded(shading, brightness):
+    color = (brightness, 1.0, 0.0)
+    material = Material(
+        shading=shading, base_color=color, specular=color, emission=color, opacity=0.5,
+        reflection=Reflection(strength=brightness), double_sided=True,
+    )  # fmt: skip
+    lights = tuple(
+        Light(kind="point", position=(0.0, 0.0, z), intensity=brightness, shadow=Shadow(size=16))
+        for z in (1.0 + 1e-4, 3.0)
+    )
+    lighting = Lighting(lights=lights, environment=Environment(color=color, size=8, lighting=True))
+    finite_picture(
+        Scene(objects=(SceneObject(mesh=uv_sphere(), material=material),), lighting=lighting)
+    )

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from texbake.colors import linear_from_oklch
-from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.render.camera import Camera
 from texbake.render.draw import draw, prepare
 from texbake.render.options import BUFFERS, RenderOptions
@@ -14,6 +14,7 @@ from texbake.render.scene.material import Material, NormalMap
 from texbake.render.scene.placing import transform_matrix
 from texbake.render.scene.scene import Scene, SceneObject
 from texbake.render.scene.textures import ImageTexture
+from texbake.render.scene.view import camera_of
 from texbake.texture.encoding import encode_srgb
 
 # Codes from 0 to 1: float32 light, encoded.
@@ -185,3 +186,18 @@ def test_a_picture_of_nothing_shows_the_background():
         camera = Camera.looking_at((0, 0, 2.0), (0, 0, 0), fov=0.3, near=0.1)
         frame = draw(prepare(Scene(objects=(away,)), options), camera)
         np.testing.assert_array_equal(frame.color, np.broadcast_to((1, 0, 0, 1), (8, 8, 4)))
+
+
+def test_depths_of_many_objects_are_measured_once():
+    objects = [
+        SceneObject(mesh=cube(), transform=transform_matrix(translate=(2.0 * i, 0, -i)))
+        for i in range(3)
+    ]
+    options = RenderOptions(width=48, height=32, supersampling=1, buffer="depth")
+    scene = Scene(objects=tuple(objects))
+    frame = draw(prepare(scene, options), camera_of(scene, options))
+    assert len(frame.plan.passes) > 0
+    assert frame.costs.by_name["buffer"].n_bytes == 2 * 8  # the nearest and the farthest
+    seen = frame.color[frame.coverage == 1.0][:, 0]
+    assert seen.max() == pytest.approx(1.0, abs=1e-3)
+    assert seen.min() < 0.01

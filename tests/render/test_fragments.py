@@ -8,7 +8,7 @@ from texbake.render.camera import Camera
 from texbake.render.draw import draw, prepare
 from texbake.render.options import RenderOptions
 from texbake.render.raster.fragments import fragment_rows, weights_at
-from texbake.render.raster.world import World
+from texbake.render.raster.world import World, object_of
 from texbake.render.scene.material import Material
 from texbake.render.scene.scene import Scene, SceneObject
 
@@ -144,3 +144,9 @@ def test_weights_are_where_rays_meet_the_triangle():
         np.testing.assert_allclose(
             difference / scale, changes[inside, 2 * axis : 2 * axis + 2] / scale, atol=2e-3
         )
+
+
+def test_a_face_belongs_to_the_object_whose_faces_hold_it():
+    starts = np.array([0, 3, 3, 4, 9, 9], np.int64)  # the second and the last have none
+    found = [object_of.py_func(np.int32(face), starts) for face in range(9)]
+    assert found == [0, 0, 0, 2, 3, 3, 3, 3, 3]

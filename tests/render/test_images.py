@@ -11,7 +11,7 @@ from texbake.errors import OptionError, UvError
 from texbake.mesh.shapes import cube
 from texbake.render.camera import Camera
 from texbake.render.draw import draw, prepare
-from texbake.render.effects.images import wrap_of
+from texbake.render.effects.images import placed_image, wrap_of
 from texbake.render.scene.material import Material
 from texbake.render.scene.scene import Scene, SceneObject
 from texbake.render.scene.textures import ImageTexture
@@ -165,6 +165,28 @@ def test_an_image_is_read_once_for_all_pictures(wall, monkeypatch):
     assert second.costs.by_name["mip maps"].n_bytes == 0 < first.costs.by_name["mip maps"].n_bytes
 
 
+def test_an_image_of_several_objects_and_slots_is_read_once_for_each_use(wall, monkeypatch):
+    images = sys.modules["texbake.render.effects.images"]
+    calls = []
+    for name in "colors_from", "channel_of", "mip_chain":
+        real = getattr(images, name)
+        monkeypatch.setattr(
+            images, name, lambda *a, n=name, f=real, **k: (calls.append(n), f(*a, **k))[1]
+        )
+    material = unlit(
+        ImageTexture(image=TEXELS), emission=ImageTexture(image=TEXELS), opacity=texture_of(0)
+    )
+    items = [SceneObject(mesh=wall.mesh(), material=material) for _ in range(3)]
+    frame = draw(prepare(Scene(objects=tuple(items)), wall.options), wall.camera)
+    assert sorted(calls) == ["channel_of", "colors_from", "mip_chain", "mip_chain"]
+    n_texels = 6 * 9 * (3 + 1)
+    assert frame.costs.by_name["images"].n_bytes == 4 * n_texels
+
+
+def texture_of(channel):
+    return ImageTexture(image=TEXELS, channel=channel)
+
+
 def test_what_does_not_fit_is_one_error(wall):
     def fails(texture, match, error=OptionError):
         with pytest.raises(error, match=match):
@@ -185,3 +207,13 @@ def test_images_with_their_own_metadata_are_read_too(wall):
     found = wall.light(unlit(ImageTexture(image=image, filter="nearest")))
     expected, sure = nearest(TEXELS, wall.uvs)
     np.testing.assert_array_equal(found[sure], expected[sure])
+
+
+def test_limits_of_an_image_are_those_of_each_channel():
+    image = placed_image(
+        ImageTexture(image=TEXELS), TEXELS, kind="color", filter_name="bicubic", uvs=None, name="t"
+    )
+    low, high = image.limits
+    np.testing.assert_array_equal(low, TEXELS.min(axis=(0, 1)))
+    np.testing.assert_array_equal(high, TEXELS.max(axis=(0, 1)))
+    assert image.limits[0] is low

@@ -2,9 +2,15 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileFormatError, OptionError
-from texbake.render.maps import albedo_from, heights_from, normals_from
+from texbake.render.maps import (
+    colors_and_opacity_from,
+    colors_from,
+    has_opacity,
+    heights_from,
+    normals_from,
+)
 from texbake.texture.encoding import encode_normals
-from texbake.texture.image import Image
+from texbake.texture.image import Image, write_image
 
 
 def some_normals():
@@ -40,11 +46,20 @@ def test_heights_are_decoded_as_their_file_says():
     np.testing.assert_array_equal(heights_from(pixels[..., 0]), pixels)
 
 
-def test_an_albedo_has_three_channels():
+def test_colors_have_three_channels():
     gray = np.array([[[0.25], [0.5]]], np.float32)
-    np.testing.assert_array_equal(albedo_from(gray), np.repeat(gray, 3, axis=2))
+    np.testing.assert_array_equal(colors_from(gray), np.repeat(gray, 3, axis=2))
     with_alpha = np.arange(8, dtype=np.float32).reshape(1, 2, 4)
-    np.testing.assert_array_equal(albedo_from(Image(with_alpha)), with_alpha[..., :3])
+    np.testing.assert_array_equal(colors_from(Image(with_alpha)), with_alpha[..., :3])
+
+
+@pytest.mark.parametrize("n_channels", [1, 2, 3, 4])
+def test_the_last_of_two_or_four_channels_is_an_opacity(n_channels, tmp_path):
+    pixels = np.full((2, 2, n_channels), 0.25, np.float32)
+    write_image(pixels, tmp_path / "map.exr")
+    for source in pixels, Image(pixels), tmp_path / "map.exr":
+        _, opacity = colors_and_opacity_from(source)
+        assert has_opacity(source) == (opacity is not None) == (n_channels in (2, 4))
 
 
 @pytest.mark.parametrize(

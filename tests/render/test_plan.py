@@ -44,7 +44,7 @@ SMALL = RenderOptions(width=24, height=16, supersampling=2, view=(20.0, 25.0))
 SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))
 LAMP = Light(name="lamp", kind="spot", position=(0.5, 0.5, 2.0), direction=(0, 0, -1), angle=90)
 ROOM = Environment(color=(0.2, 0.3, 0.4), lighting=True)
-HOOKS = ("needs", "load", "prepare", "shade", "dim", "unneeded")
+HOOKS = ("needs", "load", "prepare", "shade", "dim", "unneeded", "behind")
 
 
 def picture(channels=3, **fields):
@@ -244,6 +244,9 @@ CASES: dict[str, Case] = {
     "reflection": Case(
         wanted=scene(unlit(reflection=Reflection())),
         unwanted=scene(unlit(refraction=Refraction())),
+    ),
+    "fog behind": Case(
+        wanted=scene(unlit(), lighting=Lighting(fog=Fog())), unwanted=scene(unlit())
     ),
     "fog": Case(wanted=scene(unlit(), lighting=Lighting(fog=Fog())), unwanted=scene(unlit())),
     "buffer": Case(

@@ -177,6 +177,19 @@ def test_shapes(folder):
     assert mesh('shape = "height-field"\nimage = "gray.png"').n_vertices == 8
 
 
+def test_a_cube_has_flat_sides(folder):
+    (item,) = read(folder, "[[objects]]\nshape = 'cube'").objects
+    corners = item.mesh.positions[item.mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = item.mesh.normals[item.mesh.normal_faces]
+    assert np.array_equal(normals, np.repeat(across[:, None], 3, axis=1))
+
+
+def test_the_studio_is_an_environment_without_a_file(folder):
+    text = "[environment]\nimage = 'studio'\n[[objects]]\nshape = 'cube'"
+    assert read(folder, text).lighting.environment.image == "studio"
+
+
 def test_a_mesh_of_two_objects_is_read_once_and_names_differ(folder):
     scene = read(folder, '[[objects]]\nmesh = "ball.obj"\n' * 2)
     first, second = scene.objects

@@ -7,6 +7,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.render.camera import Camera
 from texbake.render.draw import draw, prepare
 from texbake.render.options import RenderOptions
+from texbake.render.scene.lights import Light, Lighting
 from texbake.render.scene.material import Material
 from texbake.render.scene.placing import transform_matrix
 from texbake.render.scene.scene import Scene, SceneObject
@@ -125,3 +126,15 @@ def test_a_slot_of_one_number_takes_the_value_of_a_procedure(wall):
     material = unlit((0.0, 0.0, 0.0), opacity=procedure())
     frame = wall.frame(material)
     np.testing.assert_allclose(frame.color[..., 3], values_at(wall.points)[..., 0], **CLOSE)
+
+
+@pytest.mark.parametrize(("value", "meant"), [(1e30, 1.0), (7.0, 1.0), (-3.0, 0.0)])
+@pytest.mark.parametrize("name", ["roughness", "metalness"])
+def test_roughness_and_metalness_stay_from_0_to_1(wall, name, value, meant):
+    lit = {"base_color": (0.8, 0.5, 0.2), "roughness": 0.3}
+    image = ImageTexture(image=np.full((2, 2, 1), value, np.float32))
+    lighting = Lighting(lights=(Light(direction=(0.2, -0.3, -1.0)),))
+    found = wall.light(Material(**lit | {name: image}), lighting)
+    expected = wall.light(Material(**lit | {name: meant}), lighting)
+    assert expected.max() > 0.0
+    np.testing.assert_allclose(found, expected, **CLOSE)

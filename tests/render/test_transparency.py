@@ -220,3 +220,14 @@ def test_threads_change_no_byte():
         draw(prepare(Scene(objects=tuple(objects)), options, threads=n), CAMERA) for n in (1, 3)
     )
     assert one.color.tobytes() == three.color.tobytes()
+
+
+def test_gray_with_opacity_lets_through_as_colors_with_opacity_do():
+    gray = np.full((2, 2, 2), 0.25, np.float32)
+    colors = np.repeat(gray[..., :1], 4, axis=2)
+    found = [
+        picture_of([quad(glass(ImageTexture(image=image), None), TURNS[0])], 20, 15).color
+        for image in (gray, colors)
+    ]
+    np.testing.assert_array_equal(*found)
+    assert found[0][7, 10, 0] == pytest.approx(0.25 * 0.25 + 0.75)

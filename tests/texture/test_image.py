@@ -241,3 +241,10 @@ def test_a_real_normal_map_is_made_of_unit_vectors(data_dir):
     lengths = np.linalg.norm(2 * image.pixels.astype(np.float64) - 1, axis=2)
     # Blender cuts off instead of rounding: a 16-bit step a component, sqrt(3) * 2 / 65535.
     assert np.abs(lengths - 1).max() < 5.3e-5
+
+
+def test_colors_too_bright_for_half_floats_become_the_brightest(tmp_path):
+    bright = np.array([[[1e6, -1e30, 65504.0]]], np.float32)
+    write_image(bright, tmp_path / "bright.exr", color=True)
+    found = read_image(tmp_path / "bright.exr", color=True).pixels
+    np.testing.assert_array_equal(found, [[[65504.0, -65504.0, 65504.0]]])

@@ -67,7 +67,7 @@ def open_preview(
     TexbakeError
         As `read_mesh` and `read_scene` do.
     """
-    maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
+    maps: dict[str, Any] = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     given = [name for name, source in maps.items() if source is not None]
     suffix = Path(path).suffix.lower()
     if suffix == ".toml" and given:
@@ -108,6 +108,16 @@ def with_light(scene: Scene) -> Scene:
     return replace(scene, lighting=replace(lighting, lights=STUDIO.lights, ambient=STUDIO.ambient))
 
 
+def turntable_files(folder: PathLike, n_views: int) -> list[Path]:
+    """Names of the pictures of a turn, in their order.
+
+    >>> [file.name for file in turntable_files("frames", 2)]
+    ['000.png', '001.png']
+    """
+    digits = max(3, len(str(n_views - 1)))
+    return [Path(folder) / f"{index:0{digits}d}.png" for index in range(n_views)]
+
+
 def write_turntable(
     scene: Scene,
     options: RenderOptions,
@@ -136,12 +146,11 @@ def write_turntable(
     path = make_folder(folder)
     prepared = prepare(scene, options, threads=threads)
     cameras = turntable_cameras(scene, options, n_views)
-    digits = max(3, len(str(n_views - 1)))
     stages = Stages(progress)
     with stages.stage("turn", total=n_views, unit="pictures") as advance:
-        for index, camera in enumerate(cameras):
+        for file, camera in zip(turntable_files(path, n_views), cameras, strict=True):
             frame = draw(prepared, camera)
-            frame.write(path / f"{index:0{digits}d}.png", threads=threads)
+            frame.write(file, threads=threads)
             advance(1)
     return frame
 

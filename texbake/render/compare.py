@@ -39,6 +39,8 @@ _ELEVATION = 25.0
 # Share of the diagonal by which depths may differ at a pixel that sees the same part of both
 # meshes: several times what light meshes of a few hundred triangles leave the dense surface by.
 _SAME_PART = 0.02
+# A displaced mesh is cut once for all views, into at most about twice the pixels of a picture.
+_MOST_PIECES = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,12 +168,17 @@ def compare(
     stages = Stages(progress)
     maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     # Every sample is shaded, so that detail finer than a pixel counts with all of it.
-    options = replace(options, edges="supersample", filter="bilinear")
+    options = replace(
+        options,
+        edges="supersample",
+        filter="bilinear",
+        max_triangles=min(options.max_triangles, _MOST_PIECES),
+    )
     with stages.stage("prepare"):
         scenes = (
             studio_scene(high, options=options),
             studio_scene(low, options=options),
-            studio_scene(low, options=options, **maps),
+            studio_scene(low, options=options, edge_px=None, **maps),
         )
         # A model of two sizes of picture: what does not depend on them is computed once.
         models = [prepare(scene, options, threads=threads) for scene in scenes]

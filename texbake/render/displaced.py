@@ -69,7 +69,8 @@ class Displaced:
     positions: FloatArray
 
 
-# Places and their points to (S, 1) signed lengths along the normal, or (S, 3) vectors.
+# Places of new vertices, and where those lie on the surface, to (S, 1) signed lengths along the
+# normal or (S, 3) vectors, one a place.
 Moves = Callable[[Places, FloatArray], FloatArray]
 # How many times too long each edge is; at most 1 for one that is short enough.
 Excess = Callable[[Displaced], FloatArray]
@@ -108,9 +109,9 @@ def displaced(
         if not marked.any():
             break
         pieces, ends, places = cut(pieces, marked, now.points, threads=threads)
-        points, normals = (
-            0.5 * (of_all[ends[:, 0]] + of_all[ends[:, 1]]) for of_all in (now.points, now.normals)
-        )
+        points, normals = np.empty((len(ends), 3)), np.empty((len(ends), 3))
+        _middle_kernel(now.points, ends, points)
+        _middle_kernel(now.normals, ends, normals)
         positions = _moved(surface, points, normals, places, moves)
         now = Displaced(
             pieces,
@@ -128,16 +129,41 @@ def _moved(
 
     One without a normal does not move along it.
     """
-    vertices, n = places.vertices, len(points)
-    values = moves(places, points[vertices])
-    counts = np.bincount(vertices, minlength=n)
-    means = np.stack(
-        [np.bincount(vertices, weights=column, minlength=n) / counts for column in values.T], axis=1
-    )
-    if means.shape[1] == 1:
-        lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-        means = normals * (means[:, 0] / np.where(lengths > 0.0, lengths, 1.0))[:, None]
-    return points + means @ surface.linear.T
+    positions = np.empty((len(points), 3))
+    _move_kernel(
+        places.vertices, moves(places, points), points, normals,
+        np.ascontiguousarray(surface.linear, np.float64), positions,
+    )  # fmt: skip
+    return positions
+
+
+@kernel
+def _middle_kernel(values, ends, out):  # type: ignore[no-untyped-def]
+    for i in range(len(ends)):
+        for k in range(3):
+            out[i, k] = 0.5 * (values[ends[i, 0], k] + values[ends[i, 1], k])
+
+
+@kernel
+def _move_kernel(vertices, values, points, normals, linear, out):  # type: ignore[no-untyped-def]
+    n_channels = values.shape[1]
+    counts, way = np.zeros(len(points), np.int32), np.empty(3)
+    out[:] = 0.0
+    for i in range(len(vertices)):
+        counts[vertices[i]] += 1
+        for k in range(n_channels):
+            out[vertices[i], k] += values[i, k]
+    for i in range(len(points)):
+        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        for k in range(3):
+            if n_channels == 3:
+                way[k] = out[i, k] / counts[i]
+            else:
+                way[k] = out[i, 0] / counts[i] * (normals[i, k] / length if length > 0.0 else 0.0)
+        for k in range(3):
+            turned = linear[k, 0] * way[0] + linear[k, 1] * way[1] + linear[k, 2] * way[2]
+            out[i, k] = points[i, k] + turned
 
 
 def texel_lengths(

@@ -10,12 +10,14 @@ What is computed at all is said by the plan (`texbake.render.plan`); how, by the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, Stages
 from texbake.render.camera import Camera
@@ -157,8 +159,22 @@ def _run(
             if why is not None:
                 picture.costs.skip(effect.name, why)
                 continue
-            with picture.costs.timed(effect.name):
+            with picture.costs.timed(effect.name), _told_of(picture, effect, target):
                 _compute(effect, target, picture, prepared)
+
+
+@contextmanager
+def _told_of(picture: Picture, effect: Effect, target: Target) -> Iterator[None]:
+    """Tell errors of what a scene's file names as errors of that file, with the object."""
+    try:
+        yield
+    except (OptionError, MeshError) as error:
+        if not picture.scene.files:
+            raise
+        where = picture.scene.name
+        if effect.of == "object" and target is not None:
+            where = f"{where}: {picture.question.name(target)}"
+        raise FileFormatError(f"{where}: {error}") from error
 
 
 def _compute(effect: Effect, target: Target, picture: Picture, prepared: Prepared) -> None:
@@ -223,13 +239,10 @@ def _shaded(picture: Picture, visibility: Visibility) -> Sums:
 
 
 def _behind(picture: Picture) -> FloatImage | None:
-    """What shows where there is no surface: fog, the environment, a color, or nothing."""
-    fog = picture.scene.lighting.fog
-    if fog is not None and fog.fades and not picture.question.shows_buffer:
-        return np.array(fog.color, np.float32)
-    environment: FloatImage | None = picture.value("background")
-    if environment is not None:
-        return environment
+    """What shows where there is no surface: what an effect puts there, a color, or nothing."""
+    for item in picture.plan.passes:
+        if item.effect.behind is not None:
+            return item.effect.behind(picture)
     if picture.options.background is None:
         return None
     return decode_srgb(picture.options.background).astype(np.float32)
@@ -258,6 +271,7 @@ def _draw_others(
 
 def _share(source: Prepared, destination: Prepared) -> None:
     """Hand on what has been computed, but for what one object shows of the others."""
+    own = {effect.name for effect in source.effects if effect.of_the_others}
     for (name, target), value in source.loaded.items():
-        if name != "rendered environment":
+        if name not in own:
             destination.loaded.setdefault((name, target), value)

@@ -154,3 +154,17 @@ def _excess_kernel(ends, points, positions, nearest, slants, texels, scale, out,
             moved += (positions[a, k] - positions[b, k]) ** 2
         length = math.sqrt(max(along, moved))
         out[edge] = scale * length * max(slants[a], slants[b]) / min(nearest[a], nearest[b])
+
+
+class MapView:
+    """How long edges may be from wherever they are seen: a texel of the map."""
+
+    def widths(self, points: FloatArray) -> FloatArray:
+        """(n,): 0, so that maps are read as finely as they are."""
+        return np.zeros(len(points))
+
+    def excess(
+        self, now: Displaced, texels: FloatArray | None, *, threads: int | None = None
+    ) -> FloatArray:
+        """(E,): how many texels each edge spans."""
+        return texel_lengths(now.pieces, texels, np.zeros(len(now.points), np.uint8))

@@ -9,6 +9,7 @@ constant costs nothing; `row_of` is how kernels read both.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +21,8 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.render.picture import DrawnObject
 
 Floats = npt.NDArray[np.float32]
+# Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
+BRIGHTEST = 1e30
 
 
 @dataclass(kw_only=True, eq=False)
@@ -118,7 +121,21 @@ def row_of(values, i):  # type: ignore[no-untyped-def]
 
 
 def one_row(value: float | tuple[float, ...], channels: int) -> Floats:
-    """(1, channels) float32: a constant as a row for all fragments."""
+    """(1, channels) float32: a constant as a row for all fragments, at most `BRIGHTEST`."""
     row = np.empty((1, channels), np.float32)
-    row[0] = value
+    row[0] = np.clip(value, -BRIGHTEST, BRIGHTEST)
     return row
+
+
+@kernel
+def keep_finite(light):  # type: ignore[no-untyped-def]
+    """Bound light (n, 3) in place by `BRIGHTEST`; what is no number becomes 0.
+
+    Products of numbers that float32 just holds are not finite, nor is the shadow of such a light.
+    """
+    for i in range(len(light)):
+        for k in range(light.shape[1]):
+            if math.isnan(light[i, k]):
+                light[i, k] = 0.0
+            else:
+                light[i, k] = min(max(light[i, k], -BRIGHTEST), BRIGHTEST)

@@ -19,6 +19,8 @@ MapSource = PathLike | Image | npt.NDArray[Any]
 
 _CONVENTIONS = ("opengl", "directx")
 _SPACES = ("tangent", "object", "world")
+# Channels of gray with opacity, and of colors with it.
+_WITH_OPACITY = (2, 4)
 _NO_PIXELS = np.empty((0, 0, 1), np.float32)
 
 
@@ -62,12 +64,12 @@ def normal_space(source: MapSource) -> str:
 
 
 def has_opacity(source: MapSource) -> bool:
-    """Whether a texture has a fourth channel, which is told without reading its pixels."""
+    """Whether the last of a texture's channels is an opacity, of two or four; reads no pixels."""
     if isinstance(source, np.ndarray):
-        return source.ndim == 3 and source.shape[2] == 4
+        return source.ndim == 3 and source.shape[2] in _WITH_OPACITY
     if isinstance(source, str | os.PathLike):
-        return read_header(source).n_channels == 4
-    return bool(source.pixels.shape[2] == 4)
+        return read_header(source).n_channels in _WITH_OPACITY
+    return source.pixels.ndim == 3 and source.pixels.shape[2] in _WITH_OPACITY
 
 
 def heights_from(
@@ -135,7 +137,7 @@ def colors_and_opacity_from(
     """
     pixels, _ = _pixels_of(source, color=color)
     colors = colors_from(pixels)
-    if pixels.shape[2] not in (2, 4):
+    if pixels.shape[2] not in _WITH_OPACITY:
         return colors, None
     return colors, _finite(np.ascontiguousarray(pixels[..., -1:], np.float32))
 

@@ -11,7 +11,7 @@ from texbake.render.picture import Picture
 from texbake.render.raster.rasterize import rasterize
 from texbake.render.raster.scanline import rasterize_scanlines
 from texbake.render.raster.visibility import Visibility
-from texbake.render.raster.world import CULL_BACK, SHOW_BACK, SKIP, World
+from texbake.render.raster.world import CULL_BACK, SHOW_BACK, SKIP, World, object_of
 
 # Rows of samples a band.
 _ROWS = 64
@@ -64,9 +64,7 @@ def _seen_kernel(face_ids, starts, seen, start, stop):  # type: ignore[no-untype
             if face < 0:
                 continue
             if not starts[owner] <= face < starts[owner + 1]:
-                owner = 0
-                while face >= starts[owner + 1]:
-                    owner += 1
+                owner = object_of(face, starts)
             seen[owner] = True
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.render.fragments import Fragments
+from texbake.render.fragments import Fragments, keep_finite
 from texbake.render.picture import Picture
 from texbake.render.raster.fragments import FragmentRows, fragment_rows, weights_at
 from texbake.render.raster.visibility import Visibility
@@ -39,6 +39,7 @@ def shaded_fragments(
             if effect.shade is not None:
                 with picture.costs.timed(effect.name):
                     effect.shade(fragments, picture)
+        keep_finite(fragments.light)
         shaded.append(fragments)
     return found, shaded
 

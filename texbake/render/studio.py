@@ -37,6 +37,7 @@ def studio_scene(
     normal_map: MapSource | None = None,
     displacement: MapSource | None = None,
     albedo: MapSource | None = None,
+    edge_px: float | None = Displacement.edge_px,
     options: RenderOptions | None = None,
 ) -> Scene:
     """Return a scene of one mesh with its maps, under the light of the studio.
@@ -47,6 +48,8 @@ def studio_scene(
         Any mesh; maps need texture coordinates.
     normal_map, displacement, albedo
         As in `texbake.render.render.render`.
+    edge_px
+        Longest edge of displaced pieces in the picture; None: cut to texels, once for all pictures.
     options
         `base_color` and `filter` are taken from it.
     """
@@ -65,7 +68,7 @@ def studio_scene(
         else NormalMap(texture=ImageTexture(image=normal_map)),
         displacement=None
         if displacement is None
-        else Displacement(texture=ImageTexture(image=displacement)),
+        else Displacement(texture=ImageTexture(image=displacement), edge_px=edge_px),
     )
     return Scene(
         objects=(SceneObject(mesh=mesh, material=material, name=mesh.name),),

@@ -307,6 +307,16 @@ def _gather(i, first, whole, edges, n_vertices, vertex, weight, edge, places, pl
 
 
 @kernel
+def _keep(i, piece, whole, halves, out):  # type: ignore[no-untyped-def]
+    """Copy a triangle without cut edges, as most are in the last rounds."""
+    out[2][piece] = whole[2][i]
+    for k in range(3):
+        out[0][piece, k] = whole[0][i, k]
+        out[1][piece, k] = halves[whole[1][i, k]]
+        out[3][piece, k, 0], out[3][piece, k, 1] = whole[3][i, k, 0], whole[3][i, k, 1]
+
+
+@kernel
 def _cut_kernel(  # type: ignore[no-untyped-def]
     whole, edges, points, added, n_halves, n_vertices, out, ends_out, places, start, stop
 ):
@@ -315,6 +325,9 @@ def _cut_kernel(  # type: ignore[no-untyped-def]
     edge, middle = np.empty(9, np.int32), np.empty((2, 3))
     for i in range(start, stop):
         case, first = added[i + 1] - added[i], 0
+        if case == 0:
+            _keep(i, i + added[i], whole, edges[2], out)
+            continue
         if case == 1:
             while not marked[face_edges[i, first]]:
                 first += 1

@@ -37,6 +37,7 @@ FloatImage = npt.NDArray[np.float32]
 
 # Texels a band: some milliseconds of work.
 _BAND = 1 << 19
+_GREATEST_HALF = 65504.0
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,8 @@ def write_image(
     ----------
     pixels : (H, W) or (H, W, C), uint8, uint16 or float
         Row 0 at the top. Integers are codes and are written as they are. Floats are linear; in an
-        integer format they are clipped to [0, 1] and rounded to the nearest code.
+        integer format they are clipped to [0, 1] and rounded to the nearest code, and colors in
+        half floats to 65,504.
     path
         Its suffix names the format: png, exr, tif, tiff, tga, hdr, jpg, jpeg or ppm.
     color
@@ -180,6 +182,8 @@ def _stored(
     if holds_floats(path, bits):
         if pixels.dtype.kind != "f":
             raise OptionError(f"{path}: it holds floats, not {pixels.dtype} codes; pass floats")
+        if bits == 16 and color:  # light that is too bright for a half is as bright as one can be
+            pixels = np.clip(pixels, -_GREATEST_HALF, _GREATEST_HALF)
         return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)
     if pixels.dtype.kind == "f":
         return quantize_unsigned(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.errors import MeshError
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.transform import corner_order, transformed_normals, transformed_tangents
@@ -49,14 +50,16 @@ class Piece:
         linear = matrix[:3, :3]
         order = corner_order(linear)
         normals, tangents = self.normals, self.tangents
-        return replace(
-            self,
-            positions=self.positions @ linear.T + matrix[:3, 3],
-            faces=self.faces[:, order],
-            corners=self.corners[:, order],
-            normals=None if normals is None else transformed_normals(normals, linear),
-            tangents=None if tangents is None else transformed_tangents(tangents, linear),
-        )
+        # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return replace(
+                self,
+                positions=self.positions @ linear.T + matrix[:3, 3],
+                faces=self.faces[:, order],
+                corners=self.corners[:, order],
+                normals=None if normals is None else transformed_normals(normals, linear),
+                tangents=None if tangents is None else transformed_tangents(tangents, linear),
+            )
 
 
 def read_primitive(
@@ -71,6 +74,13 @@ def read_primitive(
     keeps_colors
         Whether vertices at one position stay apart where they differ in color; else the first
         decides.
+
+    Raises
+    ------
+    FileFormatError
+        An attribute is not what its name asks for.
+    MeshError
+        A number of an attribute is not finite.
     """
     mode = primitive.get("mode", _TRIANGLES)
     attributes = document.mapping(primitive, "attributes")
@@ -112,6 +122,8 @@ def _attribute(
         document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
     if count is not None and len(values) != count:
         document.fail(f"{name} counts {len(values)}, where there are {count} positions")
+    if not np.isfinite(values).all():  # before the cast, which warns of signaling NaNs
+        raise MeshError(f"{document.path}: a number of {name} is not finite; export it again")
     return values.astype(np.float64)
 
 

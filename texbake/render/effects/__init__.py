@@ -18,7 +18,7 @@ from texbake.render.effects.environment import (
     IRRADIANCE,
     PREFILTERED_ENVIRONMENT,
 )
-from texbake.render.effects.fog import FOG
+from texbake.render.effects.fog import FOG, FOG_BEHIND
 from texbake.render.effects.images import IMAGES, MIP_MAPS
 from texbake.render.effects.light_profile import LIGHT_PROFILES
 from texbake.render.effects.lights import LIGHTS
@@ -51,6 +51,7 @@ EFFECTS: tuple[Effect, ...] = (
     SHADOW_MAPS,
     LIGHT_PROFILES,
     ENVIRONMENT,
+    FOG_BEHIND,
     BACKGROUND,
     IRRADIANCE,
     PREFILTERED_ENVIRONMENT,

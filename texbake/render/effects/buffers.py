@@ -58,13 +58,18 @@ def _needs(question: Question, target: Target) -> Iterator[str]:
 
 
 def _prepare(picture: Picture, target: Target) -> npt.NDArray[np.float64]:
-    """Return the nearest and farthest distance for `depth`, or the triangles on each sample."""
+    """Return the nearest and farthest distance for `depth`, or the triangles on each sample.
+
+    They are those of the whole picture, and kept for the first object that is seen.
+    """
+    if target != min(picture.seen):
+        return np.empty(0)
     buffer = picture.options.buffer
     visibility = picture.value("visibility")
     if buffer == "depth":
         shown = visibility.depths[visibility.face_ids >= 0]
         return picture.camera.near / np.array([shown.max(), shown.min()], np.float64)
-    if buffer == "overdraw" and target == min(picture.seen):
+    if buffer == "overdraw":
         height, width = visibility.face_ids.shape
         tries = np.zeros((height, width), np.uint32)
         rasterize(
@@ -83,7 +88,7 @@ def _prepare(picture: Picture, target: Target) -> npt.NDArray[np.float64]:
 def _depth(fragments: Fragments, picture: Picture) -> Floats:
     """White at the nearest surface, black at the farthest."""
     assert fragments.positions is not None
-    near, far = picture.value("buffer", fragments.target)
+    near, far = picture.value("buffer", min(picture.seen))
     away = (picture.camera.eye - fragments.positions) @ picture.camera.axes[2]
     level = (far - away) / max(far - near, np.finfo(np.float64).tiny)
     return _gray(0.05 + 0.95 * np.clip(level, 0.0, 1.0))

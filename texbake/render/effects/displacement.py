@@ -24,8 +24,8 @@ from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.mesh.transform import corner_order
 from texbake.parallel import run_bands
-from texbake.render.displaced import Surface, displaced, interpolated
-from texbake.render.edge_lengths import EdgeView
+from texbake.render.displaced import Surface, displaced
+from texbake.render.edge_lengths import EdgeView, MapView
 from texbake.render.effects.images import LoadedImage, image_values, placed_image, with_levels
 from texbake.render.effects.slots import procedure_values
 from texbake.render.fragments import Floats, Fragments
@@ -90,8 +90,14 @@ def _called_for(question: Question) -> Iterator[Call]:
             yield Call(index, question.name(index), "its material has a displacement map")
 
 
-def _load(picture: Picture, target: Target) -> Relief:
+def _load(picture: Picture, target: Target) -> Relief | DrawnObject:
+    """Return what a picture cuts and moves; or that done already where it is cut alike for all."""
     assert target is not None
+    relief = _relief(picture, target)
+    return relief if relief.holder.edge_px is not None else _cut(picture, target, relief, MapView())
+
+
+def _relief(picture: Picture, target: int) -> Relief:
     item = picture.scene.objects[target]
     drawn: DrawnObject = picture.value("placing", target)
     holder = item.material.displacement
@@ -181,16 +187,25 @@ def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
 
 def _prepare(picture: Picture, target: Target) -> DrawnObject:
     assert target is not None
-    relief: Relief = picture.value("displacement", target)
-    holder = relief.holder
-    view = EdgeView(picture.camera, picture.options, holder.edge_px, relief.reach)
+    known: Relief | DrawnObject = picture.value("displacement", target)
+    if isinstance(known, DrawnObject):
+        return known
+    edge_px = known.holder.edge_px
+    assert edge_px is not None
+    view = EdgeView(picture.camera, picture.options, edge_px, known.reach)
+    return _cut(picture, target, known, view)
+
+
+def _cut(picture: Picture, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
+    """Cut a surface where its edges are too long, and move it."""
 
     def moves(places: Places, points: FloatArray) -> FloatArray:
-        values = np.empty((len(points), 3 if holder.vector else 1))
+        values = np.empty((len(places.vertices), 3 if relief.holder.vector else 1))
 
         def work(start: int, stop: int) -> None:
             rows = slice(start, stop)
-            values[rows] = _values_at(relief, target, places, rows, view.widths(points[rows]))
+            widths = view.widths(points[places.vertices[rows]])
+            values[rows] = _values_at(relief, target, places, rows, widths)
 
         run_bands(work, len(values), band=_BAND, threads=picture.threads)
         return values
@@ -231,10 +246,11 @@ def _values_at(
         changes = (relief.steps[faces] * widths[:, None]).astype(np.float32)
     uvs = uv_changes = None
     if mesh.uvs is not None:
-        corners = mesh.corner_uvs()
-        uvs = interpolated(corners, places, rows)
+        assert mesh.uv_faces is not None
+        corners = mesh.uvs[mesh.uv_faces[faces]]
+        edges = corners[:, 1:] - corners[:, :1]
+        uvs = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
         if relief.steps is not None:
-            edges = corners[faces, 1:] - corners[faces, :1]
             steps = changes.reshape(-1, 2, 2).astype(np.float64)
             uv_changes = (steps @ edges).reshape(-1, 4).astype(np.float32)
     texture = relief.holder.texture

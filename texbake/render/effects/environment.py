@@ -1,6 +1,6 @@
 """The environment: what lies infinitely far around, as what is seen behind and what lights.
 
-Five effects: the environment as a cube map with smaller levels; the picture behind all surfaces;
+Five effects: the environment as a cube map; the picture behind all surfaces;
 its light gathered by normal; the same blurred by roughness; and that light on surfaces, diffuse for
 all and mirrored for metallic-roughness.
 
@@ -21,14 +21,14 @@ from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.render.effects.ambient import arriving_share
 from texbake.render.effects.shading_models import head_on, normals_effect
-from texbake.render.fragments import Floats, Fragments, row_of
+from texbake.render.fragments import Floats, Fragments, one_row, row_of
 from texbake.render.maps import colors_from
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Refusal, Target, only_when_needed
 from texbake.render.plan.question import Question
 from texbake.render.scene.lights import Environment
 from texbake.render.scene.studio_room import STUDIO_ROOM, studio_room
-from texbake.texture.cube_chain import CubeChain, cube_chain
+from texbake.texture.cube_chain import CubeChain
 from texbake.texture.cube_lookup import sample_cube
 from texbake.texture.cube_map import CubeMap
 from texbake.texture.image import FloatImage
@@ -80,8 +80,7 @@ def _load(picture: Picture, target: Target) -> PlacedEnvironment:
     cube = _cube(environment, picture.threads)
     if environment.intensity != 1.0:
         cube = CubeMap(cube.faces * np.float32(environment.intensity))
-    chain = cube_chain(cube, threads=picture.threads)
-    return PlacedEnvironment(chain, turn_of(environment, picture.options.up))
+    return PlacedEnvironment(CubeChain.of([cube]), turn_of(environment, picture.options.up))
 
 
 def _cube(environment: Environment, threads: int | None) -> CubeMap:
@@ -94,7 +93,7 @@ def _cube(environment: Environment, threads: int | None) -> CubeMap:
         size = min(environment.size, max(1, pixels.shape[1] // 4))
         return from_latitude_longitude(pixels, size=size, threads=threads)
     faces = np.empty((6, 1, 1, 3), np.float32)
-    faces[...] = environment.color
+    faces[...] = one_row(environment.color, 3)
     return CubeMap(faces)
 
 
@@ -253,6 +252,7 @@ BACKGROUND = Effect(
     left_out="the scene has no environment",
     needs=lambda question, target: ("environment",),
     prepare=_background,
+    behind=lambda picture: picture.value("background"),
 )
 
 IRRADIANCE = Effect(

@@ -17,6 +17,7 @@ from texbake.render.fragments import Fragments
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Refusal, Target
 from texbake.render.plan.question import Question
+from texbake.texture.image import FloatImage
 
 _MODES = {"linear": 0, "exp": 1, "exp2": 2}
 
@@ -66,6 +67,27 @@ def _shade(fragments: Fragments, picture: Picture) -> None:
 def _positions(question: Question, target: Target) -> tuple[str, ...]:
     return ("positions",)
 
+
+def _hides(question: Question) -> Iterator[Call]:
+    fog = question.scene.lighting.fog
+    if fog is not None and fog.fades and not question.shows_buffer:
+        yield Call(None, "the scene", "its fog hides what lies infinitely far")
+
+
+def _color(picture: Picture) -> FloatImage:
+    fog = picture.scene.lighting.fog
+    assert fog is not None
+    return np.array(fog.color, np.float32)
+
+
+FOG_BEHIND = Effect(
+    name="fog behind",
+    does="shows fog behind all surfaces",
+    of="picture",
+    called_for=_hides,
+    left_out="the scene has no fog",
+    behind=_color,
+)
 
 FOG = Effect(
     name="fog",

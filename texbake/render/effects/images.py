@@ -7,8 +7,11 @@ whose filter is trilinear, EWA or the supersampled reference. `look_up` finds th
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +30,14 @@ from texbake.texture.sample import sample
 # Slots that hold colors, of three channels; the others hold numbers.
 COLOR_SLOTS = ("base_color", "specular", "emission", "light_map", "reflection.strength",
                "refraction.strength")  # fmt: skip
+# Where a picture keeps what several objects and slots have of one file.
+_TEXELS, _LEVELS = ("texels of images", None), ("levels of images", None)
 # How far out of the unit square a coordinate may be by the rounding of float32 files.
 _ROUNDING = 1e-6
+
+
+# File or array, and how its values are read.
+Origin = tuple[Any, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +55,10 @@ class LoadedImage:
         (2, 2) and (2,): coordinates of the mesh to those of the image; None where they are equal.
     space : str
         Of a normal map.
+    origin : tuple, optional
+        What its texels come from: images of equal origins have the same.
+    is_shared : bool
+        Whether they are in memory once for it and another image.
     """
 
     chain: MipChain
@@ -57,11 +70,18 @@ class LoadedImage:
     turn: FloatArray | None
     offset: FloatArray
     space: str = ""
+    origin: Origin | None = None
+    is_shared: bool = False
 
     @property
     def n_bytes(self) -> int:
-        """Memory of its texels."""
-        return self.chain.texels.nbytes
+        """Memory of its texels; 0 where another image counts them."""
+        return 0 if self.is_shared else self.chain.texels.nbytes
+
+    @cached_property
+    def limits(self) -> tuple[Floats, Floats]:
+        """(C,) and (C,): least and greatest value of each channel."""
+        return self.chain.texels.min(axis=0), self.chain.texels.max(axis=0)
 
 
 def _images(question: Question, target: int) -> Iterator[tuple[str, ImageTexture]]:
@@ -92,8 +112,13 @@ def _load(picture: Picture, target: Target) -> dict[str, LoadedImage]:
 
 
 def _loaded(picture: Picture, target: int, name: str, texture: ImageTexture) -> LoadedImage:
-    pixels, kind, space = _pixels(picture, target, name, texture)
-    return placed_image(
+    origin = _origin(picture, target, name, texture)
+    known: dict[Origin, tuple[FloatImage, str, str]] = picture.values.setdefault(_TEXELS, {})
+    is_shared = origin in known
+    if not is_shared:
+        known[origin] = _pixels(picture, target, name, texture)
+    pixels, kind, space = known[origin]
+    image = placed_image(
         texture,
         pixels,
         kind=kind,
@@ -102,6 +127,17 @@ def _loaded(picture: Picture, target: int, name: str, texture: ImageTexture) -> 
         name=name,
         space=space,
     )
+    return replace(image, origin=origin, is_shared=is_shared)
+
+
+def _origin(picture: Picture, target: int, name: str, texture: ImageTexture) -> Origin:
+    source = texture.image
+    place = os.fspath(source) if isinstance(source, str | os.PathLike) else id(source)
+    if name == "normal_map.texture":
+        holder = picture.question.material(target).normal_map
+        assert holder is not None
+        return place, "normal", holder.convention, holder.space
+    return place, name in COLOR_SLOTS, texture.channel, texture.color
 
 
 def placed_image(
@@ -192,11 +228,17 @@ def _mips_need(question: Question, target: Target) -> tuple[str, ...]:
 def _load_mips(picture: Picture, target: Target) -> dict[str, LoadedImage]:
     """Return the images with all their levels."""
     images: dict[str, LoadedImage] = picture.value("images", target)
-    return {
-        name: with_levels(image, threads=picture.threads)
-        for name, image in images.items()
-        if image.filter in FILTERS_WITH_LEVELS
-    }
+    known: dict[Origin, MipChain] = picture.values.setdefault(_LEVELS, {})
+    found = {}
+    for name, image in images.items():
+        if image.filter not in FILTERS_WITH_LEVELS:
+            continue
+        place = image.origin, image.wrap
+        is_shared = place in known
+        if not is_shared:
+            known[place] = with_levels(image, threads=picture.threads).chain
+        found[name] = replace(image, chain=known[place], is_shared=is_shared)
+    return found
 
 
 def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImage:
@@ -245,7 +287,7 @@ def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> 
         threads=1,
     )  # fmt: skip
     if image.filter == "bicubic":  # which swings beyond the values on both sides of an edge
-        np.clip(values, image.chain.texels.min(axis=0), image.chain.texels.max(axis=0), out=values)
+        np.clip(values, *image.limits, out=values)
     if (image.factor != 1.0).any():
         values *= image.factor
     return values

@@ -24,7 +24,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.errors import OptionError
 from texbake.kernels import kernel
 from texbake.render.camera import Camera
 from texbake.render.effects.environment import PlacedEnvironment, mirrored_kernel
@@ -37,7 +36,7 @@ from texbake.render.plan.effect import Call, Effect, Refusal, Target
 from texbake.render.plan.question import Question
 from texbake.render.scene.material import Material, Reflection, Refraction
 from texbake.render.scene.textures import ImageTexture, ProcedureTexture
-from texbake.texture.cube_chain import cube_chain
+from texbake.texture.cube_chain import CubeChain
 from texbake.texture.cube_map import CubeMap, cube_face_axes
 
 # Nearest that a rendered environment sees, in the size of its object.
@@ -109,8 +108,6 @@ def _render(picture: Picture, target: Target) -> PlacedEnvironment:
     low, high = positions.min(axis=0), positions.max(axis=0)
     extent = float(np.linalg.norm(high - low))
     size = max(mirror.size for _, mirror in _mirrors(picture.question.material(target)))
-    if not 1 <= size <= 4096:
-        raise OptionError(f"size: {size} texels of an environment are out of range; use 1 to 4096")
     cameras = [
         Camera(
             eye=0.5 * low + 0.5 * high,
@@ -133,7 +130,7 @@ def _render(picture: Picture, target: Target) -> PlacedEnvironment:
     )
     views = picture.draw_others(scene, cameras, options)
     cube = CubeMap.from_views(np.stack([view[..., :3] for view in views]))
-    return PlacedEnvironment(cube_chain(cube, threads=picture.threads), np.eye(3))
+    return PlacedEnvironment(CubeChain.of([cube]), np.eye(3))
 
 
 def _environment(
@@ -215,6 +212,7 @@ RENDERED_ENVIRONMENT = Effect(
     called_for=_rendered_called_for,
     left_out="no material in the picture reflects or refracts the scene around it",
     load=_load,
+    of_the_others=True,
     prepare=_prepare,
 )
 

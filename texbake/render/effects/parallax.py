@@ -43,8 +43,10 @@ from texbake.texture.lookup import between, cell_at, folded, wrap_code
 from texbake.texture.sample import mip_levels
 
 _NAME = "parallax.texture"
-# Halving alone would take 16 to find a place in a step to 1/65536; false position takes fewer.
+# Most rounds of false position, and how near to the map is on it, as share of the depth: 1/16 of a
+# step of an image of 16 bits.
 _REFINEMENTS = 8
+_CLOSE = 2.0**-20
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,46 +142,24 @@ def _shares(
 
 
 @kernel
-def _above(texels, size, first, wrap, border, factor, start, step, share):  # type: ignore[no-untyped-def]
+def _above(texels, level, outside, ray, share):  # type: ignore[no-untyped-def]
     """How far the ray is above the map, at some share of its way down from 1 to 0."""
-    u, v = folded(start[0] + share * step[0], wrap), folded(start[1] + share * step[1], wrap)
-    cell, x, y = cell_at(u, v, size[1], size[0], wrap, first)
+    first, width, height, wrap = level
+    border, factor = outside
+    u, v = folded(ray[0] + share * ray[2], wrap), folded(ray[1] + share * ray[3], wrap)
+    cell, x, y = cell_at(u, v, width, height, wrap, first)
     return 1.0 - share - np.float64(factor * between(texels, cell, x, y, 0, border))
 
 
 @kernel
-def _follow_kernel(  # type: ignore[no-untyped-def]
-    texels, offsets, sizes, wrap, border, factor, starts, steps, levels, layers, shares
-):
-    for i in range(len(starts)):
-        start, step, size, first = starts[i], steps[i], sizes[levels[i]], offsets[levels[i]]
-        crossed = math.hypot(step[0] * size[1], step[1] * size[0])
-        n = max(min(math.ceil(crossed), layers), 1)
-        last = 1.0 / max(math.hypot(step[0], step[1]), 1.0)
-        near, far = 0.0, 0.0
-        above = _above(texels, size, first, wrap, border, factor, start, step, 0.0)
-        below = above
-        k = 1
-        while below > 0.0 and k <= n:
-            near, above, far = far, below, last * k / n
-            below = _above(texels, size, first, wrap, border, factor, start, step, far)
-            k += 1
-        if far > 0.0 and below < 0.0:
-            far = _met(
-                texels, size, first, wrap, border, factor, start, step, near, above, far, below
-            )
-        shares[i] = far
-
-
-@kernel
-def _met(texels, size, first, wrap, border, factor, start, step, near, above, far, below):  # type: ignore[no-untyped-def]
+def _met(texels, level, outside, ray, near, above, far, below):  # type: ignore[no-untyped-def]
     """Share at which the ray meets the map, between a place above it and one below."""
     share, side = far, 0
     for _ in range(_REFINEMENTS):
         share = near + (far - near) * above / (above - below)
-        there = _above(texels, size, first, wrap, border, factor, start, step, share)
-        if there == 0.0:
-            return share
+        there = _above(texels, level, outside, ray, share)
+        if abs(there) <= _CLOSE:
+            break
         # The end that stays a second time counts half, or it would stay for good.
         if there > 0.0:
             near, above = share, there
@@ -190,6 +170,29 @@ def _met(texels, size, first, wrap, border, factor, start, step, near, above, fa
             above *= 0.5 if side < 0 else 1.0
             side = -1
     return share
+
+
+@kernel
+def _follow_kernel(  # type: ignore[no-untyped-def]
+    texels, offsets, sizes, wrap, border, factor, starts, steps, levels, layers, shares
+):
+    outside = (border, factor)
+    for i in range(len(starts)):
+        height, width = sizes[levels[i], 0], sizes[levels[i], 1]
+        level = (offsets[levels[i]], width, height, wrap)
+        ray = (starts[i, 0], starts[i, 1], steps[i, 0], steps[i, 1])
+        last = 1.0 / max(math.hypot(ray[2], ray[3]), 1.0)
+        crossed = math.hypot(last * ray[2] * width, last * ray[3] * height)
+        n = max(min(math.ceil(crossed), layers), 1)
+        near, far, k = 0.0, 0.0, 0
+        above = below = _above(texels, level, outside, ray, 0.0)
+        while below > 0.0 and k < n:
+            k += 1
+            near, above, far = far, below, last * k / n
+            below = _above(texels, level, outside, ray, far)
+        if k > 0 and below < 0.0:
+            far = _met(texels, level, outside, ray, near, above, far, below)
+        shares[i] = far
 
 
 PARALLAX = Effect(

@@ -23,6 +23,7 @@ from texbake.parallel import run_bands
 from texbake.render.camera import Camera
 from texbake.render.effects.lights import PlacedLight
 from texbake.render.picture import Picture
+from texbake.render.raster.world import object_of
 from texbake.render.scene.lights import Light
 from texbake.render.scene.scene import SceneObject
 from texbake.texture.cube_map import cube_face_axes
@@ -220,9 +221,7 @@ def _bounds_kernel(  # type: ignore[no-untyped-def]
             if face < 0:
                 continue
             if not starts[owner] <= face < starts[owner + 1]:
-                owner = 0
-                while face >= starts[owner + 1]:
-                    owner += 1
+                owner = object_of(face, starts)
             if not receives[owner]:
                 continue
             distance = near / depths[row, column]

@@ -17,10 +17,12 @@ from texbake.render.fragments import Floats, Fragments, one_row
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Target
 from texbake.render.plan.question import Question
-from texbake.render.raster.world import read_only
 from texbake.render.scene.textures import ImageTexture, ProcedureTexture, Slot
 from texbake.texture.procedures import evaluate
 from texbake.texture.ramp import ramp_lookup
+
+# Slots of which nothing below 0 or above 1 means anything, whatever an image or a factor says.
+_SHARES = ("roughness", "metalness")
 
 
 def _called_for(question: Question) -> Iterator[Call]:
@@ -43,6 +45,8 @@ def _look_up_all(fragments: Fragments, picture: Picture) -> None:
         fragments.values[name] = slot_values(
             fragments, picture, name, getattr(material, name), channels
         )
+        if name in _SHARES:
+            fragments.values[name] = np.clip(fragments.values[name], 0.0, 1.0)
     if material.vertex_colors and fragments.drawn.mesh.colors is not None:
         _multiply_vertex_colors(fragments)
 
@@ -86,26 +90,30 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
         steps = np.abs(fragments.uv_changes.reshape(-1, 2, 2)) * np.abs(scale[:2])
         return points, np.ascontiguousarray(steps.max(axis=1), np.float32)
     mesh, inverse = fragments.drawn.mesh, fragments.drawn.object_from_world
-    if texture.space == "world" or inverse is None:
-        places = mesh.positions * scale
-    else:
-        places = (mesh.positions @ inverse[:3, :3].T + inverse[:3, 3]) * scale
+    matrix = np.eye(4) if texture.space == "world" or inverse is None else inverse
     points = np.empty((len(fragments), 3))
     widths = np.empty((len(fragments) if wanted else 0, 3), np.float32)
     _points_kernel(
-        read_only(places, np.float64), mesh.faces, fragments.faces, fragments.weights,
-        fragments.changes, points, widths,
+        mesh.positions, mesh.faces, np.ascontiguousarray(scale[:, None] * matrix[:3]),
+        fragments.faces, fragments.weights, fragments.changes, points, widths,
     )  # fmt: skip
     return points, widths if wanted else None
 
 
 @kernel
-def _points_kernel(places, corners, faces, weights, changes, out, widths):  # type: ignore[no-untyped-def]
+def _points_kernel(positions, corners, matrix, faces, weights, changes, out, widths):  # type: ignore[no-untyped-def]
+    places, known = np.empty((3, 3)), np.int32(-1)  # neighbors mostly lie on the same face
     for i in range(len(faces)):
-        a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
+        if faces[i] != known:
+            known = faces[i]
+            for corner in range(3):
+                p = positions[corners[known, corner]]
+                for k in range(3):
+                    row = matrix[k]
+                    places[corner, k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]
         for k in range(3):
-            along, up = places[b, k] - places[a, k], places[c, k] - places[a, k]
-            out[i, k] = places[a, k] + weights[i, 0] * along + weights[i, 1] * up
+            along, up = places[1, k] - places[0, k], places[2, k] - places[0, k]
+            out[i, k] = places[0, k] + weights[i, 0] * along + weights[i, 1] * up
             if len(widths) > 0:
                 right = abs(changes[i, 0] * along + changes[i, 1] * up)
                 down = abs(changes[i, 2] * along + changes[i, 3] * up)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from texbake.render.fragments import Fragments, Incident
     from texbake.render.picture import Picture
     from texbake.render.plan.question import Question
+    from texbake.texture.image import FloatImage
 
 Target = int | None
 
@@ -75,6 +76,12 @@ class Effect:
         (those of the picture are asked for with None, whatever the target).
     load, prepare, shade, dim : callable, optional
         See the module.
+    behind : callable, optional
+        Picture to (3,) or (H, W, 3) linear light that shows where there is no surface; of several
+        the first of the list counts.
+    of_the_others : bool
+        Whether what `load` finds of an object depends on the other objects, so that it does not
+        hold for a picture of fewer of them.
     moves_surface : bool
         Whether it is computed before it is known what is seen, because that depends on it.
     unneeded : callable, optional
@@ -93,7 +100,9 @@ class Effect:
     shade: Callable[[Fragments, Picture], None] | None = None
     dim: Callable[[Fragments, Picture, int, Incident], None] | None = None
     unneeded: Callable[[Picture, Target], str | None] | None = None
+    behind: Callable[[Picture], FloatImage] | None = None
     moves_surface: bool = False
+    of_the_others: bool = False
 
 
 def only_when_needed(question: Question) -> Iterator[Call]:

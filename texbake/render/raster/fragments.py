@@ -20,7 +20,7 @@ import numpy.typing as npt
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.render.raster.clip import to_clip
-from texbake.render.raster.world import World
+from texbake.render.raster.world import World, object_of
 
 # Triangles of a pixel that a sample is compared with; one seen again after more others than this
 # becomes one more fragment, which costs time and changes nothing else.
@@ -93,14 +93,6 @@ def _is_plain(face_ids, row, column, side, merges):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _owner(face, starts):  # type: ignore[no-untyped-def]
-    owner = 0
-    while face >= starts[owner + 1]:
-        owner += 1
-    return owner
-
-
-@kernel
 def _count_kernel(face_ids, starts, side, merges, first_row, stop_row, counts):  # type: ignore[no-untyped-def]
     found = np.empty(side * side, np.int32)
     sums = np.empty((side * side, 3))
@@ -109,11 +101,11 @@ def _count_kernel(face_ids, starts, side, merges, first_row, stop_row, counts): 
             if _is_plain(face_ids, row, column, side, merges):
                 face = face_ids[row * side, column * side]
                 if face >= 0:
-                    counts[_owner(face, starts)] += 1
+                    counts[object_of(face, starts)] += 1
                 continue
             n_found = _pixel(face_ids, row, column, side, merges, found, sums)
             for k in range(n_found):
-                counts[_owner(found[k], starts)] += 1
+                counts[object_of(found[k], starts)] += 1
 
 
 @kernel
@@ -137,7 +129,7 @@ def _fill_kernel(  # type: ignore[no-untyped-def]
                     sums[k, 1] /= sums[k, 0] * side
                     sums[k, 2] /= sums[k, 0] * side
             for k in range(n_found):
-                owner = _owner(found[k], starts)
+                owner = object_of(found[k], starts)
                 slot = nexts[owner]
                 nexts[owner] += 1
                 slots[k] = slot

@@ -9,8 +9,8 @@ Coverage is decided with integers: edge functions of grid positions in int64 and
 so that triangles which share an edge own each sample exactly once. The nearer surface wins, and of
 equally near ones the triangle of lower index.
 
-With a `Layer` given, only what lies behind it counts, and nothing behind a last surface: so one
-layer after another can be peeled off what is transparent.
+With a layer given, only what lies behind it counts, and nothing behind a last surface: so one layer
+after another can be peeled off what is transparent.
 
 Based on: Pineda, "A parallel algorithm for polygon rasterization", SIGGRAPH 1988; Burns and Hunt,
 "The visibility buffer", JCGT 2(2), 2013; Everitt, "Interactive order-independent
@@ -40,7 +40,7 @@ from texbake.render.raster.clip import (
     to_grid,
 )
 from texbake.render.raster.visibility import Visibility
-from texbake.render.raster.world import SHOW_BACK, SKIP, World
+from texbake.render.raster.world import SHOW_BACK, SKIP, World, object_of
 
 # Rows of samples a band, drawn by one thread: small enough for an even load and for its part of
 # the depth buffer to stay in cache.
@@ -83,19 +83,6 @@ def _doubled_area(points, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _object_of(face, starts):  # type: ignore[no-untyped-def]
-    """Index of the object that a face belongs to."""
-    low, high = 0, len(starts) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if starts[middle] <= face:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@kernel
 def _sort_kernel(scene, survivors, spans, counts, start, stop):  # type: ignore[no-untyped-def]
     faces, starts, modes, grid = scene[1], scene[2], scene[3], scene[5]
     width, height = scene[7], scene[8]
@@ -104,7 +91,7 @@ def _sort_kernel(scene, survivors, spans, counts, start, stop):  # type: ignore[
     points = np.empty((MAX_CORNERS, 2), np.int64)
     depths = np.empty(MAX_CORNERS, np.float32)
     n_survivors = 0
-    owner = _object_of(start, starts)
+    owner = object_of(start, starts)
     for face in range(start, stop):
         while face >= starts[owner + 1]:
             owner += 1
@@ -243,7 +230,7 @@ def _draw_kernel(scene, band_faces, rows, peels, peel, tries, face_ids, depth_bu
             if grid[v, 0] == OFF_GRID:
                 n_corners = 0
         if n_corners == 0:
-            show_back = modes[_object_of(face, starts)] == SHOW_BACK
+            show_back = modes[object_of(face, starts)] == SHOW_BACK
             n_corners = _clipped(face, scene, polygon, scratch, points, depths)
         for i in range(n_corners - 2):
             _draw(

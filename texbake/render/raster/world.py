@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # What is drawn of an object.
@@ -41,6 +42,19 @@ class World:
     def n_objects(self) -> int:
         """Number of objects."""
         return len(self.starts) - 1
+
+
+@kernel
+def object_of(face, starts):  # type: ignore[no-untyped-def]
+    """Index of the object that a face belongs to."""
+    low, high = 0, len(starts) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if starts[middle] <= face:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:

@@ -21,6 +21,11 @@ KINDS = ("directional", "point", "spot")
 FOG_MODES = ("linear", "exp", "exp2")
 
 
+def _check_color(name: str, color: Rgb) -> None:
+    if len(color) != 3 or not all(0.0 <= channel < math.inf for channel in color):
+        raise OptionError(f"{name}: {color} is not three finite numbers of 0 or more")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Shadow:
     """A shadow map: `size` texels a side (of each cube face for a point light).
@@ -88,8 +93,7 @@ class Light:
             raise OptionError(f"{self.name}.angle: {self.angle} is not above 0 and below 180")
         if not 0.0 <= self.intensity < math.inf:
             raise OptionError(f"{self.name}.intensity: {self.intensity} is not 0 or more")
-        if not all(0.0 <= channel < math.inf for channel in self.color):
-            raise OptionError(f"{self.name}.color: {self.color} is not three numbers of 0 or more")
+        _check_color(f"{self.name}.color", self.color)
         if not 0.0 <= self.blend <= 1.0:
             raise OptionError(f"{self.name}.blend: {self.blend} is not from 0 to 1")
         if not 0.0 <= self.decay < math.inf:
@@ -106,6 +110,11 @@ class Ambient:
 
     color: Rgb = (0.0, 0.0, 0.0)
     ground: Rgb | None = None
+
+    def __post_init__(self) -> None:
+        _check_color("ambient.color", self.color)
+        if self.ground is not None:
+            _check_color("ambient.ground", self.ground)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,6 +137,7 @@ class Environment:
     def __post_init__(self) -> None:
         if self.image is not None and self.faces:
             raise OptionError("faces: the image says it already; give one of them")
+        _check_color("environment.color", self.color)
         if len(self.faces) not in (0, 6):
             raise OptionError(f"faces: {len(self.faces)} are not six: +x, -x, +y, -y, +z, -z")
         if not 0.0 <= self.intensity < math.inf:
@@ -149,6 +159,7 @@ class Fog:
     end: float = 10.0
 
     def __post_init__(self) -> None:
+        _check_color("fog.color", self.color)
         if self.mode not in FOG_MODES:
             raise OptionError(f"fog.mode: {self.mode!r} is not one of {', '.join(FOG_MODES)}")
         if not 0.0 <= self.density < math.inf:

@@ -7,18 +7,34 @@ None is not there, and nothing is computed for it.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
-from texbake.render.scene.textures import ImageTexture, Slot, Texture
+from texbake.render.scene.textures import ImageTexture, ProcedureTexture, Slot, Texture
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
 BUMP_FORMS = ("blinn", "exact", "emboss")
 NORMAL_SPACES = ("tangent", "object", "world")
+CONVENTIONS = ("opengl", "directx")
 DISPLACEMENT_SPACES = ("tangent", "object")
 ALPHA_MODES = ("opaque", "mask", "blend")
 ENVIRONMENTS = ("scene", "rendered")
+MAX_ENVIRONMENT_SIZE = 4096
+
+
+_CONSTANT_SLOTS = ("base_color", "specular", "exponent", "gloss", "roughness", "metalness",
+                   "emission", "occlusion", "opacity", "light_map")  # fmt: skip
+
+
+def check_constant(name: str, slot: Slot | None) -> None:
+    """Raise `OptionError` where a slot holds a number that is not finite."""
+    if slot is None or isinstance(slot, ImageTexture | ProcedureTexture):
+        return
+    numbers = slot if isinstance(slot, Iterable) else (slot,)
+    if not all(map(math.isfinite, numbers)):
+        raise OptionError(f"{name}: {slot} is not finite")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,6 +49,14 @@ class NormalMap:
     space: str | None = None
     convention: str | None = None
     strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, choices in ("space", NORMAL_SPACES), ("convention", CONVENTIONS):
+            value = getattr(self, name)
+            if value not in (None, *choices):
+                raise OptionError(f"{name}: {value!r} is not one of {', '.join(choices)}")
+        if not math.isfinite(self.strength):
+            raise OptionError(f"strength: {self.strength} is not a finite number")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,10 +94,13 @@ class Displacement:
     mid: float | None = None
     vector: bool = False
     space: str | None = None
-    edge_px: float = 2.0
+    edge_px: float | None = 2.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.edge_px < math.inf:
+        if self.edge_px is None:
+            if not isinstance(self.texture, ImageTexture):
+                raise OptionError("edge_px: a procedure has no texels to go by; give a length")
+        elif not 0.0 < self.edge_px < math.inf:
             raise OptionError(f"edge_px: {self.edge_px} is not above 0")
         for name in "height", "mid":
             value = getattr(self, name)
@@ -120,10 +147,8 @@ class Reflection:
     fresnel: bool = False
 
     def __post_init__(self) -> None:
-        if self.environment not in ENVIRONMENTS:
-            raise OptionError(
-                f"environment: {self.environment!r} is not one of {', '.join(ENVIRONMENTS)}"
-            )
+        check_constant("strength", self.strength)
+        _check_environment(self.environment, self.size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,6 +159,21 @@ class Refraction:
     index: float = 1.5
     environment: str = "scene"
     size: int = 256
+
+    def __post_init__(self) -> None:
+        check_constant("strength", self.strength)
+        _check_environment(self.environment, self.size)
+        if not 0.0 < self.index < math.inf:
+            raise OptionError(f"index: {self.index} is not above 0; that of glass is 1.5")
+
+
+def _check_environment(environment: str, size: int) -> None:
+    if environment not in ENVIRONMENTS:
+        raise OptionError(f"environment: {environment!r} is not one of {', '.join(ENVIRONMENTS)}")
+    if not 1 <= size <= MAX_ENVIRONMENT_SIZE:
+        raise OptionError(
+            f"size: {size} texels of an environment are not from 1 to {MAX_ENVIRONMENT_SIZE}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -221,6 +261,10 @@ class Material:
                     f"{self.name}.{name}: {getattr(self, name)!r} is not one of "
                     f"{', '.join(choices)}"
                 )
+        for name in _CONSTANT_SLOTS:
+            check_constant(f"{self.name}.{name}", getattr(self, name))
+        if isinstance(self.exponent, float | int) and self.exponent < 0.0:
+            raise OptionError(f"{self.name}.exponent: {self.exponent} is below 0")
         if not (math.isfinite(self.alpha_cutoff) and 0.0 <= self.alpha_cutoff <= 1.0):
             raise OptionError(f"{self.name}.alpha_cutoff: {self.alpha_cutoff} is not from 0 to 1")
         if not 0.0 <= self.occlusion_strength <= 1.0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,8 @@ class Scene:
         Fields of `RenderOptions` that its file sets; `options` reads them.
     notes : tuple of str
         What its file asks for and is not shown, in words for people.
+    files : tuple of Path
+        That its file names: meshes, images, buffers. What writes pictures of it must spare them.
     """
 
     objects: tuple[SceneObject, ...]
@@ -118,6 +121,7 @@ class Scene:
     name: str = "scene"
     render: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.objects:

@@ -6,7 +6,8 @@ reads a file or computes a texel; that happens when the plan of a picture asks f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +75,10 @@ class ImageTexture:
             raise OptionError(f"filter: {self.filter!r} is not one of {', '.join(FILTERS)}")
         if self.wrap is not None and self.wrap not in WRAPS:
             raise OptionError(f"wrap: {self.wrap!r} is not one of {', '.join(WRAPS)}")
+        if self.channel is not None and self.channel < 0:
+            raise OptionError(f"channel: {self.channel} is below 0; the first is 0")
+        for name in "border", "scale", "offset", "rotate", "factor":
+            _check_finite(name, getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +116,18 @@ class ProcedureTexture:
     def __post_init__(self) -> None:
         if self.space not in SPACES:
             raise OptionError(f"space: {self.space!r} is not one of {', '.join(SPACES)}")
+        for name in "scale", "factor":
+            _check_finite(name, getattr(self, name))
+        if self.colors is not None and not self.colors:
+            raise OptionError("colors: a ramp needs at least one color")
+        for color in self.colors or ():
+            _check_finite("colors", color)
+
+
+def _check_finite(name: str, value: float | Iterable[float]) -> None:
+    numbers = value if isinstance(value, Iterable) else (value,)
+    if not all(map(math.isfinite, numbers)):
+        raise OptionError(f"{name}: {value} is not finite")
 
 
 Texture = ImageTexture | ProcedureTexture

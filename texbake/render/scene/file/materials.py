@@ -29,6 +29,7 @@ from texbake.render.scene.file.values import (
 from texbake.render.scene.material import (
     ALPHA_MODES,
     BUMP_FORMS,
+    CONVENTIONS,
     DISPLACEMENT_SPACES,
     ENVIRONMENTS,
     NORMAL_SPACES,
@@ -50,7 +51,7 @@ NormalMapTable = table(
     {
         "texture": ImageOnly,
         "space": choice(NORMAL_SPACES),
-        "convention": choice(("opengl", "directx")),
+        "convention": choice(CONVENTIONS),
     },
     short="texture",
 )

@@ -104,12 +104,15 @@ class ObjectMaker:
         Those that have a name.
     notes
         What files of objects ask for and is not shown.
+    files
+        Those that lie beside files of objects and belong to them.
     """
 
     path: PathLike
     materials: Mapping[str, Material]
     progress: ProgressSink | None = None
     notes: list[str] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
     _meshes: dict[Path, Mesh] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)
 
@@ -126,6 +129,7 @@ class ObjectMaker:
             with at(self.path, *steps, "mesh"):
                 scene = read_gltf_scene(given["mesh"], progress=self.progress)
             self.notes += scene.notes
+            self.files += scene.files
             return [
                 replace(item, transform=_composed(transform, item.transform), **flags)
                 for item in scene.objects

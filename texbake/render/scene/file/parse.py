@@ -38,7 +38,7 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
     FileFormatError
         It is not TOML, or something in it is not as it should be; the message has the key.
     """
-    folder = Path(path).parent
+    place = Place(Path(path).parent)
     try:
         content = tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
@@ -46,7 +46,7 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     try:
-        found: Any = SceneTable.model_validate(content, context=Place(folder))
+        found: Any = SceneTable.model_validate(content, context=place)
     except ValidationError as error:
         raise FileFormatError(f"{path}: {first_fault(error)}") from error
     materials = {name: replace(material, name=name) for name, material in found.materials.items()}
@@ -65,6 +65,7 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
         name=found.name or Path(path).name,
         render=found.render or {},
         notes=tuple(dict.fromkeys(maker.notes)),
+        files=tuple(dict.fromkeys([*place.files, *maker.files])),
     )
     with at(path, "camera"):
         check_view(scene)

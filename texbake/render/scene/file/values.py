@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,9 +29,13 @@ _COUNTS = {2: "two", 3: "three", 4: "four", 16: "sixteen"}
 
 @dataclass(frozen=True)
 class Place:
-    """What checks are told: the folder that names of files are relative to."""
+    """What checks are told: the folder that names of files are relative to.
+
+    They note in `files` those that they find.
+    """
 
     folder: Path
+    files: list[Path] = field(default_factory=list)
 
 
 def is_number(value: object) -> bool:
@@ -131,6 +135,7 @@ def existing_file(value: Any, info: ValidationInfo) -> Path:
         require_file(path)
     except FileError as error:
         raise fault(str(error)) from error
+    info.context.files.append(path)
     return path
 
 

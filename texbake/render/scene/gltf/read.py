@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -106,6 +107,19 @@ class _Reader:
             view=self.view,
             name=path.name,
             notes=tuple(dict.fromkeys([*self.notes, *self.textures.notes])),
+            files=self._files(),
+        )
+
+    def _files(self) -> tuple[Path, ...]:
+        """Buffers and images that lie beside the file."""
+        document = self.document
+        owners = [*document.objects(document.content, "buffers"),
+                  *document.objects(document.content, "images")]  # fmt: skip
+        uris = [item.get("uri") for item in owners]
+        return tuple(
+            document.path.parent / unquote(uri)
+            for uri in uris
+            if isinstance(uri, str) and not uri.startswith("data:")
         )
 
     def _add_view(self, view: View | str | None) -> None:
