@@ -48,7 +48,7 @@ _PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlu
     Example:
       texbake bake-texture bust.obj -o marble.png --procedure marble --param amount=5
       texbake bake-texture vase.obj -o wood.png --procedure wood --colors "#2b1a10,#c89a5b"
-      texbake bake-texture toy.obj -o t.png --photo a.jpg --camera a.txt --photo b.jpg --camera b.txt
+      texbake bake-texture a.obj -o t.png --photo a.jpg --camera a.txt --photo b.png --camera b.txt
       texbake bake-texture head.obj -o head.png --photo left.jpg --photo-uvs left.obj
     """,
 )

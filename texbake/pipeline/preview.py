@@ -67,7 +67,11 @@ def open_preview(
     TexbakeError
         As `read_mesh` and `read_scene` do.
     """
-    maps: dict[str, Any] = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
+    maps: dict[str, Any] = {
+        "normal_map": normal_map,
+        "displacement": displacement,
+        "albedo": albedo,
+    }
     given = [name for name, source in maps.items() if source is not None]
     suffix = Path(path).suffix.lower()
     if suffix == ".toml" and given:

@@ -10,7 +10,7 @@ OpenImageIO reads everything and writes all but PNG, which `texbake.png` writes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -170,7 +170,7 @@ def read_header(path: PathLike) -> ImageHeader:
     """
     source, description = _opened(path)
     spec = source.spec()
-    description = description or spec.get_string_attribute("ImageDescription")
+    description = description or _description(spec)
     source.close()
     return ImageHeader(spec.width, spec.height, spec.nchannels, from_description(description))
 
@@ -252,7 +252,7 @@ def _write_with_openimageio(
         and output.close()
     )
     if not written:
-        reason = output.geterror() if output is not None else oiio.geterror()
+        reason = _told(output.geterror if output is not None else oiio.geterror)
         raise FileError(f"{path}: cannot be written: {_one_line(reason, temporary, path)}")
 
 
@@ -271,7 +271,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), wishes)
     if source is None:
-        raise FileFormatError(f"{path}: it is not an image: {_one_line(oiio.geterror())}")
+        raise FileFormatError(f"{path}: it is not an image: {_one_line(_told(oiio.geterror))}")
     return source, description
 
 
@@ -291,11 +291,26 @@ def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
     # Other types, such as 32-bit integers, are asked for as floats.
     stored = str(spec.format) if str(spec.format) in _OIIO_TYPES.values() else "float"
     pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.TypeDesc(stored))
-    reason = source.geterror()
+    reason = _told(source.geterror)
     source.close()
     if pixels is None or reason:
         raise FileFormatError(f"{path}: the image is damaged: {_one_line(reason)}")
-    return pixels, description or spec.get_string_attribute("ImageDescription")
+    return pixels, description or _description(spec)
+
+
+def _told(error: Callable[[], str]) -> str:
+    """Return what the library complains of, which may quote bytes of the file that are no text."""
+    try:
+        return error()
+    except UnicodeDecodeError:
+        return "something in it is no text"
+
+
+def _description(spec: Any) -> str:
+    try:
+        return str(spec.get_string_attribute("ImageDescription"))
+    except UnicodeDecodeError:
+        return ""
 
 
 def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -> str:

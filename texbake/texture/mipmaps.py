@@ -187,9 +187,12 @@ def _checked(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
 def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     if image.shape[2] != 3:
         raise OptionError(f"image: {image.shape[2]} channels are no normals; they have 3")
-    lengths = np.linalg.norm(image, axis=2, keepdims=True)
+    # By the largest component first, whose square a float32 may not hold.
+    largest = np.abs(image).max(axis=2, keepdims=True)
     vectors = np.zeros_like(image)
-    np.divide(image, lengths, out=vectors, where=lengths > 0.0)
+    np.divide(image, largest, out=vectors, where=(largest > 0.0) & (largest < np.inf))
+    lengths = np.linalg.norm(vectors, axis=2, keepdims=True)
+    np.divide(vectors, lengths, out=vectors, where=lengths > 0.0)
     return vectors
 
 

@@ -78,6 +78,8 @@ def _bend_kernel(  # type: ignore[no-untyped-def]
         tz = w0 * f[0, 5] + w1 * f[1, 5] + w2 * f[2, 5]
         x, y, z = strength * texels[i, 0], strength * texels[i, 1], np.float64(texels[i, 2])
         y *= tangents[known, 0, 3]
+        if not 0.0 < x * x + y * y + z * z < np.inf:  # no direction: the surface's own
+            x, y, z = 0.0, 0.0, np.float64(1.0)
         finish_normal(
             x * tx + y * (ny * tz - nz * ty) + z * nx,
             x * ty + y * (nz * tx - nx * tz) + z * ny,
