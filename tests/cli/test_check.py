@@ -1,0 +1,111 @@
+"""`texbake check`: the preflight."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+from texbake import read_image, read_mesh, write_mesh
+from texbake.check.check import check_files
+
+Invoke = Callable[..., Result]
+
+
+@pytest.fixture(autouse=True)
+def at_the_workplace(workplace: Path) -> None:
+    """Commands of these tests run beside the pair."""
+
+
+@pytest.fixture
+def overlapping() -> str:
+    """A light mesh whose faces all lie on one triangle of the texture."""
+    mesh = read_mesh("low.obj")
+    uvs = [[0.1, 0.1], [0.9, 0.1], [0.5, 0.9]]
+    write_mesh(mesh.replace(uvs=uvs, uv_faces=[[0, 1, 2]] * mesh.n_faces), "bad.obj")
+    return "bad.obj"
+
+
+def test_a_pair_is_told_and_passes(invoke: Invoke) -> None:
+    text = invoke("check high.ply low.obj").stdout
+    assert "dense mesh  high.ply, 11,400 faces" in text
+    assert "light mesh  low.obj, 112 faces" in text
+    assert "error" not in text
+
+
+def test_errors_fail_a_build(invoke: Invoke, overlapping: str) -> None:
+    text = invoke(f"check {overlapping}", exit_code=1).stdout
+    rows = [line for line in text.splitlines() if line.startswith("error")]
+    assert any("112 faces  overlapping coordinates" in row for row in rows)
+    assert "texbake unwrap" in text  # what to do
+
+
+def test_what_fails_is_for_the_user_to_say(invoke: Invoke, overlapping: str) -> None:
+    invoke(f"check {overlapping} --fail-on never")
+    found = check_files("low.obj")
+    assert not found.fails("error")
+    invoke("check low.obj --fail-on error")
+    invoke("check low.obj --fail-on warning", exit_code=int(found.fails("warning")))
+    invoke("check low.obj --fail-on note", exit_code=int(found.fails("note")))
+    assert found.fails("note")
+
+
+def test_json_and_the_report_are_what_the_api_says(invoke: Invoke, overlapping: str) -> None:
+    printed = json.loads(invoke(f"check {overlapping} --json", exit_code=1).stdout)
+    invoke(f"check {overlapping} --report check.json", exit_code=1)
+    written = json.loads(Path("check.json").read_text())
+    expected = check_files(overlapping).to_json()["findings"]
+    assert printed["findings"] == written["findings"] == json.loads(json.dumps(expected))
+
+
+def test_pictures_have_a_panel_for_each_finding(invoke: Invoke, overlapping: str) -> None:
+    invoke(f"check high.ply {overlapping} --layout layout.png --sides sides.png", exit_code=1)
+    n_light = sum(len(f.faces) > 0 for f in check_files("high.ply", overlapping).findings)
+    layout, sides = (read_image(name, color=True).pixels for name in ("layout.png", "sides.png"))
+    assert n_light > 0
+    assert layout.shape[1] >= min(n_light, 3) * 640
+    assert sides.shape[1] > 3 * sides.shape[0] / n_light  # four panels in each row
+
+
+def test_what_cannot_be_drawn_is_said(invoke: Invoke) -> None:
+    result = invoke("check high.ply --layout layout.png")
+    assert "layout.png: not drawn" in result.stderr
+    assert not Path("layout.png").exists()
+
+
+def test_a_file_that_is_no_mesh_fails_a_build(invoke: Invoke) -> None:
+    Path("noise.obj").write_text("v 0 0 nan\nf 1 1 1\n")
+    text = invoke("check noise.obj", exit_code=1).stdout
+    assert "not a mesh" in text
+    assert "noise.obj" in text
+
+
+def test_quiet_prints_the_table_alone(invoke: Invoke, overlapping: str) -> None:
+    lines = invoke(f"check {overlapping} -q", exit_code=1).stdout.splitlines()
+    assert lines[0].split()[0] == "severity"
+    assert all(line.split()[0] in ("error", "warning", "note") for line in lines[1:])
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("check low.obj --padding -1", "padding: -1 is out of range"),
+        ("check low.obj --min-texel-density 0", "min_texel_density: 0"),
+        ("check low.obj --fail-on sometimes", "'sometimes' is not one of"),
+        ("check low.obj --report low.obj", "also an input"),
+        ("check", "missing argument"),
+    ],
+)
+def test_wrong_use(invoke: Invoke, line: str, words: str) -> None:
+    assert words in invoke(line, exit_code=2).stderr
+
+
+def test_a_missing_file(invoke: Invoke) -> None:
+    assert "there is no such file" in invoke("check none.obj", exit_code=1).stderr
+
+
+def test_as_a_process(run: Callable, overlapping: str) -> None:
+    done = run(f"check {overlapping}")
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "overlapping coordinates" in done.stdout

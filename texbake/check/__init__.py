@@ -1,0 +1,1 @@
+"""The preflight: what will go wrong in a bake, named before it does."""
