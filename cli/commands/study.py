@@ -1,0 +1,105 @@
+"""`texbake study`: what accuracy costs in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from texbake.errors import OptionError
+from texbake.files import check_folder
+from texbake.study.options import KNOB_NAMES, StudyOptions
+
+from ..options import MESH_SUFFIXES, number_option, output_folder, threads_option
+from ..terminal import Terminal, columns, terminal_options
+from ..types import FileOf
+
+SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake study --quick
+      texbake study scan.ply low_uv.obj -o study
+      texbake study scan.ply low_uv.obj --knob texture-size --knob samples
+      texbake study --scene room.toml --knob shadow-map
+    """
+)
+@click.argument("high", type=FileOf(MESH_SUFFIXES), required=False)
+@click.argument("low", type=FileOf(MESH_SUFFIXES), required=False)
+@click.option(
+    "--scene",
+    type=FileOf(SCENE_SUFFIXES),
+    metavar="SCENE",
+    help="Draw this scene where one is drawn.",
+)
+@click.option(
+    "--knob",
+    "knobs",
+    type=click.Choice(KNOB_NAMES),
+    multiple=True,
+    metavar="NAME",
+    help=f"Study only this; repeatable. {', '.join(KNOB_NAMES)}.  [default: all]",
+)
+@output_folder("Folder of the results.", default=Path("study"), show_default=True)
+@number_option("--repeats", int, StudyOptions.repeats, "N", "Timed runs of each setting.")
+@number_option(
+    "--seconds",
+    float,
+    StudyOptions.seconds,
+    "S",
+    "Run a setting no more once it has taken as long, but at least twice.",
+)
+@click.option("--quick", is_flag=True, help="A small range on small meshes, in a minute.")
+@threads_option
+@terminal_options
+def study(
+    high: Path | None,
+    low: Path | None,
+    scene: Path | None,
+    knobs: tuple[str, ...],
+    output: Path,
+    repeats: int,
+    seconds: float,
+    quick: bool,
+    threads: int | None,
+    terminal: Terminal,
+) -> None:
+    """Measure what each setting buys in accuracy, and what it costs.
+
+    On the pair HIGH and LOW and on a scene, or on made ones whose truth is known. Writes a page
+    that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
+    """
+    if high is not None and low is None:
+        raise OptionError("study: a pair is a dense and a light mesh; give HIGH and LOW, or none")
+    options = StudyOptions(
+        knobs=knobs or KNOB_NAMES, repeats=repeats, seconds=seconds, quick=quick, threads=threads
+    )
+    check_folder(output)
+    import texbake
+    from texbake.study.plots import check_matplotlib
+    from texbake.study.study import study as run_study
+    from texbake.study.words import amount, duration
+    from texbake.study.write import write_study
+
+    check_matplotlib()
+    with terminal.progress() as progress:
+        result = run_study(
+            None if high is None else texbake.read_mesh(high, progress=progress),
+            None if low is None else texbake.read_mesh(low, progress=progress),
+            scene=None if scene is None else texbake.read_scene(scene, progress=progress),
+            options=options,
+            progress=progress,
+        )
+        written = write_study(result, output, progress=progress)
+    if not terminal.quiet:
+        rows = [("knob", "pays up to", "error", "time")]
+        for item in result.knobs:
+            for best in item.knees:
+                kept = item.measurements[best]
+                error = amount(kept.error, item.knob.unit)
+                rows.append((item.knob.name, kept.setting.label, error, duration(kept.median)))
+        columns(rows, numbers=2)
+    terminal.wrote(written[:1])

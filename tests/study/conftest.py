@@ -1,0 +1,11 @@
+"""One quick study of every knob, for all tests that look at what a study gives."""
+
+import pytest
+
+from texbake.study.options import StudyOptions
+from texbake.study.study import study
+
+
+@pytest.fixture(scope="session")
+def quick_study():
+    return study(options=StudyOptions(quick=True, repeats=1))

@@ -1,0 +1,92 @@
+"""JSON and CSV hold what was measured, under fixed names."""
+
+import csv
+import io
+import json
+
+import pytest
+
+from texbake.errors import OptionError
+from texbake.mesh.shapes import plane
+from texbake.study.knob import Knob, Outcome, Setting
+from texbake.study.options import KNOB_NAMES, StudyOptions
+from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
+from texbake.study.study import study
+
+
+def measured(label, seconds, error, problem=""):
+    setting = Setting(label, None, problem=problem)
+    return Measurement(setting, Outcome(error), tuple(seconds), 1000)
+
+
+def result_of(*measurements):
+    knob = Knob("k", "K", "", "error", "°", "angle", "nothing", prepare=lambda case: None)
+    return KnobResult(knob, "s", "converged", "", measurements)
+
+
+def test_json_has_its_schema(quick_study):
+    told = json.loads(json.dumps(quick_study.to_json(), allow_nan=False))
+    assert told["schema"] == "texbake-study-1"
+    assert [item["knob"] for item in told["knobs"]] == list(KNOB_NAMES)
+    for item in told["knobs"]:
+        assert {"title", "error", "unit", "kind", "subject", "truth", "truth_text"} <= set(item)
+        labels = [setting["setting"] for setting in item["settings"]]
+        assert set(item["front"]) <= set(labels)
+        assert set(item["stops_paying"]) <= set(item["front"])
+        for setting in item["settings"]:
+            assert set(setting) == {
+                "setting", "series", "problem", "error", "figures", "seconds", "seconds_median",
+                "seconds_min", "seconds_max", "peak_bytes",
+            }  # fmt: skip
+            assert setting["seconds_min"] <= setting["seconds_median"] <= setting["seconds_max"]
+
+
+def test_csv_has_a_line_a_setting_with_the_same_figures(quick_study):
+    rows = list(csv.DictReader(io.StringIO(quick_study.to_csv())))
+    told = quick_study.to_json()
+    settings = [(k["knob"], s) for k in told["knobs"] for s in k["settings"]]
+    assert tuple(rows[0]) == CSV_COLUMNS
+    assert len(rows) == len(settings)
+    for row, (knob, setting) in zip(rows, settings, strict=True):
+        assert (row["knob"], row["setting"]) == (knob, setting["setting"])
+        assert float(row["error"]) == setting["error"]
+        assert float(row["seconds_median"]) == setting["seconds_median"]
+        assert int(row["runs"]) == len(setting["seconds"])
+
+
+def test_settings_compete_only_within_their_problem():
+    result = result_of(
+        measured("a", [1.0], 1.0, "easy"), measured("b", [2.0], 0.5, "easy"),
+        measured("c", [3.0], 9.0, "hard"), measured("d", [4.0], 20.0, "hard"),
+    )  # fmt: skip
+    assert result.fronts == [[0, 1], [2]]
+    assert result.knees == [1, 2]
+
+
+def test_errors_are_the_same_in_every_study_and_for_any_threads(quick_study):
+    names = ("bump-gradient", "interpolation", "noise", "texture-size")
+    again = study(options=StudyOptions(quick=True, repeats=1, knobs=names, threads=1))
+    before = {item.knob.name: item for item in quick_study.knobs}
+    for item in again.knobs:
+        assert [m.error for m in item.measurements] == [
+            m.error for m in before[item.knob.name].measurements
+        ]
+
+
+def test_half_a_pair_is_refused():
+    with pytest.raises(OptionError, match="a dense and a light mesh"):
+        study(plane())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"knobs": ("sharpness",)}, {"knobs": ()}, {"repeats": 0}, {"seconds": -1.0}, {"threads": 0}],
+)
+def test_options_that_make_no_study_are_refused(wrong):
+    with pytest.raises(OptionError):
+        StudyOptions(**wrong)
+
+
+def test_knobs_are_studied_once_and_in_the_order_of_the_list():
+    options = StudyOptions(knobs=("noise", "samples", "noise"))
+    assert options.ordered_knobs == ("samples", "noise")

@@ -1,0 +1,96 @@
+"""Rounds, medians and bounds, told by a clock that the work itself moves."""
+
+from collections import Counter
+
+import pytest
+
+from texbake.study.knob import Bench, Outcome, Setting
+from texbake.study.result import Measurement
+from texbake.study.runner import run_bench
+
+
+class Machine:
+    """Work that takes as long as it is told, and notes what was asked of it in which order."""
+
+    def __init__(self, lengths):
+        self.lengths = {name: list(seconds) for name, seconds in lengths.items()}
+        self.now = 100.0
+        self.worked, self.judged = [], []
+
+    def clock(self):
+        return self.now
+
+    def work(self, name):
+        self.worked.append(name)
+        seconds = self.lengths[name]
+        self.now += seconds.pop(0) if len(seconds) > 1 else seconds[0]
+        return name.upper()
+
+    def judge(self, name, product):
+        self.now += 1000.0  # must count nowhere
+        self.judged.append((name, product))
+        return Outcome(error=float(len(name)))
+
+    def run(self, **options):
+        bench = Bench(
+            "nothing", "closed form", "", tuple(Setting(n, n) for n in self.lengths),
+            self.work, self.judge,
+        )  # fmt: skip
+        return run_bench(bench, clock=self.clock, **options)
+
+
+def test_each_round_has_every_setting_once_in_a_changing_order():
+    machine = Machine({name: [1.0] for name in "abcdef"})
+    machine.run(repeats=8, seconds=100.0)
+    rounds = [tuple(machine.worked[i : i + 6]) for i in range(0, 6 * 9, 6)]
+    assert len(machine.worked) == 6 * 9
+    assert rounds[0] == tuple("abcdef")
+    assert all(sorted(order) == list("abcdef") for order in rounds)
+    assert len(set(rounds[1:])) > 4
+
+
+def test_the_order_is_the_same_in_every_run_and_another_with_another_seed():
+    orders = []
+    for seed in ("a knob", "a knob", "another"):
+        machine = Machine({name: [1.0] for name in "abcdef"})
+        machine.run(repeats=4, seconds=100.0, seed=seed)
+        orders.append(machine.worked)
+    assert orders[0] == orders[1] != orders[2]
+
+
+def test_only_the_work_is_timed_and_the_first_run_is_not_counted():
+    machine = Machine({"slow": [50.0, 3.0, 1.0, 2.0], "fast": [0.5]})
+    slow, fast = machine.run(repeats=3, seconds=100.0)
+    assert slow.seconds == pytest.approx([3.0, 1.0, 2.0])
+    assert fast.seconds == pytest.approx([0.5, 0.5, 0.5])
+    measured = Measurement.of(slow)
+    assert measured.median == pytest.approx(2.0)
+    told = measured.to_json()
+    assert (told["seconds_min"], told["seconds_max"]) == pytest.approx((1.0, 3.0))
+
+
+def test_products_are_judged_once_each():
+    machine = Machine({"ab": [1.0], "cde": [1.0]})
+    trials = machine.run(repeats=5, seconds=100.0)
+    assert machine.judged == [("ab", "AB"), ("cde", "CDE")]
+    assert [trial.outcome.error for trial in trials] == [2.0, 3.0]
+
+
+def test_slow_settings_are_run_less_often_but_twice():
+    machine = Machine({"quick": [1.0], "slow": [6.0], "slowest": [40.0]})
+    machine.run(repeats=5, seconds=10.0)
+    # Of the slowest the first run counts as one of its two.
+    assert Counter(machine.worked) == {"quick": 6, "slow": 3, "slowest": 2}
+
+
+def test_one_repeat_is_one_run():
+    machine = Machine({"a": [1.0]})
+    (trial,) = machine.run(repeats=1, seconds=0.5)
+    assert len(trial.seconds) == 1
+
+
+def test_every_run_is_told():
+    told = []
+    machine = Machine({"a": [30.0], "b": [1.0]})
+    machine.run(repeats=4, seconds=10.0, advance=told.append)
+    assert sum(told) == 2 * 5

@@ -1,0 +1,1 @@
+"""What accuracy costs in time: every setting measured against a truth, on one's own meshes."""

@@ -1,0 +1,93 @@
+"""Samples a texel: how many rays are averaged into one."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.bake.bake import bake
+from texbake.bake.options import ADAPTIVE, SAMPLES, BakeOptions
+from texbake.bake.result import BakeResult
+from texbake.study.case import Case
+from texbake.study.knob import Bench, Knob, Outcome, Setting
+from texbake.study.truth.pictures import close_up
+from texbake.study.truth.probes import angles_deg
+
+# Estimated errors that adaptive samples may leave in a texel, degrees.
+_BOUNDS = (2.0, 1.0, 0.5, 0.25)
+_QUICK_BOUNDS = (1.0,)
+_FIXED = "fixed"
+# The truth has as many times the texels a side, each of 64 samples.
+_FINER = 2
+
+
+def _prepare(case: Case) -> Bench:
+    pair = case.pair
+    size = case.choose(512, 32)
+    # Padding only adds texels that are not compared.
+    finest = BakeOptions(size=size * _FINER, samples=64, padding=0, threads=case.threads)
+    truth, known = _mean_of_blocks(bake(pair.high, pair.low, finest), _FINER)
+
+    def work(value: int | str) -> BakeResult:
+        if isinstance(value, str):
+            options = BakeOptions(
+                size=size, samples=ADAPTIVE, max_error=value, threads=case.threads
+            )
+        else:
+            options = BakeOptions(size=size, samples=value, threads=case.threads)
+        return bake(pair.high, pair.low, options)
+
+    def judge(value: int | str, result: BakeResult) -> Outcome:
+        values = result.maps["normal"].values
+        compared = known & result.has_data
+        angles = angles_deg(values[compared].astype(np.float64), truth[compared])
+        return Outcome(
+            error=float(angles.mean()),
+            picture=close_up(pair.low, normal_map=values, zoom=12.0, threads=case.threads),
+            figures={
+                "angle, 95th percentile (°)": float(np.quantile(angles, 0.95)),
+                "angle, maximum (°)": float(angles.max()),
+            },
+        )
+
+    return Bench(
+        subject=f"{pair.subject}, at {size} x {size}",
+        truth="converged",
+        truth_text=f"The mean normal over each texel, of {64 * _FINER**2:,} rays.",
+        settings=(
+            *(Setting(str(n), n, _FIXED) for n in SAMPLES),
+            *(
+                Setting(f"{ADAPTIVE} {bound:g}°", f"{bound:g}deg", ADAPTIVE)
+                for bound in case.choose(_BOUNDS, _QUICK_BOUNDS)
+            ),
+        ),
+        work=work,
+        judge=judge,
+    )
+
+
+def _mean_of_blocks(
+    result: BakeResult, side: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """(H, W, 3) mean directions of blocks of texels, and (H, W) whether all of a block has data."""
+    values = result.maps["normal"].values.astype(np.float64)
+    height, width = (length // side for length in values.shape[:2])
+    means = values.reshape(height, side, width, side, 3).mean(axis=(1, 3))
+    known = result.has_data.reshape(height, side, width, side).all(axis=(1, 3))
+    lengths = np.linalg.norm(means, axis=-1)
+    known &= lengths > 0.0
+    return means / np.where(known, lengths, 1.0)[..., None], known
+
+
+KNOB = Knob(
+    name="samples",
+    title="Samples per texel",
+    about="Rays averaged into each texel. Detail finer than a texel turns into noise with one and "
+    "into its mean with many; where there is none, more rays buy nothing. Adaptive samples go "
+    "where neighbors disagree, until the estimated error of each texel is below the bound.",
+    error="angle to the texel's mean normal",
+    unit="°",
+    kind="angle",
+    needs="pair",
+    prepare=_prepare,
+)

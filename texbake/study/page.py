@@ -1,0 +1,205 @@
+"""A study as one page: self-contained, so that it opens anywhere and without a network."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from html import escape
+
+from texbake.study.pictures import png_of
+from texbake.study.plots import Plot
+from texbake.study.result import KnobResult, Measurement, StudyResult
+from texbake.study.words import amount, duration, findings, memory, next_step, number
+
+_STYLE = """
+:root { color-scheme: light; --ink: #1d2125; --faint: #626a72; --line: #dfe3e7; --paper: #fff;
+  --wash: #f5f7f9; --mark: #0072b2; }
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--wash); color: var(--ink);
+  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
+main { max-width: 60rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
+h1 { font-size: 2rem; line-height: 1.2; margin: 0 0 .5rem; }
+h2 { font-size: 1.35rem; line-height: 1.3; margin: 0 0 .25rem; }
+h3 { font-size: 1rem; margin: 1.5rem 0 .25rem; }
+p { margin: .4rem 0 .8rem; max-width: 46rem; }
+a { color: var(--mark); }
+.faint { color: var(--faint); font-size: .9rem; }
+section { background: var(--paper); border: 1px solid var(--line); border-radius: 10px;
+  padding: 1.25rem 1.5rem; margin: 1.25rem 0; }
+.truth { display: inline-block; border-radius: 1rem; padding: .05rem .7rem; font-size: .8rem;
+  border: 1px solid var(--line); background: var(--wash); margin-right: .4rem;
+  white-space: nowrap; }
+ul.found { margin: .5rem 0 1rem; padding-left: 1.2rem; max-width: 46rem; }
+ul.found li { margin: .25rem 0; }
+.wide { overflow-x: auto; margin: .75rem 0; }
+.wide svg { display: block; width: 100%; height: auto; }
+.plot svg { min-width: 30rem; max-width: 46rem; }
+.all svg { min-width: 48rem; }
+table { border-collapse: separate; border-spacing: 0; font-size: .88rem; min-width: 100%;
+  font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .3rem .6rem; border-bottom: 1px solid var(--line);
+  vertical-align: top; white-space: nowrap; }
+th { white-space: normal; font-weight: 600; color: var(--faint); vertical-align: bottom;
+  min-width: 4.5rem; }
+th:first-child, td:first-child { text-align: left; white-space: nowrap; position: sticky; left: 0;
+  background: var(--paper); }
+td.words, th.words { text-align: left; min-width: 9rem; white-space: normal; }
+tr.front td:first-child { font-weight: 600; }
+tr.kept td { background: #eaf4fb; }
+.range { color: var(--faint); font-size: .8rem; white-space: nowrap; }
+.crops { display: grid; grid-template-columns: repeat(auto-fill, minmax(140px, 1fr)); gap: .75rem; }
+figure { margin: 0; }
+figure img { width: 100%; height: auto; display: block; border-radius: 4px; }
+figcaption { font-size: .8rem; line-height: 1.3; margin-top: .25rem; }
+@media (max-width: 600px) {
+  main { padding: 1.25rem .6rem 3rem; }
+  section { padding: 1rem .8rem; border-radius: 8px; }
+  h1 { font-size: 1.6rem; }
+  th:first-child, td:first-child { white-space: normal; min-width: 6.5rem; max-width: 8rem; }
+  .wide { margin: .75rem -.8rem; padding: 0 .8rem; }
+  .crops { grid-template-columns: repeat(auto-fill, minmax(104px, 1fr)); }
+}
+@media print { body { background: none; } section { break-inside: avoid; } }
+"""
+
+_READING = (
+    "Each point is a setting: how wrong it is, over how long it takes. Both scales are "
+    "logarithmic; down and to the left is better. Bars reach from the least to the greatest time "
+    "of all rounds. Filled points are on the Pareto front, drawn dashed: no setting is both "
+    "quicker and more accurate. A ring marks where it stops paying: beyond it, no step halves the "
+    "error for four times the time."
+)
+
+
+def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    result
+        What was measured.
+    plots
+        One for each knob, by its name.
+    everything
+        The plot of all knobs.
+    """
+    sections = "".join(_section(item, plots[item.knob.name]) for item in result.knobs)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>What accuracy costs in time</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<body>\n<main>\n<h1>What accuracy costs in time</h1>\n{_header(result)}"
+        f"<section>\n<h2>Where each knob stops paying</h2>\n{_summary(result)}</section>\n"
+        f"<section>\n<h2>All settings</h2>\n<p>{_READING} Frames hold errors of one kind; fronts "
+        "are those of each knob, because different knobs answer different questions.</p>\n"
+        f'<div class="wide all">{_titled(everything.svg, "All settings of all knobs")}</div>\n'
+        f"</section>\n{sections}{_footer(result)}</main>\n</body>\n</html>\n"
+    )
+
+
+def _header(result: StudyResult) -> str:
+    machine, inputs = result.machine, result.inputs
+    names = {"high": "dense mesh", "low": "light mesh", "scene": "scene"}
+    given = ", ".join(f"{names[key]} <b>{escape(name)}</b>" for key, name in inputs.items())
+    on = given or "meshes and scenes made by code, most of which have a closed form"
+    quick = (
+        " A quick run over a small range: look, do not conclude." if result.options.quick else ""
+    )
+    return (
+        f"<p>Measured on {on}.{quick}</p>\n"
+        f'<p class="faint">{escape(str(machine["system"]))}, '
+        f"{escape(str(machine['processor']))}, {machine['threads']} of {machine['processors']} "
+        f"processors; {duration(result.seconds)} in all.</p>\n"
+    )
+
+
+def _summary(result: StudyResult) -> str:
+    rows = []
+    for item in result.knobs:
+        for best in item.knees:
+            kept = item.measurements[best]
+            rows.append(
+                f'<tr><td><a href="#{item.knob.name}">{escape(item.knob.title)}</a></td>'
+                f'<td class="words">{escape(kept.setting.label)}</td>'
+                f"<td>{escape(amount(kept.error, item.knob.unit))}</td>"
+                f"<td>{duration(kept.median)}</td>"
+                f'<td class="words">{escape(next_step(item, best))}</td></tr>\n'
+            )
+    return (
+        '<div class="wide"><table>\n<tr><th>Knob</th><th class="words">pays up to</th>'
+        '<th>error there</th><th>time there</th><th class="words">the next step</th></tr>\n'
+        f"{''.join(rows)}</table></div>\n"
+    )
+
+
+def _section(result: KnobResult, plot: Plot) -> str:
+    knob = result.knob
+    found = "".join(f"<li>{escape(text)}</li>" for text in findings(result))
+    words = "rays of their own" if result.truth == "rays" else result.truth
+    return (
+        f'<section id="{knob.name}">\n<h2>{escape(knob.title)}</h2>\n<p>{escape(knob.about)}</p>\n'
+        f'<p class="faint">On: {escape(result.subject)}.</p>\n'
+        f'<p class="faint"><span class="truth">truth: {words}</span>'
+        f"{escape(result.truth_text)}</p>\n"
+        f'<ul class="found">{found}</ul>\n'
+        f'<div class="wide plot">{_titled(plot.svg, knob.title)}</div>\n'
+        f"{_table(result)}{_crops(result)}</section>\n"
+    )
+
+
+def _table(result: KnobResult) -> str:
+    names = list(dict.fromkeys(n for item in result.measurements for n in item.outcome.figures))
+    heads = "".join(f"<th>{escape(name)}</th>" for name in names)
+    front, knees = set(result.front), set(result.knees)
+    rows = "".join(
+        _row(item, names, result.knob.unit, on_front=i in front, kept=i in knees)
+        for i, item in enumerate(result.measurements)
+    )
+    unit = f" ({escape(result.knob.unit)})" if result.knob.unit else ""
+    return (
+        f'<div class="wide"><table>\n<tr><th>setting</th><th>{escape(result.knob.error)}{unit}'
+        f"</th><th>time</th><th>memory</th>{heads}</tr>\n{rows}</table></div>\n"
+        '<p class="faint">Bold: on the Pareto front. Shaded: where it stops paying. Time is the '
+        "median of the rounds, with the range; memory is how far it rose at its peak.</p>\n"
+    )
+
+
+def _row(item: Measurement, names: list[str], unit: str, *, on_front: bool, kept: bool) -> str:
+    figures = item.outcome.figures
+    cells = "".join(f"<td>{number(figures[n]) if n in figures else '–'}</td>" for n in names)
+    marks = " ".join(name for name, is_so in (("front", on_front), ("kept", kept)) if is_so)
+    low, high = min(item.seconds), max(item.seconds)
+    return (
+        f'<tr class="{marks}"><td>{escape(item.setting.label)}</td><td>{number(item.error)}</td>'
+        f'<td>{duration(item.median)}<br><span class="range">{duration(low)} – {duration(high)}, '
+        f"{len(item.seconds)} runs</span></td><td>{memory(item.peak_bytes)}</td>{cells}</tr>\n"
+    )
+
+
+def _crops(result: KnobResult) -> str:
+    figures = "".join(
+        f'<figure><img alt="{escape(item.setting.label)}" loading="lazy" '
+        f'src="data:image/png;base64,{base64.b64encode(png_of(item.outcome.picture)).decode("ascii")}"><figcaption>'
+        f"<b>{escape(item.setting.label)}</b><br>{escape(amount(item.error, result.knob.unit))}, "
+        f"{duration(item.median)}</figcaption></figure>\n"
+        for item in result.measurements
+        if item.outcome.picture is not None
+    )
+    return f'<div class="crops">{figures}</div>\n' if figures else ""
+
+
+def _titled(svg: str, title: str) -> str:
+    """SVG with what it is called for those who do not see it."""
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(title)}" ', 1)
+
+
+def _footer(result: StudyResult) -> str:
+    return (
+        "<section>\n<h2>How it was measured</h2>\n"
+        "<p>Settings of a knob are run in rounds in which each comes once, in an order that "
+        "changes from round to round, so that what disturbs the machine for a while disturbs them "
+        f"all; up to {result.options.repeats} rounds, fewer for slow settings, after one that is "
+        "not counted. Only the work itself is timed, not the comparison with the truth. Memory is "
+        "the peak of what is resident above what was before. All figures are in study.json and "
+        "study.csv beside this page.</p>\n</section>\n"
+    )

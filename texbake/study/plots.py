@@ -1,0 +1,279 @@
+"""Plots of error against seconds, log-log: the Pareto front drawn, every point labelled."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from texbake.errors import DependencyError
+from texbake.study.labels import place_labels
+from texbake.study.result import KnobResult
+from texbake.study.words import duration, number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Colors that the color-blind tell apart, after Okabe and Ito, "Color universal design", 2008.
+COLORS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#5B4FA0", "#7A7A7A",
+)  # fmt: skip
+_FRONT, _INK, _GRID = "#222222", "#333333", "#e3e3e3"
+# What an error of 0 is drawn at, in least errors above 0.
+_ZERO = 0.2
+_DPI = 150
+# Mantissas of ticks, the most first.
+_STEPS = (
+    tuple(tenths / 10.0 for tenths in range(10, 100)),
+    (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9),
+    (1, 1.5, 2, 3, 5, 7),
+    (1, 2, 5),
+    (1, 3),
+    (1,),
+)
+_MOST_TICKS = 8
+# Inches that frames of many and of few points are high.
+_CROWDED, _SPARSE, _MANY = 6.5, 3.6, 12
+_STYLE = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Helvetica", "Arial"],
+    "font.size": 9.0,
+    "axes.edgecolor": "#999999",
+    "axes.labelcolor": _INK,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "texbake",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """A plot as `svg`, without anything that a page need not have, and as `png`."""
+
+    svg: str
+    png: bytes
+
+
+def check_matplotlib() -> None:
+    """Raise `DependencyError` if plots cannot be drawn."""
+    if find_spec("matplotlib") is None:
+        raise DependencyError(
+            "matplotlib: the plots of a study need it and it is not here; install it with: "
+            'pip install "texbake[study]"'
+        )
+
+
+def knob_plot(result: KnobResult) -> Plot:
+    """Plot all settings of a knob."""
+    with _style():
+        figure = _figure(6.4, 4.4)
+        axes = figure.add_subplot()
+        _draw(axes, [result], _series_colors(result), label_size=8.0)
+        unit = f" ({result.knob.unit})" if result.knob.unit else ""
+        axes.set_ylabel(f"{result.knob.error}{unit}")
+        return _as_plot(figure, result.knob.name)
+
+
+def all_plot(results: Sequence[KnobResult]) -> Plot:
+    """Plot all settings of all knobs, errors of one kind in one frame."""
+    kinds = list(dict.fromkeys(result.knob.kind for result in results))
+    kinds.sort(key=lambda kind: -sum(len(r.measurements) for r in results if r.knob.kind == kind))
+    with _style():
+        counts = [sum(len(r.measurements) for r in results if r.knob.kind == k) for k in kinds]
+        heights = [_CROWDED if count > _MANY else _SPARSE for count in counts]
+        figure = _figure(9.0, sum(heights))
+        frames = figure.subplots(len(kinds), 1, squeeze=False, height_ratios=heights)[:, 0]
+        for axes, kind in zip(frames, kinds, strict=True):
+            shown = [result for result in results if result.knob.kind == kind]
+            colors = {
+                (r.knob.name, series): COLORS[i % len(COLORS)]
+                for i, r in enumerate(shown)
+                for series in {item.setting.series for item in r.measurements}
+            }
+            _draw(axes, shown, colors, label_size=7.0)
+            units = ", ".join(dict.fromkeys(r.knob.unit for r in shown if r.knob.unit))
+            axes.set_ylabel(f"error ({units})" if units else "error")
+            title = shown[0].knob.title if len(shown) == 1 else f"{len(shown)} knobs: {kind}"
+            axes.set_title(title, fontsize=9, loc="left", fontweight="bold")
+            _legend_of_knobs(axes, shown)
+        return _as_plot(figure, "all")
+
+
+def _legend_of_knobs(axes: Axes, shown: list[KnobResult]) -> None:
+    for i, result in enumerate(shown):
+        axes.plot([], [], "o", color=COLORS[i % len(COLORS)], label=result.knob.title, ms=5)
+    if len(shown) > 1:
+        axes.legend(fontsize=7.5, frameon=False, loc="best")
+
+
+def _series_colors(result: KnobResult) -> dict[tuple[str, str], str]:
+    names = list(dict.fromkeys(item.setting.series for item in result.measurements))
+    return {(result.knob.name, name): COLORS[i % len(COLORS)] for i, name in enumerate(names)}
+
+
+def _draw(
+    axes: Axes,
+    results: list[KnobResult],
+    colors: dict[tuple[str, str], str],
+    *,
+    label_size: float,
+) -> None:
+    """Points with the range of their times, lines along series, and the front of them all."""
+    floor = _floor([item.error for result in results for item in result.measurements])
+    texts = []
+    for result in results:
+        fronts, knees = set(result.front), set(result.knees)
+        lines: dict[tuple[str, str], list[tuple[float, float]]] = {}
+        for i, item in enumerate(result.measurements):
+            color = colors[result.knob.name, item.setting.series]
+            y = max(item.error, floor)
+            lines.setdefault((item.setting.series, color), []).append((item.median, y))
+            axes.plot(
+                [min(item.seconds), max(item.seconds)], [y, y], color=color, lw=1.2, alpha=0.6
+            )
+            face = color if i in fronts else "white"
+            axes.plot(item.median, y, "o", ms=5.5, mec=color, mfc=face, mew=1.2, zorder=3)
+            if i in knees:
+                axes.plot(item.median, y, "o", ms=11, mec=color, mfc="none", mew=1.0, zorder=2)
+            texts.append((item.median, y, item.setting.label, color, label_size))
+        for (series, color), points in lines.items():
+            if series and len(points) > 1:
+                axes.plot(*zip(*points, strict=True), color=color, lw=0.9, alpha=0.45, zorder=1)
+        for front in result.fronts:
+            _draw_front(axes, [result.measurements[i].point for i in front], floor)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("seconds (median; bars from least to greatest)")
+    axes.grid(True, which="major", color=_GRID, lw=0.6, zorder=0)
+    axes.set_axisbelow(True)
+    _widen(axes, texts, floor)
+    axes.xaxis.set_major_formatter(lambda x, _: duration(x))
+    axes.yaxis.set_major_formatter(lambda y, _: "0" if y <= floor * 1.001 else number(y))
+    axes.minorticks_off()
+    axes._study_labels = texts  # type: ignore[attr-defined]
+
+
+def _draw_front(axes: Axes, points: list[tuple[float, float]], floor: float) -> None:
+    """A staircase: what error is to be had by each time."""
+    if len(points) > 1:
+        seconds, errors = zip(*points, strict=True)
+        axes.step(
+            seconds, np.maximum(errors, floor), where="post", color=_FRONT, lw=1.0, ls=(0, (4, 2))
+        )
+
+
+def _floor(errors: list[float]) -> float:
+    """Height at which an error of 0 is drawn; 0 where there is none."""
+    above = [error for error in errors if error > 0.0]
+    if not above:
+        return 1.0
+    return _ZERO * min(above) if len(above) < len(errors) else 0.0
+
+
+def _widen(axes: Axes, texts: list[Any], floor: float) -> None:
+    """Room about the points for their labels, and ticks also where no power of ten lies."""
+    for values, set_limits in (
+        ([text[0] for text in texts], axes.set_xlim),
+        ([text[1] for text in texts], axes.set_ylim),
+    ):
+        low, high = np.log10(min(values)), np.log10(max(values))
+        room = 0.12 * max(high - low, 0.3) + 0.06
+        set_limits(10.0 ** (low - room), 10.0 ** (high + room))
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        ticks = _ticks(*limits)
+        if floor and axis is axes.yaxis:
+            ticks = [floor, *(tick for tick in ticks if tick > 2.0 * floor)]
+        axis.set_ticks(ticks)
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Round numbers within limits, so many that they can be read and few enough to fit."""
+    powers = range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
+    for steps in _STEPS:
+        ticks = [step * 10.0**power for power in powers for step in steps]
+        inside = [tick for tick in ticks if low <= tick <= high]
+        if len(inside) <= _MOST_TICKS:
+            return inside
+    return inside[:: -(-len(inside) // _MOST_TICKS)]
+
+
+def _label_all(axes: Axes, figure: Figure) -> None:
+    from matplotlib.text import Annotation
+
+    texts = axes._study_labels  # type: ignore[attr-defined]
+    points = axes.transData.transform([(x, y) for x, y, *_ in texts])
+    made = [
+        Annotation(text, (x, y), xytext=(0, 0), textcoords="offset points", color=color,
+                   fontsize=size, annotation_clip=False)
+        for x, y, text, color, size in texts
+    ]  # fmt: skip
+    for item in made:
+        axes.add_artist(item)
+    extents = [item.get_window_extent() for item in made]
+    sizes = np.array([(box.width, box.height) for box in extents])
+    frame = axes.get_window_extent().extents
+    corners = place_labels(points, sizes, frame)
+    for item, corner, point, size in zip(made, corners, points, sizes, strict=True):
+        item.set_position(tuple((corner - point) * (72.0 / figure.dpi)))
+        nearest = np.clip(point, corner, corner + size)
+        if np.linalg.norm(nearest - point) > 1.5 * size[1]:
+            ends = axes.transData.inverted().transform([point, nearest])
+            axes.plot(*ends.T, color=item.get_color(), lw=0.5, alpha=0.6, zorder=1)
+
+
+@contextmanager
+def _style() -> Iterator[None]:
+    check_matplotlib()
+    from matplotlib import rc_context
+
+    with rc_context(cast(Any, _STYLE)):
+        yield
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _as_plot(figure: Figure, name: str) -> Plot:
+    # Labels are placed for this layout, so it must not change any more.
+    figure.canvas.draw()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        _label_all(axes, figure)
+    png, svg = io.BytesIO(), io.StringIO()
+    figure.savefig(png, format="png", metadata={"Software": None})
+    figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
+    return Plot(_inline(svg.getvalue(), name), png.getvalue())
+
+
+def _inline(svg: str, name: str) -> str:
+    """SVG for the inside of a page: no header, no addresses, identifiers of its own."""
+    svg = svg[svg.index("<svg") :]
+    for pattern, words in (
+        (r"<metadata>.*?</metadata>", ""),
+        (r'\s+xmlns(:\w+)?="[^"]*"', ""),
+        (r'\bid="', f'id="{name}-'),
+        (r"url\(#", f"url(#{name}-"),
+        (r'href="#', f'href="#{name}-'),
+    ):
+        svg = re.sub(pattern, words, svg, flags=re.DOTALL)
+    # The page says how large it is.
+    head, rest = svg.split(">", 1)
+    return re.sub(r'\s(width|height)="[^"]*"', "", head) + ">" + rest

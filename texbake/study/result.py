@@ -1,0 +1,230 @@
+"""What a study measured, and its files: JSON with everything, CSV with a line a setting."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import statistics
+from dataclasses import dataclass, field
+from typing import Any
+
+from texbake.study.knob import Knob, Outcome, Setting
+from texbake.study.options import StudyOptions
+from texbake.study.pareto import knee, pareto_front
+from texbake.study.runner import Trial
+
+SCHEMA = "texbake-study-1"
+CSV_COLUMNS = (
+    "knob",
+    "setting",
+    "series",
+    "problem",
+    "subject",
+    "truth",
+    "error",
+    "unit",
+    "seconds_median",
+    "seconds_min",
+    "seconds_max",
+    "runs",
+    "peak_bytes",
+    "on_front",
+    "stops_paying",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """One setting: how wrong and how slow.
+
+    Attributes
+    ----------
+    setting : Setting
+    outcome : Outcome
+    seconds : tuple of float
+        Of each timed run.
+    peak_bytes : int or None
+        How far resident memory rose above what it was before.
+    """
+
+    setting: Setting
+    outcome: Outcome
+    seconds: tuple[float, ...]
+    peak_bytes: int | None
+
+    @classmethod
+    def of(cls, trial: Trial) -> Measurement:
+        """Return what a trial came to."""
+        return cls(trial.setting, trial.outcome, tuple(trial.seconds), trial.peak_bytes)
+
+    @property
+    def error(self) -> float:
+        """In the unit of the knob."""
+        return self.outcome.error
+
+    @property
+    def median(self) -> float:
+        """Median of the seconds."""
+        return statistics.median(self.seconds)
+
+    @property
+    def point(self) -> tuple[float, float]:
+        """(seconds, error)."""
+        return self.median, self.error
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all figures by name; what is not finite becomes None."""
+        return {
+            "setting": self.setting.label,
+            "series": self.setting.series,
+            "problem": self.setting.problem,
+            "error": _finite(self.error),
+            "figures": {name: _finite(x) for name, x in self.outcome.figures.items()},
+            "seconds": list(self.seconds),
+            "seconds_median": self.median,
+            "seconds_min": min(self.seconds),
+            "seconds_max": max(self.seconds),
+            "peak_bytes": self.peak_bytes,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class KnobResult:
+    """All settings of a knob.
+
+    Attributes
+    ----------
+    knob : Knob
+    subject, truth, truth_text : str
+        As its `Bench` told them.
+    measurements : tuple of Measurement
+    """
+
+    knob: Knob
+    subject: str
+    truth: str
+    truth_text: str
+    measurements: tuple[Measurement, ...]
+
+    @property
+    def problems(self) -> list[list[int]]:
+        """Settings by the problem that they compete in, in their order."""
+        found: dict[str, list[int]] = {}
+        for i, item in enumerate(self.measurements):
+            found.setdefault(item.setting.problem, []).append(i)
+        return list(found.values())
+
+    @property
+    def fronts(self) -> list[list[int]]:
+        """For each problem the settings that none beats, quicker ones first."""
+        return [self._in(items, pareto_front(self._points(items))) for items in self.problems]
+
+    @property
+    def front(self) -> list[int]:
+        """All of those."""
+        return [i for front in self.fronts for i in front]
+
+    @property
+    def knees(self) -> list[int]:
+        """For each problem the setting beyond which no more time pays."""
+        found = []
+        for items in self.problems:
+            points = self._points(items)
+            best = knee(points, pareto_front(points))
+            found += self._in(items, [] if best is None else [best])
+        return found
+
+    def _points(self, items: list[int]) -> list[tuple[float, float]]:
+        return [self.measurements[i].point for i in items]
+
+    @staticmethod
+    def _in(items: list[int], chosen: list[int]) -> list[int]:
+        return [items[i] for i in chosen]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything but the pictures."""
+        labels = [item.setting.label for item in self.measurements]
+        return {
+            "knob": self.knob.name,
+            "title": self.knob.title,
+            "error": self.knob.error,
+            "unit": self.knob.unit,
+            "kind": self.knob.kind,
+            "subject": self.subject,
+            "truth": self.truth,
+            "truth_text": self.truth_text,
+            "front": [labels[i] for i in self.front],
+            "stops_paying": [labels[i] for i in self.knees],
+            "settings": [item.to_json() for item in self.measurements],
+        }
+
+    def rows(self) -> list[list[Any]]:
+        """Return the lines of the CSV file."""
+        front, knees = set(self.front), set(self.knees)
+        return [
+            [
+                self.knob.name,
+                item.setting.label,
+                item.setting.series,
+                item.setting.problem,
+                self.subject,
+                self.truth,
+                repr(float(item.error)),
+                self.knob.unit,
+                repr(item.median),
+                repr(min(item.seconds)),
+                repr(max(item.seconds)),
+                len(item.seconds),
+                "" if item.peak_bytes is None else item.peak_bytes,
+                int(i in front),
+                int(i in knees),
+            ]
+            for i, item in enumerate(self.measurements)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """Everything that `study` measured.
+
+    Attributes
+    ----------
+    options : StudyOptions
+    inputs : dict of str to str
+        Names of the meshes and the scene that were given.
+    machine : dict of str to str or int
+        What it ran on.
+    knobs : tuple of KnobResult
+    """
+
+    options: StudyOptions
+    inputs: dict[str, str]
+    machine: dict[str, Any]
+    knobs: tuple[KnobResult, ...]
+    seconds: float = field(default=0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything but the pictures."""
+        return {
+            "schema": SCHEMA,
+            "inputs": self.inputs,
+            "machine": self.machine,
+            "repeats": self.options.repeats,
+            "quick": self.options.quick,
+            "seconds": self.seconds,
+            "knobs": [item.to_json() for item in self.knobs],
+        }
+
+    def to_csv(self) -> str:
+        """Return a table with a line a setting."""
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(CSV_COLUMNS)
+        for item in self.knobs:
+            table.writerows(item.rows())
+        return text.getvalue()
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None

@@ -1,0 +1,110 @@
+"""What accuracy costs in time: knobs tried over their ranges, on one's own meshes and scene."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from typing import Any
+
+from texbake.errors import OptionError
+from texbake.mesh.mesh import Mesh
+from texbake.parallel import resolve_threads
+from texbake.pipeline.preview import with_light
+from texbake.progress import ProgressSink, Stages
+from texbake.render.scene.scene import Scene
+from texbake.study.case import Case
+from texbake.study.knobs import knob_named
+from texbake.study.options import StudyOptions
+from texbake.study.result import KnobResult, Measurement, StudyResult
+from texbake.study.runner import run_bench
+
+_QUICK_REPEATS = 2
+
+
+def study(
+    high: Mesh | None = None,
+    low: Mesh | None = None,
+    *,
+    scene: Scene | None = None,
+    options: StudyOptions | None = None,
+    progress: ProgressSink | None = None,
+) -> StudyResult:
+    """Measure what settings buy in accuracy, and what they cost in time and memory.
+
+    Parameters
+    ----------
+    high, low
+        A pair to bake. The light mesh gets an atlas if it has none. None: an orange of known form.
+    scene
+        Drawn by the knobs that can take one, in the light of the studio if it has none of its own.
+        None: scenes whose pictures have a closed form.
+    options
+        None for `StudyOptions()`.
+    progress
+        Told of each knob, run by run.
+
+    Returns
+    -------
+    StudyResult
+        Errors are the same in every run of a study; times are those of the machine.
+
+    Raises
+    ------
+    OptionError
+        One mesh of the pair is missing.
+    TexbakeError
+        What the work itself raises.
+    """
+    options = options or StudyOptions()
+    if (high is None) != (low is None):
+        raise OptionError("study: a pair is a dense and a light mesh; give both, or none")
+    start = time.perf_counter()
+    shown = None if scene is None else with_light(scene)
+    case = Case(high, low, shown, quick=options.quick, threads=options.threads)
+    stages = Stages(progress)
+    knobs = tuple(_studied(name, case, options, stages) for name in options.ordered_knobs)
+    return StudyResult(
+        options=options,
+        inputs=_inputs(high, low, scene),
+        machine=_machine(options),
+        knobs=knobs,
+        seconds=time.perf_counter() - start,
+    )
+
+
+def _studied(name: str, case: Case, options: StudyOptions, stages: Stages) -> KnobResult:
+    knob = knob_named(name)
+    with stages.stage(f"prepare {name}"):
+        bench = knob.prepare(case)
+    repeats = min(options.repeats, _QUICK_REPEATS) if options.quick else options.repeats
+    n_runs = len(bench.settings) * (repeats + 1)
+    try:
+        with stages.stage(name, total=n_runs, unit="runs") as advance:
+            trials = run_bench(
+                bench, repeats=repeats, seconds=options.seconds, seed=name, advance=advance
+            )
+    finally:
+        bench.close()
+    return KnobResult(
+        knob=knob,
+        subject=bench.subject,
+        truth=bench.truth,
+        truth_text=bench.truth_text,
+        measurements=tuple(map(Measurement.of, trials)),
+    )
+
+
+def _inputs(high: Mesh | None, low: Mesh | None, scene: Scene | None) -> dict[str, str]:
+    given = {"high": high, "low": low, "scene": scene}
+    return {key: item.name for key, item in given.items() if item is not None}
+
+
+def _machine(options: StudyOptions) -> dict[str, Any]:
+    return {
+        "system": platform.system(),
+        "processor": platform.machine(),
+        "processors": os.cpu_count() or 1,
+        "threads": resolve_threads(options.threads),
+        "python": platform.python_version(),
+    }

@@ -1,0 +1,1 @@
+"""What settings are held against: closed forms, rays at any point, slow references."""

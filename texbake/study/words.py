@@ -1,0 +1,118 @@
+"""Numbers and findings in words."""
+
+from __future__ import annotations
+
+import math
+
+from texbake.study.pareto import payoff
+from texbake.study.result import KnobResult, Measurement
+
+
+def number(x: float) -> str:
+    """Three digits of a number, without an exponent where that reads well.
+
+    Examples
+    --------
+    >>> [number(x) for x in (0.0, 0.123456, 12.3456, 1234.6, 0.0000123, float("nan"))]
+    ['0', '0.123', '12.3', '1,235', '1.2e-05', '–']
+    """
+    if not math.isfinite(x):
+        return "–"
+    if x == 0.0:
+        return "0"
+    size = abs(x)
+    if size < 1e-4:
+        return f"{x:.1e}"
+    if size >= 1000.0:
+        return f"{x:,.0f}"
+    digits = max(2 - math.floor(math.log10(size)), 0)
+    text = f"{x:.{digits}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def duration(seconds: float) -> str:
+    """Seconds in the unit that fits: `1.2 ms`, `3.4 s`."""
+    if seconds < 1.0:
+        return f"{number(1000.0 * seconds)} ms"
+    return f"{number(seconds)} s"
+
+
+def memory(n_bytes: int | None) -> str:
+    """Bytes in MB or GB."""
+    if n_bytes is None:
+        return "–"
+    return f"{number(n_bytes / 1e9)} GB" if n_bytes >= 1e9 else f"{number(n_bytes / 1e6)} MB"
+
+
+def amount(x: float, unit: str) -> str:
+    """Return an error with its unit."""
+    return f"{number(x)}{'' if unit in ('', '°', '%') else ' '}{unit}"
+
+
+def spread(item: Measurement) -> float:
+    """Half the range of the times, as a share of their median."""
+    return 0.5 * (max(item.seconds) - min(item.seconds)) / item.median if item.median else 0.0
+
+
+def findings(result: KnobResult) -> list[str]:
+    """Sentences on what a knob buys, what it costs, and where it stops paying."""
+    sentences = []
+    for front, best in zip(result.fronts, result.knees, strict=True):
+        sentences += _on_front(result, front, best)
+    widest = max(result.measurements, key=spread)
+    sentences.append(
+        f"Noise: the times of a setting lay within ±{number(100.0 * spread(widest))} % of their "
+        f"median at worst (“{widest.setting.label}”)."
+    )
+    return sentences
+
+
+def _on_front(result: KnobResult, front: list[int], best: int) -> list[str]:
+    unit = result.knob.unit
+    first, kept, last = (result.measurements[i] for i in (front[0], best, front[-1]))
+    told = f"“{first.setting.label}” is the quickest: {amount(first.error, unit)} in "
+    told += f"{duration(first.median)}"
+    if len(front) == 1:
+        return [f"{told}; nothing slower is more accurate."]
+    sentences = []
+    if kept is first:
+        sentences.append(f"{told}, and nothing slower pays.")
+    else:
+        sentences.append(
+            f"From “{first.setting.label}” to “{kept.setting.label}” the error falls from "
+            f"{amount(first.error, unit)} to {amount(kept.error, unit)}{_times_less(first, kept)}, "
+            f"for {_times(kept.median / first.median)} the time."
+        )
+    if kept is not last:
+        sentences.append(
+            f"Beyond “{kept.setting.label}” it stops paying: “{last.setting.label}” takes "
+            f"{_times(last.median / kept.median)} the time for {amount(last.error, unit)}"
+            f"{_times_less(kept, last)}."
+        )
+    elif not first.setting.problem:
+        sentences.append("It pays to the end of the range that was tried.")
+    return sentences
+
+
+def _times_less(a: Measurement, b: Measurement) -> str:
+    return f", {number(a.error / b.error)} times less" if b.error > 0.0 else ""
+
+
+def _times(ratio: float) -> str:
+    return f"{number(ratio)} times"
+
+
+def next_step(result: KnobResult, best: int) -> str:
+    """What the first step beyond a setting of the front would bring, in a few words."""
+    front = next(front for front in result.fronts if best in front)
+    rest = front[front.index(best) + 1 :]
+    if not rest:
+        return "end of the range"
+    here, there = (result.measurements[i] for i in (best, rest[0]))
+    share = 100.0 * (1.0 - there.error / here.error) if here.error > 0.0 else 0.0
+    power = payoff(here.point, there.point)
+    assert power < math.inf
+    return (
+        f"{there.setting.label}: −{number(share)} % error for "
+        f"{_times(there.median / here.median)} the time"
+    )
