@@ -16,6 +16,7 @@ from .failures import told_in_one_line
 
 COMMANDS = (
     "info",
+    "check",
     "make",
     "simplify",
     "unwrap",
@@ -31,6 +32,7 @@ COMMANDS = (
     "preview",
     "compare",
     "run",
+    "study",
     "demo",
 )
 

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from texbake.bake.texture.photos import bake_photos
     from texbake.bake.texture.result import TextureBake, TextureReport
     from texbake.bake.texture.solid import bake_solid
+    from texbake.check.check import check, check_files
+    from texbake.check.finding import Finding
+    from texbake.check.options import CheckOptions
+    from texbake.check.report import CheckReport
     from texbake.errors import (
         CageError,
         DependencyError,
@@ -55,6 +59,7 @@ if TYPE_CHECKING:
     from texbake.mesh.parametric.options import MakeOptions
     from texbake.mesh.simplify import SimplifyReport, simplify, simplify_with_report
     from texbake.mesh.tangents import corner_tangents
+    from texbake.pipeline.check_picture import render_findings
     from texbake.pipeline.checker import render_checker
     from texbake.pipeline.demo import demo
     from texbake.pipeline.layout import write_layout
@@ -89,6 +94,10 @@ if TYPE_CHECKING:
     from texbake.render.scene.read import read_scene
     from texbake.render.scene.scene import Scene, SceneObject, View
     from texbake.render.scene.textures import ImageTexture, ProcedureTexture
+    from texbake.study.options import StudyOptions
+    from texbake.study.result import StudyResult
+    from texbake.study.study import study
+    from texbake.study.write import write_study
     from texbake.texture.checker import checker_image
     from texbake.texture.cube_lookup import sample_cube
     from texbake.texture.cube_map import CubeMap
@@ -217,6 +226,18 @@ _NAMES = {
         "pack_textures",
     ),
     "texbake.texture.pack_options": ("PackOptions",),
+    "texbake.check.check": (
+        "check",
+        "check_files",
+    ),
+    "texbake.check.options": ("CheckOptions",),
+    "texbake.check.report": ("CheckReport",),
+    "texbake.check.finding": ("Finding",),
+    "texbake.pipeline.check_picture": ("render_findings",),
+    "texbake.study.study": ("study",),
+    "texbake.study.options": ("StudyOptions",),
+    "texbake.study.result": ("StudyResult",),
+    "texbake.study.write": ("write_study",),
     "texbake.texture.checker": ("checker_image",),
     "texbake.texture.image": ("Image", "read_image", "write_image"),
 }
@@ -232,6 +253,8 @@ __all__ = [
     "BumpMap",
     "CageError",
     "Camera",
+    "CheckOptions",
+    "CheckReport",
     "Closeness",
     "Comparison",
     "CubeMap",
@@ -242,6 +265,7 @@ __all__ = [
     "Environment",
     "FileError",
     "FileFormatError",
+    "Finding",
     "Fog",
     "Frame",
     "HeightField",
@@ -280,6 +304,8 @@ __all__ = [
     "Shadow",
     "SimplifyReport",
     "SolidOptions",
+    "StudyOptions",
+    "StudyResult",
     "SurfaceDistance",
     "TexbakeError",
     "TextureBake",
@@ -295,6 +321,8 @@ __all__ = [
     "bake_light_maps",
     "bake_photos",
     "bake_solid",
+    "check",
+    "check_files",
     "checker_image",
     "compare",
     "corner_tangents",
@@ -317,12 +345,14 @@ __all__ = [
     "remap",
     "render",
     "render_checker",
+    "render_findings",
     "render_scene",
     "run",
     "sample_cube",
     "sample_texture",
     "simplify",
     "simplify_with_report",
+    "study",
     "surface_distance",
     "to_latitude_longitude",
     "unwrap",
@@ -332,11 +362,12 @@ __all__ = [
     "write_image",
     "write_layout",
     "write_mesh",
+    "write_study",
 ]
 
 
 class _Package(ModuleType):
-    """The package itself, in which `bake` and `render` are the functions and not the rooms.
+    """The package itself, in which `bake`, `check` and `render` are functions and not the rooms.
 
     The import system sets a package's attribute to each subpackage that it loads, which would hide
     a function of the same name from then on.
