@@ -10,7 +10,14 @@ from typing import Any, TypeVar, cast
 import click
 from click.core import ParameterSource
 
-from texbake.bake.options import CONVENTIONS, FILLS, RAYS, SHADINGS, SPACES, BakeOptions
+from texbake.bake.options import (
+    CONVENTIONS,
+    FILLS,
+    RAYS,
+    SHADINGS,
+    SPACES,
+    BakeOptions,
+)
 from texbake.render.options import BACK_FACES, UPS, RenderOptions
 
 from .types import FileOf, Size, View
@@ -82,7 +89,9 @@ def choice_option(
     )
 
 
-def number_option(flag: str, kind: type, default: Any, metavar: str, text: str) -> Decorator[Any]:
+def number_option(
+    flag: str, kind: Callable[[Any], Any], default: Any, metavar: str, text: str
+) -> Decorator[Any]:
     """Add an option that takes a number; its range is the options' own to check."""
     return click.option(
         flag, type=kind, default=default, show_default=True, metavar=metavar, help=text
@@ -169,16 +178,36 @@ def _sized(options: dict[str, Any]) -> dict[str, Any]:
     return {"width": width, "height": height, **options}
 
 
+def _samples(word: str | int) -> int | str:
+    """Numbers as numbers; words are the options' own to check."""
+    return int(word) if str(word).isdecimal() else word
+
+
 _MEASURED = "[default: measured from the meshes]"
 
 _BAKE_OPTIONS = (
     size_option(BakeOptions.size, "Texels of the maps."),
     number_option(
         "--samples",
-        int,
+        _samples,
         BakeOptions.samples,
-        "1|4|16|64",
-        "Rays a texel, averaged as directions and not as colors.",
+        "1|4|16|64|adaptive",
+        "Rays a texel, averaged as directions and not as colors; adaptive: more where they differ.",
+    ),
+    number_option(
+        "--max-error",
+        str,
+        BakeOptions.max_error,
+        "E",
+        "Adaptive samples until each texel is estimated to be off by at most so much: 0.5deg for "
+        "normals, 0.001 (model units) or 0.01% (of the diagonal) for heights, or 0.5deg,0.001.",
+    ),
+    number_option(
+        "--time-budget",
+        str,
+        BakeOptions.time_budget,
+        "T",
+        "Pick what is predicted to bake in 20s, 2min, ...; a short probe tells how long it takes.",
     ),
     choice_option("--space", SPACES, BakeOptions.space, "Space of the normals."),
     choice_option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +17,12 @@ from texbake.bake.options import BakeOptions
 from texbake.bake.rays import check_cage
 from texbake.bake.report import BakeReport, DistanceSummary, library_versions
 from texbake.bake.result import BakeResult
+from texbake.bake.sampling import SamplingReport
 from texbake.bake.sums import TexelSums
 from texbake.bake.surround import Surroundings
 from texbake.bake.texels import NO_FACE
 from texbake.bake.trace import Trace
 from texbake.errors import MissError, OptionError, UvError
-from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
 
@@ -60,6 +61,8 @@ def bake(
         The light mesh has no texture coordinates, or they cover nothing.
     CageError
         The cage has other faces than the light mesh.
+    MeshError
+        The meshes are below 1e-30 or above 1e37 model units across, beyond the float32 of maps.
     MissError
         More texels missed than `options.fail_on_miss` allows.
     OptionError
@@ -78,12 +81,39 @@ def bake(
         check_cage(cage, low)
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give one of the two")
+    if options.time_budget is not None:
+        return _bake_in_time(kinds, BakeInputs(high, low, options), cage, progress)
+    return _bake(kinds, BakeInputs(high, low, options), cage, Stages(progress))
+
+
+def _bake_in_time(
+    kinds: list[MapKind], inputs: BakeInputs, cage: Mesh | None, progress: ProgressSink | None
+) -> BakeResult:
+    from texbake.bake.budget import plan_bake
+
+    start = time.perf_counter()
     stages = Stages(progress)
-    trace = Trace(high, low, options, cage, stages)
-    inputs = BakeInputs(high, low, options)
+    with stages.stage("probe"):
+        planned, budget = plan_bake(inputs.high, inputs.low, kinds, inputs.options, cage)
+    result = _bake(kinds, planned, cage, stages)
+    budget = replace(budget, actual_seconds=time.perf_counter() - start)
+    measured = _measures(inputs.options, cage)
+    return replace(result, report=replace(result.report, budget=budget, measured=measured))
+
+
+def _bake(
+    kinds: list[MapKind], inputs: BakeInputs, cage: Mesh | None, stages: Stages
+) -> BakeResult:
+    options = inputs.options
+    trace = Trace(inputs.high, inputs.low, options, cage, stages)
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
     distances = DistanceSummary()
+    if options.is_adaptive:
+        from texbake.bake.adaptive import AdaptiveSamples
+
+        sampling = AdaptiveSamples(kinds, trace, inputs, stages, distances).cast(sums)
+        return _result(kinds, sums, trace, inputs, stages, None, distances, sampling)
     for hits in trace.hits():
         with stages.part("make maps"):
             sums.add(hits)
@@ -149,6 +179,7 @@ def _result(
     stages: Stages,
     hits: Hits | None,
     distances: DistanceSummary,
+    sampling: SamplingReport | None = None,
 ) -> BakeResult:
     options = inputs.options
     has_data = (sums.n_hits > 0).reshape(options.height_px, options.width_px)
@@ -170,20 +201,35 @@ def _result(
         options=options,
         front=trace.front,
         back=trace.back or 0.0,
-        measured=options.back is None or (options.front is None and trace.cage is None),
+        measured=_measures(options, trace.cage),
         caster=trace.caster,
         texels=options.width_px * options.height_px,
         texels_covered=n_covered,
         texels_missed=n_missed,
-        texels_overlapping=trace.counts.samples_overlapping / options.samples,
+        texels_overlapping=trace.counts.samples_overlapping / _samples_of_overlaps(options),
         faces_without_texel=_count_unseen(inputs.low.n_faces, trace.texel_faces),
         padding_meets=meets,
         counts=trace.counts,
         distance_percentiles=distances.percentiles(),
         stages=stages.records,
         versions=library_versions(),
+        sampling=sampling,
     )
     return BakeResult(maps, report, hits, trace.texel_faces, has_data)
+
+
+def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
+    """Whether a distance of rays is not given and so measured."""
+    return options.back is None or (options.front is None and cage is None)
+
+
+def _samples_of_overlaps(options: BakeOptions) -> int:
+    """Samples a texel on which overlaps were counted."""
+    if not options.is_adaptive:
+        return options.samples_per_side**2
+    from texbake.bake.cells import COVERAGE_SIDE
+
+    return COVERAGE_SIDE**2
 
 
 def _count_unseen(n_faces: int, texel_faces: IntArray) -> int:
@@ -216,7 +262,7 @@ def _finished(
     options = inputs.options
     with stages.stage("pad"):
         # NO_FACE is -1, and so the last entry: it has no chart.
-        texel_charts = np.append(chart_ids(inputs.low), NO_FACE).astype(np.int32)[texel_faces]
+        texel_charts = np.append(inputs.low_charts, NO_FACE).astype(np.int32)[texel_faces]
         surroundings = Surroundings(texel_charts, has_data, options)
     maps = {}
     for kind in kinds:

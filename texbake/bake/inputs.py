@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from texbake.bake.options import BakeOptions
 from texbake.bake.rays import ray_normals
+from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals
 from texbake.mesh.tangents import corner_tangents
@@ -22,6 +23,13 @@ class BakeInputs:
     high: Mesh
     low: Mesh
     options: BakeOptions
+
+    def with_options(self, options: BakeOptions) -> BakeInputs:
+        """Return the same with other options; parts that these leave as they are stay computed."""
+        inputs = BakeInputs(self.high, self.low, options)
+        if options.high_shading == self.options.high_shading:
+            inputs.__dict__.update({**self.__dict__, "options": options})
+        return inputs
 
     @cached_property
     def high_normals(self) -> tuple[npt.NDArray[np.float32], IntArray]:
@@ -41,6 +49,11 @@ class BakeInputs:
         """(F, 3, 4) float32 corner tangents of the light mesh: the file's, else MikkTSpace's."""
         tangents = self.low.tangents
         return frozen(corner_tangents(self.low) if tangents is None else tangents)
+
+    @cached_property
+    def low_charts(self) -> IntArray:
+        """(F,) int32 chart of each face of the light mesh."""
+        return chart_ids(self.low)
 
     @cached_property
     def displacement_normals(self) -> tuple[FloatArray, IntArray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from texbake.bake.targets import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds, parse_seconds
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
@@ -15,6 +16,7 @@ RAYS = ("smooth", "vertex", "face")
 SHADINGS = ("smooth", "flat")
 FILLS = ("none", "push-pull")
 SAMPLES = (1, 4, 16, 64)
+ADAPTIVE = "adaptive"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +29,17 @@ class BakeOptions(TextureOptions):
         Maps to make from the one trace; the names are the keys of `texbake.bake.maps.MAPS`.
     size : int or (int, int)
         Texels a side, or (width, height).
-    samples : int
-        Rays a texel, a square: 1, 4, 16 or 64, one at the center of each cell of an n x n grid.
+    samples : int or str
+        Rays a texel, a square: 1, 4, 16 or 64, one at the center of each cell of an n x n grid; or
+        `adaptive`: one, and more only where samples beside each other disagree, up to 64.
+    max_error : str, optional
+        Samples are adaptive, until the estimated error of each texel is at most this: an angle of
+        normals such as `0.5deg`, a length of heights and displacement vectors in model units such
+        as `0.001` or as a share of the light mesh's diagonal such as `0.01%`, or both with a comma.
+        None: `0.5deg,0.01%` if samples are adaptive.
+    time_budget : str or float, optional
+        Wall-clock time that the bake may take, as `20s`, `2min`, or seconds: a short probe on the
+        two meshes picks the least error that is predicted to fit, not below `max_error`.
     space : str
         Space of normals: `tangent`, `object`, or `world` (the same as object space, since a mesh
         file has no transform of its own left when it is read).
@@ -64,7 +75,9 @@ class BakeOptions(TextureOptions):
     """
 
     maps: tuple[str, ...] = ("normal",)
-    samples: int = 1
+    samples: int | str = 1
+    max_error: str | None = None
+    time_budget: str | float | None = None
     space: str = "tangent"
     convention: str = "opengl"
     bits: int | None = None
@@ -85,7 +98,8 @@ class BakeOptions(TextureOptions):
         super().__post_init__()
         if not self.maps or not isinstance(self.maps, tuple):
             raise OptionError("maps: name at least one map to make, in a tuple")
-        _check_choice("samples", self.samples, SAMPLES)
+        _check_choice("samples", self.samples, (*SAMPLES, ADAPTIVE))
+        self._check_targets()
         _check_choice("space", self.space, SPACES)
         _check_choice("convention", self.convention, CONVENTIONS)
         _check_choice("bits", self.bits, (None, 8, 16, 32))
@@ -111,9 +125,43 @@ class BakeOptions(TextureOptions):
         if self.threads is not None and self.threads < 1:
             raise OptionError(f"threads: {self.threads} is too few; it must be at least 1")
 
+    def _check_targets(self) -> None:
+        """Raise `OptionError` where an error or a time is asked for that cannot be."""
+        if self.max_error is not None:
+            parse_bounds(self.max_error)
+        if self.time_budget is not None:
+            parse_seconds(self.time_budget)
+        asked = "max-error" if self.max_error is not None else "time-budget"
+        if (self.max_error is None and self.time_budget is None) or self.samples in (1, ADAPTIVE):
+            if self.keep_hits and (self.is_adaptive or self.time_budget is not None):
+                raise OptionError("keep_hits: adaptive samples are not kept; bake with samples=16")
+            return
+        raise OptionError(
+            f"samples, {asked}: {self.samples} samples a texel leave nothing to choose; "
+            "give one of the two"
+        )
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether texels get as many samples as each needs."""
+        return self.samples == ADAPTIVE or self.max_error is not None
+
+    @property
+    def error_bounds(self) -> ErrorBounds:
+        """Bounds of the errors of adaptive samples."""
+        return parse_bounds(self.max_error or DEFAULT_MAX_ERROR)
+
     @property
     def samples_per_side(self) -> int:
-        """Samples of a texel along one side."""
+        """Samples of a texel along one side.
+
+        Raises
+        ------
+        OptionError
+            Samples are adaptive, which only a bake of a dense mesh can be.
+        """
+        if self.is_adaptive or not isinstance(self.samples, int):
+            raise OptionError("samples: adaptive is for bakes of a dense mesh; give 1, 4, 16 or 64")
         return math.isqrt(self.samples)
 
 

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.bake.budget_report import BudgetReport
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.options import BakeOptions
+from texbake.bake.sampling import SamplingReport
 from texbake.bake.trace import TraceCounts
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
@@ -86,6 +88,10 @@ class BakeReport:
         Percent to distance between the light and the dense surface.
     stages : list of StageRecord
     versions : dict
+    sampling : SamplingReport or None
+        What adaptive samples reached.
+    budget : BudgetReport or None
+        What a time budget was turned into.
     """
 
     high: str
@@ -108,6 +114,8 @@ class BakeReport:
     distance_percentiles: dict[int, float]
     stages: list[StageRecord]
     versions: dict[str, str]
+    sampling: SamplingReport | None = None
+    budget: BudgetReport | None = None
 
     @property
     def miss_percent(self) -> float:
@@ -153,7 +161,10 @@ class BakeReport:
                 "use less padding or leave more room between charts",
             ),
         )
-        return [message for count, message in checks if count]
+        found = [message for count, message in checks if count]
+        for told in (self.sampling, self.budget):
+            found += [] if told is None else told.warnings
+        return found
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, for a person."""
@@ -167,7 +178,7 @@ class BakeReport:
             (
                 "size",
                 f"{self.options.width_px} x {self.options.height_px}, "
-                f"{self.options.samples} samples",
+                f"{'adaptive' if self.options.is_adaptive else self.options.samples} samples",
             ),
             ("distances", f"front {front}, back {self.back:.6g}{measured}"),
             ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
@@ -183,6 +194,8 @@ class BakeReport:
                 f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} faces",
             ),
             ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
+            *(() if self.budget is None else self.budget.table()),
+            *(() if self.sampling is None else self.sampling.table()),
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
             ("total", f"{self.seconds:.2f} s{self._peak()}"),
         ]

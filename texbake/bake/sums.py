@@ -11,6 +11,8 @@ from texbake.bake.maps.kind import MapKind
 from texbake.kernels import kernel
 from texbake.parallel import run_bands
 
+BoolArray = npt.NDArray[np.bool_]
+
 _BAND = 1 << 18
 
 
@@ -46,6 +48,11 @@ class TexelSums:
             _count_kernel(texel_ids, self.n_hits)
 
         run_bands(add, len(hits), band=band, threads=options.threads)
+
+    def place(self, means: dict[MapKind, npt.NDArray[np.float32]], has_data: BoolArray) -> None:
+        """Take means of texels (height * width, channels) that were made elsewhere."""
+        self._sums = means
+        self.n_hits = has_data.astype(np.uint8)
 
     def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
         """(height, width, channels) float32: means of what hit, the neutral value elsewhere.

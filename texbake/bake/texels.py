@@ -275,23 +275,27 @@ def _list_tiles_kernel(  # type: ignore[no-untyped-def]
     """List one row of tiles, beginning at line `first_line` of `owners`, from place n on."""
     n_lines, n_columns = owners.shape
     width = n_columns // per_side
-    half = UNIT // 2
     for tile in range(0, n_columns, TILE):
         for line in range(first_line, min(first_line + TILE, n_lines)):
             row = first_row + line
-            y = row * UNIT + half
             for column in range(tile, min(tile + TILE, n_columns)):
                 face = owners[line, column]
                 if face == NO_FACE:
                     continue
-                x = column * UNIT + half
-                ax, ay = corners[face, 0, 0], corners[face, 0, 1]
-                bx, by = corners[face, 1, 0] - ax, corners[face, 1, 1] - ay
-                cx, cy = corners[face, 2, 0] - ax, corners[face, 2, 1] - ay
-                px, py = x - ax, y - ay
-                area = float(bx * cy - by * cx)
                 texel_ids[n] = (row // per_side) * width + column // per_side
                 faces[n] = face
-                barycentrics[n, 0] = (px * cy - py * cx) / area
-                barycentrics[n, 1] = (bx * py - by * px) / area
+                write_weights(corners, face, row, column, barycentrics[n])
                 n += 1
+
+
+@kernel
+def write_weights(corners, face, row, column, weights):  # type: ignore[no-untyped-def]
+    """Write the weights of a face's second and third corner at the center of a sample."""
+    x, y = column * UNIT + UNIT // 2, row * UNIT + UNIT // 2
+    ax, ay = corners[face, 0, 0], corners[face, 0, 1]
+    bx, by = corners[face, 1, 0] - ax, corners[face, 1, 1] - ay
+    cx, cy = corners[face, 2, 0] - ax, corners[face, 2, 1] - ay
+    px, py = x - ax, y - ay
+    area = float(bx * cy - by * cx)
+    weights[0] = (px * cy - py * cx) / area
+    weights[1] = (bx * py - by * px) / area

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +23,7 @@ from texbake.bake.texels import (
     rasterize_uv,
     snap_uvs,
 )
+from texbake.errors import MeshError
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
@@ -29,6 +31,11 @@ from texbake.parallel import run_bands
 from texbake.progress import Stages
 
 _SAMPLES_AT_ONCE = 1 << 20
+
+Lost = tuple[Samples, Rays]
+# Model units across both meshes, of which float32 holds a ten millionth with all its digits, and
+# as many times as rays are long without overflow.
+_SIZES = (1e-30, 1e37)
 
 
 @dataclass
@@ -73,34 +80,53 @@ class Trace:
         self.front = self.options.front if self.cage is None else None
         self.back = self.options.back
         self.caster = ""
-        self._grid = SampleGrid(
-            self.options.width_px, self.options.height_px, self.options.samples_per_side
-        )
         self.texel_faces: IntArray = np.full(
-            (self._grid.height, self._grid.width), NO_FACE, dtype=np.int32
+            (self.options.height_px, self.options.width_px), NO_FACE, dtype=np.int32
         )
 
     def hits(self) -> Iterator[Hits]:
         """Yield the hits and misses of some rows after another.
 
         Samples that missed at first and were recovered come last, and are misses before.
+
+        Raises
+        ------
+        MeshError
+            The meshes are so small or large that float32 maps cannot hold their lengths.
         """
-        frame = LocalFrame.around(self.high, self.low)
-        faces = snap_uvs(self.low, self._grid)
+        options = self.options
+        grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
+        faces = self.snap(grid)
+        with self.casting() as casts:
+            missed = yield from self._first_look(faces, grid, casts)
+        if missed:
+            yield casts.look_again(missed)
+
+    def snap(self, grid: SampleGrid) -> SnappedFaces:
+        """Put the light mesh onto a grid, and note what of it cannot be baked."""
+        faces = snap_uvs(self.low, grid)
         self.counts.faces_outside_tile = faces.n_outside_tile
         self.counts.faces_without_uv_area = faces.n_zero_area
+        return faces
+
+    @contextmanager
+    def casting(self) -> Iterator[Casts]:
+        """Yield what casts rays, with the tree over the dense mesh and all distances known.
+
+        Raises
+        ------
+        MeshError
+            The meshes are so small or large that float32 maps cannot hold their lengths.
+        """
+        frame = LocalFrame.around(self.high, self.low)
+        _check_size(frame, self.low)
         with self.stages.stage("build ray tree", total=self.high.n_faces, unit="triangles"):
             caster = open_caster(self.high, frame, threads=self.options.threads)
         self.caster = caster.name
         try:
-            field = self._field(frame, caster)
-            missed = yield from self._first_look(faces, field, caster, frame)
+            yield Casts(self, frame, caster, self._field(frame, caster))
         finally:
             caster.close()
-        if missed:
-            with self.stages.stage("retry missed rays", unit="rays"):
-                recovered = self._second_look(missed, frame)
-            yield recovered
 
     def _field(self, frame: LocalFrame, caster: Caster) -> RayField:
         """Make the rays' field; distances that were not given are measured first."""
@@ -127,10 +153,10 @@ class Trace:
             )
 
     def _first_look(
-        self, faces: SnappedFaces, field: RayField, caster: Caster, frame: LocalFrame
-    ) -> Generator[Hits, None, list[tuple[Samples, Rays]]]:
-        grid, threads = self._grid, self.options.threads
-        missed: list[tuple[Samples, Rays]] = []
+        self, faces: SnappedFaces, grid: SampleGrid, casts: Casts
+    ) -> Generator[Hits, None, list[Lost]]:
+        threads = self.options.threads
+        missed: list[Lost] = []
         step = rows_at_once(grid)
         n_texels = grid.width * grid.height
         with self.stages.stage("bake", total=n_texels, unit="texels", recorded=False) as advance:
@@ -139,51 +165,73 @@ class Trace:
                 with self.stages.part("rasterize"):
                     owners, n_overlaps = rasterize_uv(faces, grid, rows, threads=threads)
                     samples = owned_samples(owners, faces, grid, first, threads=threads)
-                    self._note_texels(owners, rows)
+                    self._note_texels(owners, rows, grid)
                     self.counts.samples_overlapping += n_overlaps
                     self.counts.samples_covered += len(samples)
-                with self.stages.part("cast rays"):
-                    rays = field.rays(samples)
-                    found = caster.cast(rays, cull_back_faces=self.options.cull_back_faces)
-                    self._count(found)
-                    hits = _hits(samples, rays, found, frame, threads)
-                lost = found.faces == NO_HIT
-                if lost.any():
-                    missed.append((samples.where(lost), rays.where(lost)))
+                hits, lost = casts.look(samples)
+                if lost is not None:
+                    missed.append(lost)
                 yield hits
                 advance(len(rows) * grid.width)
         return missed
 
-    def _second_look(self, missed: list[tuple[Samples, Rays]], frame: LocalFrame) -> Hits:
-        from texbake.bake.watertight import retry_watertight
-
-        samples = Samples.joined([part for part, _ in missed])
-        rays = Rays.joined([part for _, part in missed])
-        found = retry_watertight(
-            rays,
-            self.high,
-            frame,
-            cull_back_faces=self.options.cull_back_faces,
-            threads=self.options.threads,
-        )
-        recovered = found.faces != NO_HIT
-        n_recovered = int(np.count_nonzero(recovered))
-        self.counts.rays_recovered = n_recovered
-        self.counts.rays_missed -= n_recovered
-        return _hits(samples, rays, found, frame, self.options.threads).where(recovered)
-
-    def _note_texels(self, owners: IntArray, rows: range) -> None:
-        per_side = self._grid.per_side
-        cells = owners.reshape(len(rows), per_side, self._grid.width, per_side)
+    def _note_texels(self, owners: IntArray, rows: range, grid: SampleGrid) -> None:
+        per_side = grid.per_side
+        cells = owners.reshape(len(rows), per_side, grid.width, per_side)
         texels = self.texel_faces[rows.start : rows.stop]
         for i in range(per_side):
             for j in range(per_side):
                 np.copyto(texels, cells[:, i, :, j], where=texels == NO_FACE)
 
+
+@dataclass
+class Casts:
+    """What casts the rays of a trace, while its tree stands; the trace keeps the counts."""
+
+    trace: Trace
+    frame: LocalFrame
+    caster: Caster
+    field: RayField
+
+    def look(self, samples: Samples) -> tuple[Hits, Lost | None]:
+        """Hits and misses of some samples, in their order, and what missed, if anything did."""
+        with self.trace.stages.part("cast rays"):
+            rays = self.field.rays(samples)
+            found = self.caster.cast(rays, cull_back_faces=self.trace.options.cull_back_faces)
+            self._count(found)
+            hits = _hits(samples, rays, found, self.frame, self.trace.options.threads)
+            lost = found.faces == NO_HIT
+            if lost.any():
+                return hits, (samples.where(lost), rays.where(lost))
+        return hits, None
+
+    def look_again(self, missed: list[Lost]) -> Hits:
+        """Hits of those that missed only by rounding, in their order."""
+        from texbake.bake.watertight import retry_watertight
+
+        trace = self.trace
+        with trace.stages.stage("retry missed rays", unit="rays"):
+            samples = Samples.joined([part for part, _ in missed])
+            rays = Rays.joined([part for _, part in missed])
+            found = retry_watertight(
+                rays,
+                trace.high,
+                self.frame,
+                cull_back_faces=trace.options.cull_back_faces,
+                threads=trace.options.threads,
+            )
+            recovered = found.faces != NO_HIT
+            n_recovered = int(np.count_nonzero(recovered))
+            trace.counts.rays_recovered += n_recovered
+            trace.counts.rays_missed -= n_recovered
+            hits = _hits(samples, rays, found, self.frame, trace.options.threads)
+            return hits.where(recovered)
+
     def _count(self, found: Found) -> None:
-        self.counts.rays_cast += len(found.faces)
-        self.counts.rays_missed += int(np.count_nonzero(found.faces == NO_HIT))
-        self.counts.rays_past_back_faces += int(np.count_nonzero(found.passed_back))
+        counts = self.trace.counts
+        counts.rays_cast += len(found.faces)
+        counts.rays_missed += int(np.count_nonzero(found.faces == NO_HIT))
+        counts.rays_past_back_faces += int(np.count_nonzero(found.passed_back))
 
 
 def rows_at_once(grid: SampleGrid) -> int:
@@ -218,6 +266,16 @@ def _hits(
 
     run_bands(fill, n, band=1 << 16, threads=threads)
     return hits
+
+
+def _check_size(frame: LocalFrame, low: Mesh) -> None:
+    """Raise where lengths of the meshes do not fit into the numbers of hits and maps."""
+    size = 1.0 / frame.scale
+    if not _SIZES[0] <= size <= _SIZES[1]:
+        raise MeshError(
+            f"{low.name}: it and the dense mesh are about {size:.1e} model units across, which the "
+            "float32 numbers of maps do not hold; scale both first"
+        )
 
 
 @kernel

@@ -1,0 +1,67 @@
+"""Asking for an error or a time on the command line."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from texbake_cli.main import texbake
+
+from texbake import write_mesh
+from texbake.mesh.shapes import plane
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> list[str]:
+    high = plane(40, 40, lambda x, y: 0.05 * abs((7 * x) % 1 - 0.5))
+    paths = [tmp_path / "high.obj", tmp_path / "low.obj"]
+    for mesh, path in zip((high, plane()), paths, strict=True):
+        write_mesh(mesh, path)
+    return [str(path) for path in paths]
+
+
+def test_an_error_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    line = ["bake-normals", *pair, "-o", str(tmp_path / "n.png"), "--size", "64"]
+    result = CliRunner().invoke(texbake, [*line, "--max-error", "0.5deg", "--report", str(report)])
+    assert result.exit_code == 0, result.output
+    assert "error of normal" in result.output
+    sampling = json.loads(report.read_text())["sampling"]
+    assert sampling["max_error"] == "0.5deg"
+    assert sum(sampling["texel_percents"].values()) == pytest.approx(100)
+    assert sampling["maps"][0]["measured_within_percent"] > 95
+
+
+def test_heights_take_a_share_of_the_diagonal(pair: list[str], tmp_path: Path) -> None:
+    line = ["bake-displacement", *pair, "-o", str(tmp_path / "h.exr"), "--size", "64"]
+    result = CliRunner().invoke(texbake, [*line, "--max-error", "0.1%"])
+    assert result.exit_code == 0, result.output
+    assert "model units" in result.output
+
+
+def test_a_time_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
+    line = ["bake", *pair, "-o", str(tmp_path / "maps"), "--size", "64", "--time-budget", "5min"]
+    result = CliRunner().invoke(texbake, line)
+    assert result.exit_code == 0, result.output
+    assert "time predicted" in result.output
+    assert "max-error 0.125deg" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--max-error", "0.5"], "bounds nothing of normal"),
+        (["--max-error", "small"], "is no error"),
+        (["--time-budget", "later"], "is no time"),
+        (["--samples", "4", "--max-error", "1deg"], "leave nothing to choose"),
+        (["--samples", "some"], "samples: some is not one of"),
+    ],
+)
+def test_wrong_asking_is_wrong_usage(
+    pair: list[str], tmp_path: Path, words: list[str], told: str
+) -> None:
+    line = ["bake-normals", *pair, "-o", str(tmp_path / "n.png"), *words]
+    result = CliRunner().invoke(texbake, line)
+    assert result.exit_code == 2
+    assert told in result.output
+    assert not (tmp_path / "n.png").exists()

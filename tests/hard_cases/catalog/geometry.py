@@ -1,0 +1,241 @@
+"""Meshes that are hard in space: of shapes, scales and places that break naive geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+from catalog.case import Case
+
+from texbake import Mesh
+from texbake.mesh.parametric.make import make
+from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane, uv_sphere
+
+CLOSED = frozenset({"closed"})
+SOLID = CLOSED | {"solid"}  # closed, turned outwards, and nothing of it inside itself
+# Every face has area, so that invariances hold to rounding ...
+AREAS = frozenset({"plain"})
+# ... and its smooth normals look away from none, so that it bakes flat onto itself.
+PLAIN = AREAS | {"flat"}
+
+UNMEASURABLE = "areas cannot be computed"
+BEYOND_MAPS = "float32 numbers of maps do not hold"
+NO_AREA = {"atlas": "none of its 2 faces has an area"}
+
+
+def mesh_of(positions: object, faces: object, **fields: object) -> Mesh:
+    """Mesh of nested lists."""
+    return Mesh(positions=np.array(positions, float), faces=np.array(faces, np.int32), **fields)
+
+
+def moved(mesh: Mesh, scale: float = 1.0, offset: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
+    """Mesh scaled about the origin and then moved."""
+    return mesh.replace(positions=mesh.positions * scale + np.array(offset, float))
+
+
+def with_faces(mesh: Mesh, faces: object, positions: object = ()) -> Mesh:
+    """Mesh without coordinates, with more positions and faces at the end of its lists."""
+    points = np.array(positions, float).reshape(-1, 3)
+    return mesh_of(
+        np.concatenate([mesh.positions, points]),
+        np.concatenate([mesh.faces, np.array(faces, np.int32).reshape(-1, 3)]),
+    )
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    """Several meshes as one, without their coordinates."""
+    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
+    return mesh_of(
+        np.concatenate([mesh.positions for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]),
+    )
+
+
+def _turned(mesh: Mesh, every: int = 1) -> Mesh:
+    faces = mesh.faces.copy()
+    faces[::every] = faces[::every, ::-1]
+    return mesh_of(mesh.positions, faces)
+
+
+def _needles() -> Mesh:
+    """Flat fan of 16 needles, each 1 long and 1e-8 wide, closed by two wide faces."""
+    angles = np.arange(17) * 1e-8
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(17)])
+    points = np.concatenate([[[0.0, 0.0, 0.0]], rim, [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]])
+    fan = [[0, i + 1, i + 2] for i in range(16)]
+    return mesh_of(points, [*fan, [0, 17, 18], [0, 19, 1]])
+
+
+def _caps() -> Mesh:
+    """Square with a row of caps (nearly flat obtuse triangles) of height 1e-8 along a side."""
+    x = np.arange(9) / 8.0
+    bottom = np.column_stack([x, np.zeros(9), np.zeros(9)])
+    peaks = np.column_stack([(x[:-1] + x[1:]) / 2.0, np.full(8, 1e-8), np.zeros(8)])
+    caps = [[i, i + 1, 9 + i] for i in range(8)]
+    body = [[9 + i, 10 + i, 17] for i in range(7)]
+    return mesh_of(np.concatenate([bottom, peaks, [[0.5, 1.0, 0.0]]]), [*caps, *body])
+
+
+def _edge_of_five() -> Mesh:
+    angles = np.arange(5) * 2.0 * np.pi / 5.0
+    rim = np.column_stack([np.cos(angles), np.zeros(5), np.sin(angles)])
+    return mesh_of(np.concatenate([[[0, 0, 0], [0, 1, 0]], rim]), [[0, 1, i + 2] for i in range(5)])
+
+
+def _bow_tie() -> Mesh:
+    tip = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]]
+    up = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    down = [[0, 4, 5], [0, 6, 4], [0, 5, 6], [4, 6, 5]]
+    return mesh_of(tip, up + down)
+
+
+def _fan(n: int) -> Mesh:
+    angles = np.arange(n) * 2.0 * np.pi / n
+    rim = np.column_stack([np.cos(angles), np.sin(angles), 0.1 * np.sin(3.0 * angles)])
+    return mesh_of(
+        np.concatenate([[[0.0, 0.0, 0.2]], rim]), [[0, i + 1, (i + 1) % n + 1] for i in range(n)]
+    )
+
+
+def _t_junctions() -> Mesh:
+    """A square whose one half has a vertex more on the common edge than the other."""
+    return mesh_of(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 0]],
+        [[0, 1, 2], [0, 4, 3], [4, 2, 3]],
+    )
+
+
+def _crossing() -> Mesh:
+    upright = plane(2, 2)
+    turned = moved(upright, 1.0, (-0.5, -0.5, 0.0)).positions[:, [2, 1, 0]]
+    return joined(moved(upright, 1.0, (-0.5, -0.5, 0.0)), mesh_of(turned, upright.faces))
+
+
+def _one_step_apart() -> Mesh:
+    """A square whose middle vertices are doubled, one float64 step apart, with slivers between."""
+    step = np.nextafter(0.5, 1.0)
+    return mesh_of(
+        [[0, 0, 0], [0.5, 0, 0], [0.5, 1, 0], [0, 1, 0], [step, 0, 0], [step, 1, 0], [1, 0, 0],
+         [1, 1, 0]],
+        [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2], [4, 6, 7], [4, 7, 5]],
+    )  # fmt: skip
+
+
+def _zero_normals() -> Mesh:
+    mesh = icosphere(1)
+    normals = mesh.positions.copy()
+    normals[::2] = 0.0
+    normals[1] = -normals[1]
+    return mesh.replace(normals=normals, normal_faces=mesh.faces)
+
+
+def _signed_zeros() -> Mesh:
+    """A cube in which every face has vertices of its own, half of them with -0.0 for 0.0."""
+    box = moved(cube(), 1.0, (0.5, 0.5, 0.5))
+    points = box.positions[box.faces].reshape(-1, 3).copy()
+    points[::2][points[::2] == 0.0] = -0.0
+    return mesh_of(points, np.arange(len(points)).reshape(-1, 3))
+
+
+def _split() -> Mesh:
+    ball = icosphere(1)
+    return mesh_of(
+        ball.positions[ball.faces].reshape(-1, 3), np.arange(3 * ball.n_faces).reshape(-1, 3)
+    )
+
+
+def _degenerate_among() -> Mesh:
+    return with_faces(
+        icosphere(1),
+        [[0, 0, 1], [2, 2, 2], [42, 43, 44], [45, 45, 45]],
+        [[2, 0, 0], [3, 0, 0], [4, 0, 0], [0, 3, 0]],
+    )
+
+
+def _thin_wall() -> Mesh:
+    return mesh_of(cube().positions * [1.0, 1.0, 1e-5], cube().faces)
+
+
+def _spread_of_scales() -> Mesh:
+    sizes = (1.0, 1e-3, 1e-6, 1e-9)
+    return joined(*(moved(cube(), size, (2.0 * i, 0.0, 0.0)) for i, size in enumerate(sizes)))
+
+
+GEOMETRY: tuple[Case[Mesh], ...] = (
+    Case(name="needles", wrong="heights of 1e-8 cancel in float32, and angles by acos are 0",
+         make=_needles),
+    Case(name="caps", wrong="the sum of angles misses π; a long edge swallows the vertex on it",
+         make=_caps),
+    Case(name="zero-area faces", wrong="a cross product of length 0 is divided by",
+         make=_degenerate_among),
+    Case(name="split vertices", wrong="smooth normals by index crease at every edge, so that "
+         "displacement tears", make=_split, traits=PLAIN),
+    Case(name="duplicate faces", wrong="an edge has four faces; coincident hits flicker",
+         make=lambda: with_faces(cube(), cube().faces)),
+    Case(name="duplicate faces turned", wrong="normals of a face and its back cancel to 0",
+         make=lambda: with_faces(cube(), cube().faces[:, ::-1])),
+    Case(name="edge of five faces", wrong="half-edge structures hold two", make=_edge_of_five),
+    Case(name="bow-tie vertex", wrong="walking around it finds one of its two fans",
+         make=_bow_tie, traits=SOLID | AREAS),
+    Case(name="inside out", wrong="rays go the wrong way, and every one is culled",
+         make=lambda: _turned(icosphere(1)), traits=CLOSED | PLAIN),
+    Case(name="every third face turned", wrong="normals of neighbors cancel",
+         make=lambda: _turned(icosphere(1), 3), traits=AREAS),
+    Case(name="coincident shells", wrong="which of two equal hits is reported is chance",
+         make=lambda: joined(icosphere(1), icosphere(1)), traits=CLOSED | PLAIN),
+    Case(name="shell in a shell turned", wrong="inside and outside are counted by one shell",
+         make=lambda: joined(icosphere(1), _turned(moved(icosphere(1), 0.9))),
+         traits=CLOSED | PLAIN),
+    Case(name="wall thinner than the cage", wrong="rays reach through and bake the other side",
+         make=_thin_wall, traits=SOLID | PLAIN | {"thin"}),
+    Case(name="faces through one another", wrong="no order of drawing is right", make=_crossing,
+         traits=PLAIN),
+    Case(name="unused vertex far away", wrong="the bounding box is that of a stray point",
+         make=lambda: with_faces(icosphere(1), [], [[1e9, 1e9, 1e9]]), traits=SOLID | PLAIN),
+    Case(name="one triangle", wrong="nothing to join, no interior edge, no vertex inside",
+         make=lambda: mesh_of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), traits=PLAIN),
+    Case(name="scale 1e-12", wrong="absolute thresholds call everything degenerate",
+         make=lambda: moved(icosphere(1), 1e-12), traits=SOLID | PLAIN),
+    Case(name="scale 1e12", wrong="absolute thresholds call nothing degenerate",
+         make=lambda: moved(icosphere(1), 1e12), traits=SOLID | PLAIN),
+    Case(name="offset 1e7 sizes", wrong="float32 leaves one bit of a coordinate, and a staircase",
+         make=lambda: moved(icosphere(1), 1.0, (1e7, -1e7, 1e7)), traits=SOLID),
+    Case(name="subnormal coordinates", wrong="squares, and 1 / size, are 0 or infinite",
+         make=lambda: moved(icosphere(1), 1e-310), traits=SOLID,
+         refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "bake": BEYOND_MAPS}),
+    Case(name="coordinates of 1e300", wrong="squares overflow, and areas are infinite",
+         make=lambda: moved(icosphere(1), 1e300), traits=CLOSED,
+         refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "stl": "too large for the float32",
+                  "glb": "beyond float32", "preview": "too large to look at", "bake": BEYOND_MAPS}),
+    Case(name="sizes 1 to 1e-9 in one", wrong="an epsilon relative to the whole eats the small",
+         make=_spread_of_scales, traits=SOLID),
+    Case(name="Möbius strip", wrong="no winding is consistent; a normal meets its opposite",
+         make=lambda: make("mobius", resolution=(24, 2)).replace(
+             uvs=None, uv_faces=None, normals=None, normal_faces=None)),
+    Case(name="fan of 256", wrong="work squares with the faces of a vertex",
+         make=lambda: _fan(256), traits=PLAIN),
+    Case(name="T-junctions", wrong="a crack opens along the edge when anything moves",
+         make=_t_junctions, traits=PLAIN),
+    Case(name="vertices one step apart", wrong="edges of 1e-16 divide rounding by rounding",
+         make=_one_step_apart),
+    Case(name="negative zeros", wrong="0.0 and -0.0 hash apart, and a closed mesh tears",
+         make=_signed_zeros, traits=PLAIN),
+    Case(name="zero and opposite normals", wrong="a zero normal becomes NaN when normalized",
+         make=_zero_normals),
+    Case(name="open poles", wrong="a ring of 1e-3 about a pole makes slivers",
+         make=lambda: grid_sphere(7, 12)),
+    Case(name="torus", wrong="it has no disk; cutting its boundary finds none",
+         make=lambda: make("torus", resolution=(12, 8)).replace(
+             uvs=None, uv_faces=None, normals=None, normal_faces=None), traits=SOLID | PLAIN),
+    Case(name="strip of 1 by 1e6", wrong="an atlas scaled by its longest side has no texels",
+         make=lambda: mesh_of(plane(16, 1).positions * [1e6, 1.0, 1.0], plane(16, 1).faces)),
+    Case(name="points on one line", wrong="every normal is 0 / 0, and a box has no volume",
+         make=lambda: mesh_of([[0, 0, 0], [1, 1, 1], [2, 2, 2], [3, 3, 3]], [[0, 1, 2], [1, 2, 3]]),
+         refused=NO_AREA, traits=frozenset({"no area"})),
+    Case(name="all in one point", wrong="the size of the box is divided by",
+         make=lambda: mesh_of([[5, 5, 5]] * 3, [[0, 1, 2], [2, 1, 0]]),
+         refused=NO_AREA, traits=frozenset({"no area"})),
+    Case(name="one index thrice", wrong="an edge from a vertex to itself",
+         make=lambda: mesh_of([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 1, 1]]),
+         refused=NO_AREA, traits=frozenset({"no area"})),
+    Case(name="a single coarse sphere", wrong="a pole is one point with many longitudes",
+         make=lambda: uv_sphere(2, 3), traits=frozenset({"uvs"}) | PLAIN),
+)  # fmt: skip

@@ -1,0 +1,83 @@
+"""Images that are hard: of odd sizes, of values that are no numbers, of ranges at the ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from catalog.case import Case
+
+Array = npt.NDArray[np.float32]
+
+
+def _noise(height: int, width: int) -> Callable[[], Array]:
+    def make() -> Array:
+        return np.random.default_rng(7).random((height, width, 3)).astype(np.float32)
+
+    return make
+
+
+def _constant(value: float) -> Callable[[], Array]:
+    return lambda: np.full((6, 5, 3), value, np.float32)
+
+
+def _with(value: float, *, every: int = 7) -> Callable[[], Array]:
+    def make() -> Array:
+        image = _noise(9, 8)()
+        image.reshape(-1, 3)[::every] = value
+        return image
+
+    return make
+
+
+def _flat_normals() -> Array:
+    return np.tile(np.array([0.0, 0.0, 1.0], np.float32), (8, 8, 1))
+
+
+def _opposite_normals() -> Array:
+    """Normals that cancel in every block of the next mip level."""
+    image = np.zeros((8, 8, 3), np.float32)
+    image[..., 0] = np.where(np.indices((8, 8)).sum(axis=0) % 2, 1.0, -1.0)
+    return image
+
+
+def _one_spike() -> Array:
+    image = np.zeros((8, 8, 3), np.float32)
+    image[3, 4] = 1e30
+    return image
+
+
+FINITE = frozenset({"finite"})
+COLOR = FINITE | {"color"}  # in [0, 1], so that files of every kind hold it
+
+IMAGES: tuple[Case[Array], ...] = (
+    Case(name="1 x 1", wrong="no neighbor, no smaller level", make=_noise(1, 1), traits=COLOR),
+    Case(name="1 x 9", wrong="halving a side of 1 gives 0", make=_noise(1, 9), traits=COLOR),
+    Case(name="9 x 1", wrong="and so it does down", make=_noise(9, 1), traits=COLOR),
+    Case(name="primes 13 x 7", wrong="2 x 2 blocks leave the last row and column out",
+         make=_noise(13, 7), traits=COLOR),
+    Case(name="1 x 257", wrong="a level is odd at every halving", make=_noise(1, 257),
+         traits=COLOR),
+    Case(name="constant", wrong="weights that sum to 0.99999994 drift", make=_constant(0.3),
+         traits=COLOR | {"constant"}),
+    Case(name="constant 0", wrong="the range is divided by", make=_constant(0.0),
+         traits=COLOR | {"constant"}),
+    Case(name="constant 1", wrong="1 * 256 is a byte of 0", make=_constant(1.0),
+         traits=COLOR | {"constant"}),
+    Case(name="constant 1e30", wrong="squares overflow float32", make=_constant(1e30),
+         traits=FINITE | {"constant", "beyond squares"}),
+    Case(name="subnormal", wrong="1 / range is infinite", make=_constant(1e-40), traits=FINITE),
+    Case(name="NaN among numbers", wrong="spreads over every smaller level and all padding",
+         make=_with(np.nan)),
+    Case(name="infinities among numbers", wrong="inf - inf is NaN, and the range is infinite",
+         make=_with(np.inf), traits=frozenset({"beyond squares"})),
+    Case(name="all NaN", wrong="a mean of nothing", make=_constant(np.nan)),
+    Case(name="one spike of 1e30", wrong="every other height is lost in the range", make=_one_spike,
+         traits=FINITE | {"beyond squares"}),
+    Case(name="negative", wrong="codes wrap around below 0", make=_with(-2.0), traits=FINITE),
+    Case(name="flat normals", wrong="no code stands for 0, and 127 and 128 lean two ways",
+         make=_flat_normals, traits=COLOR | {"constant"}),
+    Case(name="normals that cancel", wrong="their mean has no direction", make=_opposite_normals,
+         traits=FINITE),
+)  # fmt: skip

@@ -1,0 +1,199 @@
+"""Scenes that are hard: what projection, depth, lights, mirrors and lenses do at their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from catalog.case import Case
+from catalog.geometry import mesh_of, moved
+
+from texbake import (
+    Ambient,
+    BumpMap,
+    Environment,
+    Fog,
+    ImageTexture,
+    Light,
+    Lighting,
+    Material,
+    Mesh,
+    NormalMap,
+    ProcedureTexture,
+    Reflection,
+    Refraction,
+    RenderOptions,
+    Scene,
+    SceneObject,
+    Shadow,
+    View,
+)
+from texbake.mesh.shapes import cube, plane, uv_sphere
+
+SMALL = RenderOptions(width=48, height=32)
+SUN = Light(direction=(-1.0, -2.0, -1.5), shadow=Shadow(size=64))
+
+
+def scene(
+    *objects: SceneObject,
+    lights: tuple[Light, ...] = (SUN,),
+    view: View | None = None,
+    **light: object,
+) -> Scene:
+    """Scene of some objects under a few lights and a little light from everywhere."""
+    lighting = Lighting(lights=lights, ambient=Ambient(color=(0.1, 0.1, 0.1)), **light)
+    return Scene(objects=objects, lighting=lighting, view=view)
+
+
+def floor(size: float = 2.0, height: float = 0.0) -> Mesh:
+    """Square in the plane y = height, facing up, about the axis."""
+    flat = plane(2, 2)
+    x, y = (flat.positions[:, :2] - 0.5).T * size
+    return flat.replace(positions=np.column_stack([x, np.full(len(x), height), -y]))
+
+
+def looking(position: tuple[float, float, float], target: tuple[float, float, float]) -> View:
+    """View from one point to another."""
+    return View(position=position, target=target)
+
+
+def checker(**fields: object) -> ImageTexture:
+    """Checker of 8 x 8 cells as an image."""
+    cells = (np.indices((64, 64)) // 8).sum(axis=0) % 2
+    return ImageTexture(image=np.repeat(cells[..., None], 3, axis=2).astype(np.float32), **fields)
+
+
+def _grazing(image_filter: str) -> Scene:
+    ground = SceneObject(
+        mesh=floor(1e6),
+        material=Material(base_color=checker(filter=image_filter, scale=(1e5, 1e5))),
+    )
+    return scene(ground, view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)))
+
+
+def _layers(n: int) -> Mesh:
+    """Squares one behind the other, the farthest first, so that each sample is drawn n times."""
+    flat = plane(1, 1)
+    points = [flat.positions - [0.5, 0.5, 1.0 - i / n] for i in range(n)]
+    return mesh_of(np.concatenate(points), np.concatenate([flat.faces + 4 * i for i in range(n)]))
+
+
+def _ball(**material: object) -> SceneObject:
+    return SceneObject(mesh=uv_sphere(12, 24), material=Material(**material))
+
+
+def _sky() -> Environment:
+    sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
+    return Environment(image=sky, lighting=True, size=16)
+
+
+def _inside_glass(index: float) -> Callable[[], Scene]:
+    def make() -> Scene:
+        glass = _ball(refraction=Refraction(index=index), double_sided=True)
+        return scene(glass, environment=_sky(), view=looking((0.0, 0.0, 0.9), (0.0, 0.2, 0.0)))
+
+    return make
+
+
+def _light_at(position: tuple[float, float, float], kind: str = "point") -> Callable[[], Scene]:
+    def make() -> Scene:
+        light = Light(
+            kind=kind, position=position, direction=(1.0, 0.0, 0.0), shadow=Shadow(size=32)
+        )
+        return scene(SceneObject(mesh=floor()), lights=(light,))
+
+    return make
+
+
+def _materials_at_their_ends() -> Scene:
+    ends = (
+        Material(shading="blinn-phong", exponent=0.0),
+        Material(shading="blinn-phong", exponent=1e9),
+        Material(roughness=0.0, metalness=1.0), Material(roughness=1.0, ior=1.0),
+        Material(roughness=0.0, metalness=0.0, ior=1e6), Material(shading="unlit"),
+    )  # fmt: skip
+    balls = tuple(
+        SceneObject(mesh=moved(uv_sphere(6, 12), 0.4, (i - 2.5, 0.0, 0.0)), material=material)
+        for i, material in enumerate(ends)
+    )
+    return scene(*balls, environment=_sky())
+
+
+def _with_normal_map(value: float) -> Callable[[], Scene]:
+    def make() -> Scene:
+        vectors = np.zeros((8, 8, 3), np.float32)
+        vectors[..., 2] = 1.0
+        vectors[::3] = value
+        return scene(_ball(normal_map=NormalMap(texture=ImageTexture(image=vectors, color=False))))
+
+    return make
+
+
+SCENES: tuple[Case[Scene], ...] = (
+    Case(name="w through 0", wrong="a corner behind the eye is divided by a negative w and comes "
+         "out in front", make=lambda: scene(
+             SceneObject(mesh=floor(1e3)), view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)))),
+    Case(name="eye in the plane of a face", wrong="w and the area are 0 at once",
+         make=lambda: scene(SceneObject(mesh=floor()),
+                            view=looking((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)))),
+    Case(name="eye at a vertex", wrong="w is 0 at it", make=lambda: scene(
+        SceneObject(mesh=cube()), view=looking((0.5, 0.5, 0.5), (0.0, 0.0, 0.0)))),
+    Case(name="everything behind the eye", wrong="it is turned over and drawn",
+         make=lambda: scene(_ball(), view=looking((0.0, 0.0, 5.0), (0.0, 0.0, 9.0))),
+         traits=frozenset({"empty"})),
+    *(Case(name=f"checker to the horizon, {name}", wrong="derivatives grow to infinity, and so "
+           "does the level", make=lambda name=name: _grazing(name))
+      for name in ("nearest", "bilinear", "trilinear", "ewa")),
+    Case(name="far over near of 1e9", wrong="depths of all that is far are one float32",
+         make=lambda: scene(
+             SceneObject(mesh=moved(uv_sphere(8, 16), 1e5, (0.0, 0.0, -1e6))),
+             SceneObject(mesh=moved(uv_sphere(8, 16), 1e-3, (0.0, 0.0, -5e-3))),
+             view=View(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3))),
+    Case(name="coplanar faces", wrong="which is seen flickers from pixel to pixel",
+         make=lambda: scene(
+             SceneObject(mesh=floor(), material=Material(shading="unlit", base_color=(1, 0, 0))),
+             SceneObject(mesh=floor(), material=Material(shading="unlit", base_color=(0, 1, 0)))),
+         traits=frozenset({"coplanar"})),
+    Case(name="a million overdraws", wrong="every one is shaded", make=lambda: scene(
+        SceneObject(mesh=_layers(200)), view=looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))),
+    Case(name="mirror at 90 degrees", wrong="the reflected ray lies in the surface, and Fresnel "
+         "divides by 0", make=lambda: scene(
+             SceneObject(mesh=floor(50.0), material=Material(
+                 reflection=Reflection(fresnel=True), roughness=0.0)),
+             environment=_sky(), view=looking((0.0, 1e-3, 3.0), (0.0, 1e-3, 0.0)))),
+    Case(name="refraction past the critical angle", wrong="the root of a negative number",
+         make=_inside_glass(1.5)),
+    Case(name="refraction of index below 1", wrong="the same, from outside",
+         make=_inside_glass(0.5)),
+    Case(name="point light in the plane of a face", wrong="n · l is rounding, and its shadow is a "
+         "line", make=_light_at((0.5, 0.0, 0.25))),
+    Case(name="point light at a vertex", wrong="the direction is 0 / 0, and 1 / d² infinite",
+         make=_light_at((0.0, 0.0, 0.0))),
+    Case(name="spot light in the plane of a face", wrong="its map has no depth",
+         make=_light_at((-2.0, 0.0, 0.0), "spot")),
+    Case(name="sun along the surface", wrong="every texel of the shadow map is at the same place",
+         make=lambda: scene(SceneObject(mesh=floor()), lights=(
+             Light(direction=(1.0, 0.0, 0.0), shadow=Shadow(size=64)),))),
+    Case(name="materials at their ends", wrong="0^0, 1 / roughness², and a power of 1e9",
+         make=_materials_at_their_ends),
+    Case(name="normal map with NaN", wrong="a pixel of NaN, and after filtering more",
+         make=_with_normal_map(np.nan)),
+    Case(name="normal map of zeros", wrong="a vector without length is normalized",
+         make=_with_normal_map(0.0)),
+    Case(name="normal map that points inwards", wrong="light from below the horizon",
+         make=_with_normal_map(-1.0)),
+    Case(name="bump without coordinates", wrong="the derivative of what is not there",
+         make=lambda: scene(SceneObject(
+             mesh=cube(), material=Material(bump_map=BumpMap(
+                 texture=ProcedureTexture(procedure="noise", scale=1e6), height=10.0))))),
+    Case(name="thick fog", wrong="exp of -1e300, or of its square", make=lambda: scene(
+        _ball(), fog=Fog(mode="exp2", density=1e200))),
+    Case(name="nearly singular transform", wrong="normals by the inverse of a map of determinant "
+         "1e-12", make=lambda: scene(SceneObject(
+             mesh=uv_sphere(8, 16), transform=np.diag([1.0, 1e-12, 1.0, 1.0])))),
+    Case(name="faces without area", wrong="their normals are NaN, and they cover pixels",
+         make=lambda: scene(SceneObject(mesh=mesh_of(
+             [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 0, 1], [0, 1, 3]])))),
+    Case(name="size 1e-12, far away", wrong="a near plane of 0.01 cuts all of it off",
+         make=lambda: scene(SceneObject(mesh=moved(uv_sphere(8, 16), 1e-6, (1.0, 1.0, 1.0))))),
+)  # fmt: skip

@@ -1,0 +1,125 @@
+"""Meshes that are hard in texture space: coordinates, and the tangents that follow from them."""
+
+from __future__ import annotations
+
+import numpy as np
+from catalog.case import Case
+from catalog.geometry import mesh_of
+
+from texbake import Mesh
+from texbake.mesh.shapes import plane, uv_sphere
+
+UVS = frozenset({"uvs"})
+NOTHING_COVERED = {
+    "bake": "cover nothing: all of them have no area",
+    "distortion": "none of its faces has area both in space and in the texture",
+}
+
+
+def with_uvs(mesh: Mesh, uvs: object, uv_faces: object = None) -> Mesh:
+    """Mesh with other coordinates, by position unless corners are given."""
+    corners = mesh.faces if uv_faces is None else np.array(uv_faces, np.int32)
+    return mesh.replace(uvs=np.array(uvs, float), uv_faces=corners)
+
+
+def beside(mesh: Mesh, *triangles: object) -> Mesh:
+    """A square over the middle of the texture, and more faces with coordinates as given."""
+    extra = np.array(triangles, float).reshape(-1, 2)
+    points = np.column_stack([extra * 0.0, np.zeros(len(extra))])
+    points[0::3] = (2, 0, 0)
+    points[1::3] = (3, 0, 0)
+    points[2::3] = (2, 1, 0)
+    points[:, 2] += np.repeat(np.arange(len(extra) // 3), 3)
+    ids = np.arange(len(extra)).reshape(-1, 3)
+    return mesh_of(
+        np.concatenate([mesh.positions, points]),
+        np.concatenate([mesh.faces, ids + mesh.n_vertices]),
+        uvs=np.concatenate([mesh.uvs, extra]),
+        uv_faces=np.concatenate([mesh.uv_faces, ids + len(mesh.uvs)]).astype(np.int32),
+    )
+
+
+def _inner(low: float = 0.25, high: float = 0.75) -> Mesh:
+    square = plane(2, 2)
+    return with_uvs(square, low + (high - low) * square.uvs)
+
+
+def _half_texels() -> Mesh:
+    """Corners exactly at centers of texels of a 16 x 16 map, on both sides of every edge."""
+    square = plane(3, 3)
+    return with_uvs(square, (2.5 + 4.0 * square.uvs * 3.0) / 16.0)
+
+
+def _mirrored_halves() -> Mesh:
+    """Both halves of a strip on the same half of the texture; the middle vertices are shared."""
+    strip = plane(4, 1)
+    return with_uvs(strip, np.column_stack([np.abs(strip.uvs[:, 0] - 0.5), strip.uvs[:, 1]]))
+
+
+def _opposing() -> Mesh:
+    """Two faces whose u runs towards the common edge from both sides, corners welded."""
+    return mesh_of(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0]],
+        [[0, 1, 2], [1, 3, 2]],
+        uvs=[[0.0, 0.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.0]],
+        uv_faces=np.array([[0, 1, 2], [1, 3, 2]], np.int32),
+    )
+
+
+def _straddling() -> Mesh:
+    """A sphere whose coordinates are by vertex, so that one column runs back over the texture."""
+    ball = uv_sphere(4, 8)
+    theta = np.arctan2(ball.positions[:, 1], ball.positions[:, 0]) / (2.0 * np.pi) + 0.5
+    height = np.arccos(np.clip(ball.positions[:, 2], -1.0, 1.0)) / np.pi
+    return with_uvs(ball, np.column_stack([theta, 1.0 - height]))
+
+
+TINY_SIDES = (1e-3, 1e-6, 1e-9, 1e-12)
+
+TEXTURE_SPACE: tuple[Case[Mesh], ...] = (
+    Case(name="zero-area coordinates", wrong="the inverse of the texture matrix is 1 / 0",
+         make=lambda: beside(_inner(), [0.1, 0.1], [0.1, 0.1], [0.1, 0.1]), traits=UVS),
+    Case(name="coordinates of area down to 1e-24", wrong="a threshold on the determinant drops "
+         "faces by their size", traits=UVS,
+         make=lambda: beside(_inner(), *[
+             corner for side in TINY_SIDES
+             for corner in ([0.1, 0.1], [0.1 + side, 0.1], [0.1, 0.1 + side])])),
+    Case(name="needle thinner than a texel", wrong="no center lies in it, and rounding decides",
+         traits=UVS,
+         make=lambda: beside(_inner(), [0.02, 0.1], [0.98, 0.1004], [0.98, 0.1008])),
+    Case(name="corners on centers of texels", wrong="shared corners are owned by none or all",
+         make=_half_texels, traits=UVS),
+    Case(name="coordinates of exactly 0 and 1", wrong="1 is the column after the last",
+         make=lambda: plane(3, 2), traits=UVS),
+    Case(name="mirrored coordinates", wrong="an area is negative and is never covered",
+         make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs * [-1.0, 1.0] + [1.0, 0.0]),
+         traits=UVS),
+    Case(name="mirrored halves sharing vertices", wrong="tangents of both sides sum to 0",
+         make=_mirrored_halves, traits=UVS),
+    Case(name="coordinates three deep", wrong="who wrote last owns the texel", traits=UVS,
+         make=lambda: mesh_of(
+             np.concatenate([plane().positions + np.array([0.0, 0.0, i]) for i in range(3)]),
+             np.concatenate([plane().faces + 4 * i for i in range(3)]),
+             uvs=np.tile(plane().uvs, (3, 1)),
+             uv_faces=np.concatenate([plane().faces + 4 * i for i in range(3)]))),
+    Case(name="coordinates outside the tile", wrong="they write past the rows of the map",
+         make=lambda: with_uvs(plane(4, 4), plane(4, 4).uvs * 3.0 - 1.0), traits=UVS),
+    Case(name="coordinates of 1e9", wrong="they overflow the integers of the grid",
+         make=lambda: beside(_inner(), [1e9, 0.0], [1e9 + 1.0, 0.0], [1e9, 1.0]), traits=UVS),
+    Case(name="face over the ±π seam", wrong="its coordinates run back over the whole texture",
+         make=_straddling, traits=UVS),
+    Case(name="coordinates on a line", wrong="their determinant is 0, or rounding of it",
+         make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs[:, :1] * [1.0, 0.3]),
+         refused=NOTHING_COVERED, traits=UVS),
+    Case(name="u constant", wrong="the derivative along u is 0, and so is the tangent",
+         make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs * [0.0, 1.0]),
+         refused=NOTHING_COVERED, traits=UVS),
+    Case(name="all coordinates equal", wrong="nothing is covered, and 0 / 0 is baked",
+         make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs * 0.0 + 0.5),
+         refused=NOTHING_COVERED, traits=UVS),
+    Case(name="opposing neighbors", wrong="the tangents of a shared corner cancel to NaN",
+         make=_opposing, traits=UVS),
+    Case(name="chart smaller than a texel", wrong="the mesh bakes to an empty map in silence",
+         make=lambda: with_uvs(plane(2, 2), 0.5 + 1e-4 * plane(2, 2).uvs),
+         refused={"bake": "smaller than any texel"}, traits=UVS),
+)  # fmt: skip

@@ -1,0 +1,104 @@
+"""The catalogue of hard cases, given to tests by name: `mesh_case`, `image_case` and so on.
+
+A test that names such a fixture runs once for every case of it. The cases themselves are plain
+modules in `catalog/`, which `table.py` reads as well.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from texbake import Mesh, TexbakeError
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from catalog.case import Case, only  # noqa: E402
+from catalog.contrasts import CONTRASTS  # noqa: E402
+from catalog.geometry import GEOMETRY  # noqa: E402
+from catalog.images import IMAGES  # noqa: E402
+from catalog.scenes import SCENES  # noqa: E402
+from catalog.texture_space import TEXTURE_SPACE  # noqa: E402
+from fuzz_files import FORMATS  # noqa: E402
+
+MESHES = GEOMETRY + TEXTURE_SPACE
+CASES: dict[str, tuple[Any, ...]] = {
+    "mesh_case": MESHES,
+    "textured_case": only(MESHES, "uvs"),
+    "closed_case": only(MESHES, "closed"),
+    "solid_case": only(MESHES, "solid"),
+    "plain_case": only(MESHES, "plain"),
+    "flat_case": only(MESHES, "flat"),
+    "image_case": IMAGES,
+    "color_case": only(IMAGES, "color"),
+    "scene_case": SCENES,
+    "contrast": CONTRASTS,
+}
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    for fixture, cases in CASES.items():
+        if fixture in metafunc.fixturenames:
+            metafunc.parametrize(fixture, cases, ids=[case.name for case in cases])
+    if "file_format" in metafunc.fixturenames:
+        metafunc.parametrize("file_format", FORMATS)
+
+
+@pytest.fixture(scope="session")
+def attempt() -> Callable[..., Any]:
+    """Run a stage on a case: what it gives, or None where the case says that it is refused."""
+
+    def attempt(case: Case[Any], stage: str, function: Callable[[], Any]) -> Any:
+        reason = case.refused.get(stage)
+        if reason is None:
+            return function()
+        with pytest.raises(TexbakeError) as caught:
+            function()
+        message = str(caught.value)
+        assert reason in message and "\n" not in message
+        return None
+
+    return attempt
+
+
+@cache
+def _in_cells(case: Case[Mesh]) -> Mesh:
+    mesh = case.make()
+    if mesh.uvs is not None:
+        return mesh
+    n = int(np.ceil(np.sqrt(mesh.n_faces)))
+    cells = np.arange(mesh.n_faces)
+    origins = np.column_stack([cells % n, cells // n]).astype(float)
+    corners = (origins[:, None] + [[0.15, 0.15], [0.85, 0.15], [0.15, 0.85]]) / n
+    return mesh.replace(
+        uvs=corners.reshape(-1, 2), uv_faces=np.arange(3 * mesh.n_faces).reshape(-1, 3)
+    )
+
+
+@pytest.fixture(scope="session")
+def in_cells() -> Callable[[Case[Mesh]], Mesh]:
+    """Give a mesh without coordinates a cell of the texture for each face, without any unwrap."""
+    return _in_cells
+
+
+@pytest.fixture(scope="session")
+def case_named() -> Callable[[str], Case[Mesh]]:
+    """Find one mesh of the catalogue by its name."""
+    return {case.name: case for case in MESHES}.__getitem__
+
+
+@pytest.fixture(scope="session")
+def fuzz_minutes() -> float:
+    """Minutes that each format is to be fuzzed; 0 for the bytes of a common run alone."""
+    return float(os.environ.get("TEXBAKE_FUZZ", "0"))
+
+
+@pytest.fixture(scope="session")
+def hard_cases_dir() -> Path:
+    return HERE

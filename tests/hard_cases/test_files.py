@@ -1,0 +1,45 @@
+"""Damaged files: each is read or refused by one clear error, in bounded time and memory."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from fuzz_files import FORMATS
+
+import texbake
+
+# Bytes of mutants a format in a common run; TEXBAKE_FUZZ=minutes goes on for so long in each.
+N_BYTES = 1_000_000
+
+
+@pytest.fixture(scope="module")
+def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
+    """What became of each format, all in one process; and what that said, if it ended early.
+
+    Its last mutant, in the folder of the first format that is missing, is what ended it.
+    """
+    limit = 300.0 + len(FORMATS) * 60.0 * fuzz_minutes
+    command = [
+        sys.executable, str(hard_cases_dir / "fuzz_files.py"), "--bytes", str(N_BYTES),
+        "--minutes", str(fuzz_minutes), "--folder", str(tmp_path_factory.mktemp("mutants")),
+    ]  # fmt: skip
+    run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+    found = [json.loads(line) for line in run.stdout.splitlines()]
+    return {row["format"]: row for row in found}, run.stderr[-2000:]
+
+
+def test_a_million_bytes_of_mutations(file_format, fuzzed):
+    found, complaint = fuzzed
+    assert file_format in found, complaint
+    assert found[file_format]["faults"] == []
+    assert found[file_format]["bytes"] >= N_BYTES
+
+
+def test_an_image_whose_complaint_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "image.exr"
+    texbake.write_image(np.ones((4, 4, 3), np.float32), path, bits=16)
+    path.write_bytes(path.read_bytes().replace(b"chlist", b"chl\xffst"))
+    with pytest.raises(texbake.FileFormatError):
+        texbake.read_image(path, color=False)

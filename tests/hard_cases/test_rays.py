@@ -1,0 +1,110 @@
+"""No ray passes between the triangles of a closed mesh, wherever it is aimed."""
+
+import numpy as np
+import pytest
+
+from texbake.bake.cast import open_caster
+from texbake.bake.embreex_caster import EmbreexCaster
+from texbake.bake.hits import NO_HIT
+from texbake.bake.rays import Rays
+from texbake.bake.watertight import retry_watertight
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.normals import face_normals, vertex_normals
+from texbake.mesh.shapes import icosphere
+
+N_DIRECTIONS = 10_000
+
+
+def directions(n):
+    """Unit vectors spread evenly, after Fibonacci."""
+    z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
+    radius = np.sqrt(1.0 - z * z)
+    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
+
+
+def from_outside(targets, toward):
+    """Rays that start 2 local units before their targets and end 2 behind them."""
+    return Rays(
+        np.ascontiguousarray(targets - 2.0 * toward),
+        np.ascontiguousarray(toward),
+        np.full(len(targets), 4.0),
+        np.full(len(targets), 2.0),
+    )
+
+
+def found_with_a_second_look(mesh, rays, *, cull):
+    frame = LocalFrame.around(mesh)
+    caster = open_caster(mesh, frame)
+    found = caster.cast(rays, cull_back_faces=cull)
+    caster.close()
+    faces = found.faces.copy()
+    missed = np.flatnonzero(faces == NO_HIT)
+    if len(missed):
+        few = Rays(*(np.ascontiguousarray(getattr(rays, name)[missed]) for name in
+                     ("origins", "directions", "lengths", "fronts")))  # fmt: skip
+        faces[missed] = retry_watertight(few, mesh, frame, cull_back_faces=cull).faces
+    return faces
+
+
+def into(mesh, rng):
+    """Points on a closed mesh, its vertices and middles of edges, and directions into it.
+
+    Against the angle-weighted normal of a vertex, and against the mean of two faces at an edge, the
+    way leads inside; turned a little, it still does.
+    """
+    frame = LocalFrame.around(mesh)
+    points = frame.to_local(mesh.positions)
+    # By vertex and not by position: shells that coincide have normals of their own.
+    normals, of_faces = vertex_normals(mesh), face_normals(mesh)
+    corners = points[mesh.faces]
+    edges = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2), axis=2)
+    _, edge_ids = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    sums = np.zeros((edge_ids.max() + 1, 3))
+    np.add.at(sums, edge_ids, np.repeat(of_faces, 3, axis=0))
+    middles = ((corners + np.roll(corners, -1, axis=1)) / 2.0).reshape(-1, 3)
+    used = np.unique(mesh.faces)
+    targets = np.resize(np.concatenate([points[used], middles]), (N_DIRECTIONS, 3))
+    inward = -np.resize(np.concatenate([normals[used], sums[edge_ids]]), (N_DIRECTIONS, 3))
+    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    inward = inward + 0.02 * rng.normal(size=inward.shape)
+    return targets, inward / np.linalg.norm(inward, axis=1, keepdims=True)
+
+
+def test_no_hole_from_ten_thousand_directions(closed_case):
+    mesh = closed_case.make()
+    targets, inward = into(mesh, np.random.default_rng(1))
+    faces = found_with_a_second_look(mesh, from_outside(targets, inward), cull=False)
+    assert (faces != NO_HIT).all()
+
+
+def test_a_line_that_touches_a_ball_hits_it_there_or_nowhere():
+    mesh = icosphere(4)
+    frame = LocalFrame.around(mesh)
+    targets = frame.to_local(mesh.positions)
+    along = np.cross(targets, np.random.default_rng(0).normal(size=targets.shape))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    found = EmbreexCaster(mesh, frame).cast(from_outside(targets, along), cull_back_faces=False)
+    hit = found.faces != NO_HIT
+    # Half the length of an edge is 0.02: a face that the line grazes begins within it.
+    np.testing.assert_allclose(found.distances[hit], 2.0, atol=0.02)
+
+
+@pytest.mark.parametrize("level", [0, 1, 2, 3])
+def test_a_ball_is_hit_where_its_radius_says(level):
+    """Closed form: rays to the center of a polyhedron end between its inner and outer radius."""
+    mesh = icosphere(level)
+    frame = LocalFrame.around(mesh)
+    toward = directions(N_DIRECTIONS)
+    caster = open_caster(mesh, frame)
+    found = caster.cast(from_outside(np.zeros_like(toward), toward))
+    caster.close()
+    hit = found.faces != NO_HIT
+    corners = frame.to_local(mesh.positions)[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    heights = np.einsum("ij,ij->i", normals, corners[:, 0])
+    exact = heights[found.faces[hit]] / -np.einsum(
+        "ij,ij->i", normals[found.faces[hit]], toward[hit]
+    )
+    np.testing.assert_allclose(2.0 - found.distances[hit], exact, atol=1e-12)

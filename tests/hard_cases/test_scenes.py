@@ -1,0 +1,205 @@
+"""Every scene of the catalogue, and random ones, through the renderer."""
+
+import os
+
+import numpy as np
+import pytest
+from catalog.scenes import SMALL, checker, floor, looking, scene
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import texbake
+from texbake import (
+    AmbientOcclusion,
+    Environment,
+    Fog,
+    Light,
+    Material,
+    ProcedureTexture,
+    RenderOptions,
+    SceneObject,
+    Shadow,
+)
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+
+EXAMPLES = 30 if "TEXBAKE_FUZZ" not in os.environ else 3000
+BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
+
+
+def assert_sound(frame):
+    assert np.isfinite(frame.color).all()
+    assert frame.color.min() >= 0.0
+    assert ((frame.coverage >= 0.0) & (frame.coverage <= 1.0)).all()
+
+
+@pytest.mark.parametrize("interpolation", ["perspective", "affine", "scanline"])
+def test_colors_are_finite_and_not_negative(scene_case, interpolation):
+    options = RenderOptions(width=48, height=32, interpolation=interpolation)
+    frame = texbake.render_scene(scene_case.make(), options, threads=1)
+    assert_sound(frame)
+    if "empty" in scene_case.traits:
+        assert frame.coverage.max() == 0.0
+
+
+@pytest.mark.parametrize("buffer", BUFFERS)
+def test_buffers_are_finite_too(scene_case, buffer):
+    options = RenderOptions(width=24, height=16, buffer=buffer)
+    try:
+        frame = texbake.render_scene(scene_case.make(), options, threads=1)
+    except texbake.UvError:
+        return  # there are no coordinates to show
+    assert_sound(frame)
+
+
+def test_threads_change_no_byte_of_a_picture(scene_case):
+    made = scene_case.make()
+    one = texbake.render_scene(made, SMALL, threads=1)
+    three = texbake.render_scene(made, SMALL, threads=3)
+    np.testing.assert_array_equal(one.color, three.color)
+
+
+def test_the_plan_is_made_without_drawing(scene_case):
+    assert texbake.plan_scene(scene_case.make(), SMALL).passes
+
+
+def test_of_coplanar_faces_one_object_is_seen_everywhere():
+    flat = {"shading": "unlit"}
+    made = scene(
+        SceneObject(mesh=floor(), material=Material(base_color=(1.0, 0.0, 0.0), **flat)),
+        SceneObject(mesh=floor(), material=Material(base_color=(0.0, 1.0, 0.0), **flat)),
+    )
+    frame = texbake.render_scene(made, SMALL)
+    seen = frame.color[frame.coverage == 1.0]
+    assert len(seen) and (seen == seen[0]).all()
+
+
+def test_ground_below_the_horizon_is_covered_and_above_it_not():
+    """Closed form: an infinite plane fills the picture up to the horizon, the middle row."""
+    made = scene(SceneObject(mesh=floor(1e6)), view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)))
+    frame = texbake.render_scene(made, RenderOptions(width=48, height=32, supersampling=1))
+    assert (frame.coverage[:16] == 0.0).all()
+    assert (frame.coverage[17:] == 1.0).all()
+
+
+@pytest.mark.parametrize("distance", [1.0, 1e3, 1e6])
+def test_what_lies_a_thousandth_in_front_hides_what_is_behind(distance):
+    """With near planes of 1e-3 and so depths of 1e-9: reversed depth keeps them apart."""
+    wall = plane()
+    near, far = (
+        wall.replace(positions=(wall.positions - [0.5, 0.5, 0.0]) * d * 9 - [0, 0, d])
+        for d in (distance, distance * 1.001)
+    )
+    red, green = (
+        Material(shading="unlit", base_color=color) for color in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    )
+    view = texbake.View(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3)
+    made = scene(
+        SceneObject(mesh=far, material=green), SceneObject(mesh=near, material=red), view=view
+    )
+    frame = texbake.render_scene(made, SMALL)
+    np.testing.assert_array_equal(
+        frame.color[..., :3], np.broadcast_to(np.float32([1, 0, 0]), (32, 48, 3))
+    )
+
+
+def test_a_checker_to_the_horizon_tends_to_its_mean():
+    made = scene(
+        SceneObject(
+            mesh=floor(1e6),
+            material=Material(shading="unlit", base_color=checker(filter="ewa", scale=(1e6, 1e6))),
+        ),
+        view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)),
+    )
+    frame = texbake.render_scene(made, RenderOptions(width=48, height=32, supersampling=1))
+    # The first rows below the horizon see thousands of cells in each pixel.
+    np.testing.assert_allclose(frame.color[17:19, :, :3], 0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_normal_maps_without_directions_leave_the_surface_as_it_is(value):
+    nothing = texbake.ImageTexture(image=np.full((4, 4, 3), value, np.float32), color=False)
+    options = RenderOptions(width=48, height=32, buffer="normals")
+    bare, mapped = (
+        texbake.render_scene(scene(SceneObject(mesh=uv_sphere(8, 16), material=material)), options)
+        for material in (Material(), Material(normal_map=texbake.NormalMap(texture=nothing)))
+    )
+    np.testing.assert_allclose(mapped.color, bare.color, atol=1e-6)
+
+
+numbers = st.sampled_from([0.0, 0.25, 1.0, 0.5])
+colors = st.tuples(numbers, numbers, numbers)
+places = st.tuples(*[st.sampled_from([-2.0, 0.0, 0.5, 1.0, 3.0, 1e-9])] * 3)
+vectors = places.filter(any)
+slots = st.one_of(
+    colors,
+    st.builds(
+        ProcedureTexture,
+        procedure=st.sampled_from(["checker", "stripes", "noise", "marble", "wood", "worley"]),
+        scale=st.sampled_from([1.0, 30.0, 1e6]),
+    ),
+)
+materials = st.builds(
+    Material,
+    shading=st.sampled_from(["unlit", "lambert", "blinn-phong", "metallic-roughness"]),
+    base_color=slots,
+    exponent=st.sampled_from([0.0, 1.0, 1e6]),
+    roughness=numbers,
+    metalness=numbers,
+    emission=st.none() | colors,
+    opacity=st.none() | numbers,
+    double_sided=st.none() | st.booleans(),
+)
+lights = st.builds(
+    Light,
+    kind=st.sampled_from(["directional", "point", "spot"]),
+    color=colors,
+    intensity=st.sampled_from([0.0, 1.0, 1e6]),
+    position=places,
+    direction=vectors,
+    angle=st.sampled_from([1.0, 45.0, 179.0]),
+    shadow=st.none() | st.builds(Shadow, size=st.sampled_from([1, 33])),
+)
+objects = st.builds(
+    SceneObject,
+    mesh=st.sampled_from([cube(), plane(2, 2), uv_sphere(4, 6), icosphere(1)]),
+    material=materials,
+    transform=st.sampled_from(
+        [None, np.diag([1.0, -1.0, 1.0, 1.0]), np.diag([9.0, 0.1, 1e-3, 1.0])]
+    ),
+    casts_shadows=st.booleans(),
+)
+views = st.none() | st.tuples(places, places).filter(lambda ends: ends[0] != ends[1]).map(
+    lambda ends: looking(*ends)
+)
+
+
+@settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+@given(
+    things=st.lists(objects, min_size=1, max_size=3),
+    lit=st.lists(lights, max_size=3),
+    view=views,
+    environment=st.none() | st.just(Environment(color=(0.2, 0.3, 0.4), lighting=True, size=4)),
+    fog=st.none() | st.builds(Fog, mode=st.sampled_from(["linear", "exp", "exp2"])),
+    occlusion=st.none() | st.just(AmbientOcclusion(samples=4)),
+)
+def test_random_scenes(things, lit, view, environment, fog, occlusion):
+    made = scene(
+        *things,
+        lights=tuple(lit),
+        view=view,
+        environment=environment,
+        fog=fog,
+        occlusion=occlusion,
+    )
+    options = RenderOptions(width=24, height=16)
+    try:
+        frame = texbake.render_scene(made, options, threads=1)
+    except texbake.TexbakeError as error:
+        assert "\n" not in str(error)
+        return
+    assert_sound(frame)
