@@ -120,6 +120,12 @@ def row_of(values, i):  # type: ignore[no-untyped-def]
     return i if len(values) > 1 else 0
 
 
+@kernel
+def row_dot(a, i, b, j):  # type: ignore[no-untyped-def]
+    """Scalar product of row i of one list of vectors and row j of another."""
+    return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
+
+
 def one_row(value: float | tuple[float, ...], channels: int) -> Floats:
     """(1, channels) float32: a constant as a row for all fragments, at most `BRIGHTEST`."""
     row = np.empty((1, channels), np.float32)

@@ -47,7 +47,7 @@ from texbake.render.effects.bump_surface import (
 from texbake.render.effects.lights import incident, shining
 from texbake.render.effects.normals import finish_normal
 from texbake.render.effects.shading_models import normals_effect
-from texbake.render.fragments import Fragments, row_of
+from texbake.render.fragments import Fragments, row_dot, row_of
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Target
 from texbake.render.plan.question import Question
@@ -162,11 +162,7 @@ def _light_steps_kernel(surface, fragments, directions, to_object, steps, shifts
 def _emboss_kernel(normals, directions, radiance, base, metalness, lifts, out):  # type: ignore[no-untyped-def]
     for i in range(len(normals)):
         d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
-        facing = (
-            normals[i, 0] * directions[d, 0]
-            + normals[i, 1] * directions[d, 1]
-            + normals[i, 2] * directions[d, 2]
-        )
+        facing = row_dot(normals, i, directions, d)
         if facing > 0.0:
             added = max(lifts[i], -facing) * (1.0 - metalness[row_of(metalness, i), 0])
             for k in range(3):

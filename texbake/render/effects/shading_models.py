@@ -26,7 +26,7 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.render.effects.lights import incident, shining
-from texbake.render.fragments import Floats, Fragments, Incident, row_of
+from texbake.render.fragments import Floats, Fragments, Incident, row_dot, row_of
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Call, Effect, Target
 from texbake.render.plan.question import Question
@@ -62,11 +62,7 @@ def _needs(question: Question, target: Target) -> Iterator[str]:
 def _lambert_kernel(normals, directions, radiance, base, out):  # type: ignore[no-untyped-def]
     for i in range(len(normals)):
         d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
-        facing = (
-            normals[i, 0] * directions[d, 0]
-            + normals[i, 1] * directions[d, 1]
-            + normals[i, 2] * directions[d, 2]
-        )
+        facing = row_dot(normals, i, directions, d)
         if facing > 0.0:
             for k in range(3):
                 out[i, k] += radiance[r, k] * base[b, k] * facing

@@ -173,3 +173,43 @@ def clip_polygon(polygon, scratch, n_corners, width, height):  # type: ignore[no
             for k in range(4):
                 polygon[i, k] = scratch[i, k]
     return n_corners
+
+
+@kernel
+def clip_triangle(  # type: ignore[no-untyped-def]
+    positions, corners, matrix, width, height, polygon, scratch, points, depths
+):
+    """Cut a triangle by the near plane and the guard band, and snap what is left to the grid.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+    corners : (3,) int32
+        Indices into them.
+    matrix : (4, 4) float64
+        World space to clip space.
+    polygon, scratch : (MAX_CORNERS, 4) float64
+        Room to work in; `polygon` is left with the clip coordinates.
+    points : (MAX_CORNERS, 2) int64
+        Gets columns and rows in 1/256 of a sample.
+    depths : (MAX_CORNERS,) float32
+        Gets z / w.
+
+    Returns
+    -------
+    int
+        Corners that are left; 0 for none, or where a coordinate is not finite.
+    """
+    for i in range(3):
+        to_clip(matrix, positions[corners[i]], polygon[i])
+        for k in range(4):
+            if not np.isfinite(polygon[i, k]):
+                return 0
+    n_corners = clip_polygon(polygon, scratch, 3, width, height)
+    for i in range(n_corners):
+        corner = polygon[i]
+        column, row = to_grid(corner[0], corner[1], corner[3], width, height)
+        points[i, 0] = column
+        points[i, 1] = row
+        depths[i] = corner[2] / corner[3]
+    return n_corners

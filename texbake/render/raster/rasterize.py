@@ -34,10 +34,8 @@ from texbake.render.raster.clip import (
     OFF_GRID,
     SUBPIXEL_BITS,
     SUBPIXELS,
-    clip_polygon,
+    clip_triangle,
     project,
-    to_clip,
-    to_grid,
 )
 from texbake.render.raster.visibility import Visibility
 from texbake.render.raster.world import SHOW_BACK, SKIP, World, object_of
@@ -58,20 +56,10 @@ def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-
     `scene` is (positions, faces, object starts, object modes, matrix, grid, vertex depths, width,
     height). Returns the number of corners; 0 where nothing is left.
     """
-    positions, faces, _, _, matrix, _, _, width, height = scene
-    for i in range(3):
-        to_clip(matrix, positions[faces[face, i]], polygon[i])
-        for k in range(4):
-            if not np.isfinite(polygon[i, k]):
-                return 0
-    n_corners = clip_polygon(polygon, scratch, 3, width, height)
-    for i in range(n_corners):
-        corner = polygon[i]
-        column, row = to_grid(corner[0], corner[1], corner[3], width, height)
-        points[i, 0] = column
-        points[i, 1] = row
-        depths[i] = corner[2] / corner[3]
-    return n_corners
+    corners = scene[1][face]
+    return clip_triangle(
+        scene[0], corners, scene[4], scene[7], scene[8], polygon, scratch, points, depths
+    )
 
 
 @kernel

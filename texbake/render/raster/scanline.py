@@ -22,14 +22,7 @@ import numpy.typing as npt
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
-from texbake.render.raster.clip import (
-    HALF,
-    MAX_CORNERS,
-    SUBPIXELS,
-    clip_polygon,
-    to_clip,
-    to_grid,
-)
+from texbake.render.raster.clip import HALF, MAX_CORNERS, SUBPIXELS, clip_triangle
 from texbake.render.raster.fragments import corner_edges
 from texbake.render.raster.visibility import Visibility
 from texbake.render.raster.world import SHOW_BACK, SKIP, World
@@ -39,23 +32,17 @@ _N_VALUES = 4
 
 
 @kernel
-def _corners_of(face, scene, polygon, scratch, edges, points, values):  # type: ignore[no-untyped-def]
+def _corners_of(face, scene, polygon, scratch, edges, points, depths, values):  # type: ignore[no-untyped-def]
     """Corners of what clipping leaves of a triangle: grid positions, and the values there."""
     positions, faces, matrix, width, height = scene
-    for i in range(3):
-        to_clip(matrix, positions[faces[face, i]], polygon[i])
-        for k in range(4):
-            if not np.isfinite(polygon[i, k]):
-                return 0
-    n_corners = clip_polygon(polygon, scratch, 3, width, height)
+    n_corners = clip_triangle(
+        positions, faces[face], matrix, width, height, polygon, scratch, points, depths
+    )
     for i in range(n_corners):
-        corner = polygon[i]
-        column, row = to_grid(corner[0], corner[1], corner[3], width, height)
-        points[i, 0], points[i, 1] = column, row
-        x, y = column / SUBPIXELS, row / SUBPIXELS
+        x, y = points[i, 0] / SUBPIXELS, points[i, 1] / SUBPIXELS
         for k in range(3):
             values[i, k] = edges[k, 0] * x + edges[k, 1] * y + edges[k, 2]
-        values[i, 3] = corner[2] / corner[3]
+        values[i, 3] = depths[i]
     return n_corners
 
 
@@ -153,6 +140,7 @@ def _scanline_kernel(scene, starts, modes, face_ids, depths, weights):  # type: 
     polygon, scratch = np.empty((MAX_CORNERS, 4)), np.empty((MAX_CORNERS, 4))
     points = np.empty((MAX_CORNERS, 2), np.int64)
     values = np.empty((MAX_CORNERS, _N_VALUES))
+    depth_values = np.empty(MAX_CORNERS, np.float32)
     clip, edges = np.empty((3, 4)), np.empty((3, 3))
     for owner in range(len(modes)):
         if modes[owner] == SKIP:
@@ -161,7 +149,9 @@ def _scanline_kernel(scene, starts, modes, face_ids, depths, weights):  # type: 
             corner_edges(
                 positions, faces[face], matrix, False, 2.0 / width, 2.0 / height, clip, edges
             )
-            n_corners = _corners_of(face, scene, polygon, scratch, edges, points, values)
+            n_corners = _corners_of(
+                face, scene, polygon, scratch, edges, points, depth_values, values
+            )
             for i in range(n_corners - 2):
                 _triangle(
                     points, values, i, face, modes[owner] == SHOW_BACK, face_ids, depths, weights
