@@ -164,3 +164,9 @@ def test_orange_has_pores_of_every_depth_and_no_jump():
 def test_too_small_counts_are_errors(make):
     with pytest.raises(OptionError, match=r"must be at least|give one between"):
         make()
+
+
+@pytest.mark.parametrize("make", [lambda: icosphere(30), lambda: orange(10**11)])
+def test_what_would_fill_the_memory_is_refused_at_once(make):
+    with pytest.raises(OptionError, match="it must be at most"):
+        make()

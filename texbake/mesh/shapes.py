@@ -17,6 +17,10 @@ import numpy as np
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, ids_around, split_quads
+from texbake.mesh.parametric.options import MAX_TRIANGLES
+
+# Levels of an icosphere with no more triangles than that.
+_MOST_LEVELS = 9
 
 Field = Callable[[FloatArray, FloatArray], Any]
 
@@ -143,7 +147,7 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
 
 def icosphere(level: int = 3) -> Mesh:
     """Unit sphere of 20 · 4^level nearly equal triangles, from an icosahedron; no seam, no uvs."""
-    _check_count("icosphere: level", level, 0)
+    _check_count("icosphere: level", level, 0, most=_MOST_LEVELS)
     directions, faces = _geodesic_sphere(2**level)
     return Mesh(positions=directions, faces=faces, name="icosphere")
 
@@ -167,15 +171,17 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
     """
     from texbake.mesh.peel import peel_radii  # brings numba
 
-    _check_count("orange: n_triangles", n_triangles, 20)
+    _check_count("orange: n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
     directions, faces = _geodesic_sphere(round((n_triangles / 20.0) ** 0.5))
     directions *= peel_radii(directions)[:, None]
     return Mesh(positions=directions, faces=faces, name="orange")
 
 
-def _check_count(what: str, count: int, least: int) -> None:
+def _check_count(what: str, count: int, least: int, *, most: int | None = None) -> None:
     if count < least:
         raise OptionError(f"{what} is {count}; it must be at least {least}")
+    if most is not None and count > most:
+        raise OptionError(f"{what} is {count:,}; it must be at most {most:,}")
 
 
 def _evaluated(field: Field | None, a: FloatArray, b: FloatArray, default: float) -> FloatArray:
