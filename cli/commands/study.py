@@ -67,7 +67,7 @@ def study(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Measure what each setting buys in accuracy, and what it costs.
+    """Measure what each setting buys and costs.
 
     On the pair HIGH and LOW and on a scene, or on made ones whose truth is known. Writes a page
     that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.

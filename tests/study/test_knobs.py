@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import texbake.study.knobs
 from texbake.study.case import Case
 from texbake.study.knob import TRUTHS
 from texbake.study.knobs import knob_named
@@ -28,7 +27,7 @@ def errors(quick_study):
 
 
 def test_every_module_is_a_knob_of_the_list():
-    folder = Path(texbake.study.knobs.__file__).parent
+    folder = Path(import_module("texbake.study.knobs").__file__).parent
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__"}
     assert modules == {name.replace("-", "_") for name in KNOB_NAMES}
     assert [knob_named(name).name for name in KNOB_NAMES] == list(KNOB_NAMES)
