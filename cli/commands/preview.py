@@ -18,6 +18,7 @@ from ..options import (
     MESH_SUFFIXES,
     choice_option,
     image_option,
+    number_option,
     picture_changes,
     report_option,
     threads_option,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from texbake.render.resolve import Frame
     from texbake.render.scene.scene import Scene
 
+_TARGETS = ("max_error", "time_budget")
 # The two that `--affine-vs-perspective` lays side by side.
 _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
 
@@ -44,6 +46,8 @@ _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
       texbake preview low.obj --normal-map normal.png -o low.png
       texbake preview scan.ply --up z --view 120,15 --size 1920x1080 -o scan.png
       texbake preview scene.toml -o scene.png --explain
+      texbake preview scene.toml -o scene.png --max-error 2/255
+      texbake preview scene.toml -o scene.png --time-budget 20s
       texbake preview scene.toml --plan-only
       texbake preview scene.toml --filter nearest,bilinear,trilinear,ewa -o filters.png
       texbake preview scene.toml --affine-vs-perspective -o affine.png
@@ -66,6 +70,22 @@ _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
 @picture_changes
 @choice_option(
     "--edges", EDGES, RenderOptions.edges, "Shade a pixel once inside a triangle, or every sample."
+)
+@number_option(
+    "--max-error",
+    str,
+    RenderOptions.max_error,
+    "E",
+    "Sample pixels adaptively, until each is estimated to be off by at most so much from black to "
+    "white in sRGB: 2/255, or 0.01.",
+)
+@number_option(
+    "--time-budget",
+    str,
+    RenderOptions.time_budget,
+    "T",
+    "Pick the least such error that is predicted to be drawn in 20s, 2min, ...; a short probe "
+    "tells how long it takes.",
 )
 @click.option(
     "--filter",
@@ -135,8 +155,7 @@ def preview(
     import texbake
     from texbake.pipeline.preview import open_preview
 
-    if _given("edges"):
-        picture["edges"] = choices["edges"]
+    _take_targets(picture, choices, turn)
     with terminal.progress() as progress:
         scene, options = open_preview(
             input,
@@ -161,7 +180,12 @@ def preview(
     for note in scene.notes:
         terminal.warn(f"{input}: {note}")
     if choices["explain"] is not None or report is not None:
-        _tell(frame.plan, frame.costs, choices["explain"], report)
+        _tell(frame.plan, frame.costs, choices["explain"], report, frame)
+    for part in frame.sampling, frame.budget:
+        if part is not None:
+            for warning in part.warnings:
+                terminal.warn(warning)
+            terminal.summary(part.table())
     terminal.wrote([output] if report is None else [output, report])
 
 
@@ -171,10 +195,31 @@ def _given(name: str) -> bool:
     return source not in (ParameterSource.DEFAULT, None)
 
 
+def _take_targets(picture: dict[str, Any], choices: dict[str, Any], turn: Turntable | None) -> None:
+    """Note which edges, and which error or time, are asked for."""
+    if _given("edges"):
+        picture["edges"] = choices["edges"]
+    asked = {name: choices[name] for name in _TARGETS if choices[name] is not None}
+    if not asked:
+        return
+    flag = f"--{next(iter(asked)).replace('_', '-')}"
+    for name in "supersampling", "edges":
+        if name in picture:
+            raise click.UsageError(f"--{name} leaves {flag} nothing to choose; give one of them.")
+    if "time_budget" in asked and (turn is not None or _names_several(choices)):
+        raise click.UsageError("--time-budget is of one picture; give several a --max-error.")
+    picture |= asked
+
+
+def _names_several(choices: dict[str, Any]) -> bool:
+    """Whether pictures are to be laid side by side."""
+    several = any(len(choices[name]) > 1 for name in ("filters", "interpolations", "buffers"))
+    return several or bool(choices["affine_vs_perspective"])
+
+
 def _check_one_way(choices: dict[str, Any]) -> None:
     """Refuse several ways to draw a turn, of which only the first would be drawn."""
-    several = any(len(choices[name]) > 1 for name in ("filters", "interpolations", "buffers"))
-    if several or choices["affine_vs_perspective"]:
+    if _names_several(choices):
         raise click.UsageError(
             "A turntable is drawn in one way: name one filter, interpolation and buffer."
         )
@@ -258,16 +303,23 @@ def _write_turn(
     return write_turntable(scene, options, n_views, output, threads=threads, progress=progress)
 
 
-def _tell(plan: Plan, costs: Costs | None, form: str | None, report: Path | None) -> None:
-    """Print the plan, and write it as JSON, where either is asked for."""
+def _tell(
+    plan: Plan,
+    costs: Costs | None,
+    form: str | None,
+    report: Path | None,
+    frame: Frame | None = None,
+) -> None:
+    """Print the plan, and write it as JSON with what samples reached, where it is asked for."""
     from texbake.render.plan.explain import plan_report, plan_table
 
+    told = plan_report(plan, costs) | ({} if frame is None else frame.sampling_report())
     if report is not None:
         from texbake.pipeline.report import write_report
 
-        write_report(report, plan_report(plan, costs))
+        write_report(report, told)
     if form == "json":
-        say(json.dumps(plan_report(plan, costs), indent=2))
+        say(json.dumps(told, indent=2))
     elif form == "table":
         rows, left_out = plan_table(plan, costs)
         columns(rows, numbers=0 if costs is None else 2)

@@ -13,15 +13,18 @@ from texbake.mesh.simplify_options import QUALITIES
 from texbake.pipeline.options import RunOptions
 from texbake.render.options import UPS
 
+from ..html import command_line, html_option
 from ..options import (
     choice_option,
     mesh_argument,
     number_option,
     output_folder,
+    run_sample_options,
     size_option,
     threads_option,
     view_option,
 )
+from ..outputs import check_report
 from ..terminal import Terminal, terminal_options
 
 
@@ -31,6 +34,7 @@ from ..terminal import Terminal, terminal_options
     Example:
       texbake run scan.ply -o asset --faces 500 --size 2048
       texbake run scan.ply -o asset --faces 2000 --quality best --convention directx
+      texbake run scan.ply -o asset --faces 500 --max-error 0.5deg,0.01%
     """
 )
 @mesh_argument("high")
@@ -45,7 +49,7 @@ from ..terminal import Terminal, terminal_options
 @number_option(
     "--padding", int, RunOptions.padding, "PX", "Texels around each chart that repeat its edge."
 )
-@number_option("--samples", int, RunOptions.samples, "1|4|16|64", "Rays a texel.")
+@run_sample_options
 @choice_option(
     "--convention",
     CONVENTIONS,
@@ -55,8 +59,9 @@ from ..terminal import Terminal, terminal_options
 @view_option
 @choice_option("--up", UPS, RunOptions.up, "Axis of the world that is up in the pictures.")
 @threads_option
+@html_option
 @terminal_options
-def run(high: Path, output: Path, terminal: Terminal, **choices: Any) -> None:
+def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choices: Any) -> None:
     """Do the whole job, from HIGH to a light mesh with maps.
 
     Simplifies, unwraps, bakes, and renders to compare. A mesh scan.ply gives scan_low.obj and
@@ -65,12 +70,29 @@ def run(high: Path, output: Path, terminal: Terminal, **choices: Any) -> None:
     """
     options = RunOptions(**choices)
     check_folder(output)
+    check_report(html)
     import texbake
+    from texbake.pages.asset_page import AssetPage, write_asset_page
 
     with terminal.progress() as progress:
         mesh = texbake.read_mesh(high, progress=progress)
         result = texbake.run(mesh, output, options, progress=progress)
+        if html is not None:
+            write_asset_page(
+                html,
+                AssetPage(
+                    high=mesh,
+                    low=result.low,
+                    baked=result.baked,
+                    comparison=result.comparison,
+                    stages=result.stages,
+                    figures=[*result.table(), ("Bake", ""), *result.baked.report.table()],
+                    warnings=result.warnings,
+                    command=command_line(),
+                    picture=options.render_options(),
+                ),
+            )
     for warning in result.warnings:
         terminal.warn(warning)
     terminal.summary(result.table())
-    terminal.wrote(result.files.values())
+    terminal.wrote([*result.files.values(), *([] if html is None else [html])])

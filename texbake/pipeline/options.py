@@ -13,6 +13,7 @@ from texbake.render.options import RenderOptions, Rgb
 View = tuple[float, float] | tuple[float, float, float | None]
 
 DEMO_FOLDER = "texbake_demo"
+DEFAULT_SAMPLES = 4  # rays a texel where nothing else is asked for
 MIN_TRIANGLES = 1000  # an orange of fewer has no pores
 _PICTURE_SIZE = 720  # pixels a side of each picture
 
@@ -31,8 +32,11 @@ class RunOptions:
         Texels of the maps, a side, or (width, height).
     padding : int
         Texels around each chart that repeat its edge; the atlas leaves room for them.
-    samples : int
-        Rays a texel: 1, 4, 16 or 64.
+    samples : int or str, optional
+        Rays a texel: 1, 4, 16, 64, or `adaptive`. None: 4, or adaptive where an error or a time is
+        asked for.
+    max_error, time_budget : optional
+        Of the maps; as in `BakeOptions`.
     convention : str
         Green channel of the normal map: `opengl` or `directx`. That inside the GLB file is always
         OpenGL, because glTF asks for it.
@@ -50,7 +54,9 @@ class RunOptions:
     quality: str = DEFAULT_QUALITY
     size: int | tuple[int, int] = 2048
     padding: int = 8
-    samples: int = 4
+    samples: int | str | None = None
+    max_error: str | None = None
+    time_budget: str | float | None = None
     convention: str = "opengl"
     view: View = RenderOptions.view
     up: str = RenderOptions.up
@@ -77,11 +83,20 @@ class RunOptions:
             maps=("normal", "displacement"),
             size=self.size,
             padding=self.padding,
-            samples=self.samples,
+            samples=self._bake_samples,
+            max_error=self.max_error,
+            time_budget=self.time_budget,
             convention=self.convention,
             fill="push-pull",
             threads=self.threads,
         )
+
+    @property
+    def _bake_samples(self) -> int | str:
+        if self.samples is not None:
+            return self.samples
+        asked = self.max_error is not None or self.time_budget is not None
+        return BakeOptions.samples if asked else DEFAULT_SAMPLES
 
     def render_options(self) -> RenderOptions:
         """Return how the pictures are made."""

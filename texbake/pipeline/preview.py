@@ -20,7 +20,8 @@ from texbake.files import PathLike, make_folder
 from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.render.camera import Camera
-from texbake.render.draw import draw, prepare
+from texbake.render.draw import prepare
+from texbake.render.draw_picture import draw_picture
 from texbake.render.maps import MapSource
 from texbake.render.options import RenderOptions
 from texbake.render.panels import Panel, side_by_side
@@ -153,7 +154,7 @@ def write_turntable(
     stages = Stages(progress)
     with stages.stage("turn", total=n_views, unit="pictures") as advance:
         for file, camera in zip(turntable_files(path, n_views), cameras, strict=True):
-            frame = draw(prepared, camera)
+            frame = draw_picture(prepared, camera)
             frame.write(file, threads=threads)
             advance(1)
     return frame
@@ -202,7 +203,9 @@ def render_side_by_side(
     frames = []
     for _, options in ways:
         prepared = prepare(scene, options, threads=threads)
-        frames.append(draw(prepared, camera or camera_of(scene, options), progress=progress))
+        frames.append(
+            draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
+        )
     panels = [
         Panel(frame.color, caption, "") for frame, (caption, _) in zip(frames, ways, strict=True)
     ]

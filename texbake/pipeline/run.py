@@ -84,6 +84,7 @@ class RunResult:
             ("Stages", ""),
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
             ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
+            *_asked_for(self.baked),
             ("Closeness to the dense mesh", ""),
             (
                 "  surface of the light mesh",
@@ -166,6 +167,13 @@ def run(
     )
     write_report(files["report"], result.to_json())
     return result
+
+
+def _asked_for(baked: BakeResult) -> list[tuple[str, str]]:
+    """Rows of what an error or a time that the bake was asked for has come to."""
+    parts = [part for part in (baked.report.sampling, baked.report.budget) if part is not None]
+    rows = [(f"  {label}", figures) for part in parts for label, figures in part.table()]
+    return [("Samples of the maps", ""), *rows] if rows else []
 
 
 def _files_in(folder: PathLike, high: Mesh) -> dict[str, Path]:

@@ -92,6 +92,9 @@ def draw(
 ) -> Frame:
     """Draw a scene from one camera.
 
+    Every pixel has as many samples as `RenderOptions.supersampling` says;
+    `texbake.render.draw_picture` draws with as many as each needs, where that is asked for.
+
     Parameters
     ----------
     prepared
@@ -113,6 +116,33 @@ def draw(
 
 
 def _draw(prepared: Prepared, question: Question, stages: Stages) -> Frame:
+    picture, visibility = laid_out(prepared, question, stages)
+    with stages.stage("shade"):
+        sums = shaded_sums(picture, visibility)
+        behind = behind_surfaces(picture)
+        color, coverage, normals = sums.finished(behind, threads=picture.threads)
+    return Frame(
+        color=color,
+        coverage=coverage,
+        plan=picture.plan,
+        costs=picture.costs,
+        _visibility=visibility,
+        _near=question.camera.near,
+        _normals=normals,
+    )
+
+
+def laid_out(
+    prepared: Prepared, question: Question, stages: Stages, *, all_objects: bool = False
+) -> tuple[Picture, Visibility]:
+    """Compute all that comes before shading: what its samples see, and what effects need.
+
+    Parameters
+    ----------
+    all_objects
+        Whether effects are made ready for every object that may be in the picture, and not for
+        those alone that its samples see.
+    """
     plan = compile_plan(question, prepared.effects)
     picture = Picture(
         question=question,
@@ -127,22 +157,12 @@ def _draw(prepared: Prepared, question: Question, stages: Stages) -> Frame:
         picture.values["world", None] = _world(picture, prepared)
     with stages.stage("rasterize"):
         visibility = find_visibility(picture)
+        if all_objects:
+            picture.values["seen objects", None] = frozenset(question.seen)
     with stages.stage("prepare light and textures"):
         later = [p for p in plan.passes if not p.effect.moves_surface]
         _run(picture, prepared, later, picture.seen)
-    with stages.stage("shade"):
-        sums = _shaded(picture, visibility)
-        behind = _behind(picture)
-        color, coverage, normals = sums.finished(behind, threads=picture.threads)
-    return Frame(
-        color=color,
-        coverage=coverage,
-        plan=plan,
-        costs=picture.costs,
-        _visibility=visibility,
-        _near=question.camera.near,
-        _normals=normals,
-    )
+    return picture, visibility
 
 
 def _run(
@@ -214,7 +234,7 @@ def _world(picture: Picture, prepared: Prepared) -> World:
     return world
 
 
-def _shaded(picture: Picture, visibility: Visibility) -> Sums:
+def shaded_sums(picture: Picture, visibility: Visibility) -> Sums:
     """Shade all fragments, some rows at a time, and add them to their pixels."""
     height, width = picture.options.height, picture.options.width
     sums = Sums.empty(
@@ -238,7 +258,7 @@ def _shaded(picture: Picture, visibility: Visibility) -> Sums:
     return sums
 
 
-def _behind(picture: Picture) -> FloatImage | None:
+def behind_surfaces(picture: Picture) -> FloatImage | None:
     """What shows where there is no surface: what an effect puts there, a color, or nothing."""
     for item in picture.plan.passes:
         if item.effect.behind is not None:

@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from texbake.durations import parse_seconds
 from texbake.errors import OptionError
+from texbake.render.picture_error import parse_max_error
 from texbake.render.scene.textures import FILTERS
 
 MAX_SIZE = 16384  # pixels a side
 MAX_SUPERSAMPLING = 16
 # Visibility and shading keep about 50 bytes a sample, so this is about 13 GB.
 MAX_SAMPLES = 2**28
+# Sums and estimates of adaptive samples keep about 100 bytes a pixel: about 7 GB.
+MAX_ADAPTIVE_PIXELS = 2**26
 BACK_FACES = ("cull", "show")
 UPS = ("y", "z")
 INTERPOLATIONS = ("perspective", "affine", "scanline")
@@ -51,6 +55,14 @@ class RenderOptions:
         Vertical field of view in degrees, above 0 and below 180.
     supersampling : int
         Samples of a pixel along one side, 1 to 16: n x n samples, averaged.
+    max_error : str or float, optional
+        Samples are adaptive, all of them shaded: pixels get more until the estimated error of each
+        is at most this, as a share of the way from black to white in sRGB: `2/255`, or 0.01. At
+        most 341 each. `edges` does not count then, and `supersampling` only for shadow maps and
+        ambient occlusion.
+    time_budget : str or float, optional
+        Wall-clock time that the picture may take, as `20s`, `2min`, or seconds: a short probe of
+        the scene picks the least error that is predicted to fit, not below `max_error`.
     background : (r, g, b), optional
         Behind the mesh, sRGB-coded in [0, 1]; None: transparent.
     base_color : (r, g, b)
@@ -81,6 +93,8 @@ class RenderOptions:
     up: str = "y"
     fov: float = 35.0
     supersampling: int = 2
+    max_error: str | float | None = None
+    time_budget: str | float | None = None
     background: Rgb | None = (0.15, 0.16, 0.18)
     base_color: Rgb = (0.8, 0.8, 0.8)
     back_faces: str = "cull"
@@ -127,6 +141,35 @@ class RenderOptions:
             raise OptionError(f"bounces: {self.bounces} is out of range; it is 0 to {MAX_BOUNCES}")
         if self.max_triangles < 1:
             raise OptionError(f"max_triangles: {self.max_triangles} must be at least 1")
+        self._check_targets()
+
+    def _check_targets(self) -> None:
+        """Raise `OptionError` where an error or a time is asked for that cannot be."""
+        if self.max_error is not None:
+            parse_max_error(self.max_error)
+        if self.time_budget is not None:
+            parse_seconds(self.time_budget)
+        asked = "max-error" if self.max_error is not None else "time-budget"
+        if self.is_adaptive and self.width * self.height > MAX_ADAPTIVE_PIXELS:
+            raise OptionError(
+                f"{asked}: {self.width} x {self.height} pixels are above {MAX_ADAPTIVE_PIXELS}; "
+                "make the picture smaller, or give --supersampling"
+            )
+        if self.is_adaptive and self.buffer is not None:
+            raise OptionError(
+                f"buffer, {asked}: {self.buffer} shows the inside of the renderer, which has no "
+                "error; give one of the two"
+            )
+        if self.is_adaptive and self.interpolation == "scanline":
+            raise OptionError(
+                f"interpolation, {asked}: scanline knows the samples of its own rows alone; give "
+                "one of the two"
+            )
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether pixels get as many samples as each needs."""
+        return self.max_error is not None or self.time_budget is not None
 
     @property
     def distance(self) -> float | None:

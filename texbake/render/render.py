@@ -5,7 +5,8 @@ from __future__ import annotations
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.render.camera import Camera
-from texbake.render.draw import draw, plan_of, prepare
+from texbake.render.draw import plan_of, prepare
+from texbake.render.draw_picture import draw_picture
 from texbake.render.maps import MapSource
 from texbake.render.options import RenderOptions
 from texbake.render.plan.plan import Plan
@@ -77,7 +78,7 @@ def render(
     )
     prepared = prepare(scene, options, threads=threads)
     camera = camera or Camera.framing(mesh, options=options)
-    return draw(prepared, camera, keep=("normals",), progress=progress)
+    return draw_picture(prepared, camera, keep=("normals",), progress=progress)
 
 
 def render_scene(
@@ -119,7 +120,7 @@ def render_scene(
     """
     options = options or RenderOptions()
     prepared = prepare(scene, options, threads=threads)
-    return draw(prepared, camera or camera_of(scene, options), progress=progress)
+    return draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
 
 
 def plan_scene(

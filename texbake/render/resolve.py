@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.render.fragments import Fragments
 from texbake.render.picture import Costs
+from texbake.render.picture_report import PictureBudget, PictureSampling
 from texbake.render.plan.plan import Plan
 from texbake.render.raster.visibility import Visibility
 from texbake.texture.image import FloatImage, write_image
@@ -38,6 +40,10 @@ class Frame:
         What was computed for it.
     costs : Costs
         What that took.
+    sampling : PictureSampling, optional
+        What adaptive samples reached, where they were asked for.
+    budget : PictureBudget, optional
+        What a time budget was turned into, where there was one.
     """
 
     color: FloatImage
@@ -47,6 +53,8 @@ class Frame:
     _visibility: Visibility
     _near: float
     _normals: FloatImage | None = field(default=None)
+    sampling: PictureSampling | None = None
+    budget: PictureBudget | None = None
 
     @property
     def height(self) -> int:
@@ -96,6 +104,11 @@ class Frame:
     def depths(self) -> FloatImage:
         """(H, W) float32: its distance along the view in model units; infinite for none."""
         return self._nearest[1]
+
+    def sampling_report(self) -> dict[str, Any]:
+        """Return `sampling` and `budget` as values that JSON holds, where they are there."""
+        parts = {"sampling": self.sampling, "budget": self.budget}
+        return {name: asdict(part) for name, part in parts.items() if part is not None}
 
     def write(self, path: PathLike, *, threads: int | None = None) -> None:
         """Write the color to an image file, with opacity only where not all of it is opaque.

@@ -28,6 +28,13 @@ def shaded_fragments(
             and picture.options.interpolation != "scanline",
             wants_samples=wants_samples,
         )
+    return found, shaded_objects(picture, visibility, found)
+
+
+def shaded_objects(
+    picture: Picture, visibility: Visibility | None, found: FragmentRows
+) -> list[Fragments]:
+    """Shade fragments, object after object; `visibility` is where they come from, if anywhere."""
     shaded = []
     for target in range(picture.world.n_objects):
         first, stop = found.starts[target : target + 2]
@@ -41,11 +48,11 @@ def shaded_fragments(
                     effect.shade(fragments, picture)
         keep_finite(fragments.light)
         shaded.append(fragments)
-    return found, shaded
+    return shaded
 
 
 def _fragments_of(
-    picture: Picture, visibility: Visibility, found: FragmentRows, target: int, span: slice
+    picture: Picture, visibility: Visibility | None, found: FragmentRows, target: int, span: slice
 ) -> Fragments:
     drawn = picture.drawn(target)
     world, options = picture.world, picture.options

@@ -19,8 +19,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.kernels import kernel
+from texbake.mesh.mesh import IntArray
 from texbake.render.effects.images import look_up
 from texbake.render.effects.slots import vertex_colors
 from texbake.render.fragments import Floats, Fragments
@@ -78,26 +80,56 @@ class Layers:
         seen = np.zeros(shape, np.bool_)
         for layer in (*self.layers, self.opaque):
             found, shaded = shade_rows(picture, layer, rows, wants_samples=True)
-            if not shaded:
-                continue
-            with picture.costs.timed("transparency"):
-                opacity = (
-                    np.ones(len(found.faces), np.float32)
-                    if layer is self.opaque
-                    else np.concatenate([opacity_of(fragments, picture) for fragments in shaded])
-                )
-                _over_kernel(
-                    found.of_samples,
-                    np.concatenate([fragments.light for fragments in shaded]),
-                    opacity,
-                    _normals_of(shaded, len(normals) > 0),
-                    light, passed, normals, seen,
-                )  # fmt: skip
+            put_behind(
+                picture, found.of_samples, shaded, light, passed, normals, seen,
+                opaque=layer is self.opaque,
+            )  # fmt: skip
         with picture.costs.timed("pixels"):
             _sum_kernel(
                 light, passed, normals, seen, rows[0], side,
                 sums.color, sums.coverage, sums.normals,
             )  # fmt: skip
+
+
+def put_behind(
+    picture: Picture,
+    of_samples: IntArray,
+    shaded: list[Fragments],
+    light: Floats,
+    passed: Floats,
+    normals: Floats,
+    seen: npt.NDArray[np.bool_],
+    *,
+    opaque: bool,
+) -> None:
+    """Put a layer behind those before it, in place.
+
+    Parameters
+    ----------
+    of_samples : (h, w) int32
+        Fragment of the layer that each sample sees, -1 for none.
+    shaded
+        These fragments.
+    light, passed, normals, seen : (h, w, 3), (h, w), (h, w, 3) or empty, (h, w)
+        Light so far, the share that has been let through, sums of normals, what sees a surface.
+    opaque
+        Whether it lets nothing through.
+    """
+    if not shaded:
+        return
+    with picture.costs.timed("transparency"):
+        opacity = (
+            np.ones(sum(map(len, shaded)), np.float32)
+            if opaque
+            else np.concatenate([opacity_of(fragments, picture) for fragments in shaded])
+        )
+        _over_kernel(
+            of_samples,
+            np.concatenate([fragments.light for fragments in shaded]),
+            opacity,
+            _normals_of(shaded, len(normals) > 0),
+            light, passed, normals, seen,
+        )  # fmt: skip
 
 
 def opacity_of(fragments: Fragments, picture: Picture) -> Floats:

@@ -42,8 +42,8 @@ from texbake.render.scene.file.values import Text, color_of, is_number
 from texbake.render.scene.scene import View
 from texbake.texture.encoding import encode_srgb
 
-# Of `RenderOptions`, what is the camera's, or of bare meshes alone.
-NOT_IN_RENDER = ("view", "fov", "base_color")
+# Of `RenderOptions`, what is the camera's, of bare meshes alone, or asked of one picture.
+NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
 
 
 def _angles(value: Any) -> tuple[float, ...]:

@@ -31,7 +31,9 @@ SHOWN = (
     "KHR_mesh_quantization",
     "KHR_texture_transform",
     "KHR_xmp_json_ld",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "MSFT_lod",
 )
 _MAX_CORNERS = (1 << 31) - 1
 

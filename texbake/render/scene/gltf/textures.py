@@ -11,17 +11,17 @@ import binascii
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
-from texbake.errors import FileError, FileFormatError
+from texbake.errors import FileError
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.source import require_file
 from texbake.render.scene.textures import Constant, ImageTexture
-from texbake.texture.image import Image, read_image
+from texbake.texture.encoded import decode_image
+from texbake.texture.image import Image
 
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)
@@ -150,7 +150,7 @@ class TextureReader:
                 self.document.fail(f"the data of images[{index}] is not base64")
         else:
             data = self.document.view_bytes(image.get("bufferView")).tobytes()
-        return _decoded(data, where, color)
+        return decode_image(data, where, color=color)
 
 
 def _filter(sampler: dict[str, Any]) -> str:
@@ -158,17 +158,3 @@ def _filter(sampler: dict[str, Any]) -> str:
     if sampler.get("magFilter") == _NEAREST:
         return "nearest"
     return "bilinear" if sampler.get("minFilter") in _FILTERS_WITHOUT_MIPS else "trilinear"
-
-
-def _decoded(data: bytes, where: str, color: bool) -> Image:
-    """Image of the bytes of a file; its first bytes tell the format."""
-    suffix = ".png" if data[:4] == b"\x89PNG" else ".webp" if data[8:12] == b"WEBP" else ".jpg"
-    # OpenImageIO's Python interface reads files alone.
-    with TemporaryDirectory(prefix="texbake-") as folder:
-        path = Path(folder) / f"image{suffix}"
-        path.write_bytes(data)
-        try:
-            image = read_image(path, color=color)
-        except (FileError, FileFormatError) as error:
-            raise FileFormatError(str(error).replace(str(path), where)) from error
-    return Image(image.pixels, image.metadata, image.bits, image.is_float, name=where)

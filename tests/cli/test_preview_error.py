@@ -1,0 +1,107 @@
+"""Asking for an error or a time of a picture, and of the whole job, on the command line."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from texbake_cli.main import texbake
+
+import texbake as package
+from texbake import RunOptions, write_mesh
+from texbake.errors import MeshError
+from texbake.mesh.shapes import cube, icosphere
+
+
+@pytest.fixture
+def mesh(tmp_path: Path) -> str:
+    path = tmp_path / "cube.obj"
+    write_mesh(cube(), path)
+    return str(path)
+
+
+def preview(mesh: str, tmp_path: Path, *words: str):
+    line = ["preview", mesh, "-o", str(tmp_path / "cube.png"), "--size", "96x64", *words]
+    return CliRunner().invoke(texbake, line)
+
+
+def test_an_error_is_asked_for_and_told(mesh: str, tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    result = preview(mesh, tmp_path, "--max-error", "2/255", "--report", str(report))
+    assert result.exit_code == 0, result.output
+    assert "error in steps of 255" in result.output
+    told = json.loads(report.read_text())
+    assert told["sampling"]["max_error"] == pytest.approx(2.0)
+    assert sum(told["sampling"]["seen_percents"].values()) == pytest.approx(100)
+    assert "passes" in told and "budget" not in told
+
+
+def test_a_time_is_asked_for_and_told(mesh: str, tmp_path: Path) -> None:
+    result = preview(mesh, tmp_path, "--time-budget", "5min", "--explain", "json")
+    assert result.exit_code == 0, result.output
+    assert "max-error 0.5/255" in result.output
+    assert '"predicted_seconds"' in result.output
+
+
+def test_a_plain_picture_tells_nothing_of_it(mesh: str, tmp_path: Path) -> None:
+    result = preview(mesh, tmp_path, "--explain")
+    assert result.exit_code == 0, result.output
+    assert "error in steps" not in result.output
+
+
+def test_turns_take_an_error(mesh: str, tmp_path: Path) -> None:
+    line = ["preview", mesh, "-o", str(tmp_path / "turn"), "--size", "32", "--view", "turntable:2"]
+    result = CliRunner().invoke(texbake, [*line, "--max-error", "0.02"])
+    assert result.exit_code == 0, result.output
+    assert len(list((tmp_path / "turn").glob("*.png"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--max-error", "0.5deg"], "is no error of a picture"),
+        (["--time-budget", "later"], "is no time"),
+        (["--max-error", "0.01", "--supersampling", "4"], "leaves --max-error nothing to choose"),
+        (["--time-budget", "9s", "--edges", "supersample"], "leaves --time-budget nothing"),
+        (["--time-budget", "9s", "--filter", "nearest,ewa"], "is of one picture"),
+        (["--time-budget", "9s", "--view", "turntable:3"], "is of one picture"),
+        (["--max-error", "0.01", "--buffer", "depth"], "which has no error"),
+        (["--max-error", "0.01", "--interpolation", "scanline"], "give one of the two"),
+    ],
+)
+def test_wrong_asking_is_wrong_usage(
+    mesh: str, tmp_path: Path, words: list[str], told: str
+) -> None:
+    result = preview(mesh, tmp_path, *words)
+    assert result.exit_code == 2
+    assert told in " ".join(result.output.split())
+    assert not (tmp_path / "cube.png").exists()
+
+
+def test_the_whole_job_takes_what_a_bake_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    high = tmp_path / "ball.ply"
+    write_mesh(icosphere(1), high)
+    asked = []
+
+    def run(mesh: object, folder: object, options: RunOptions, **_: object) -> None:
+        asked.append(options)
+        raise MeshError("enough is known")
+
+    monkeypatch.setattr(package, "run", run)
+    line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]
+    for words in ["--samples", "adaptive"], ["--max-error", "1deg"], ["--time-budget", "9s"], []:
+        assert "enough is known" in CliRunner().invoke(texbake, [*line, *words]).output
+    bakes = [options.bake_options() for options in asked]
+    assert [(b.samples, b.max_error, b.time_budget) for b in bakes] == [
+        ("adaptive", None, None), (1, "1deg", None), (1, None, "9s"), (4, None, None),
+    ]  # fmt: skip
+
+
+def test_the_whole_job_refuses_both(tmp_path: Path) -> None:
+    high = tmp_path / "ball.ply"
+    write_mesh(icosphere(1), high)
+    line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]
+    result = CliRunner().invoke(texbake, [*line, "--samples", "4", "--max-error", "1deg"])
+    assert result.exit_code == 2 and "leave nothing to choose" in result.output

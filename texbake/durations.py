@@ -1,0 +1,33 @@
+"""Times as a person writes them: `20s`, `2min`."""
+
+from __future__ import annotations
+
+import math
+
+from texbake.errors import OptionError
+
+_SECONDS = {"ms": 1e-3, "min": 60.0, "s": 1.0, "h": 3600.0}
+
+
+def parse_seconds(value: str | float) -> float:
+    """Seconds of `20s`, `500ms`, `2min`, `1h`, or of a number, which is seconds.
+
+    Raises
+    ------
+    OptionError
+        It is no positive time.
+
+    Examples
+    --------
+    >>> parse_seconds("1.5min")
+    90.0
+    """
+    word = str(value).strip()
+    unit = next((unit for unit in _SECONDS if word.endswith(unit)), "")
+    try:
+        number = float(word.removesuffix(unit))
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise OptionError(f"time-budget: {word!r} is no time; give one such as 20s or 2min")
+    return number * _SECONDS.get(unit, 1.0)

@@ -1,0 +1,147 @@
+"""What a picture with adaptive samples tells of them, and of the time that it was given.
+
+All errors are in steps of 1/255 of the sRGB-coded picture (`texbake.render.picture_error`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+_TOLD_PERCENT = 1.0  # of pixels above the bound; less is seen in the report
+
+
+@dataclass(frozen=True)
+class PictureSampling:
+    """What adaptive samples reached.
+
+    Percentages are of the pixels that show a surface.
+
+    Attributes
+    ----------
+    max_error : float, optional
+        As asked for, or as the budget allowed; None where it allowed for nothing.
+    shaded_percents : dict of int to float
+        Cells of a pixel that were shaded, to the percent that had so many.
+    seen_percents : dict of int to float
+        The same of samples that were looked at, of which triangles in one cell share a shading.
+    shadings_per_pixel : float
+        Cells shaded in all, also those that finer ones took the place of, by these pixels.
+    within_percent : float
+        How many have an estimated error within the bound.
+    estimated : dict of int to float
+        Percent to an error that they do not exceed, as estimated.
+    pixels_checked, samples_of_check : int
+        Pixels that were sampled again with so many samples each, all shaded.
+    measured : dict of int to float
+        Percent of those to an error that they do not exceed, against that second look.
+    measured_within_percent : float
+        How many of those are within the bound.
+    """
+
+    max_error: float | None
+    shaded_percents: dict[int, float]
+    seen_percents: dict[int, float]
+    shadings_per_pixel: float
+    within_percent: float
+    estimated: dict[int, float]
+    pixels_checked: int
+    samples_of_check: int
+    measured: dict[int, float]
+    measured_within_percent: float
+
+    @property
+    def warnings(self) -> list[str]:
+        """Says so where the most samples were too few for many pixels."""
+        if self.max_error is None or self.within_percent >= 100.0 - _TOLD_PERCENT:
+            return []
+        return [
+            f"{100.0 - self.within_percent:.2f} % of the pixels are estimated to be off by more "
+            f"than {self.max_error:.3g}/255 with 256 samples; use a greater --size, or look at "
+            "what was measured"
+        ]
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        within = ""
+        if self.max_error is not None:
+            within = f", {self.measured_within_percent:.2f} % of them within {self.max_error:.3g}"
+        return [
+            (
+                "shadings by pixel",
+                f"{_shares(self.shaded_percents)}; {self.shadings_per_pixel:.2f} taken in the mean",
+            ),
+            ("samples by pixel", _shares(self.seen_percents)),
+            (
+                "error in steps of 255",
+                f"estimated {_ends(self.estimated)}, checked on {self.pixels_checked:,} pixels "
+                f"{_ends(self.measured)}{within}",
+            ),
+        ]
+
+
+def _shares(percents: dict[int, float]) -> str:
+    return ", ".join(f"{n}: {percent:.1f} %" for n, percent in percents.items())
+
+
+def _ends(percentiles: dict[int, float]) -> str:
+    if not percentiles:
+        return "nothing"
+    return " / ".join(f"{value:.3g}" for value in percentiles.values()) + " (median, p99, greatest)"
+
+
+@dataclass(frozen=True)
+class PictureCandidate:
+    """One bound that the probe looked at; the seconds are of what comes after the probe."""
+
+    max_error: float
+    predicted_seconds: float
+
+
+@dataclass(frozen=True)
+class PictureBudget:
+    """Which bound a time was turned into, and how it went; all times are wall-clock seconds.
+
+    Attributes
+    ----------
+    seconds : float
+        As asked for.
+    choice, why : str
+        The bound that was taken.
+    probe_seconds : float
+        From the beginning to the choice. Most of it is part of the picture itself.
+    predicted_seconds : float
+        Of everything; it is chosen to be within the budget with a margin of 15 %.
+    actual_seconds : float
+        Of everything; reading and writing files is not part of a picture.
+    candidates : list of PictureCandidate
+        In the order in which they were looked at.
+    """
+
+    seconds: float
+    choice: str
+    why: str
+    probe_seconds: float
+    predicted_seconds: float
+    actual_seconds: float = 0.0
+    candidates: list[PictureCandidate] = field(default_factory=list)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Says so where the time was not kept."""
+        if self.actual_seconds <= self.seconds:
+            return []
+        return [
+            f"the time budget of {self.seconds:.4g} s was not kept, the picture took "
+            f"{self.actual_seconds:.2f} s with {self.choice}; use a smaller --size"
+        ]
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        return [
+            ("time budget", f"{self.seconds:.4g} s: {self.choice}, {self.why}"),
+            (
+                "time predicted",
+                f"{self.predicted_seconds:.2f} s, {self.probe_seconds:.2f} s of it up to the "
+                f"choice; took {self.actual_seconds:.2f} s",
+            ),
+        ]
