@@ -111,6 +111,19 @@ def test_degenerate_faces_are_sound(validate, tmp_path, normal_map):
     assert_sound(validate(tmp_path / "a.glb"))
 
 
+@pytest.mark.parametrize("compress", [False, True])
+def test_levels_and_compressed_views_are_sound(validate, tmp_path, normal_map, compress):
+    """The validator knows neither extension, but all that they refer to."""
+    levels = [uv_sphere(8, 12), uv_sphere(4, 6)]
+    write_glb(
+        uv_sphere(16, 24), tmp_path / "a.glb", normal_map=normal_map, levels=levels,
+        compress=compress,
+    )  # fmt: skip
+    report = validate(tmp_path / "a.glb")
+    assert_sound(report)
+    assert report["info"]["hasTextures"]
+
+
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["koala", "skull", "spot", "penguin"])
 def test_real_meshes_with_real_maps_are_sound(validate, tmp_path, data_dir, name):

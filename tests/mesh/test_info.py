@@ -7,6 +7,7 @@ import pytest
 from texbake.mesh.files import read_mesh
 from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 4)], dtype=float)
 CUBE_FACES = np.array(
@@ -115,3 +116,16 @@ def test_an_area_beyond_float64_is_infinite_and_null_in_json() -> None:
     assert info.area == np.inf
     assert info.diagonal == pytest.approx(2**0.5 * 1e300)
     assert json.loads(info.to_json())["area"] is None
+
+
+@pytest.mark.parametrize("size", [1e-200, 1.0, 1e200, 8e307])
+def test_texture_coordinates_of_any_size_have_their_signs(size: float) -> None:
+    square = plane(3, 3)
+    assert square.uvs is not None
+    uvs = square.uvs.copy() * 2.0 - 1.0
+    flipped = square.replace(
+        uvs=uvs * size * [-1.0, 1.0], faces=square.faces, uv_faces=square.uv_faces
+    )
+    info = mesh_info(flipped).uvs
+    assert info is not None
+    assert (info.n_without_area, info.n_mirrored) == (0, square.n_faces)

@@ -80,8 +80,8 @@ def test_pipe_does_not_hang(tmp_path):
 
 
 def test_unknown_suffix_names_the_known_ones(tmp_path, square):
-    (tmp_path / "mesh.fbx").write_text("x")
-    message = str(error_of(tmp_path / "mesh.fbx"))
+    (tmp_path / "mesh.blend").write_text("x")
+    message = str(error_of(tmp_path / "mesh.blend"))
     assert all(suffix in message for suffix in SUFFIXES)
     with pytest.raises(FileFormatError, match=r"\.obj, \.ply"):
         write_mesh(square, tmp_path / "mesh")

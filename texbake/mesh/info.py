@@ -181,11 +181,10 @@ def _uv_info(mesh: Mesh) -> UvInfo | None:
     corners = mesh.corner_uvs()
     low, high = corners.min(axis=(0, 1)).tolist(), corners.max(axis=(0, 1)).tolist()
     outside = ((corners < 0.0) | (corners > 1.0)).any(axis=(1, 2))
-    (ab_u, ab_v), (ac_u, ac_v) = (
-        (corners[:, 1] - corners[:, 0]).T,
-        (corners[:, 2] - corners[:, 0]).T,
-    )
-    areas = ab_u * ac_v - ab_v * ac_u
+    edges = corners[:, 1:] / 2.0 - corners[:, :1] / 2.0
+    # Each face made about 1 large, which changes no sign, and no product overflows.
+    edges = np.ldexp(edges, -np.frexp(np.abs(edges).max(axis=(1, 2)))[1][:, None, None])
+    areas = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
     return UvInfo(
         n_uvs=len(mesh.uvs),
         bounds=(tuple(low), tuple(high)),

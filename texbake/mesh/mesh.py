@@ -55,7 +55,7 @@ class Mesh:
     Raises
     ------
     MeshError
-        A coordinate is not finite, an index is out of range, shapes do not fit together, or there
+        A number is not finite, an index is out of range, shapes do not fit together, or there
         is no face.
     """
 
@@ -88,6 +88,7 @@ class Mesh:
         self._adopt("tangents", np.float32, (len(faces), 3, 4))
         self._check_finite("tangents", "a tangent")
         self._adopt("colors", np.float32, (len(positions), None))
+        self._check_finite("colors", "a vertex color")
         self._adopt("face_groups", np.int32, (len(faces),))
         self._check_indices("face_groups", len(self.group_names), "group")
 
@@ -146,7 +147,8 @@ class Mesh:
                 limits = np.iinfo(dtype)
                 if array.max() > limits.max or array.min() < limits.min:
                     raise MeshError(f"{self.name}: {field} has an index out of range")
-            array = np.ascontiguousarray(array, dtype=dtype)
+            with np.errstate(over="ignore"):  # what float32 does not hold is found not finite
+                array = np.ascontiguousarray(array, dtype=dtype)
         except (TypeError, ValueError) as error:
             if isinstance(error, MeshError):
                 raise

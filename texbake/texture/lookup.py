@@ -112,7 +112,8 @@ def texel_coordinates(
     [[0.0, 0.0], [8.0, 4.0]]
     """
     uvs = np.asarray(uvs, dtype=np.float64)
-    return np.stack([uvs[..., 0] * width, row_of_v.py_func(uvs[..., 1], height)], axis=-1)
+    with np.errstate(over="ignore"):  # beyond float64 is outside of every image
+        return np.stack([uvs[..., 0] * width, row_of_v.py_func(uvs[..., 1], height)], axis=-1)
 
 
 @kernel

@@ -15,24 +15,38 @@ from texbake.progress import ProgressSink, Stages
 
 
 class _Format(NamedTuple):
-    """Module and name of a format's two functions; they are loaded when they are first used."""
+    """Module and name of a format's two functions, which are loaded when they are first used.
+
+    `options` are the keywords of the writer.
+    """
 
     reader: tuple[str, str]
     writer: tuple[str, str] | None
+    options: tuple[str, ...] = ()
 
 
+_MATERIAL = ("normal_map", "base_color", "orm", "emissive", "name")
+_USD = _Format(("usd", "read_usd"), ("usd_write", "write_usd"), _MATERIAL)
 _FORMATS = {
     ".obj": _Format(("obj", "read_obj"), ("obj_write", "write_obj")),
     ".ply": _Format(("ply", "read_ply"), ("ply_write", "write_ply")),
     ".stl": _Format(("stl", "read_stl"), ("stl", "write_stl")),
     ".off": _Format(("off", "read_off"), ("off", "write_off")),
-    ".glb": _Format(("gltf", "read_gltf"), ("gltf_write", "write_glb")),
+    ".glb": _Format(
+        ("gltf", "read_gltf"),
+        ("gltf_write", "write_glb"),
+        (*_MATERIAL, "levels", "coverages", "compress"),
+    ),
     ".gltf": _Format(("gltf", "read_gltf"), None),
+    ".usd": _USD,
+    ".usda": _USD,
+    ".usdc": _USD,
+    ".usdz": _USD,
 }
 
 
 def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
-    """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file.
+    """Read a mesh from an OBJ, PLY, STL, OFF, GLB, glTF or USD file.
 
     Parameters
     ----------
@@ -54,6 +68,8 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
         The suffix is not known, or the file breaks the rules of its format.
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
+    DependencyError
+        It is a USD file, and usd-core is not installed.
     """
     require_file(path)
     name = Path(path).name
@@ -71,7 +87,7 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
 
 
 def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
-    """Write a mesh to an OBJ, PLY, STL, OFF or GLB file, whole or not at all.
+    """Write a mesh to an OBJ, PLY, STL, OFF, GLB or USD file, whole or not at all.
 
     Parameters
     ----------
@@ -79,8 +95,9 @@ def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
         The suffix, in upper or lower case, tells the format. OBJ and PLY keep positions, faces,
         texture coordinates and normals bit for bit; see each format's writer for what it keeps.
     **options
-        Of GLB only: `normal_map` and `base_color`, the images of the material; see
-        `texbake.mesh.files.gltf_write.write_glb`.
+        Of GLB and USD: `normal_map`, `base_color`, `orm` and `emissive`, the images of the
+        material, and its `name`. Of GLB: `levels`, `coverages` and `compress`; see
+        `texbake.mesh.files.gltf_write.write_glb`. None is as if it were not given.
 
     Raises
     ------
@@ -92,17 +109,22 @@ def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
         The file cannot be written; one that stood there is left as it was.
     """
     suffix = Path(path).suffix.lower()
-    writer = _format_of(path).writer
-    if writer is None:
+    kind = _format_of(path)
+    if kind.writer is None:
         raise FileFormatError(f"{path}: {suffix} files are only read; write a .glb file")
-    given = [option for option, value in options.items() if value is not None]
-    if given and suffix != ".glb":
-        raise OptionError(f"{path}: a {suffix} file has no {given[0]}; write a .glb file")
-    _function(writer)(mesh, path, **({} if suffix != ".glb" else options))
+    given = {option: value for option, value in options.items() if value is not None}
+    for option in given:
+        if option not in kind.options:
+            raise OptionError(f"{path}: a {suffix} file has no {option}; write a .glb file")
+    _function(kind.writer)(mesh, path, **given)
 
 
 def _format_of(path: PathLike) -> _Format:
     suffix = Path(path).suffix.lower()
+    if suffix == ".fbx":
+        raise FileFormatError(
+            f"{path}: FBX is not read; export a .glb file, as docs/export.md tells for Blender"
+        )
     if suffix not in _FORMATS:
         known = ", ".join(_FORMATS)
         raise FileFormatError(

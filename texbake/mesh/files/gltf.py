@@ -14,17 +14,15 @@ or normals, the others get zeros.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes
 from texbake.mesh.files.gltf_primitive import Piece, read_primitive
-from texbake.mesh.join import offset_joined
+from texbake.mesh.files.parts import joined_parts, with_alpha
 from texbake.mesh.mesh import Mesh
 
 _MAX_CORNERS = (1 << 31) - 1
@@ -46,8 +44,7 @@ def read_gltf(path: PathLike) -> Mesh:
         There are no triangles, or a coordinate is not finite.
     """
     document = read_document(path)
-    names: list[str] = []
-    pieces: list[Piece] = []
+    parts: list[Mesh] = []
     n_corners = 0
     for node, matrix in placed_nodes(document):
         if "mesh" not in node:
@@ -64,46 +61,26 @@ def read_gltf(path: PathLike) -> Mesh:
             n_corners += max(piece.faces.size, len(piece.positions))
             if n_corners > _MAX_CORNERS:
                 document.fail("it places more triangles than 32-bit indices can count")
-            names.append(name if len(primitives) == 1 else f"{name} {i}")
-            pieces.append(piece)
-    if not any(len(piece.faces) for piece in pieces):
+            if len(piece.faces):
+                group = name if len(primitives) == 1 else f"{name} {i}"
+                parts.append(_part(piece, group, Path(path).name))
+    if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    return _joined(pieces, tuple(names), Path(path).name)
+    return joined_parts(parts, Path(path).name)
 
 
-def _joined(pieces: list[Piece], names: tuple[str, ...], name: str) -> Mesh:
-    """One mesh of all pieces, one group a piece."""
-    fields: dict[str, Any] = {
-        "positions": np.concatenate([piece.positions for piece in pieces]),
-        "faces": offset_joined([(piece.faces, len(piece.positions)) for piece in pieces]),
-        "face_groups": np.repeat(np.arange(len(pieces)), [len(piece.faces) for piece in pieces]),
-        "group_names": names,
-        "name": name,
-    }
-    for values, corners, width in (("uvs", "uv_faces", 2), ("normals", "normal_faces", 3)):
-        arrays = [getattr(piece, values) for piece in pieces]
-        if all(array is None for array in arrays):
-            continue
-        zero = np.zeros((1, width))
-        fields[values] = np.concatenate([zero if array is None else array for array in arrays])
-        fields[corners] = offset_joined(
-            [
-                (0 * piece.corners, 1) if array is None else (piece.corners, len(array))
-                for piece, array in zip(pieces, arrays, strict=True)
-            ]
-        )
-    if all(piece.tangents is not None for piece in pieces):
-        fields["tangents"] = np.concatenate(
-            [piece.tangents[piece.corners] for piece in pieces if piece.tangents is not None]
-        )
-    if any(piece.colors is not None for piece in pieces):
-        fields["colors"] = np.concatenate([_rgba(piece) for piece in pieces])
-    return Mesh(**fields)
-
-
-def _rgba(piece: Piece) -> npt.NDArray[np.float32]:
-    """(V, 4) colors of a piece, opaque white where it has none."""
-    colors = np.ones((len(piece.positions), 4), np.float32)
-    if piece.colors is not None:
-        colors[:, : piece.colors.shape[1]] = piece.colors
-    return colors
+def _part(piece: Piece, group: str, name: str) -> Mesh:
+    """Mesh of one group."""
+    return Mesh(
+        positions=piece.positions,
+        faces=piece.faces,
+        uvs=piece.uvs,
+        uv_faces=None if piece.uvs is None else piece.corners,
+        normals=piece.normals,
+        normal_faces=None if piece.normals is None else piece.corners,
+        tangents=None if piece.tangents is None else piece.tangents[piece.corners],
+        colors=None if piece.colors is None else with_alpha(piece.colors),
+        face_groups=np.zeros(len(piece.faces), np.int32),
+        group_names=(group,),
+        name=name,
+    )

@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
+from texbake.mesh.files.gltf_meshopt import EXTENSION, decode_view
 from texbake.mesh.files.source import ByteArray, map_file
 
 _MAGIC = b"glTF"
@@ -30,7 +31,7 @@ _BINARY_CHUNK = 0x004E4942
 # Required extensions that change nothing about where triangles are, or only the component types
 # of attributes, which accessors carry anyway. Any other may hide the mesh itself.
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_animation_")
-_READ = ("KHR_mesh_quantization", "KHR_xmp_json_ld", "MSFT_texture_dds")
+_READ = (EXTENSION, "MSFT_lod", "KHR_mesh_quantization", "KHR_xmp_json_ld", "MSFT_texture_dds")
 
 _COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("i1"),
@@ -144,8 +145,26 @@ class Document:
     def view_bytes(self, index: Any) -> ByteArray:
         """Bytes of a buffer view, such as an image's file."""
         view = self.item("bufferViews", index)
-        if "EXT_meshopt_compression" in self.mapping(view, "extensions"):
-            self.fail("it needs EXT_meshopt_compression, which is not read")
+        compressed = self.mapping(self.mapping(view, "extensions"), EXTENSION)
+        if compressed:
+            return self._decompressed(compressed)
+        return self._stored(view)
+
+    def _decompressed(self, view: dict[str, Any]) -> ByteArray:
+        """Bytes that meshoptimizer has coded."""
+        decoded = decode_view(
+            self._stored(view),
+            mode=str(view.get("mode")),
+            filter_name=str(view.get("filter", "NONE")),
+            count=self.integer(view, "count"),
+            stride=self.integer(view, "byteStride"),
+        )
+        if isinstance(decoded, str):
+            self.fail(decoded)
+        return decoded
+
+    def _stored(self, view: dict[str, Any]) -> ByteArray:
+        """Bytes of a place in a buffer."""
         buffer_index = self.integer(view, "buffer")
         if buffer_index >= len(self.buffers):
             self.fail(f"it has no buffers[{buffer_index}]")
@@ -163,6 +182,8 @@ class Document:
     def _buffer(self, index: int, buffer: dict[str, Any]) -> ByteArray:
         n_bytes = self.integer(buffer, "byteLength")
         uri = buffer.get("uri")
+        if uri is None and self.mapping(self.mapping(buffer, "extensions"), EXTENSION):
+            return self.binary[:0]  # stands for what compressed views hold
         if uri is None:
             data = self.binary if index == 0 else self.binary[:0]
         elif not isinstance(uri, str):

@@ -1,0 +1,65 @@
+"""`texbake export` from the command line."""
+
+import numpy as np
+import pytest
+
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.shapes import uv_sphere
+from texbake.texture.image import write_image
+from texbake.texture.map_files import write_normals
+
+
+@pytest.fixture
+def asset(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_mesh(uv_sphere(8, 12), tmp_path / "rock.obj")
+    write_mesh(uv_sphere(4, 6), tmp_path / "far.obj")
+    flat = np.zeros((8, 8, 3), np.float32)
+    flat[..., 2] = 1.0
+    (tmp_path / "maps").mkdir()
+    write_normals(flat, tmp_path / "maps" / "normal.png")
+    write_image(np.zeros((8, 8, 1), np.uint8), tmp_path / "maps" / "ao.png")
+    write_image(np.full((8, 8, 1), 9, np.uint8), tmp_path / "r.png")
+    return tmp_path
+
+
+def test_a_folder_of_maps_and_single_ones(invoke, asset):
+    result = invoke("export rock.obj --to unreal --maps maps --map roughness=r.png -o out")
+    names = {path.name for path in (asset / "out").iterdir()}
+    assert names == {"SM_rock.glb", "T_rock_N.png", "T_rock_ORM.png", "SETTINGS.txt"}
+    assert "no metalness was given" in result.stderr
+
+
+def test_levels_and_compression(run, asset):
+    words = "export rock.obj --to threejs --level far.obj --compress --name stone -o out"
+    result = run(words)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert read_mesh(asset / "out" / "stone.glb").n_faces == uv_sphere(8, 12).n_faces
+    text = " ".join((asset / "out" / "SETTINGS.txt").read_text(encoding="utf-8").split())
+    assert "2 levels of detail" in text
+    assert "MeshoptDecoder" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "code"),
+    [
+        ("--to maya", "maya", 2),
+        ("--to godot --map normal", "'normal' is not KIND=FILE", 2),
+        ("--to godot --map ao=a.png --map ao=b.png", "ao is given twice", 2),
+        ("--to godot --map ao=no.png", "no.png", 1),
+        ("--to unity --compress", "Unity does not open compressed", 2),
+        ("--to godot --maps nowhere", "no such folder", 1),
+    ],
+)
+@pytest.mark.usefixtures("asset")
+def test_wrong_usage_is_one_line(invoke, words, message, code):
+    result = invoke(f"export rock.obj {words} -o out", exit_code=code)
+    assert message in result.stderr.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz", "glb"])
+@pytest.mark.usefixtures("asset")
+def test_meshes_are_read_and_written_as_usd(invoke, suffix):
+    invoke(f"simplify rock.obj -o low.{suffix} --faces 40")
+    invoke(f"info low.{suffix}")
+    assert read_mesh(f"low.{suffix}").n_faces <= 40

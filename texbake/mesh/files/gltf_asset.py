@@ -1,0 +1,217 @@
+"""The JSON of a glTF asset and the parts of its buffer, grown together and written as one file.
+
+With `compress` every view of vertices and indices is coded by `gltf_meshopt`: what a reader without
+the extension would take for the data is then a second buffer that has no bytes, as the extension
+wants it.
+
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake import __version__
+from texbake.errors import FileFormatError
+from texbake.files import PathLike, replacing
+from texbake.mesh.files.gltf_meshopt import (
+    ATTRIBUTES,
+    EXTENSION,
+    TRIANGLES,
+    encode_triangles,
+    encode_vertices,
+)
+from texbake.mesh.files.material_images import check_normal_map, color_factors, image_file
+
+_VERTICES, _INDICES = 34962, 34963  # what a buffer view is bound to
+_FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
+_REPEAT, _LINEAR, _TRILINEAR = 10497, 9729, 9987
+_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+class Asset:
+    """A glTF asset in the making; `write` ends it."""
+
+    def __init__(self, *, compress: bool = False) -> None:
+        self._compress = compress
+        self._parts: list[bytes] = []
+        self._n_bytes = 0
+        self._n_plain = 0  # bytes of what is compressed, as they were
+        self._json: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": f"texbake {__version__}"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            **{kind: [] for kind in ("nodes", "meshes", "materials", "accessors", "bufferViews")},
+        }
+        if compress:
+            self._require(EXTENSION)
+
+    def add_material(
+        self,
+        name: str,
+        *,
+        normal_map: PathLike | None = None,
+        base_color: PathLike | Sequence[float] | None = None,
+        orm: PathLike | None = None,
+        emissive: PathLike | None = None,
+    ) -> None:
+        """Add the material that all groups share, with its textures; see `write_glb` for those."""
+        surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.5}
+        material: dict[str, Any] = {"name": as_text(name), "pbrMetallicRoughness": surface}
+        if normal_map is not None:
+            check_normal_map(normal_map)
+            material["normalTexture"] = {"index": self._add_texture(normal_map)}
+        if isinstance(base_color, str | os.PathLike):
+            surface["baseColorTexture"] = {"index": self._add_texture(base_color)}
+        elif base_color is not None:
+            surface["baseColorFactor"] = color_factors(base_color)
+        if orm is not None:
+            texture = {"index": self._add_texture(orm)}
+            surface |= {"metallicFactor": 1.0, "roughnessFactor": 1.0}
+            surface["metallicRoughnessTexture"] = texture
+            material["occlusionTexture"] = texture
+        if emissive is not None:
+            material["emissiveTexture"] = {"index": self._add_texture(emissive)}
+            material["emissiveFactor"] = [1.0, 1.0, 1.0]
+        self._json["materials"].append(material)
+
+    def add_mesh(
+        self, name: str, columns: dict[str, npt.NDArray[np.float32]], indices: npt.NDArray[np.int64]
+    ) -> int:
+        """Add a mesh of one primitive, and return its index.
+
+        Parameters
+        ----------
+        name
+        columns
+            (n, width) values of each attribute at each vertex.
+        indices : (3 F,) int64
+        """
+        attributes = {
+            attribute: self._add_accessor(values, _VERTICES, bounded=attribute == "POSITION")
+            for attribute, values in columns.items()
+        }
+        # The greatest index of a type restarts a primitive, so 65535 vertices fit 16 bits.
+        index_type = np.uint16 if len(columns["POSITION"]) <= 65535 else np.uint32
+        primitive = {
+            "attributes": attributes,
+            "indices": self._add_accessor(indices.astype(index_type).reshape(-1, 1), _INDICES),
+            "material": 0,
+        }
+        self._json["meshes"].append({"name": as_text(name), "primitives": [primitive]})
+        return len(self._json["meshes"]) - 1
+
+    def add_node(self, name: str, **fields: Any) -> int:
+        """Add a node, which stands in no scene yet, and return its index."""
+        self._json["nodes"].append({"name": as_text(name), **fields})
+        return len(self._json["nodes"]) - 1
+
+    def place(self, node: int) -> None:
+        """Put a node into the scene."""
+        self._json["scenes"][0]["nodes"].append(node)
+
+    def set_levels(self, node: int, others: list[int], coverages: Sequence[float]) -> None:
+        """Say which nodes stand in for one where it is small in the picture (MSFT_lod)."""
+        self._use("MSFT_lod")
+        fields = self._json["nodes"][node]
+        fields["extensions"] = {"MSFT_lod": {"ids": others}}
+        fields["extras"] = {"MSFT_screencoverage": [float(share) for share in coverages]}
+
+    def write(self, path: PathLike) -> None:
+        """Write the file, whole or not at all."""
+        buffers: list[dict[str, Any]] = [{"byteLength": self._n_bytes}]
+        if self._compress:
+            fallback = {EXTENSION: {"fallback": True}}
+            buffers.append({"byteLength": self._n_plain, "extensions": fallback})
+        text = json.dumps({**self._json, "buffers": buffers}, separators=(",", ":")).encode("ascii")
+        text += b" " * (-len(text) % 4)
+        n_bytes = 12 + 8 + len(text) + 8 + self._n_bytes
+        if n_bytes >= 1 << 32:
+            raise FileFormatError(f"{path}: {n_bytes} bytes are more than a GLB holds; simplify it")
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            file.write(struct.pack("<4sIIII", b"glTF", 2, n_bytes, len(text), 0x4E4F534A))
+            file.write(text)
+            file.write(struct.pack("<II", self._n_bytes, 0x004E4942))
+            file.writelines(self._parts)
+
+    def _use(self, extension: str) -> None:
+        used = self._json.setdefault("extensionsUsed", [])
+        if extension not in used:
+            used.append(extension)
+
+    def _require(self, extension: str) -> None:
+        self._use(extension)
+        self._json.setdefault("extensionsRequired", []).append(extension)
+
+    def _add_accessor(self, values: npt.NDArray[Any], target: int, *, bounded: bool = False) -> int:
+        """Add the rows of an array, and return the index of the accessor that reads them."""
+        component = {"float32": _FLOAT, "uint16": _UINT16, "uint32": _UINT32}[values.dtype.name]
+        accessor: dict[str, Any] = {
+            "bufferView": self._add_rows(values, target),
+            "componentType": component,
+            "count": len(values),
+            "type": _TYPES[values.shape[1]],
+        }
+        if bounded:
+            accessor["min"] = values.min(axis=0).tolist()
+            accessor["max"] = values.max(axis=0).tolist()
+        self._json["accessors"].append(accessor)
+        return len(self._json["accessors"]) - 1
+
+    def _add_rows(self, values: npt.NDArray[Any], target: int) -> int:
+        """Add the rows of an array as a buffer view, compressed where that is asked for."""
+        if not self._compress:
+            return self._add_view(values.tobytes(), target=target)
+        stride = values.itemsize * values.shape[1]
+        code: dict[str, Any] = {"byteStride": stride, "count": len(values)}
+        if target == _VERTICES:
+            data, code["mode"] = encode_vertices(values), ATTRIBUTES
+        else:
+            data, code["mode"] = encode_triangles(values, int(values.max()) + 1), TRIANGLES
+        view = {"buffer": 1, "byteOffset": self._n_plain, "byteLength": values.nbytes}
+        if target == _VERTICES:
+            view["byteStride"] = stride
+        self._n_plain += values.nbytes + -values.nbytes % 4
+        place = {"buffer": 0, "byteOffset": self._n_bytes, "byteLength": len(data)}
+        self._add_bytes(data)
+        extension = {EXTENSION: {**place, **code}}
+        self._json["bufferViews"].append({**view, "target": target, "extensions": extension})
+        return len(self._json["bufferViews"]) - 1
+
+    def _add_view(self, data: bytes, **fields: Any) -> int:
+        place = {"buffer": 0, "byteOffset": self._n_bytes, "byteLength": len(data)}
+        self._add_bytes(data)
+        self._json["bufferViews"].append({**place, **fields})
+        return len(self._json["bufferViews"]) - 1
+
+    def _add_bytes(self, data: bytes) -> None:
+        padding = bytes(-len(data) % 4)  # everything begins at a multiple of its component's size
+        self._parts += [data, padding]
+        self._n_bytes += len(data) + len(padding)
+
+    def _add_texture(self, path: PathLike) -> int:
+        data, media_type = image_file(path)
+        images = self._json.setdefault("images", [])
+        images.append({"bufferView": self._add_view(data), "mimeType": media_type})
+        sampler = {
+            "magFilter": _LINEAR,
+            "minFilter": _TRILINEAR,
+            "wrapS": _REPEAT,
+            "wrapT": _REPEAT,
+        }
+        self._json["samplers"] = [sampler]
+        textures = self._json.setdefault("textures", [])
+        textures.append({"sampler": 0, "source": len(images) - 1})
+        return len(textures) - 1
+
+
+def as_text(name: str) -> str:
+    """Return a name that UTF-8 can hold."""
+    return name.encode("utf-8", "replace").decode("utf-8")

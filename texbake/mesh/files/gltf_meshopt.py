@@ -1,0 +1,137 @@
+"""Buffer views that are compressed by meshoptimizer, and back.
+
+Vertices are coded as differences between neighbors, byte by byte; triangles by the edges that they
+share with those before. Both are lossless, but for the corner that a triangle begins with.
+
+Based on: Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose
+bitstreams are version 0 of vertices and version 1 of indices.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import DependencyError
+
+EXTENSION = "EXT_meshopt_compression"
+ATTRIBUTES, TRIANGLES, INDICES = "ATTRIBUTES", "TRIANGLES", "INDICES"
+_FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat",
+            "EXPONENTIAL": "decode_filter_exp"}  # fmt: skip
+# The least that a byte of a vertex can be coded to is a 64th of a byte, and of an index more; the
+# header of a block is what 1024 bytes leave room for.
+_GREATEST_RATIO, _HEAD = 64, 1024
+
+
+def encode_vertices(values: npt.NDArray[Any]) -> bytes:
+    """Bytes of the rows of an array, each of a multiple of four bytes, at most 256."""
+    meshoptimizer = _library()
+    meshoptimizer.encode_vertex_version(0)  # the library's state, so said each time
+    return bytes(meshoptimizer.encode_vertex_buffer(np.ascontiguousarray(values)))
+
+
+def encode_triangles(indices: npt.NDArray[Any], n_vertices: int) -> bytes:
+    """Bytes of corner indices (3 F,); each triangle may come back with another corner first."""
+    meshoptimizer = _library()
+    meshoptimizer.encode_index_version(1)
+    flat = np.ascontiguousarray(indices, np.uint32).ravel()
+    return bytes(meshoptimizer.encode_index_buffer(flat, len(flat), n_vertices))
+
+
+def ordered_triangles(
+    indices: npt.NDArray[np.int64], n_vertices: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Triangles in an order in which neighbors follow one another, and so code to fewer bytes.
+
+    Parameters
+    ----------
+    indices : (3 F,) int64
+    n_vertices
+
+    Returns
+    -------
+    indices : (3 F,) int64
+        Of vertices in the order in which the triangles use them.
+    vertices : (n_vertices,) int64
+        Which of the old ones each new vertex is.
+    """
+    given = np.ascontiguousarray(indices, np.uint32)
+    codes = np.empty_like(given)
+    _library().optimize_vertex_cache(codes, given, len(given), n_vertices)
+    ordered = codes.astype(np.int64)
+    used, firsts = np.unique(ordered, return_index=True)
+    vertices = used[np.argsort(firsts)]
+    places = np.empty(n_vertices, np.int64)
+    places[vertices] = np.arange(len(vertices))
+    return places[ordered], vertices
+
+
+def decode_view(
+    data: npt.NDArray[np.uint8], *, mode: str, filter_name: str, count: int, stride: int
+) -> npt.NDArray[np.uint8] | str:
+    """Bytes of a compressed view, or in words why there are none.
+
+    Parameters
+    ----------
+    data : (n,) uint8
+    mode, filter_name, count, stride
+        As the extension has them; `filter_name` is "NONE" where there is no filter.
+
+    Returns
+    -------
+    (count * stride,) uint8, or str
+    """
+    if count * stride > _GREATEST_RATIO * len(data) + _HEAD:
+        return f"a compressed view claims {count * stride} bytes, more than {len(data)} can hold"
+    if mode == ATTRIBUTES:
+        if stride % 4 or not 0 < stride <= 256:
+            return f"a compressed view has a stride of {stride} bytes, which is none of vertices"
+    elif mode not in (TRIANGLES, INDICES) or stride not in (2, 4):
+        return f"a compressed view of mode {mode!r} and stride {stride} is not known"
+    if filter_name != "NONE" and (filter_name not in _FILTERS or mode != ATTRIBUTES):
+        return f"the filter {filter_name!r} of a compressed view is not known"
+    if mode == TRIANGLES and count % 3:
+        return f"a compressed view has {count} corners, which are no triangles"
+    if filter_name == "OCTAHEDRAL" and stride not in (4, 8):
+        return f"octahedral normals of {stride} bytes are not known"
+    if filter_name == "QUATERNION" and stride != 8:
+        return f"rotations of {stride} bytes are not known"
+    if count == 0:
+        return np.zeros(0, np.uint8)
+    try:
+        return _decoded(data.tobytes(), mode, filter_name, count, stride)
+    except (RuntimeError, ValueError):
+        return "a compressed view is damaged"
+
+
+def _decoded(
+    data: bytes, mode: str, filter_name: str, count: int, stride: int
+) -> npt.NDArray[np.uint8]:
+    meshoptimizer = _library()
+    if mode == ATTRIBUTES:
+        rows = meshoptimizer.decode_vertex_buffer(
+            count, stride, data, dtype=np.dtype((np.void, stride))
+        )
+        if filter_name != "NONE":
+            rows = getattr(meshoptimizer, _FILTERS[filter_name])(rows, count, stride)
+        return np.frombuffer(rows.tobytes(), np.uint8)
+    decode = (
+        meshoptimizer.decode_index_buffer
+        if mode == TRIANGLES
+        else meshoptimizer.decode_index_sequence
+    )
+    # Of 16-bit indices the first half of the array is filled.
+    return np.frombuffer(decode(count, stride, data).tobytes()[: count * stride], np.uint8)
+
+
+def _library() -> Any:
+    try:
+        import meshoptimizer
+    except ImportError as error:
+        raise DependencyError(
+            f"glTF: meshoptimizer does not load: {' '.join(str(error).split())}; "
+            "pip install --pre meshoptimizer"
+        ) from error
+    return meshoptimizer

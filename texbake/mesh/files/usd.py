@@ -1,0 +1,190 @@
+"""Reading USD: .usd, .usda, .usdc and .usdz.
+
+All meshes of the stage are joined into one, in world space, at the stage's first time. What the
+format leaves to the stage is brought to the one way that meshes have here:
+
+- A stage that is Z up is turned to Y up, as glTF is: (x, y, z) becomes (x, z, -y).
+- Lengths become meters where the stage says how many a unit has; else they stay as they are.
+- Left-handed meshes list their corners the other way round.
+
+Polygons are fanned out; a mesh that is to be subdivided stays the cage that it is. Each mesh is a
+group of its name, and where it has subsets of faces, each of those; in a stage of several meshes
+subsets are named ``mesh/subset``. Prims that are invisible, inactive, or there for guides or as
+proxies are left out, and so are point instancers, curves and points.
+
+Based on: Pixar, "Universal Scene Description", UsdGeom, release 26.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.files import PathLike
+from texbake.mesh.files.parts import joined_parts
+from texbake.mesh.files.polygons import fan_corners
+from texbake.mesh.files.usd_primvars import Corners, read_colors, read_primvars
+from texbake.mesh.files.usd_stage import open_stage
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.transform import transformed
+
+_MAX_CORNERS = (1 << 31) - 1
+_Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+def read_usd(path: PathLike) -> Mesh:
+    """Read a USD file; see the module for what becomes of a stage.
+
+    Positions, normals, texture coordinates (the primvar `st`, else the first of the role
+    TextureCoordinate or of two floats a corner), tangents of four floats a corner (`tangents`),
+    display colors at vertices, and subsets.
+
+    Raises
+    ------
+    DependencyError
+        usd-core is not installed.
+    FileError
+        The file is missing.
+    FileFormatError
+        It is not USD, it is damaged, or arrays of a mesh do not fit together.
+    MeshError
+        There are no faces, a coordinate is not finite, or an index is out of range.
+    """
+    stage = open_stage(path)
+    name = Path(path).name
+    house = _house_matrix(stage)
+    parts = []
+    n_corners = 0
+    placed = list(_placed_meshes(stage))
+    for prim, matrix in placed:
+        mesh = _read_mesh(path, prim, is_alone=len(placed) == 1)
+        if mesh is None:
+            continue
+        n_corners += max(mesh.faces.size, mesh.n_vertices)
+        if n_corners > _MAX_CORNERS:
+            raise FileFormatError(f"{path}: it places more triangles than 32-bit indices can count")
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts.append(transformed(mesh, house @ matrix))
+    if not parts:
+        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    return joined_parts(parts, name)
+
+
+def _house_matrix(stage: Any) -> FloatArray:
+    """(4, 4) matrix of a stage's axes and unit to Y up and meters."""
+    from pxr import UsdGeom
+
+    matrix = _Y_FROM_Z if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
+    if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
+        return matrix
+    meters = float(UsdGeom.GetStageMetersPerUnit(stage))
+    if not 0.0 < meters < np.inf:
+        return matrix
+    return np.asarray(matrix @ np.diag([meters, meters, meters, 1.0]))
+
+
+def _placed_meshes(stage: Any) -> Iterator[tuple[Any, FloatArray]]:
+    """Mesh prims that are shown, each with its (4, 4) matrix to the world."""
+    from pxr import Usd, UsdGeom
+
+    cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
+    prims = iter(prims)
+    for prim in prims:
+        if prim.IsA(UsdGeom.PointInstancer) or _is_hidden(prim):
+            prims.PruneChildren()
+        elif prim.IsA(UsdGeom.Mesh):
+            # Points are rows there.
+            yield prim, np.array(cache.GetLocalToWorldTransform(prim)).T
+
+
+def _is_hidden(prim: Any) -> bool:
+    from pxr import Usd, UsdGeom
+
+    if not prim.IsA(UsdGeom.Imageable):
+        return False
+    imageable = UsdGeom.Imageable(prim)
+    visibility = imageable.GetVisibilityAttr().Get(Usd.TimeCode.EarliestTime())
+    purpose = imageable.GetPurposeAttr().Get()
+    return visibility == "invisible" or purpose in ("guide", "proxy")
+
+
+def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
+    """One mesh in its own space, or None where it has no face."""
+    from pxr import Usd, UsdGeom
+
+    usd_mesh = UsdGeom.Mesh(prim)
+    time = Usd.TimeCode.EarliestTime()
+    points = usd_mesh.GetPointsAttr().Get(time)
+    counts = _integers(usd_mesh.GetFaceVertexCountsAttr().Get(time))
+    point_of = _integers(usd_mesh.GetFaceVertexIndicesAttr().Get(time))
+    if points is None or len(points) == 0 or len(counts) == 0:
+        return None
+    if counts.min() < 0 or counts.sum() != len(point_of):
+        _fail(path, prim, f"its faces count {counts.sum()} corners, and {len(point_of)} are there")
+    if point_of.size and (point_of.min() < 0 or point_of.max() >= len(points)):
+        _fail(path, prim, f"a corner is none of its {len(points)} points")
+    slots, polygons = fan_corners(counts)
+    holes = _integers(usd_mesh.GetHoleIndicesAttr().Get(time))
+    kept = ~np.isin(polygons, holes)
+    slots, polygons = slots[kept], polygons[kept]
+    if len(slots) == 0:
+        return None
+    if usd_mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
+        slots = slots[:, ::-1]
+    corners = Corners(
+        path=path,
+        point_of=point_of,
+        polygon_of=np.repeat(np.arange(len(counts)), counts),
+        slots=slots,
+        n_points=len(points),
+    )
+    groups, names = _groups(prim, len(counts), "" if is_alone else f"{_name(prim)}/")
+    return Mesh(
+        positions=np.array(points, np.float64),
+        faces=point_of[slots].astype(np.int32),
+        face_groups=groups[polygons].astype(np.int32),
+        group_names=names,
+        name=Path(path).name,
+        **read_primvars(prim, corners),
+        **read_colors(prim, corners),
+    )
+
+
+def _groups(
+    prim: Any, n_polygons: int, prefix: str
+) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
+    """Group of each polygon: its subset, else the mesh itself; and the names of those."""
+    from pxr import Usd, UsdGeom
+
+    time = Usd.TimeCode.EarliestTime()
+    groups = np.full(n_polygons, -1)
+    names: list[str] = []
+    for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)):
+        if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+            continue
+        faces = _integers(subset.GetIndicesAttr().Get(time))
+        faces = faces[(faces >= 0) & (faces < n_polygons)]
+        groups[faces] = len(names)
+        names.append(f"{prefix}{_name(subset.GetPrim())}")
+    if (groups < 0).any():
+        groups[groups < 0] = len(names)
+        names.append(_name(prim))
+    return groups, tuple(names)
+
+
+def _name(prim: Any) -> str:
+    return str(prim.GetDisplayName() or prim.GetName())
+
+
+def _integers(values: Any) -> npt.NDArray[np.int64]:
+    return np.zeros(0, np.int64) if values is None else np.array(values, np.int64).ravel()
+
+
+def _fail(path: PathLike, prim: Any, what: str) -> None:
+    raise FileFormatError(f"{path}: {prim.GetPath()}: {what}; export it again")

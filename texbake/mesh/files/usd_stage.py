@@ -1,0 +1,66 @@
+"""USD files as stages: opened with errors of one line, and the library that does it.
+
+usd-core, Pixar's own wheel, is optional: `pip install 'texbake[usd]'`.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from texbake.errors import DependencyError, FileFormatError
+from texbake.files import PathLike
+from texbake.mesh.files.source import require_file
+
+
+def require_usd(path: PathLike) -> None:
+    """Raise `DependencyError` where USD cannot be read or written."""
+    try:
+        import pxr.Usd  # noqa: F401
+    except ImportError as error:
+        raise DependencyError(
+            f"{path}: USD files need usd-core; pip install 'texbake[usd]', or use a .glb file"
+        ) from error
+
+
+def open_stage(path: PathLike) -> Any:
+    """Open a .usd, .usda, .usdc or .usdz file with what it refers to.
+
+    Raises
+    ------
+    DependencyError
+        usd-core is not installed.
+    FileError
+        There is no such file.
+    FileFormatError
+        It is not a USD file, or it is damaged.
+    """
+    require_file(path)
+    require_usd(path)
+    from pxr import Sdf, Tf, Usd
+
+    if Path(path).stat().st_size == 0:
+        raise FileFormatError(f"{path}: the file is empty; write it again")
+    try:
+        # Not through the registry of layers, which would give what the file held when it was
+        # last opened.
+        layer = Sdf.Layer.FindOrOpen(str(path))
+        if layer is not None:
+            layer.Reload(True)
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise FileFormatError(
+            f"{path}: it is not a USD file, or damaged: {_reason(error)}; export it again"
+        ) from None
+    if stage is None:
+        raise FileFormatError(f"{path}: it is not a USD file; export it again")
+    return stage
+
+
+def _reason(error: Exception) -> str:
+    """Return what the library complained of first, without its own places in its sources."""
+    said = re.search(r" : '(.*?)'\s*$", str(error).strip(), re.DOTALL)
+    words = said[1] if said else str(error)
+    first = words.split("Error in '")[0]
+    return " ".join(first.split()).strip("'") or "no reason was given"

@@ -1,0 +1,292 @@
+"""Writing USD: one mesh with its groups as subsets, and a UsdPreviewSurface with its textures.
+
+A .usdz file holds the textures; .usda, .usdc and .usd files refer to them where they lie, by a path
+relative to their own folder. The stage is Y up, in meters.
+
+Positions are float32, which is what the format's points are; a mesh that is far from the origin for
+its size is moved there by its transform. Names that are no identifiers of USD are kept as display
+names.
+
+Based on: Pixar, "Universal Scene Description", UsdGeom and "UsdPreviewSurface Specification",
+version 2.6; "Usdz File Format Specification", version 1.3.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from texbake.errors import MeshError, UvError
+from texbake.files import PathLike, replacing
+from texbake.mesh.files.far import far_origin
+from texbake.mesh.files.gltf_asset import as_text
+from texbake.mesh.files.material_images import check_normal_map, color_factors, image_file
+from texbake.mesh.files.usd_stage import require_usd
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import shading_normals
+
+# Bytes of an entry's head before its name, and the field that usdz files pad with.
+_ZIP_HEAD, _PADDING_FIELD = 30, 0x1986
+_EXTENSIONS = {"image/png": ".png", "image/jpeg": ".jpg"}
+
+
+def write_usd(
+    mesh: Mesh,
+    path: PathLike,
+    *,
+    normal_map: PathLike | None = None,
+    base_color: PathLike | Sequence[float] | None = None,
+    orm: PathLike | None = None,
+    emissive: PathLike | None = None,
+    name: str | None = None,
+) -> None:
+    """Write a mesh as .usd, .usda, .usdc or .usdz.
+
+    Parameters
+    ----------
+    mesh
+        Its shading normals are written, and tangents that it has.
+    normal_map, base_color, orm, emissive
+        As `write_glb` takes them.
+    name
+        Of the mesh and the material; by default that of the file.
+
+    Raises
+    ------
+    DependencyError
+        usd-core is not installed.
+    UvError
+        A texture is given, and the mesh has no texture coordinates.
+    OptionError
+        A texture is neither PNG nor JPEG, the normal map says that it is in another space or
+        convention, or a factor is out of range.
+    MeshError
+        A coordinate is beyond the float32 that the format holds.
+    FileError
+        A texture cannot be read, or the file cannot be written.
+    """
+    require_usd(path)
+    given = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}
+    textures = {
+        slot: Path(source)
+        for slot, source in given.items()
+        if isinstance(source, str | os.PathLike)
+    }
+    if textures and mesh.uvs is None:
+        raise UvError(
+            f"{mesh.name}: it has no texture coordinates, which a texture needs; "
+            f"make some with: texbake unwrap {mesh.name} -o OUT"
+        )
+    if normal_map is not None:
+        check_normal_map(normal_map)
+    media = {slot: image_file(file)[1] for slot, file in textures.items()}
+    name = Path(path).stem if name is None else name
+    factors = None
+    if base_color is not None and "base_color" not in textures:
+        factors = color_factors(base_color)  # type: ignore[arg-type]
+    if Path(path).suffix.lower() == ".usdz":
+        inside = {slot: f"textures/{slot}{_EXTENSIONS[media[slot]]}" for slot in textures}
+        stage = _stage(mesh, name, inside, factors)
+        with replacing(path) as temporary:
+            _package(stage, temporary, {inside[slot]: textures[slot] for slot in textures})
+        return
+    folder = Path(os.path.realpath(path)).parent
+    beside = {
+        slot: Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
+        for slot, file in textures.items()
+    }
+    stage = _stage(mesh, name, beside, factors)
+    with replacing(path) as temporary:
+        stage.GetRootLayer().Export(str(temporary))
+
+
+def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:
+    """Write a .usdz file: the stage first, and the images that it refers to.
+
+    Not by USD's own writer, which puts the time into the file.
+    """
+    with tempfile.TemporaryDirectory(prefix="texbake-") as name:
+        root = Path(name) / "asset.usdc"
+        stage.GetRootLayer().Export(str(root))
+        files = {root.name: root, **textures}
+        with path.open("wb") as file, zipfile.ZipFile(file, "w") as package:
+            for place, source in files.items():
+                entry = zipfile.ZipInfo(place)
+                # Data begins at a multiple of 64 bytes, by an extra field that says nothing; the
+                # field has a head of 4 bytes.
+                padding = -(file.tell() + _ZIP_HEAD + len(place.encode()) + 4) % 64
+                entry.extra = struct.pack("<HH", _PADDING_FIELD, padding) + bytes(padding)
+                package.writestr(entry, source.read_bytes())
+
+
+def _stage(
+    mesh: Mesh, name: str, textures: Mapping[str, str], factors: Sequence[float] | None
+) -> Any:
+    """Build the stage; `textures` are paths as the file is to have them."""
+    from pxr import Sdf, Usd, UsdGeom
+
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    root = UsdGeom.Xform.Define(stage, Sdf.Path("/asset"))
+    stage.SetDefaultPrim(root.GetPrim())
+    usd_mesh = UsdGeom.Mesh.Define(stage, Sdf.Path("/asset/mesh"))
+    usd_mesh.GetPrim().SetDisplayName(as_text(name))
+    origin = far_origin(mesh)
+    if origin.any():
+        usd_mesh.AddTranslateOp().Set(tuple(origin.tolist()))
+    _set_geometry(usd_mesh, mesh, origin)
+    _set_primvars(usd_mesh, mesh)
+    _set_groups(usd_mesh, mesh)
+    _add_material(stage, usd_mesh, name, textures, factors)
+    return stage
+
+
+def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray) -> None:
+    from pxr import UsdGeom, Vt
+
+    with np.errstate(over="ignore"):
+        points = (mesh.positions - origin).astype(np.float32)
+    if not np.isfinite(points).all():
+        raise MeshError(f"{mesh.name}: a coordinate is beyond float32; scale it down first")
+    usd_mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    usd_mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(mesh.n_faces, 3, np.int32)))
+    usd_mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.array(mesh.faces).ravel()))
+    usd_mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    usd_mesh.CreateExtentAttr(
+        Vt.Vec3fArray.FromNumpy(np.array([points.min(axis=0), points.max(axis=0)]))
+    )
+
+
+def _set_primvars(usd_mesh: Any, mesh: Mesh) -> None:
+    """Set normals, texture coordinates, tangents and colors."""
+    from pxr import Sdf, UsdGeom, Vt
+
+    normals, normal_faces = shading_normals(mesh)
+    varies = not np.array_equal(normal_faces, mesh.faces)
+    values = normals[normal_faces.ravel()] if varies else normals
+    usd_mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(values.astype(np.float32)))
+    usd_mesh.SetNormalsInterpolation(
+        UsdGeom.Tokens.faceVarying if varies else UsdGeom.Tokens.vertex
+    )
+    primvars = UsdGeom.PrimvarsAPI(usd_mesh)
+    if mesh.uvs is not None and mesh.uv_faces is not None:
+        uvs = primvars.CreatePrimvar(
+            "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+        )
+        uvs.Set(Vt.Vec2fArray.FromNumpy(mesh.uvs.astype(np.float32)))
+        uvs.SetIndices(Vt.IntArray.FromNumpy(np.array(mesh.uv_faces).ravel()))
+    if mesh.tangents is not None:
+        tangents = primvars.CreatePrimvar(
+            "tangents", Sdf.ValueTypeNames.Float4Array, UsdGeom.Tokens.faceVarying
+        )
+        tangents.Set(Vt.Vec4fArray.FromNumpy(np.array(mesh.tangents).reshape(-1, 4)))
+    if mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
+        colors = usd_mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
+        colors.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.colors[:, :3])))
+        if mesh.colors.shape[1] == 4:
+            opacity = usd_mesh.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.vertex)
+            opacity.Set(Vt.FloatArray.FromNumpy(np.ascontiguousarray(mesh.colors[:, 3])))
+
+
+def _set_groups(usd_mesh: Any, mesh: Mesh) -> None:
+    """Make each group with faces a subset of them."""
+    from pxr import Tf, UsdGeom, Vt
+
+    if mesh.face_groups is None or len(mesh.group_names) < 2:
+        return
+    family = "materialBind"
+    taken: set[str] = set()
+    for number, group in enumerate(mesh.group_names):
+        faces = np.flatnonzero(mesh.face_groups == number).astype(np.int32)
+        if len(faces) == 0:
+            continue
+        identifier = Tf.MakeValidIdentifier(as_text(group))
+        if identifier in taken:
+            identifier = f"{identifier}_{number}"
+        taken.add(identifier)
+        subset = UsdGeom.Subset.CreateGeomSubset(
+            UsdGeom.Imageable(usd_mesh),
+            identifier,
+            UsdGeom.Tokens.face,
+            Vt.IntArray.FromNumpy(faces),
+            family,
+        )
+        if identifier != group:
+            subset.GetPrim().SetDisplayName(as_text(group))
+    UsdGeom.Subset.SetFamilyType(UsdGeom.Imageable(usd_mesh), family, UsdGeom.Tokens.partition)
+
+
+def _add_material(
+    stage: Any,
+    usd_mesh: Any,
+    name: str,
+    textures: Mapping[str, str],
+    factors: Sequence[float] | None,
+) -> None:
+    """Add the material that all faces share, and bind it."""
+    from pxr import Gf, Sdf, UsdShade
+
+    material = UsdShade.Material.Define(stage, Sdf.Path("/asset/material"))
+    material.GetPrim().SetDisplayName(as_text(name))
+    surface = UsdShade.Shader.Define(stage, Sdf.Path("/asset/material/surface"))
+    surface.CreateIdAttr("UsdPreviewSurface")
+    types = Sdf.ValueTypeNames
+    surface.CreateInput("roughness", types.Float).Set(0.5)
+    surface.CreateInput("metallic", types.Float).Set(0.0)
+    if factors is not None:
+        surface.CreateInput("diffuseColor", types.Color3f).Set(Gf.Vec3f(*factors[:3]))
+        surface.CreateInput("opacity", types.Float).Set(float(factors[3]))
+    if textures:
+        coordinates = UsdShade.Shader.Define(stage, Sdf.Path("/asset/material/coordinates"))
+        coordinates.CreateIdAttr("UsdPrimvarReader_float2")
+        coordinates.CreateInput("varname", types.String).Set("st")
+        places = coordinates.CreateOutput("result", types.Float2)
+        for slot, file in textures.items():
+            texture = _texture(stage, slot, file, places)
+            for input_name, kind, channel in _INPUTS[slot]:
+                value = texture.CreateOutput(
+                    channel, types.Float3 if channel == "rgb" else types.Float
+                )
+                surface.CreateInput(input_name, getattr(types, kind)).ConnectToSource(value)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    UsdShade.MaterialBindingAPI.Apply(usd_mesh.GetPrim()).Bind(material)
+
+
+# Inputs of the surface that each texture goes to: name, type, and channels.
+_INPUTS = {
+    "normal": (("normal", "Normal3f", "rgb"),),
+    "base_color": (("diffuseColor", "Color3f", "rgb"),),
+    "orm": (
+        ("occlusion", "Float", "r"),
+        ("roughness", "Float", "g"),
+        ("metallic", "Float", "b"),
+    ),
+    "emissive": (("emissiveColor", "Color3f", "rgb"),),
+}
+
+
+def _texture(stage: Any, slot: str, file: str, places: Any) -> Any:
+    """Return a shader that reads an image."""
+    from pxr import Gf, Sdf, UsdShade
+
+    texture = UsdShade.Shader.Define(stage, Sdf.Path(f"/asset/material/{slot}"))
+    types = Sdf.ValueTypeNames
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", types.Asset).Set(Sdf.AssetPath(as_text(file)))
+    texture.CreateInput("st", types.Float2).ConnectToSource(places)
+    for axis in "wrapS", "wrapT":
+        texture.CreateInput(axis, types.Token).Set("repeat")
+    is_color = slot in ("base_color", "emissive")
+    texture.CreateInput("sourceColorSpace", types.Token).Set("sRGB" if is_color else "raw")
+    if slot == "normal":
+        texture.CreateInput("scale", types.Float4).Set(Gf.Vec4f(2.0, 2.0, 2.0, 1.0))
+        texture.CreateInput("bias", types.Float4).Set(Gf.Vec4f(-1.0, -1.0, -1.0, 0.0))
+    return texture

@@ -1,0 +1,213 @@
+"""DDS files of block-compressed textures with their mip levels, as graphics cards take them.
+
+Each block of 4 x 4 texels becomes 8 or 16 bytes; the encoders are etcpak's, which is optional:
+`pip install 'texbake[dds]'`. Reading is a matter of `read_image`, because OpenImageIO decodes them.
+
+Based on: Microsoft, "Programming Guide for DDS" and "DXGI_FORMAT enumeration"; Khronos Group,
+"Data Format Specification", version 1.3, sections on BC1 to BC7.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import DependencyError, FileFormatError, OptionError
+from texbake.files import PathLike, replacing
+from texbake.parallel import run_bands
+from texbake.texture.encoding import encode_normals, encode_srgb, quantize_unsigned
+from texbake.texture.mipmaps import mip_chain, single_level
+
+
+@dataclass(frozen=True)
+class BlockFormat:
+    """How blocks are coded.
+
+    Attributes
+    ----------
+    channels
+        That come back: the first 1, 2, 3 or 4.
+    block_bytes
+        Of 4 x 4 texels.
+    dxgi, dxgi_srgb
+        Numbers of the format for data and for sRGB colors; 0 where there is none.
+    what_for
+        In words.
+    """
+
+    channels: int
+    block_bytes: int
+    dxgi: int
+    dxgi_srgb: int
+    what_for: str
+
+
+BLOCK_FORMATS = {
+    "bc1": BlockFormat(3, 8, 71, 72, "colors, half the size and quality of bc7"),
+    "bc3": BlockFormat(4, 16, 77, 78, "colors with an opacity"),
+    "bc4": BlockFormat(1, 8, 80, 0, "one channel, such as occlusion or roughness"),
+    "bc5": BlockFormat(2, 16, 83, 0, "x and y of normals, whose z the shader computes"),
+    "bc7": BlockFormat(4, 16, 98, 99, "colors and packed data"),
+}
+_MAX_SIZE = 16384
+
+# Flags of the header: caps, height, width, pixel format, mip count, linear size; a texture that is
+# complex where it has mip levels; the pixel format that names the second header.
+_FLAGS = 0x1 | 0x2 | 0x4 | 0x1000 | 0x20000 | 0x80000
+_TEXTURE, _COMPLEX_MIPMAP = 0x1000, 0x8 | 0x400000
+_FOUR_CC = 0x4
+_TEXTURE_2D = 3
+
+# Rows of blocks a band: some milliseconds of work.
+_BAND_BLOCKS = 1 << 13
+
+
+def write_dds(
+    values: npt.NDArray[np.float32],
+    path: PathLike,
+    *,
+    block_format: str,
+    kind: str = "color",
+    convention: str = "opengl",
+    mipmaps: bool = True,
+    threads: int | None = None,
+) -> None:
+    """Write an image as a block-compressed DDS file.
+
+    Parameters
+    ----------
+    values : (H, W, C) float32
+        Linear, row 0 at the top: colors and data in [0, 1], of which the format takes as many
+        channels as it has, or unit normals.
+    path
+        A .dds file.
+    block_format
+        One of `BLOCK_FORMATS`.
+    kind
+        "color" (sRGB, averaged in linear light), "data" or "normal".
+    convention
+        Of normals, the green channel: "opengl" or "directx".
+    mipmaps
+        Whether the levels down to 1 x 1 are written too.
+    threads
+        None for every processor.
+
+    Raises
+    ------
+    DependencyError
+        etcpak is not installed.
+    OptionError
+        The format is not known, or not for this kind, or the sides are no multiples of 4, as
+        Direct3D wants them, or beyond 16,384.
+    FileFormatError
+        The suffix is not .dds.
+    FileError
+        The file cannot be written.
+    """
+    if Path(path).suffix.lower() != ".dds":
+        raise FileFormatError(f"{path}: block-compressed textures are DDS files; give a .dds name")
+    if block_format not in BLOCK_FORMATS:
+        known = ", ".join(BLOCK_FORMATS)
+        raise OptionError(f"block_format: {block_format!r} is not known; it is one of {known}")
+    form = BLOCK_FORMATS[block_format]
+    if kind == "color" and not form.dxgi_srgb:
+        raise OptionError(f"block_format: {block_format} holds no colors; use bc7 or bc1")
+    height, width = values.shape[:2]
+    if height % 4 or width % 4 or max(height, width) > _MAX_SIZE:
+        raise OptionError(
+            f"{path}: {width} x {height} cannot be block-compressed; "
+            f"both sides must be multiples of 4, at most {_MAX_SIZE}"
+        )
+    encode = _encoder(path, block_format)
+    chain = (
+        mip_chain(values, kind=kind, wrap="clamp", threads=threads)
+        if mipmaps
+        else single_level(values)
+    )
+    levels = [
+        _encoded(_codes(chain.level(i), kind, convention, threads), encode, form, threads)
+        for i in range(chain.n_levels)
+    ]
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(_header(width, height, len(levels), form, is_srgb=kind == "color"))
+        file.writelines(levels)
+
+
+def _codes(
+    level: npt.NDArray[np.float32], kind: str, convention: str, threads: int | None
+) -> npt.NDArray[np.uint8]:
+    """(H, W, 4) codes of a level, its sides grown to multiples of 4 by repeating the last texel."""
+    if kind == "normal":
+        lengths = np.linalg.norm(level, axis=2, keepdims=True)
+        unit = np.divide(level, lengths, out=np.zeros_like(level), where=lengths > 0.0)
+        unit[lengths[..., 0] == 0.0] = (0.0, 0.0, 1.0)
+        codes = encode_normals(unit, bits=8, convention=convention, threads=threads)
+    else:
+        n_colors = min(level.shape[2], 3) if kind == "color" else 0
+        colors = encode_srgb(level[..., :n_colors])
+        shown = np.concatenate([colors, level[..., n_colors:]], axis=2)
+        codes = quantize_unsigned(shown, 8, threads=threads)
+    height, width, n_channels = codes.shape
+    rgba = np.full((height, width, 4), 255, np.uint8)
+    rgba[..., :n_channels] = codes
+    if n_channels == 1:
+        rgba[..., 1:3] = codes
+    return np.pad(rgba, ((0, -height % 4), (0, -width % 4), (0, 0)), mode="edge")
+
+
+def _encoded(
+    codes: npt.NDArray[np.uint8],
+    encode: Callable[[bytes, int, int], bytes],
+    form: BlockFormat,
+    threads: int | None,
+) -> bytes:
+    """Blocks of a level, row by row."""
+    height, width = codes.shape[:2]
+    n_rows, row_bytes = height // 4, width // 4 * form.block_bytes
+    blocks = bytearray(n_rows * row_bytes)
+
+    def work(start: int, stop: int) -> None:
+        rows = np.ascontiguousarray(codes[4 * start : 4 * stop])
+        blocks[start * row_bytes : stop * row_bytes] = encode(
+            rows.tobytes(), width, 4 * (stop - start)
+        )
+
+    run_bands(work, n_rows, band=max(1, _BAND_BLOCKS // (width // 4)), threads=threads)
+    return bytes(blocks)
+
+
+def _header(width: int, height: int, n_levels: int, form: BlockFormat, *, is_srgb: bool) -> bytes:
+    """The magic number and both headers."""
+    caps = _TEXTURE | (_COMPLEX_MIPMAP if n_levels > 1 else 0)
+    n_bytes = width // 4 * (height // 4) * form.block_bytes
+    head = struct.pack("<4s7I44x", b"DDS ", 124, _FLAGS, height, width, n_bytes, 1, n_levels)
+    pixel_format = struct.pack("<2I4s20x", 32, _FOUR_CC, b"DX10")
+    dxgi = form.dxgi_srgb if is_srgb else form.dxgi
+    return (
+        head
+        + pixel_format
+        + struct.pack("<I16x", caps)
+        + struct.pack("<5I", dxgi, _TEXTURE_2D, 0, 1, 0)
+    )
+
+
+def _encoder(path: PathLike, block_format: str) -> Callable[[bytes, int, int], bytes]:
+    """Return what makes blocks of the bytes of (H, W, 4) codes, a width and a height."""
+    try:
+        import etcpak
+    except ImportError as error:
+        raise DependencyError(
+            f"{path}: DDS files need etcpak; pip install 'texbake[dds]', or write PNG files"
+        ) from error
+    encode: Any = getattr(etcpak, f"compress_{block_format}")
+    if block_format != "bc7":
+        return lambda data, width, height: bytes(encode(data, width, height))
+    parameters = etcpak.BC7CompressBlockParams()
+    parameters.init_linear_weights()  # packed data and colors alike: no channel counts for less
+    return lambda data, width, height: bytes(encode(data, width, height, parameters))

@@ -1,0 +1,167 @@
+"""Several images as the layers of one EXR file, and back.
+
+A channel is named ``layer.channel``, as Blender, Nuke and others tell layers apart: ``normal.R``,
+``displacement.Y``. All channels lie in one part; each layer has its own bits.
+
+Based on: Academy Software Foundation, "OpenEXR, Technical Introduction", section "Layers".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.files import PathLike, replacing
+from texbake.metadata import Value, to_description
+from texbake.texture.image import Image, read_header
+
+# Names of the channels of a layer by their number.
+_CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
+_ORDER = "RGBAXYZUV"
+
+
+def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
+    """Write images of one size as an EXR file of layers.
+
+    Parameters
+    ----------
+    layers
+        Images by the name of their layer. Their pixels are written as they are, linear, as half
+        floats where `bits` is 8 or 16 and as floats where it is 32; what an image says of itself
+        is kept beside the name of its layer.
+    path
+        An .exr file.
+
+    Raises
+    ------
+    OptionError
+        There is no layer, a name is empty or has a dot, sizes differ, or a value of a layer of
+        halves is beyond 65,504.
+    FileFormatError
+        The suffix is not .exr.
+    FileError
+        The file cannot be written.
+    """
+    if Path(path).suffix.lower() != ".exr":
+        raise FileFormatError(f"{path}: layers are kept by EXR files alone; give a .exr file")
+    _check_layers(layers, path)
+    names, types, columns = [], [], []
+    metadata: dict[str, Value] = {}
+    for layer, image in layers.items():
+        kind = "float" if image.bits == 32 else "half"
+        n_channels = image.pixels.shape[2]
+        names += [f"{layer}.{channel}" for channel in _CHANNELS[n_channels]]
+        types += [kind] * n_channels
+        columns.append(image.pixels)
+        metadata |= {f"{layer}.{key}": value for key, value in image.metadata.items()}
+    pixels = np.concatenate(columns, axis=2)
+    with replacing(path) as temporary:
+        _write(pixels, names, types, to_description(metadata), temporary, path)
+
+
+def read_layers(path: PathLike) -> dict[str, Image]:
+    """Read the layers of an EXR file, in the order of their channels.
+
+    Channels whose names have no dot are the layer of the name "". Channels of a layer come in the
+    order R, G, B, A or X, Y, Z, whatever the order in the file.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it cannot be opened.
+    FileFormatError
+        It is not an image, or damaged.
+    """
+    import OpenImageIO as oiio  # noqa: N813
+
+    metadata = read_header(path).metadata  # raises where the file is none
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise FileFormatError(f"{path}: it is not an image: {_one_line(oiio.geterror())}")
+    spec = source.spec()
+    formats = list(spec.channelformats) or [spec.format] * spec.nchannels
+    pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
+    reason = source.geterror()
+    source.close()
+    if pixels is None or reason:
+        raise FileFormatError(f"{path}: the image is damaged: {_one_line(reason)}")
+    places: dict[str, list[int]] = {}
+    for place, name in enumerate(spec.channelnames):
+        places.setdefault(name.rpartition(".")[0], []).append(place)
+    layers = {}
+    for layer, channels in places.items():
+        channels.sort(key=lambda place: _rank(spec.channelnames[place]))
+        half = all(str(formats[place]) == "half" for place in channels)
+        prefix = f"{layer}." if layer else ""
+        layers[layer] = Image(
+            pixels=np.ascontiguousarray(pixels[..., channels]),
+            metadata={
+                key[len(prefix) :]: value
+                for key, value in metadata.items()
+                if key.startswith(prefix)
+            },
+            bits=16 if half else 32,
+            name=f"{Path(path).name} ({layer})" if layer else Path(path).name,
+        )
+    return layers
+
+
+def _rank(name: str) -> tuple[int, str]:
+    channel = name.rpartition(".")[2]
+    return (_ORDER.find(channel.upper()) if channel.upper() in _ORDER else len(_ORDER), channel)
+
+
+def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
+    if not layers:
+        raise OptionError(f"{path}: there is no layer to write; give at least one image")
+    sizes = {image.pixels.shape[:2] for image in layers.values()}
+    if len(sizes) > 1:
+        words = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
+        raise OptionError(f"{path}: its layers differ in size ({words}); bake them at one size")
+    for layer, image in layers.items():
+        if not layer or "." in layer:
+            raise OptionError(f"{path}: {layer!r} is no name of a layer; use one without dots")
+        if image.pixels.shape[2] not in _CHANNELS:
+            raise OptionError(f"{path}: the layer {layer!r} has more than four channels")
+        if image.bits != 32 and np.abs(image.pixels).max() > np.finfo(np.float16).max:
+            raise OptionError(f"{path}: the layer {layer!r} is beyond half floats; give it 32 bits")
+
+
+def _write(
+    pixels: npt.NDArray[Any],
+    names: list[str],
+    types: list[str],
+    description: str,
+    temporary: Path,
+    path: PathLike,
+) -> None:
+    import OpenImageIO as oiio  # noqa: N813
+
+    height, width, n_channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, n_channels, "float")
+    spec.channelnames = tuple(names)
+    spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in types)
+    spec.attribute("DateTime", "")  # else the time of writing
+    spec.attribute("compression", "zip")
+    if description:
+        spec.attribute("ImageDescription", description)
+    output = oiio.ImageOutput.create(str(temporary))
+    written = (
+        output is not None
+        and output.open(str(temporary), spec)
+        and output.write_image(np.ascontiguousarray(pixels, np.float32))
+        and output.close()
+    )
+    if not written:
+        reason = output.geterror() if output is not None else oiio.geterror()
+        words = _one_line(reason).replace(str(temporary), str(path))
+        raise FileError(f"{path}: cannot be written: {words}")
+
+
+def _one_line(reason: str) -> str:
+    return " ".join(reason.split()) or "no reason was given"
