@@ -79,9 +79,10 @@ def study(
     )
     check_folder(output)
     import texbake
+    from texbake.pages.words import duration
     from texbake.study.plots import check_matplotlib
     from texbake.study.study import study as run_study
-    from texbake.study.words import amount, duration
+    from texbake.study.words import amount
     from texbake.study.write import write_study
 
     check_matplotlib()

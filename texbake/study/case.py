@@ -11,10 +11,12 @@ from typing import TypeVar
 
 import numpy as np
 
+from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
+from texbake.mesh.topology import degenerate_faces
 from texbake.render.scene.scene import Scene
 from texbake.study.truth.radial import RadialSurface, orange_surface, rippled_surface
 
@@ -66,6 +68,12 @@ class Case:
         """The user's pair, the light mesh with an atlas if it has none; else a made one."""
         if self.high is None or self.low is None:
             return self.made_pair
+        for mesh in self.high, self.low:
+            if degenerate_faces(mesh).all():
+                raise MeshError(
+                    f"{mesh.name}: none of its {mesh.n_faces} faces has an area, so that there is "
+                    "nothing to bake and compare; give a mesh with a surface"
+                )
         low, words = self.low, f"{self.high.name} ({self.high.n_faces:,} triangles) and "
         if low.uvs is None:
             low = unwrap(low, size=_ATLAS_SIZE, threads=self.threads)

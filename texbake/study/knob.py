@@ -113,6 +113,9 @@ class Knob:
         What of a user's it can be studied on: `pair`, `scene` or `nothing`.
     prepare
         Makes it ready.
+    baseline : str
+        Series that the others are held against: the page tells in what share of its time they reach
+        its errors.
     """
 
     name: str
@@ -123,3 +126,4 @@ class Knob:
     kind: str
     needs: str
     prepare: Callable[[Case], Bench]
+    baseline: str = ""

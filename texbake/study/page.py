@@ -2,66 +2,41 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from html import escape
 
-from texbake.study.pictures import png_of
+from texbake.pages.pictures import data_uri, png_of
+from texbake.pages.shell import page_html
+from texbake.pages.words import duration, memory, number
 from texbake.study.plots import Plot
 from texbake.study.result import KnobResult, Measurement, StudyResult
-from texbake.study.words import amount, duration, findings, memory, next_step, number
+from texbake.study.words import amount, findings, next_step
 
 _STYLE = """
-:root { color-scheme: light; --ink: #1d2125; --faint: #626a72; --line: #dfe3e7; --paper: #fff;
-  --wash: #f5f7f9; --mark: #0072b2; }
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--wash); color: var(--ink);
-  font: 16px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
-main { max-width: 60rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
-h1 { font-size: 2rem; line-height: 1.2; margin: 0 0 .5rem; }
-h2 { font-size: 1.35rem; line-height: 1.3; margin: 0 0 .25rem; }
-h3 { font-size: 1rem; margin: 1.5rem 0 .25rem; }
-p { margin: .4rem 0 .8rem; max-width: 46rem; }
-a { color: var(--mark); }
-.faint { color: var(--faint); font-size: .9rem; }
-section { background: var(--paper); border: 1px solid var(--line); border-radius: 10px;
-  padding: 1.25rem 1.5rem; margin: 1.25rem 0; }
 .truth { display: inline-block; border-radius: 1rem; padding: .05rem .7rem; font-size: .8rem;
   border: 1px solid var(--line); background: var(--wash); margin-right: .4rem;
   white-space: nowrap; }
 ul.found { margin: .5rem 0 1rem; padding-left: 1.2rem; max-width: 46rem; }
 ul.found li { margin: .25rem 0; }
-.wide { overflow-x: auto; margin: .75rem 0; }
 .wide svg { display: block; width: 100%; height: auto; }
 .plot svg { min-width: 30rem; max-width: 46rem; }
 .all svg { min-width: 48rem; }
-table { border-collapse: separate; border-spacing: 0; font-size: .88rem; min-width: 100%;
-  font-variant-numeric: tabular-nums; }
-th, td { text-align: right; padding: .3rem .6rem; border-bottom: 1px solid var(--line);
-  vertical-align: top; white-space: nowrap; }
-th { white-space: normal; font-weight: 600; color: var(--faint); vertical-align: bottom;
-  min-width: 4.5rem; }
+th, td { white-space: nowrap; }
+th { white-space: normal; vertical-align: bottom; min-width: 4.5rem; }
 th:first-child, td:first-child { text-align: left; white-space: nowrap; position: sticky; left: 0;
   background: var(--paper); }
 td.words, th.words { text-align: left; min-width: 9rem; white-space: normal; }
 tr.front td:first-child { font-weight: 600; }
-tr.kept td { background: #eaf4fb; }
+tr.kept td { background: var(--kept); }
 .range { color: var(--faint); font-size: .8rem; white-space: nowrap; }
 .crops { display: grid; grid-template-columns: repeat(auto-fill, minmax(140px, 1fr)); gap: .75rem; }
-figure { margin: 0; }
-figure img { width: 100%; height: auto; display: block; border-radius: 4px; }
-figcaption { font-size: .8rem; line-height: 1.3; margin-top: .25rem; }
 @media (max-width: 600px) {
-  main { padding: 1.25rem .6rem 3rem; }
-  section { padding: 1rem .8rem; border-radius: 8px; }
-  h1 { font-size: 1.6rem; }
   th:first-child, td:first-child { white-space: normal; min-width: 6.5rem; max-width: 8rem; }
-  .wide { margin: .75rem -.8rem; padding: 0 .8rem; }
   .crops { grid-template-columns: repeat(auto-fill, minmax(104px, 1fr)); }
 }
-@media print { body { background: none; } section { break-inside: avoid; } }
 """
 
+_TITLE = "What accuracy costs in time"
 _READING = (
     "Each point is a setting: how wrong it is, over how long it takes. Both scales are "
     "logarithmic; down and to the left is better. Bars reach from the least to the greatest time "
@@ -84,17 +59,16 @@ def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot)
         The plot of all knobs.
     """
     sections = "".join(_section(item, plots[item.knob.name]) for item in result.knobs)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>What accuracy costs in time</title>\n<style>{_STYLE}</style>\n</head>\n"
-        f"<body>\n<main>\n<h1>What accuracy costs in time</h1>\n{_header(result)}"
+    body = (
+        f"<h1>{_TITLE}</h1>\n{_header(result)}"
         f"<section>\n<h2>Where each knob stops paying</h2>\n{_summary(result)}</section>\n"
         f"<section>\n<h2>All settings</h2>\n<p>{_READING} Frames hold errors of one kind; fronts "
         "are those of each knob, because different knobs answer different questions.</p>\n"
         f'<div class="wide all">{_titled(everything.svg, "All settings of all knobs")}</div>\n'
-        f"</section>\n{sections}{_footer(result)}</main>\n</body>\n</html>\n"
+        f"</section>\n{sections}{_footer(result)}"
     )
+    # The plots are drawn on white.
+    return page_html(_TITLE, body, styles=[_STYLE], dark=False)
 
 
 def _header(result: StudyResult) -> str:
@@ -179,7 +153,7 @@ def _row(item: Measurement, names: list[str], unit: str, *, on_front: bool, kept
 def _crops(result: KnobResult) -> str:
     figures = "".join(
         f'<figure><img alt="{escape(item.setting.label)}" loading="lazy" '
-        f'src="data:image/png;base64,{base64.b64encode(png_of(item.outcome.picture)).decode("ascii")}"><figcaption>'
+        f'src="{data_uri(png_of(item.outcome.picture))}"><figcaption>'
         f"<b>{escape(item.setting.label)}</b><br>{escape(amount(item.error, result.knob.unit))}, "
         f"{duration(item.median)}</figcaption></figure>\n"
         for item in result.measurements

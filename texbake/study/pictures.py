@@ -7,26 +7,18 @@ import io
 import numpy as np
 import numpy.typing as npt
 
+from texbake.pages.pictures import picture_codes
+from texbake.pages.words import duration
 from texbake.study.result import KnobResult, StudyResult
 from texbake.study.truth.pictures import CROP
-from texbake.study.words import amount, duration
+from texbake.study.words import amount
 from texbake.text import text_coverage
-from texbake.texture.encoding import encode_srgb, quantize_unsigned
 
 Codes = npt.NDArray[np.uint8]
 
 _GAP, _CAPTION, _TITLE = 10, 36, 34
 _PAPER, _INK, _FAINT = 250, 30, 110
 _COLUMNS = 8
-
-
-def png_of(picture: npt.NDArray[np.float32]) -> bytes:
-    """Return a picture in linear light as the bytes of a PNG file."""
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.fromarray(_codes(picture)).save(file, "PNG", optimize=True)
-    return file.getvalue()
 
 
 def contact_sheet(result: StudyResult) -> bytes:
@@ -63,7 +55,7 @@ def _band(result: KnobResult) -> Codes:
         assert item.outcome.picture is not None
         top = _TITLE + (place // columns) * cell_height
         left = _GAP + (place % columns) * cell_width
-        picture = _codes(item.outcome.picture)
+        picture = picture_codes(item.outcome.picture)
         sheet[top : top + len(picture), left : left + picture.shape[1]] = picture
         _write(sheet, item.setting.label, 15, left, top + CROP + 4, _INK)
         words = f"{amount(item.error, result.knob.unit)} in {duration(item.median)}"
@@ -81,7 +73,3 @@ def _write(sheet: Codes, text: str, size: int, left: int, top: int, ink: int) ->
     part = sheet[top : top + coverage.shape[0], left : left + coverage.shape[1]]
     share = coverage[: part.shape[0], : part.shape[1], None]
     part[:] = np.rint(part * (1.0 - share) + ink * share).astype(np.uint8)
-
-
-def _codes(picture: npt.NDArray[np.float32]) -> Codes:
-    return np.asarray(quantize_unsigned(encode_srgb(picture[..., :3]), 8), np.uint8)

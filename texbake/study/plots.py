@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from texbake.errors import DependencyError
+from texbake.pages.words import duration, number
 from texbake.study.labels import place_labels
 from texbake.study.result import KnobResult
-from texbake.study.words import duration, number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import time
 from typing import Any
 
-from texbake.errors import OptionError
+from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import resolve_threads
 from texbake.pipeline.preview import with_light
@@ -86,6 +87,11 @@ def _studied(name: str, case: Case, options: StudyOptions, stages: Stages) -> Kn
             )
     finally:
         bench.close()
+    if not all(math.isfinite(trial.outcome.error) for trial in trials):
+        raise MeshError(
+            f"study {name}: nothing of {bench.subject} is seen where it is compared, so that it "
+            "has no error; leave this knob out"
+        )
     return KnobResult(
         knob=knob,
         subject=bench.subject,

@@ -4,44 +4,10 @@ from __future__ import annotations
 
 import math
 
+from texbake.pages.words import duration, number
+from texbake.study.against import savings
 from texbake.study.pareto import payoff
 from texbake.study.result import KnobResult, Measurement
-
-
-def number(x: float) -> str:
-    """Three digits of a number, without an exponent where that reads well.
-
-    Examples
-    --------
-    >>> [number(x) for x in (0.0, 0.123456, 12.3456, 1234.6, 0.0000123, float("nan"))]
-    ['0', '0.123', '12.3', '1,235', '1.2e-05', '–']
-    """
-    if not math.isfinite(x):
-        return "–"
-    if x == 0.0:
-        return "0"
-    size = abs(x)
-    if size < 1e-4:
-        return f"{x:.1e}"
-    if size >= 1000.0:
-        return f"{x:,.0f}"
-    digits = max(2 - math.floor(math.log10(size)), 0)
-    text = f"{x:.{digits}f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
-
-
-def duration(seconds: float) -> str:
-    """Seconds in the unit that fits: `1.2 ms`, `3.4 s`."""
-    if seconds < 1.0:
-        return f"{number(1000.0 * seconds)} ms"
-    return f"{number(seconds)} s"
-
-
-def memory(n_bytes: int | None) -> str:
-    """Bytes in MB or GB."""
-    if n_bytes is None:
-        return "–"
-    return f"{number(n_bytes / 1e9)} GB" if n_bytes >= 1e9 else f"{number(n_bytes / 1e6)} MB"
 
 
 def amount(x: float, unit: str) -> str:
@@ -59,6 +25,7 @@ def findings(result: KnobResult) -> list[str]:
     sentences = []
     for front, best in zip(result.fronts, result.knees, strict=True):
         sentences += _on_front(result, front, best)
+    sentences += _against_baseline(result)
     widest = max(result.measurements, key=spread)
     sentences.append(
         f"Noise: the times of a setting lay within ±{number(100.0 * spread(widest))} % of their "
@@ -92,6 +59,15 @@ def _on_front(result: KnobResult, front: list[int], best: int) -> list[str]:
     elif not first.setting.problem:
         sentences.append("It pays to the end of the range that was tried.")
     return sentences
+
+
+def _against_baseline(result: KnobResult) -> list[str]:
+    return [
+        f"“{saving.series}” reaches the {amount(saving.setting.error, result.knob.unit)} of "
+        f"“{saving.setting.setting.label}” in {'at most ' if saving.is_most else ''}"
+        f"{number(saving.share)} of its time{'' if saving.is_most else ' (interpolated)'}."
+        for saving in savings(result)
+    ]
 
 
 def _times_less(a: Measurement, b: Measurement) -> str:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,7 +20,10 @@ from texbake.study.truth.probes import angles_deg
 # Estimated errors that adaptive samples may leave in a texel, degrees.
 _BOUNDS = (2.0, 1.0, 0.5, 0.25)
 _QUICK_BOUNDS = (1.0,)
-_FIXED = "fixed"
+_FIXED, _BUDGET = "fixed samples", "time budget"
+# Budgets, in the time of 16 samples a texel.
+_BUDGETS = (0.25, 0.5, 1.0)
+_QUICK_BUDGETS = (0.5,)
 # The truth has as many times the texels a side, each of 64 samples.
 _FINER = 2
 
@@ -28,23 +35,18 @@ def _prepare(case: Case) -> Bench:
     finest = BakeOptions(size=size * _FINER, samples=64, padding=0, threads=case.threads)
     truth, known = _mean_of_blocks(bake(pair.high, pair.low, finest), _FINER)
 
-    def work(value: int | str) -> BakeResult:
-        if isinstance(value, str):
-            options = BakeOptions(
-                size=size, samples=ADAPTIVE, max_error=value, threads=case.threads
-            )
-        else:
-            options = BakeOptions(size=size, samples=value, threads=case.threads)
-        return bake(pair.high, pair.low, options)
+    def work(asked: BakeOptions) -> BakeResult:
+        return bake(pair.high, pair.low, asked)
 
-    def judge(value: int | str, result: BakeResult) -> Outcome:
+    def judge(asked: BakeOptions, result: BakeResult) -> Outcome:
         values = result.maps["normal"].values
         compared = known & result.has_data
         angles = angles_deg(values[compared].astype(np.float64), truth[compared])
         return Outcome(
-            error=float(angles.mean()),
+            error=float(np.sqrt((angles**2).mean())),
             picture=close_up(pair.low, normal_map=values, zoom=12.0, threads=case.threads),
             figures={
+                "angle, mean (°)": float(angles.mean()),
                 "angle, 95th percentile (°)": float(np.quantile(angles, 0.95)),
                 "angle, maximum (°)": float(angles.max()),
             },
@@ -54,16 +56,36 @@ def _prepare(case: Case) -> Bench:
         subject=f"{pair.subject}, at {size} x {size}",
         truth="converged",
         truth_text=f"The mean normal over each texel, of {64 * _FINER**2:,} rays.",
-        settings=(
-            *(Setting(str(n), n, _FIXED) for n in SAMPLES),
-            *(
-                Setting(f"{ADAPTIVE} {bound:g}°", f"{bound:g}deg", ADAPTIVE)
-                for bound in case.choose(_BOUNDS, _QUICK_BOUNDS)
-            ),
-        ),
+        settings=_settings(case, size, work),
         work=work,
         judge=judge,
     )
+
+
+def _settings(
+    case: Case, size: int, work: Callable[[BakeOptions], BakeResult]
+) -> tuple[Setting, ...]:
+    """Fixed samples, bounds, and budgets that are shares of the time that 16 samples take."""
+    same = BakeOptions(size=size, threads=case.threads)
+    sixteen = replace(same, samples=16)
+    work(sixteen)  # compiles
+    start = time.perf_counter()
+    work(sixteen)
+    seconds = time.perf_counter() - start
+    fixed = [Setting(str(n), replace(same, samples=n), _FIXED) for n in SAMPLES]
+    bounds = [
+        Setting(
+            f"{ADAPTIVE} {bound:g}°",
+            replace(same, samples=ADAPTIVE, max_error=f"{bound:g}deg"),
+            ADAPTIVE,
+        )
+        for bound in case.choose(_BOUNDS, _QUICK_BOUNDS)
+    ]
+    budgets = [
+        Setting(f"budget {budget:.2g} s", replace(same, time_budget=f"{budget:.2g}s"), _BUDGET)
+        for budget in (share * seconds for share in case.choose(_BUDGETS, _QUICK_BUDGETS))
+    ]
+    return (*fixed, *bounds, *budgets)
 
 
 def _mean_of_blocks(
@@ -84,10 +106,12 @@ KNOB = Knob(
     title="Samples per texel",
     about="Rays averaged into each texel. Detail finer than a texel turns into noise with one and "
     "into its mean with many; where there is none, more rays buy nothing. Adaptive samples go "
-    "where neighbors disagree, until the estimated error of each texel is below the bound.",
-    error="angle to the texel's mean normal",
+    "where neighbors disagree, until the estimated error of each texel is below the bound; a time "
+    "budget takes the bound that is predicted to fit.",
+    error="angle to the texel's mean normal, root mean square",
     unit="°",
     kind="angle",
     needs="pair",
     prepare=_prepare,
+    baseline=_FIXED,
 )

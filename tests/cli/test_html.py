@@ -1,0 +1,82 @@
+"""`--html` of the commands that have it; the pages themselves are looked at in tests/pages."""
+
+import subprocess
+from collections.abc import Callable
+from html import unescape
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+Invoke = Callable[..., Result]
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+# A command line, and the sections that its page has.
+BAKED = ("view", "maps", "errors", "distances", "times", "figures", "again")
+LINES = {
+    "bake-normals high.ply low.obj -o n.png --size 64": BAKED,
+    "bake-displacement high.ply low.obj -o d.exr --size 64": BAKED,
+    "bake high.ply low.obj -o maps --maps curvature --size 64": BAKED,
+    "bake high.ply low.obj -o maps --size 64 --samples adaptive": (
+        "view", "maps", "errors", "times", "figures", "again",
+    ),
+    "run high.ply -o job --faces 100 --size 128 --padding 2": BAKED,
+    "compare high.ply low.obj --size 64": ("view", "errors", "figures", "again"),
+}  # fmt: skip
+
+
+def sections(page: str) -> list[str]:
+    return [part.split('"')[0] for part in page.split('<section id="')[1:]]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_page_tells_what_there_is_and_how_to_make_it_again(
+    line: str, workplace: Path, invoke: Invoke
+) -> None:
+    result = invoke(f"{line} --html page.html")
+    assert "wrote page.html" in result.output
+    page = (workplace / "page.html").read_text(encoding="utf-8")
+    assert sections(page) == list(LINES[line])
+    assert f">texbake {line} --html page.html</code>" in unescape(page)
+
+
+def test_a_page_changes_no_other_file(workplace: Path, invoke: Invoke) -> None:
+    for samples in "4", "adaptive":
+        line = f"bake high.ply low.obj --maps displacement --size 64 --samples {samples}"
+        invoke(f"{line} -o alone")
+        invoke(f"{line} -o shown --html page.html")
+        names = [path.name for path in (workplace / "alone").iterdir()]
+        assert names == [path.name for path in (workplace / "shown").iterdir()]
+        for name in names:
+            alone, shown = (workplace / folder / name for folder in ("alone", "shown"))
+            assert alone.read_bytes() == shown.read_bytes()
+
+
+def test_maps_of_the_page_alone_are_told(workplace: Path, invoke: Invoke) -> None:
+    invoke("bake high.ply low.obj -o maps --maps displacement --size 64 --html page.html")
+    assert not (workplace / "maps" / "normal.png").exists()
+    page = (workplace / "page.html").read_text(encoding="utf-8")
+    assert page.count("Made for this page; there is no file of it.") == 1
+
+
+def test_what_a_page_cannot_be_is_said_before_the_work(workplace: Path, invoke: Invoke) -> None:
+    line = "bake-normals high.ply low.obj -o n.png --size 64 --html"
+    assert (
+        "two outputs have this name"
+        in invoke("compare high.ply low.obj -o x.png --report x.html --html x.html", 2).output
+    )
+    assert "there is no folder" in invoke(f"{line} nowhere/page.html", 1).output
+    assert not (workplace / "n.png").exists()
+
+
+def test_light_maps_have_no_page(workplace: Path, invoke: Invoke) -> None:
+    (workplace / "room.toml").write_text("", encoding="utf-8")
+    line = "bake --scene room.toml --maps lightmap -o maps --html page.html"
+    assert "does not take --html" in invoke(line, 2).output
+
+
+def test_a_page_by_a_process(workplace: Path, run: Run) -> None:
+    done = run("compare high.ply low.obj --size 64 --html page.html")
+    assert done.returncode == 0, done.stderr
+    page = (workplace / "page.html").read_text(encoding="utf-8")
+    assert ">texbake compare high.ply low.obj --size 64 --html page.html</code>" in page

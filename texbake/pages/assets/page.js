@@ -1,0 +1,112 @@
+"use strict";
+// What all pages share: meshes unpacked, and buttons that copy.
+var texbake = {
+  text: function (id) { return document.getElementById(id).textContent; },
+  json: function (id) { return JSON.parse(this.text(id)); },
+
+  // The other half of pack() in packing.py: name to Int32Array with .width, and .head.
+  unpack: async function (id) {
+    const letters = atob(this.text(id)), packed = new Uint8Array(letters.length);
+    for (let i = 0; i < letters.length; i++) packed[i] = letters.charCodeAt(i);
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+    const headBytes = new DataView(bytes.buffer).getUint32(0, true);
+    const head = JSON.parse(new TextDecoder().decode(bytes.subarray(4, 4 + headBytes)));
+    const arrays = { head: head };
+    let at = 4 + headBytes;
+    for (const [name, [count, width]] of Object.entries(head.arrays)) {
+      const values = new Int32Array(count * width);
+      for (let column = 0; column < width; column++, at += 4 * count) {
+        for (let row = 0, last = 0; row < count; row++) {
+          const code = bytes[at + row] | bytes[at + count + row] << 8 |
+            bytes[at + 2 * count + row] << 16 | bytes[at + 3 * count + row] << 24;
+          last = (last + (code >>> 1 ^ -(code & 1))) | 0;
+          values[row * width + column] = last;
+        }
+      }
+      arrays[name] = values;
+    }
+    return arrays;
+  },
+
+  meshes: {},
+  mesh: function (id) {
+    return this.meshes[id] = this.meshes[id] || this.unpack(id);
+  },
+
+  // Places of missed texels as [column, row], and the size of the map; null where none is told.
+  missed: async function () {
+    const image = document.getElementById("missed");
+    if (!image) return null;
+    await image.decode();
+    const width = image.naturalWidth, height = image.naturalHeight;
+    const canvas = Object.assign(document.createElement("canvas"), { width: width, height: height });
+    const context = canvas.getContext("2d", { willReadFrequently: true });
+    context.drawImage(image, 0, 0);
+    const pixels = new Uint32Array(context.getImageData(0, 0, width, height).data.buffer);
+    const places = [], isMissed = new Uint8Array(pixels.length);
+    for (let i = 0; i < pixels.length; i++) {
+      if (!pixels[i]) continue;
+      isMissed[i] = 1;
+      places.push([i % width, Math.floor(i / width)]);
+    }
+    return { width: width, height: height, places: places, isMissed: isMissed };
+  },
+
+  // A canvas keeps as many pixels as it covers on the screen; calls back when that changes.
+  fitted: function (canvas, changed) {
+    new ResizeObserver(function () {
+      changed(canvas.clientWidth, canvas.clientHeight, Math.min(window.devicePixelRatio || 1, 2));
+    }).observe(canvas);
+  },
+
+  // Drags of one or two fingers or the mouse: moved(dx, dy, {pans, x, y}), zoomed(factor, x, y).
+  dragged: function (canvas, moved, zoomed) {
+    const down = new Map();
+    const middle = function () {
+      const points = [...down.values()], sum = [0, 0];
+      for (const [x, y] of points) { sum[0] += x / points.length; sum[1] += y / points.length; }
+      const [a, b] = points;
+      return [sum[0], sum[1], b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0];
+    };
+    canvas.addEventListener("pointerdown", function (event) {
+      canvas.setPointerCapture(event.pointerId);
+      down.set(event.pointerId, [event.offsetX, event.offsetY]);
+    });
+    canvas.addEventListener("pointermove", function (event) {
+      if (!down.has(event.pointerId)) return;
+      const before = middle();
+      down.set(event.pointerId, [event.offsetX, event.offsetY]);
+      const after = middle();
+      const pans = down.size > 1 || event.shiftKey || (event.buttons & 6) !== 0;
+      moved(after[0] - before[0], after[1] - before[1], pans);
+      if (before[2] > 0) zoomed(after[2] / before[2], after[0], after[1]);
+    });
+    for (const name of ["pointerup", "pointercancel"]) {
+      canvas.addEventListener(name, function (event) { down.delete(event.pointerId); });
+    }
+    canvas.addEventListener("contextmenu", function (event) { event.preventDefault(); });
+    // The wheel scrolls the page until the picture has been clicked or is reached by the keyboard.
+    canvas.addEventListener("wheel", function (event) {
+      if (document.activeElement !== canvas && !event.ctrlKey) return;
+      event.preventDefault();
+      const steps = event.deltaY * (event.deltaMode === 1 ? 20 : 1);
+      zoomed(Math.exp(-Math.max(-100, Math.min(100, steps)) / 300), event.offsetX, event.offsetY);
+    }, { passive: false });
+  },
+
+  copy: async function (button) {
+    const source = document.getElementById(button.dataset.copies), label = button.textContent;
+    try {
+      await navigator.clipboard.writeText(source.textContent);
+    } catch (error) {
+      getSelection().selectAllChildren(source);
+      document.execCommand("copy");
+    }
+    button.textContent = "Copied";
+    setTimeout(function () { button.textContent = label; }, 1500);
+  },
+};
+for (const button of document.querySelectorAll("button[data-copies]")) {
+  button.addEventListener("click", function () { texbake.copy(button); });
+}

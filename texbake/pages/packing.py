@@ -1,0 +1,136 @@
+"""Meshes as short text inside a page, which the page's script unpacks.
+
+All values are whole numbers: points on a grid over the bounding box, directions on an octahedron,
+texture coordinates in steps of 2^-20. Each column is stored as differences from row to row, their
+bytes sorted by place, and deflated: 7 to 9 bytes a triangle. `unpack` in `assets/page.js` is the
+other half.
+
+Based on: Cigolle et al., "A survey of efficient representations for independent unit vectors", JCGT
+3(2), 2014, for the octahedron.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.seams import border_edges
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.normals import shading_normals
+from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.weld import weld_rows
+
+Ints = npt.NDArray[np.int32]
+
+POSITION_STEPS = 65_535  # along the longest side of the box: far below a pixel of any screen
+# Half the steps along an axis of the octahedron: within 0.06 degrees.
+DIRECTION_STEPS = 2_047
+UV_STEPS = 1 << 20  # 1/256 of a texel of a 4096² map
+
+
+def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
+    """Return arrays of whole numbers as base64 text.
+
+    Parameters
+    ----------
+    arrays
+        Name to (N, K) int32.
+    more
+        Values that go with them, as JSON has them.
+    """
+    head = {"arrays": {name: values.shape for name, values in arrays.items()}, **more}
+    words = json.dumps(head, separators=(",", ":")).encode()
+    planes = [_planes(values) for values in arrays.values()]
+    packed = zlib.compress(b"".join([struct.pack("<I", len(words)), words, *planes]), 9)
+    return base64.b64encode(packed).decode("ascii")
+
+
+def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
+    """Pack what is needed to draw a mesh.
+
+    `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, of a mesh with texture coordinates,
+    `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1): bit k is
+    set where the edge from corner k to the next is an outline of its chart.
+
+    Parameters
+    ----------
+    mesh
+        Vertices are split where normals, texture coordinates or tangents differ.
+    frame
+        Positions are packed in it, so that meshes drawn together share it.
+    """
+    normals, normal_faces = shading_normals(mesh)
+    corners = [mesh.faces.ravel(), normal_faces.ravel()]
+    tangents = None
+    if mesh.uv_faces is not None:
+        tangents = corner_tangents(mesh).reshape(-1, 4)
+        corners += [mesh.uv_faces.ravel(), weld_rows(tangents)]
+    index, chosen = _numbered(np.column_stack(corners).astype(np.int32))
+    points = frame.to_local(mesh.positions[mesh.faces.ravel()[chosen]])
+    low, side = points.min(axis=0), float(np.ptp(points, axis=0).max()) or 1.0
+    arrays = {
+        "index": index[:, None],
+        "position": np.rint((points - low) / side * POSITION_STEPS).astype(np.int32),
+        "normal": octahedral(normals[normal_faces.ravel()[chosen]]),
+    }
+    if tangents is not None and mesh.uvs is not None and mesh.uv_faces is not None:
+        uvs = mesh.uvs[mesh.uv_faces.ravel()[chosen]]
+        signs = tangents[chosen, 3:].astype(np.int32)
+        arrays["uv"] = np.rint(np.clip(uvs, -1000.0, 1000.0) * UV_STEPS).astype(np.int32)
+        arrays["tangent"] = np.hstack([octahedral(tangents[chosen, :3]), signs])
+        arrays["borders"] = (border_edges(mesh) @ np.array([1, 2, 4]))[:, None].astype(np.int32)
+    steps = {
+        "low": low.tolist(),
+        "step": side / POSITION_STEPS,
+        "directionSteps": DIRECTION_STEPS,
+        "uvSteps": UV_STEPS,
+    }
+    return pack(arrays, steps)
+
+
+def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
+    """(N, 2) int32: unit vectors on the octahedron, unfolded to a square.
+
+    Parameters
+    ----------
+    directions : (N, 3) float
+        A zero vector counts as +z.
+    """
+    vectors = np.asarray(directions, np.float64)
+    sums = np.abs(vectors).sum(axis=1, keepdims=True)
+    vectors = np.divide(
+        vectors, sums, out=np.tile([0.0, 0.0, 1.0], (len(vectors), 1)), where=sums > 0
+    )
+    folded = vectors[:, :2]
+    below = vectors[:, 2] < 0.0
+    turned = (1.0 - np.abs(folded[:, ::-1])) * np.where(folded < 0.0, -1.0, 1.0)
+    folded = np.where(below[:, None], turned, folded)
+    return np.asarray(np.rint(folded * DIRECTION_STEPS), np.int32)
+
+
+def _numbered(rows: IntArray) -> tuple[Ints, npt.NDArray[np.intp]]:
+    """Number equal rows in the order of their first use; also the first row of each number."""
+    firsts = weld_rows(rows)
+    is_first = firsts == np.arange(len(firsts))
+    return (np.cumsum(is_first) - 1)[firsts].astype(np.int32), np.flatnonzero(is_first)
+
+
+def _planes(values: Ints) -> bytes:
+    """Bytes of differences down the columns, small ones to either side of 0 as small numbers."""
+    steps = np.diff(values, axis=0, prepend=np.zeros((1, values.shape[1]), np.int32))
+    codes = ((steps << 1) ^ (steps >> 31)).astype("<u4")
+    return (
+        codes.T.reshape(-1, 1)
+        .copy()
+        .view(np.uint8)
+        .reshape(values.shape[1], -1, 4)
+        .transpose(0, 2, 1)
+        .tobytes()
+    )
