@@ -1,0 +1,81 @@
+"""`texbake build`: all assets of a pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from texbake.pipeline.building.options import BuildOptions
+
+from ..build_options import build_options
+from ..building import shown, tell_result
+from ..terminal import Terminal, columns, terminal_options
+from ..types import FileOf
+
+if TYPE_CHECKING:
+    from texbake.pipeline.building.build import PlannedStep
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake build studio.toml
+      texbake build studio.toml --plan
+      texbake build studio.toml --jobs 8 --max-memory 24G
+      texbake build studio.toml --only "orange*" --verify
+      texbake build studio.toml --scheduler tcp://render-01:8786
+    """
+)
+@click.argument("pipeline", type=FileOf((".toml",)), metavar="PIPELINE.toml")
+@click.option("--plan", is_flag=True, help="Print what would run, and why; build nothing.")
+@build_options
+@click.option(
+    "--wait/--no-wait",
+    default=BuildOptions.wait,
+    show_default=True,
+    help="Wait for another build in the same folder, or fail at once.",
+)
+@click.option("--prune", is_flag=True, help="In the end remove stored results that are not used.")
+@click.option(
+    "--verify", is_flag=True, help="Hold everything that is stored against its checksums."
+)
+@terminal_options
+@click.pass_context
+def build(
+    ctx: click.Context,
+    pipeline: Path,
+    plan: bool,
+    options: BuildOptions,
+    terminal: Terminal,
+) -> None:
+    """Build the assets of a pipeline file.
+
+    Only what changed runs again. An asset that fails does not stop the others; build.json in the
+    folder says what came of each. Exits with 1 if any failed.
+    """
+    if plan:
+        from texbake.pipeline.building.build import plan_build
+
+        _tell_plan(plan_build(pipeline, options), terminal)
+        return
+    from texbake.pipeline.building.build import build as run_build
+
+    with shown(terminal) as listener:
+        result = run_build(pipeline, options, listener=listener)
+    tell_result(result, terminal)
+    if not result.ok:
+        ctx.exit(1)
+
+
+def _tell_plan(steps: list[PlannedStep], terminal: Terminal) -> None:
+    counts: dict[str, int] = {}
+    for step in steps:
+        counts[step.state] = counts.get(step.state, 0) + 1
+    rows = [("asset", "step", "", "why")]
+    rows += [(s.asset, s.step, s.state, s.why) for s in steps if s.state != "current" or s.why]
+    if len(rows) > 1:
+        columns(rows)
+    terminal.summary([("steps", ", ".join(f"{n:,} {state}" for state, n in counts.items()))])

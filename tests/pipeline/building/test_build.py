@@ -1,0 +1,389 @@
+"""What runs again and what does not; what fails by itself; and that no bit goes wrong unseen."""
+
+import errno
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from texbake import FileError, OptionError
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.shapes import uv_sphere
+from texbake.pipeline.building import locations
+from texbake.pipeline.building.build import build, plan_build
+from texbake.pipeline.building.options import BuildOptions, parse_bytes
+from texbake.pipeline.building.store import Store
+
+Write = Callable[..., Path]
+Run = Callable[..., Any]
+Contents = Callable[[Path], dict[str, bytes]]
+SCAN = """
+[[assets]]
+inputs.high = "*.ply"
+"""
+SCAN_STEPS = """
+[steps.clean]
+do = "repair"
+mesh = "high"
+output = "{asset}.{ext}"
+[steps.low]
+do = "unwrap"
+mesh = "clean"
+method = "spherical"
+output = "{asset}.{ext}"
+"""
+
+
+def report(path: Path, folder: str = "build") -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((path.parent / folder / "build.json").read_text())
+    return found
+
+
+@pytest.fixture
+def scans(tmp_path: Path, write: Write) -> Path:
+    for number, name in enumerate(["a", "b", "c"]):
+        write_mesh(uv_sphere(4 + number, 8), tmp_path / f"{name}.ply")
+    return write(SCAN, SCAN_STEPS)
+
+
+def test_a_build_makes_everything_and_the_next_nothing(
+    write: Write, run: Run, contents: Contents
+) -> None:
+    path = write()
+    result, steps = run(path)
+    assert result.ok and len(steps) == 6
+    before = contents(path.parent / "build")
+    assert set(before) == {
+        f"{asset}_{rest}"
+        for asset in ("ball", "egg")
+        for rest in ("low.obj", "normal.png", "report.json")
+    }
+    assert read_mesh(path.parent / "build" / "egg_low.obj").diagonal > 4
+    again, steps = run(path)
+    assert again.ok and steps == []
+    assert [asset.state for asset in again.assets] == ["current", "current"]
+    assert contents(path.parent / "build") == before
+
+
+def test_only_what_changed_runs(write: Write, run: Run) -> None:
+    path = write()
+    run(path)
+    path.write_text(path.read_text().replace("padding = 1", "padding = 2"))
+    plan = {(s.asset, s.step): (s.state, s.why) for s in plan_build(path)}
+    assert plan["ball", "maps"] == ("runs", "padding: 1 before, 2 now")
+    assert plan["ball", "low"] == ("current", "")
+    assert run(path)[1] == ["ball.maps", "egg.maps"]
+    path.write_text(path.read_text().replace("radius = 2.0", "radius = 3.0"))
+    plan = {(s.asset, s.step): s.state for s in plan_build(path)}
+    assert [plan["egg", step] for step in ("dense", "low", "maps")] == [
+        "runs",
+        "may run",
+        "may run",
+    ]
+    assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+    # What was built before is still there, and comes back without any work.
+    path.write_text(path.read_text().replace("radius = 3.0", "radius = 2.0"))
+    assert run(path)[1] == []
+
+
+def test_a_step_whose_inputs_come_out_the_same_does_not_run(scans: Path, run: Run) -> None:
+    run(scans)
+    mesh = read_mesh(scans.parent / "a.ply")
+    # The same triangles with a vertex that none uses, which the repair leaves out again.
+    unused = mesh.replace(
+        positions=[*mesh.positions.tolist(), [9.0, 9.0, 9.0]], normals=None, normal_faces=None
+    )
+    write_mesh(mesh.replace(normals=None, normal_faces=None), scans.parent / "a.ply")
+    run(scans)
+    write_mesh(unused, scans.parent / "a.ply")
+    assert run(scans)[1] == ["a.clean"]
+
+
+def test_a_file_that_is_only_touched_is_not_built_again(scans: Path, run: Run) -> None:
+    run(scans)
+    os.utime(scans.parent / "a.ply")
+    assert run(scans)[1] == []
+
+
+def test_a_file_that_changed_with_its_time_set_back_is_seen(scans: Path, run: Run) -> None:
+    run(scans)
+    file = scans.parent / "a.ply"
+    status = file.stat()
+    data = bytearray(file.read_bytes())
+    data[-60] ^= 1  # in a coordinate or an index: the length stays
+    file.write_bytes(data)
+    os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert "a.clean" in run(scans)[1]
+
+
+def test_a_bad_asset_fails_alone(scans: Path, run: Run, contents: Contents) -> None:
+    (scans.parent / "b.ply").write_bytes(b"ply\nnonsense\n")
+    result, _ = run(scans)
+    assert not result.ok
+    (failed,) = result.failed
+    assert failed.name == "b"
+    assert failed.error.startswith("clean: ") and "b.ply" in failed.error
+    assert "\n" not in failed.error
+    states = {asset.name: [step.state for step in asset.steps] for asset in result.assets}
+    assert states == {"a": ["built"] * 2, "b": ["failed", "blocked"], "c": ["built"] * 2}
+    assert set(contents(scans.parent / "build")) == {"a.ply", "a.obj", "c.ply", "c.obj"}
+    written = report(scans)
+    assert (written["ok"], written["counts"]["failed"]) == (False, 1)
+    by_name = {asset["name"]: asset for asset in written["assets"]}
+    assert by_name["b"]["error"] == failed.error
+    assert by_name["b"]["steps"][1]["error"] == "it needs clean, which failed"
+    # Mended, it is built, and nothing else is.
+    write_mesh(uv_sphere(5, 8), scans.parent / "b.ply")
+    assert run(scans)[1] == ["b.clean", "b.low"]
+
+
+def test_an_input_that_vanishes_after_it_was_found(
+    scans: Path, inline: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crew = inline()
+    submit = crew.submit
+
+    def vanish(number: int, task: Any) -> None:
+        (scans.parent / "b.ply").unlink(missing_ok=True)
+        submit(number, task)
+
+    monkeypatch.setattr(crew, "submit", vanish)
+    result = build(scans, workers=crew)
+    (failed,) = result.failed
+    assert failed.name == "b"
+    assert "there is no such file" in failed.error
+
+
+def test_an_input_that_changes_after_it_was_looked_at(scans: Path, inline: Any) -> None:
+    crew = inline(slots=9)
+    submit = crew.submit
+
+    def change(number: int, task: Any) -> None:
+        if task.asset == "c":
+            write_mesh(uv_sphere(9, 9), scans.parent / "c.ply")
+        submit(number, task)
+
+    crew.submit = change
+    result = build(scans, workers=crew)
+    (failed,) = result.failed
+    assert "c.ply: it changed since the build looked at it; build again" in failed.error
+
+
+@pytest.mark.parametrize("step", ["clean", "low"])
+@pytest.mark.parametrize("kind", ["flipped", "cut", "gone", "manifest", "no manifest"])
+def test_a_damaged_store_is_found_and_mended(
+    step: str, kind: str, scans: Path, run: Run, contents: Contents
+) -> None:
+    first, _ = run(scans)
+    before = contents(scans.parent / "build")
+    key = next(s.key for s in first.assets[0].steps if s.step == step)
+    entry = scans.parent / "build" / ".texbake" / "store" / key[:2] / key
+    name = (
+        "manifest.json"
+        if "manifest" in kind
+        else next(path.name for path in entry.iterdir() if path.suffix in (".ply", ".obj"))
+    )
+    file = entry / name
+    status = file.stat()
+    data = bytearray(file.read_bytes())
+    if kind in ("flipped", "manifest"):
+        data[len(data) // 2] ^= 4
+        file.write_bytes(data)
+        os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+    elif kind == "cut":
+        file.write_bytes(data[:-7])
+    else:
+        file.unlink()
+    result, steps = run(scans)
+    assert result.ok
+    assert steps == [f"a.{step}"]
+    if kind != "no manifest":
+        (note,) = [n for s in result.assets[0].steps for n in s.notes]
+        assert "damaged" in note and "made again" in note
+    assert contents(scans.parent / "build") == before
+    assert run(scans)[1] == []
+
+
+def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
+    scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch, inline: Any
+) -> None:
+    first, _ = run(scans)
+    key = first.assets[0].steps[0].key
+    entry = scans.parent / "build" / ".texbake" / "store" / key[:2] / key
+    (file,) = [path for path in entry.iterdir() if path.suffix == ".ply"]
+    data = bytearray(file.read_bytes())
+    data[-9] ^= 1
+    file.write_bytes(data)
+    # A disk changes bits and tells nobody: the remembered signature is made that of now.
+    digests = scans.parent / "build" / ".texbake" / "digests.json"
+    known = json.loads(digests.read_text())
+    known[str(file)][0] = list(locations.file_signature(file) or ())
+    digests.write_text(json.dumps(known))
+    assert run(scans)[1] == []
+    scans.write_text(scans.read_text().replace('"spherical"', '"box"'))
+    result, steps = run(scans)
+    assert result.ok
+    assert steps.count("a.clean") == 1 and steps.count("a.low") == 2  # put off once
+    assert any("damaged" in note for note in result.assets[0].steps[0].notes)
+
+    data = bytearray(file.read_bytes())
+    data[-9] ^= 1
+    file.write_bytes(data)
+    known = json.loads(digests.read_text())
+    known[str(file)][0] = list(locations.file_signature(file) or ())
+    digests.write_text(json.dumps(known))
+    assert run(scans)[1] == []
+    assert run(scans, verify=True)[1] == ["a.clean"]
+
+
+def test_outputs_that_were_changed_or_removed_are_put_back(
+    scans: Path, run: Run, contents: Contents
+) -> None:
+    run(scans)
+    folder = scans.parent / "build"
+    before = contents(folder)
+    (folder / "a.obj").unlink()
+    (folder / "b.ply").write_bytes(b"edited")
+    result, steps = run(scans)
+    assert steps == [] and contents(folder) == before
+    notes = [note for asset in result.assets for step in asset.steps for note in step.notes]
+    assert notes == ["1 of its outputs were missing or changed, and put back"] * 2
+
+
+def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
+    path = write('[[assets]]\nname = "a"\n[[assets]]\nname = "b"\n')
+    result, steps = run(path)
+    assert result.ok
+    assert sorted(step.partition(".")[2] for step in steps) == ["dense", "low", "maps"]
+    assert (path.parent / "build" / "a_low.obj").read_bytes() == (
+        path.parent / "build" / "b_low.obj"
+    ).read_bytes()
+
+
+def test_steps_wait_for_a_check(write: Write, run: Run) -> None:
+    steps = """
+[steps.dense]
+do = "make"
+shape = "plane"
+[steps.limits]
+do = "check"
+mesh = "dense"
+max_faces = 1
+fail_on = "never"
+[steps.low]
+do = "repair"
+mesh = "dense"
+after = "limits"
+"""
+    path = write('[[assets]]\nname = "a"\n', steps)
+    result, ran = run(path)
+    assert ran == ["a.dense", "a.limits"]
+    assert "2 triangles are more than max_faces, 1" in result.failed[0].error
+    path.write_text(path.read_text().replace("max_faces = 1", "max_faces = 2"))
+    assert run(path)[1] == ["a.limits", "a.low"]
+
+
+def test_a_full_disk_fails_what_it_hits_and_leaves_nothing_half_written(
+    scans: Path, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(source: Path, target: Path) -> None:
+        target.write_bytes(source.read_bytes()[:100])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(locations, "copy_file", full)
+        result, _ = run(scans)
+    assert len(result.failed) == 3
+    assert "No space left on device" in result.failed[0].error
+    assert contents(scans.parent / "build") == {}
+    result, steps = run(scans)
+    assert result.ok
+    assert steps == ["a.low", "b.low", "c.low"]  # the others were stored before
+
+
+def test_a_store_without_space(scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Store, *arguments: Any) -> None:
+        raise FileError("store: No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "commit", full)
+        result, _ = run(scans)
+    assert len(result.failed) == 3
+    store = scans.parent / "build" / ".texbake" / "store"
+    assert [path for path in store.rglob("*") if path.is_file()] == []
+    assert run(scans)[0].ok
+
+
+def test_what_texbake_itself_gets_wrong_is_told_with_its_trace(
+    scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from texbake.pipeline.building.steps import repair
+
+    monkeypatch.setattr(repair, "repaired", lambda mesh, options: 1 // 0)
+    result, _ = run(scans)
+    step = result.failed[0].steps[0]
+    assert step.error == (
+        "texbake itself failed: ZeroDivisionError: integer division or modulo by zero"
+    )
+    assert "Traceback" in step.trace
+
+
+def test_an_interrupted_build_says_so_and_goes_on_where_it_was(scans: Path, inline: Any) -> None:
+    crew = inline(slots=1)
+    submit = crew.submit
+
+    def interrupt(number: int, task: Any) -> None:
+        if len(crew.tasks) == 3:
+            raise KeyboardInterrupt
+        submit(number, task)
+
+    crew.submit = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        build(scans, workers=crew)
+    assert report(scans)["state"] == "interrupted"
+    crew = inline()
+    assert build(scans, workers=crew).ok
+    assert len(crew.tasks) == 3
+    assert report(scans)["state"] == "finished"
+
+
+def test_stored_results_that_are_not_used_are_removed_when_asked(write: Write, run: Run) -> None:
+    path = write()
+    run(path)
+    store = path.parent / "build" / ".texbake" / "store"
+    text = path.read_text()
+    path.write_text(text.replace("radius = 2.0", "radius = 3.0"))
+    run(path)
+    assert len(list(store.glob("??/*"))) == 9
+    run(path, prune=True)
+    assert len(list(store.glob("??/*"))) == 6
+    path.write_text(text)
+    assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+
+
+def test_ten_thousand_assets_are_planned_and_found_current(
+    write: Write, tmp_path: Path, inline: Any
+) -> None:
+    (tmp_path / "in").mkdir()
+    write_mesh(uv_sphere(3, 4), tmp_path / "in" / "0.ply")
+    data = (tmp_path / "in" / "0.ply").read_bytes()
+    for number in range(1, 10_000):
+        (tmp_path / "in" / f"{number}.ply").write_bytes(data)
+    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\nformat = "stl"\n'
+    path = write('[[assets]]\ninputs.high = "in/*.ply"\n', steps)
+    # All have the same content but not the same name, which counts; so one alone is built.
+    built = inline()
+    assert build(path, BuildOptions(only=("77",)), workers=built).ok
+    plan = plan_build(path)
+    assert len(plan) == 10_000
+    assert [step.asset for step in plan if step.state == "current"] == ["77"]
+
+
+def test_options_that_cannot_be() -> None:
+    for choice in ({"jobs": 0}, {"threads": -1}, {"max_memory": "much"}, {"scheduler": "there"}):
+        with pytest.raises(OptionError):
+            BuildOptions(**choice)  # type: ignore[arg-type]
+    assert parse_bytes("2 GiB") == 2 * 1024**3

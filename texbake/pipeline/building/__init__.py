@@ -1,0 +1,1 @@
+"""Many assets through the steps of a pipeline file: what changed runs again, and nothing else."""
