@@ -116,6 +116,11 @@ def cracks() -> Case:
     return Case(soup(points, [[0, 1, 2], [3, 4, 5]]), None, 4, {0, 1})
 
 
+def through() -> Case:
+    points = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0.5, 0.5, -1), (0.5, 0.5, 1), (3, 3, 0.3)]
+    return Case(soup(points, [[0, 1, 2], [3, 4, 5]]), None, 2, {0, 1})
+
+
 def winding() -> Case:
     faces = icosphere(0).faces.copy()
     faces[7] = faces[7][::-1]
@@ -245,6 +250,33 @@ def far_from_light() -> Case:
     return Case(high, squares(ROOMY), 2, {2, 3})
 
 
+def sheets(*heights: tuple) -> Mesh:
+    """Unit squares at (x, z), a chart each; those of negative sign face down."""
+    places = []
+    for i, (x, z, sign) in enumerate(heights):
+        u = 0.02 + 0.24 * i + (0.16 if sign < 0 else 0.0)
+        places.append(((x, 0, z), (u, 0.1), (sign * 0.16, 0.16)))
+    mesh = squares(*places)
+    faces = mesh.faces.copy()
+    for i, (_, _, sign) in enumerate(heights):
+        if sign < 0:
+            faces[2 * i : 2 * i + 2] = faces[2 * i : 2 * i + 2, ::-1]
+    return flat(mesh.replace(faces=faces, uv_faces=faces))
+
+
+def thin_walls() -> Case:
+    """A wall of 0.05, beside a face whose dense surface lies 0.1 behind it."""
+    light, dense = (sheets((0, 0, 1), (0, -0.05, -1), (3, z, 1)) for z in (0.0, -0.1))
+    return Case(dense, light, 4, {0, 1, 2, 3})
+
+
+def other_parts() -> Case:
+    """A gap of 0.03 below a slab of 0.02, beside a face whose dense surface lies 0.1 before it."""
+    slab = ((0, 0, 1), (0, 0.03, -1), (0, 0.05, 1))
+    light, dense = (sheets(*slab, (3, z, 1)) for z in (0.0, 0.1))
+    return Case(dense, light, 2, {0, 1})
+
+
 def opposite_sides() -> Case:
     low = SHEET.replace(faces=SHEET.faces[:, ::-1], uv_faces=SHEET.uv_faces[:, ::-1])
     low = flat(low.replace(uvs=[1, 0] + low.uvs * [-1, 1]))
@@ -267,6 +299,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "non-manifold-edges": non_manifold,
     "pinched-vertices": pinched,
     "cracks": cracks,
+    "self-intersections": through,
     "inconsistent-winding": winding,
     "inside-out-shells": inside_out,
     "far-from-origin": far_from_origin,
@@ -290,6 +323,8 @@ CASES: dict[str, Callable[[], Case]] = {
     "differing-axes": axes,
     "far-from-dense": far_from_dense,
     "far-from-light": far_from_light,
+    "thin-walls": thin_walls,
+    "other-parts": other_parts,
     "opposite-sides": opposite_sides,
     "dense-is-coarser": coarser,
     "detail-below-texels": below_texels,

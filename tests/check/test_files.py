@@ -3,10 +3,12 @@
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from texbake.check.check import check_files
+from texbake.check.check import check, check_files
 from texbake.errors import FileError
+from texbake.mesh.files import read_mesh
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n"
 
@@ -80,6 +82,25 @@ def test_counts_of_real_broken_meshes(data_dir: Path, name: str) -> None:
     assert {kind: found[kind] for kind in COUNTED} == {
         kind: BROKEN[name].get(kind, 0) for kind in COUNTED
     }
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    "name", ["broken/self_intersectA.obj", "broken/cycloidal.ply", "pairs/skull/low_uv.obj"]
+)
+def test_faces_through_one_another_are_those_that_meshlab_finds(data_dir: Path, name: str) -> None:
+    import pymeshlab
+
+    mesh = read_mesh(data_dir / name)
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(mesh.positions, mesh.faces))
+    meshes.apply_filter("compute_selection_by_self_intersections_per_face")
+    theirs = set(np.flatnonzero(meshes.current_mesh().face_selection_array()).tolist())
+    finding = check(mesh.replace(uvs=None, uv_faces=None)).finding("self-intersections")
+    ours = set() if finding is None else set(finding.faces.tolist())
+    assert ours <= theirs
+    # It counts those that touch by less than a millionth of the size as well.
+    assert len(ours) >= 0.97 * len(theirs)
 
 
 @pytest.mark.realdata

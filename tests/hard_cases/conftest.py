@@ -23,6 +23,9 @@ from catalog.case import Case, only  # noqa: E402
 from catalog.contrasts import CONTRASTS  # noqa: E402
 from catalog.geometry import GEOMETRY  # noqa: E402
 from catalog.images import IMAGES  # noqa: E402
+from catalog.mappings import MAPPINGS  # noqa: E402
+from catalog.pairs import PAIRS  # noqa: E402
+from catalog.rays import RAYS  # noqa: E402
 from catalog.scenes import SCENES  # noqa: E402
 from catalog.texture_space import TEXTURE_SPACE  # noqa: E402
 from fuzz_files import FORMATS  # noqa: E402
@@ -35,6 +38,9 @@ CASES: dict[str, tuple[Any, ...]] = {
     "solid_case": only(MESHES, "solid"),
     "plain_case": only(MESHES, "plain"),
     "flat_case": only(MESHES, "flat"),
+    "pair_case": PAIRS,
+    "ray_case": RAYS,
+    "mapping_case": MAPPINGS,
     "image_case": IMAGES,
     "color_case": only(IMAGES, "color"),
     "scene_case": SCENES,
@@ -91,6 +97,18 @@ def in_cells() -> Callable[[Case[Mesh]], Mesh]:
 def case_named() -> Callable[[str], Case[Mesh]]:
     """Find one mesh of the catalogue by its name."""
     return {case.name: case for case in MESHES}.__getitem__
+
+
+@pytest.fixture(scope="session")
+def case_of_pair() -> Callable[[str], Case[Any]]:
+    """Find one pair of the catalogue by its name."""
+    return {case.name: case for case in PAIRS}.__getitem__
+
+
+@pytest.fixture(scope="session")
+def case_of_mapping() -> Callable[[str], Case[Any]]:
+    """Find one mapping of the catalogue by its name."""
+    return {case.name: case for case in MAPPINGS}.__getitem__
 
 
 @pytest.fixture(scope="session")

@@ -23,6 +23,9 @@ from catalog.contrast import Contrast
 from catalog.geometry import GEOMETRY
 from catalog.geometry_contrasts import GEOMETRY_CONTRASTS
 from catalog.images import IMAGES
+from catalog.mappings import MAPPINGS
+from catalog.pairs import PAIRS
+from catalog.rays import RAYS
 from catalog.render_contrasts import RENDER_CONTRASTS
 from catalog.scenes import SCENES
 from catalog.texture_contrasts import TEXTURE_CONTRASTS
@@ -33,10 +36,13 @@ INTRODUCTION = """\
 
 Meshes, images and scenes that break naive code, made by code in `tests/hard_cases/catalog/`. Every
 stage runs over every case that it can take: files, normals, tangents, simplification, all mappings,
-atlases, measures, bakes, previews, mip levels, lookups, codes, heights and normals, padding. What
-must hold is finite results, unit vectors, counts from exact integers, the same bytes at any scale
-by a power of two and on any number of threads, round trips, and no ray through a closed mesh.
-Random triangle soups, random scenes and damaged files of every format go the same way.
+atlases, measures, bakes, previews, mip levels, lookups, codes, cube maps, heights and normals,
+padding, light maps, the preflight and the study. What must hold is finite results, unit vectors,
+counts from exact integers, the same bytes at any scale by a power of two and on any number of
+threads, round trips, no ray through a closed mesh, the fault named by `texbake check`, and an error
+that falls with each step of a knob: texture size, dense mesh, bit depth, tessellation, filter,
+octaves, subdivisions. Random triangle soups, random scenes and damaged files of every format go the
+same way.
 
 ## What a cure buys, and what it costs
 
@@ -54,10 +60,15 @@ Named here because they are refused by one clear error, or because they cannot b
 - Areas of meshes beyond about 1e±150 model units cannot be computed in float64: mapping refuses
   them. Normals, files (OBJ, PLY, OFF) and distances still work.
 - Maps are float32: a bake of meshes below 1e-30 or above 1e37 model units is refused.
+- Areas of texture coordinates farther out than 1e75 tiles cannot be computed either: they are
+  neither measured nor drawn, and all that `texbake check` says of them is that they lie outside.
 - STL and GLB hold float32: what lies beyond it is refused, and no file is left.
 - Which triangle a ray hits is found in float32 of the joint box. Walls of 1e-5 of the size are told
   apart to 1 % of their thickness, which leaves smooth normals off by up to a degree at their edges;
   where on a triangle it is hit is found in float64.
+- Rays that hit nothing are looked at again by an exact test. With back faces not culled, a ray that
+  slips through a vertex of a closed mesh finds the back of the far side, and is believed.
+- Faces that cross by less than a millionth of the mesh's size count as touching.
 - An atlas is made on a grid of 2^-20 of the mesh's size: thinner faces get one point each.
 - Coplanar faces of two objects: the one drawn first is seen, on every pixel.
 - `mip_chain(kind="normal")` takes vectors up to 1e19 long; squares of longer ones overflow float32.
@@ -107,7 +118,10 @@ def document() -> str:
     parts.append("## The catalogue\n")
     for title, cases in (
         ("Geometry", GEOMETRY),
+        ("Pairs to bake", PAIRS),
+        ("Rays", RAYS),
         ("Texture space and tangents", TEXTURE_SPACE),
+        ("Mappings", MAPPINGS),
         ("Images", IMAGES),
         ("Scenes", SCENES),
     ):

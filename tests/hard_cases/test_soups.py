@@ -139,6 +139,19 @@ def test_measured_and_drawn_soups(mesh):
 
 
 @SOUPS
+@given(high=soups(), low=soups(with_uvs=True))
+def test_checked_soups(high, low):
+    options = texbake.CheckOptions(size=16, padding=1)
+    for meshes in (high,), (low,), (high, low), (low, low):
+        report = texbake.check(*meshes, options=options)
+        for finding in report.findings:
+            assert finding.count >= 1 and "nan" not in finding.problem
+        if report.has_layout:
+            assert np.isfinite(report.picture(32)).all()
+    assert np.isfinite(texbake.draw_layout(low, 24)).all()
+
+
+@SOUPS
 @given(mesh=soups(with_uvs=True), azimuth=st.sampled_from([0.0, 33.0, 90.0, 180.0]))
 def test_pictures_of_soups(mesh, azimuth):
     options = texbake.RenderOptions(width=24, height=16, view=(azimuth, 10.0), back_faces="show")
@@ -147,6 +160,25 @@ def test_pictures_of_soups(mesh, azimuth):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_numbers_that_are_none_are_refused_where_they_enter(bad):
+@pytest.mark.parametrize("field", ["positions", "uvs", "normals", "tangents", "colors"])
+def test_numbers_that_are_none_are_refused_where_they_enter(bad, field):
+    corners = np.array([[0, 1, 2]], np.int32)
+    fields = {
+        "positions": [[0.0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        "uvs": [[0.0, 0], [1, 0], [0, 1]],
+        "uv_faces": corners,
+        "normals": [[0.0, 0, 1]] * 3,
+        "normal_faces": corners,
+        "tangents": np.ones((1, 3, 4)),
+        "colors": np.ones((3, 3)),
+    }
+    texbake.Mesh(faces=corners, **fields)
+    fields[field] = np.array(fields[field], float)
+    fields[field].flat[1] = bad
     with pytest.raises(texbake.MeshError, match="not finite"):
-        texbake.Mesh(positions=[[0, 0, 0], [bad, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]])
+        texbake.Mesh(faces=corners, **fields)
+
+
+def test_a_color_beyond_float32_is_refused_too():
+    with pytest.raises(texbake.MeshError, match="a vertex color is not finite"):
+        texbake.Mesh(positions=np.eye(3), faces=[[0, 1, 2]], colors=np.full((3, 3), 1e300))

@@ -14,7 +14,7 @@ def covers(corners, points):
     An oracle that shares nothing with the rasterizer but the grid: every face against every sample,
     in Python's integers.
     """
-    corners = corners.astype(object)
+    corners = np.vectorize(int, otypes=[object])(corners)  # exact, however large
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     doubles = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     inside = np.ones((len(corners), len(points)), bool)

@@ -164,3 +164,11 @@ def test_any_number_of_threads_finds_the_same() -> None:
     one, three = (find_overlaps(corners, threads=n) for n in (1, 3))
     assert np.array_equal(one.overlapping, three.overlapping)
     assert 0.1 < one.overlapping.mean() < 0.9
+
+
+@pytest.mark.parametrize("far", [1e9, 1e160, 1e200, 1.7e308])
+def test_any_size_is_taken(far: float) -> None:
+    """One grid at any size, and two of them shifted by half a cell, where depth is relative."""
+    grid = plane(4, 4).corner_uvs() * far
+    assert not overlapping_faces(grid).any()
+    assert overlapping_faces(np.concatenate([grid, grid * 0.9])).all()

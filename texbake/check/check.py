@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from texbake.check import coordinates, shading, surface, winding
+from texbake.check import coordinates, crossings, shading, surface, winding
 from texbake.check.finding import Finding, found
 from texbake.check.kinds import KINDS
 from texbake.check.options import SEVERITIES, CheckOptions
@@ -12,13 +12,20 @@ from texbake.check.pair import Pair, pair_findings
 from texbake.check.report import CheckReport
 from texbake.check.subject import Subject
 from texbake.check.texels import Owners, texel_findings, texel_owners
+from texbake.check.walls import wall_findings
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
+from texbake.mapping.areas import has_measurable_uvs
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 
-_SURFACE_CHECKS = (*surface.CHECKS, *winding.CHECKS, *shading.CHECKS)
+_SURFACE_CHECKS = (
+    *surface.CHECKS,
+    crossings.self_intersections,
+    *winding.CHECKS,
+    *shading.CHECKS,
+)
 
 
 def check(
@@ -118,7 +125,10 @@ def _check(
             findings += more
     if light_subject is not None and dense_subject is not None:
         with stages.stage("compare both"):
-            findings += pair_findings(Pair(light_subject, dense_subject), owners)
+            pair = Pair(light_subject, dense_subject)
+            findings += pair_findings(pair, owners)
+            if not (pair.apart or pair.opposite):
+                findings += wall_findings(pair)
     return CheckReport(
         light=light,
         dense=dense,
@@ -132,7 +142,7 @@ def _coordinate_findings(subject: Subject) -> tuple[list[Finding | None], Owners
     """What only a light mesh can have, and which of its faces own which texels."""
     if not subject.has_coordinates:
         return [found("no-coordinates", subject.role, 1)], None
-    if not coordinates.measurable(subject.mesh):
+    if not has_measurable_uvs(subject.mesh):  # all that can be told is that they are far
         return [coordinates.outside_tile(subject)], None
     owners = texel_owners(subject)
     looks = (*coordinates.CHECKS, *shading.LIGHT_CHECKS)

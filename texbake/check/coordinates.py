@@ -6,11 +6,9 @@ import numpy as np
 
 from texbake.check.finding import Finding, found
 from texbake.check.subject import BoolArray, Subject
-from texbake.mesh.mesh import Mesh
 
 # What float32 files leave of coordinates on the border of the tile; the same as in a bake.
 _ROUNDING = 1e-6
-_FARTHEST = 1e75  # the fourth power of such a coordinate is the square of an area, and finite
 
 
 def outside_tile(subject: Subject) -> Finding | None:
@@ -58,11 +56,6 @@ def collapsed(subject: Subject) -> BoolArray:
 def outside(subject: Subject) -> BoolArray:
     """(F,) bool: faces that reach outside the unit square."""
     return np.asarray((np.abs(subject.uvs - 0.5) > 0.5 + _ROUNDING).any(axis=(1, 2)))
-
-
-def measurable(mesh: Mesh) -> bool:
-    """Whether areas in the texture can be computed; else all that is known is that it is far."""
-    return float(np.abs(mesh.corner_uvs()).max()) < _FARTHEST
 
 
 CHECKS = (outside_tile, overlapping_coordinates, mirrored_coordinates, collapsed_coordinates)

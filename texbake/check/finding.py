@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.check.kinds import KINDS, Kind
+from texbake.check.kind import Kind
+from texbake.check.kinds import KINDS
 from texbake.mesh.mesh import IntArray
 
 N_WORST = 10  # faces named

@@ -5,47 +5,7 @@ One table, read by the checks, the command line and the documentation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-FACES = ("face", "faces")
-EDGES = ("edge", "edges")
-VERTICES = ("vertex", "vertices")
-CHARTS = ("chart", "charts")
-MESHES = ("mesh", "meshes")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Kind:
-    """One kind of finding.
-
-    Attributes
-    ----------
-    name : str
-        For scripts.
-    title : str
-        For people.
-    unit : (str, str)
-        What is counted: one of it, and several.
-    light, dense : str or None
-        Severity in a light mesh and in a dense one; None where it is not looked for.
-    problem : str
-        What goes wrong. Figures in braces are filled in by the check.
-    remedy : str
-        What to do.
-    """
-
-    name: str
-    title: str
-    unit: tuple[str, str] = FACES
-    light: str | None = None
-    dense: str | None = None
-    problem: str
-    remedy: str
-
-    def counted(self, count: int) -> str:
-        """Write a count with its unit, as in `2 faces`."""
-        return f"{count:,} {self.unit[count != 1]}"
-
+from texbake.check.kind import CHARTS, EDGES, MESHES, VERTICES, Kind
 
 _FILES = (
     Kind(
@@ -126,6 +86,16 @@ _SURFACE = (
         problem="Vertices of open edges lie within a millionth of the mesh's size of one another "
         "and not at one place: rays slip through, normals crease.",
         remedy="Merge vertices by distance ({distance:.2g} model units).",
+    ),
+    Kind(
+        name="self-intersections",
+        title="faces through one another",
+        light="warning",
+        dense="note",
+        problem="Face {one} passes through face {other}, for one. What of a light face lies within "
+        "the model takes texels that nobody sees, and rays that start inside take the other part's "
+        "surface; of a dense one it is never hit.{unsure}",
+        remedy="Cut the parts along their intersection, or give them groups and bake them apart.",
     ),
     Kind(
         name="inconsistent-winding",
@@ -342,6 +312,25 @@ _PAIR = (
         "model units away: this detail is lost, or rays must start beyond neighboring parts to "
         "reach it.{part}",
         remedy="Give the light mesh a face there, or leave these parts out of the dense one.",
+    ),
+    Kind(
+        name="thin-walls",
+        title="walls thinner than rays reach",
+        light="note",
+        problem="Rays end {reach:.3g} model units behind the surface, and the thinnest of these "
+        "walls is {least:.3g} thick: a ray that misses its own side goes on through the other, and "
+        "takes that where back faces are not culled, or what lies beyond.{part}",
+        remedy="Bake with a --back below the thickness, or leave back faces culled.",
+    ),
+    Kind(
+        name="other-parts",
+        title="rays that find another part",
+        light="warning",
+        problem="At the middle of these faces the ray finds the dense surface beyond another part "
+        "of the light mesh, {least:.3g} model units away where it is nearest; it starts "
+        "{reach:.3g} outside: the wrong part is baked.{part}",
+        remedy="Bake with a --front below that distance, with a cage, or with the parts moved "
+        "apart in both meshes.",
     ),
     Kind(
         name="opposite-sides",

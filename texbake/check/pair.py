@@ -94,6 +94,19 @@ class Pair:
         """Whether half of the light mesh lies apart from the dense one."""
         return float(np.median(self.from_light.distances)) > _APART * self.size
 
+    @cached_property
+    def cosines(self) -> FloatArray:
+        """(n,) float64: between the normals of light faces looked at and of the dense surface."""
+        nearest = self.from_light
+        normals = self.light.normals[nearest.faces], self.dense.normals[nearest.others]
+        return np.asarray(np.einsum("ij,ij->i", *normals))
+
+    @cached_property
+    def opposite(self) -> bool:
+        """Whether most of the light mesh faces against the dense surface next to it."""
+        areas = self.light.areas[self.from_light.faces]
+        return float(areas[self.cosines < 0.0].sum()) > 0.5 * float(areas.sum())
+
 
 def misfit(pair: Pair) -> list[Finding | None]:
     """Find out why two meshes lie apart: scale, then axes, then place."""
@@ -154,15 +167,10 @@ def distances(pair: Pair) -> list[Finding | None]:
 
 def opposite_sides(pair: Pair) -> Finding | None:
     """Find out whether most of the light mesh faces against the dense surface next to it."""
-    nearest = pair.from_light
-    cosines = np.einsum(
-        "ij,ij->i", pair.light.normals[nearest.faces], pair.dense.normals[nearest.others]
-    )
-    areas = pair.light.areas[nearest.faces]
-    against = cosines < 0.0
-    most = float(areas[against].sum()) > 0.5 * float(areas.sum())
-    faces = nearest.faces[against]
-    return found("opposite-sides", "light", len(faces) if most else 0, faces, -cosines[against])
+    against = pair.cosines < 0.0
+    faces = pair.from_light.faces[against]
+    count = len(faces) if pair.opposite else 0
+    return found("opposite-sides", "light", count, faces, -pair.cosines[against])
 
 
 def dense_is_coarser(pair: Pair) -> Finding | None:

@@ -109,8 +109,7 @@ def _shape(report: CheckReport, size: int) -> tuple[int, int]:
 def _pale_layout(owners: IntArray, charts: IntArray) -> Picture:
     """Draw charts, with their outlines and faint triangles, from the owners of samples.
 
-    `draw_layout` would blend all faces that lie on one another, which takes long where thousands
-    do, as in meshes that have this for a fault.
+    Without the colors of `draw_layout`, in which those of findings would be lost.
     """
     chart_of = np.where(owners == NO_FACE, NO_FACE, charts[owners])
     shades = np.where(owners == NO_FACE, BACKGROUND[0], _FILL)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.check.coordinates import measurable
 from texbake.check.finding import Finding
 from texbake.check.options import SEVERITIES, CheckOptions
 from texbake.errors import OptionError
+from texbake.mapping.areas import has_measurable_uvs
 from texbake.mesh.mesh import Mesh
 from texbake.progress import StageRecord
 
@@ -59,7 +59,8 @@ class CheckReport:
     @property
     def has_layout(self) -> bool:
         """Whether there are texture coordinates that can be drawn."""
-        return self.light is not None and self.light.uvs is not None and measurable(self.light)
+        light = self.light
+        return light is not None and light.uvs is not None and has_measurable_uvs(light)
 
     @property
     def seconds(self) -> float:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.errors import MeshError
+from texbake.errors import MeshError, UvError
 from texbake.mesh.mesh import FloatArray, Mesh
 
-# Model units: the fourth power of such a length is the square of an area, and finite.
+# Model units, or tiles of the texture: the fourth power of such a length is the square of an area,
+# and finite.
 _LONGEST = 1e75
 
 
@@ -17,7 +18,7 @@ def signed_areas(corners: FloatArray) -> FloatArray:
     Parameters
     ----------
     corners : (F, 3, 2) float64
-        Texture coordinates of the corners.
+        Texture coordinates of the corners; see `measurable_uvs`.
 
     Returns
     -------
@@ -61,3 +62,26 @@ def check_measurable(mesh: Mesh) -> None:
             f"{mesh.name}: it is {length:.3g} model units long and lies up to {farthest:.3g} from "
             "the origin, so that its areas cannot be computed; scale it first"
         )
+
+
+def has_measurable_uvs(mesh: Mesh) -> bool:
+    """Whether areas in the texture, and their squares, stay within what float64 holds."""
+    return mesh.uvs is None or float(np.abs(mesh.corner_uvs()).max()) <= _LONGEST
+
+
+def measurable_uvs(mesh: Mesh) -> FloatArray:
+    """(F, 3, 2) float64: texture coordinates of the corners, of which areas can be computed.
+
+    Raises
+    ------
+    UvError
+        The mesh has no texture coordinates, or some lie farther out than 1e75 tiles.
+    """
+    corners = mesh.corner_uvs()
+    if not has_measurable_uvs(mesh):
+        raise UvError(
+            f"{mesh.name}: its texture coordinates reach {np.abs(corners).max():.3g} tiles from "
+            "the origin, so that areas in the texture cannot be computed; make new ones with: "
+            f"texbake unwrap {mesh.name} -o OUT"
+        )
+    return corners

@@ -11,7 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.mapping.areas import measurable_uvs
+from texbake.mapping.layout_ink import SAMPLES, add_faces, add_lines
 from texbake.mapping.layout_view import (
     BACKGROUND,
     EDGE_PX,
@@ -36,7 +37,6 @@ from texbake.text import text_coverage
 
 Picture = npt.NDArray[np.float32]
 
-_SAMPLES = 4  # a side of a pixel; their square must fit the bits of an outline mask
 _BAND = 128  # rows drawn at once
 _TILE_PX = 1.0
 _TILE_DARKNESS = 0.5
@@ -77,9 +77,9 @@ def draw_layout(
     Raises
     ------
     UvError
-        The mesh has no texture coordinates.
+        The mesh has no texture coordinates, or some too far out to be measured.
     """
-    uvs = mesh.corner_uvs()
+    uvs = measurable_uvs(mesh)
     window = Window.around(uvs, size)
     pixels = np.ascontiguousarray(window.pixels(uvs))
     colors = linear(face_colors(mesh, chart_ids(mesh), size, heat))
@@ -97,13 +97,13 @@ def draw_layout(
     def draw_rows(start: int, stop: int) -> None:
         shape = stop - start, window.width
         sums = np.zeros((*shape, 4))
-        _fill_kernel(pixels - [0, start], colors, EDGE_PX / 2.0, edge_light, _SAMPLES, sums)
+        add_faces(pixels, colors, start, EDGE_PX / 2.0, edge_light, sums)
         hits = sums[:, :, 3:]
-        covered = np.minimum(hits / _SAMPLES**2, 1.0)
+        covered = np.minimum(hits / SAMPLES**2, 1.0)
         rows = covered * (sums[:, :, :3] / np.maximum(hits, 1.0))
         rows += (1.0 - covered) * linear(BACKGROUND)
         for lines, width, darkness in inks:
-            rows *= 1.0 - darkness * _inked(lines - [0, start], width, shape)
+            rows *= 1.0 - darkness * _inked(lines, width, start, shape)
         picture[start:stop] = rows
 
     run_bands(draw_rows, window.height, band=_BAND, threads=threads)
@@ -123,12 +123,12 @@ def _tile_borders(window: Window) -> FloatArray:
     return np.ascontiguousarray(window.pixels(ends.reshape(-1, 2, 2)))
 
 
-def _inked(lines: FloatArray, width: float, shape: tuple[int, int]) -> FloatArray:
-    """(H, W, 1) float64: share of each pixel that lies on some line."""
+def _inked(lines: FloatArray, width: float, top: int, shape: tuple[int, int]) -> FloatArray:
+    """(H, W, 1) float64: share of each pixel from row `top` on that lies on some line."""
     masks = np.zeros(shape, dtype=np.uint16)
-    _outline_kernel(lines, width / 2.0, _SAMPLES, masks)
+    add_lines(lines, width, top, masks)
     bits = np.unpackbits(masks.view(np.uint8).reshape(*shape, 2), axis=2)
-    return np.asarray(bits.sum(axis=2)[:, :, None] / _SAMPLES**2)
+    return np.asarray(bits.sum(axis=2)[:, :, None] / SAMPLES**2)
 
 
 def _write_tile_names(picture: Picture, window: Window) -> None:
@@ -181,57 +181,3 @@ def _stamp(
     columns = slice(left + left_cut, left + left_cut + ink.shape[1])
     color = linear(INK) if color is None else color
     picture[rows, columns] += ink * (color.astype(np.float32) - picture[rows, columns])
-
-
-@kernel
-def _fill_kernel(pixels, colors, half_edge, edge_light, n_samples, sums):  # type: ignore[no-untyped-def]
-    """Add up the colors of the samples that each face covers, and their number."""
-    n_rows, n_columns = sums.shape[:2]
-    step = 1.0 / n_samples
-    lines = np.empty((3, 3))  # through the edges: the distance inwards is a x + b y + c
-    for face in range(len(pixels)):
-        x, y = pixels[face, :, 0], pixels[face, :, 1]
-        if y.max() < 0.0 or y.min() >= n_rows:
-            continue
-        area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
-        if area == 0.0:
-            continue
-        for i in range(3):
-            j = (i + 1) % 3
-            length = math.copysign(math.hypot(x[j] - x[i], y[j] - y[i]), area)
-            lines[i, 0], lines[i, 1] = (y[i] - y[j]) / length, (x[j] - x[i]) / length
-            lines[i, 2] = -(lines[i, 0] * x[i] + lines[i, 1] * y[i])
-        for row in range(max(int(y.min()), 0), min(int(y.max()) + 1, n_rows)):
-            for column in range(max(int(x.min()), 0), min(int(x.max()) + 1, n_columns)):
-                for sample in range(n_samples * n_samples):
-                    sx = column + (sample % n_samples + 0.5) * step
-                    sy = row + (sample // n_samples + 0.5) * step
-                    nearest = np.inf
-                    for i in range(3):
-                        nearest = min(nearest, lines[i, 0] * sx + lines[i, 1] * sy + lines[i, 2])
-                    if nearest < 0.0:
-                        continue
-                    light = edge_light if nearest < half_edge else 1.0
-                    for channel in range(3):
-                        sums[row, column, channel] += light * colors[face, channel]
-                    sums[row, column, 3] += 1.0
-
-
-@kernel
-def _outline_kernel(ends, radius, n_samples, masks):  # type: ignore[no-untyped-def]
-    """Set the bit of each sample that lies within `radius` of a line from end to end."""
-    n_rows, n_columns = masks.shape
-    for i in range(len(ends)):
-        x0, y0, x1, y1 = ends[i, 0, 0], ends[i, 0, 1], ends[i, 1, 0], ends[i, 1, 1]
-        dx, dy = x1 - x0, y1 - y0
-        square = max(dx * dx + dy * dy, 1e-300)  # a point is a line as well
-        top, bottom = min(y0, y1) - radius, max(y0, y1) + radius
-        left, right = min(x0, x1) - radius, max(x0, x1) + radius
-        for row in range(max(int(top), 0), min(int(bottom) + 1, n_rows)):
-            for column in range(max(int(left), 0), min(int(right) + 1, n_columns)):
-                for sample in range(n_samples * n_samples):
-                    sx = column + (sample % n_samples + 0.5) / n_samples - x0
-                    sy = row + (sample // n_samples + 0.5) / n_samples - y0
-                    t = min(max((sx * dx + sy * dy) / square, 0.0), 1.0)
-                    if math.hypot(sx - t * dx, sy - t * dy) <= radius:
-                        masks[row, column] |= np.uint16(1 << sample)

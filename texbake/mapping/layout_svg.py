@@ -19,7 +19,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.areas import measurable_uvs, signed_areas
 from texbake.mapping.layout_view import (
     BACKGROUND,
     EDGE_PX,
@@ -46,6 +46,7 @@ Ids = npt.NDArray[np.integer[Any]]
 
 # Units a pixel of the picture: whole numbers of these are fine enough to zoom in.
 _UNITS = 32
+_FARTHEST_PX = 1e9
 _BAR_STEPS = 16
 _FAINTEST = 0.03  # edges below this darkness would not be seen, and are left out
 
@@ -66,10 +67,12 @@ def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = F
     Raises
     ------
     UvError
-        The mesh has no texture coordinates.
+        The mesh has no texture coordinates, or some too far out to be measured.
     """
-    window = Window.around(mesh.corner_uvs(), size)
-    pixels = window.pixels(mesh.corner_uvs())
+    uvs = measurable_uvs(mesh)
+    window = Window.around(uvs, size)
+    # Faces without area may lie far outside of the window.
+    pixels = np.clip(window.pixels(uvs), -_FARTHEST_PX, _FARTHEST_PX)
     points = np.rint(pixels * _UNITS).astype(np.int64)
     ends = np.stack([points, np.roll(points, -1, axis=1)], axis=2)
     borders, seams = border_edges(mesh), seam_edges(mesh)

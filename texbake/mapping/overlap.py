@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.kernels import kernel
+from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
@@ -66,8 +67,11 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
         None for every processor.
     """
     overlapping, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
-    depth = max(_DEPTH, _RELATIVE_DEPTH * float(np.abs(corners).max(initial=0.0)))
-    corners = _along_their_edges(corners)
+    farthest = float(np.abs(corners).max(initial=0.0))
+    # A power of two, so that squares of any coordinate are finite and no bit is lost.
+    scale = min(unit_scale(farthest), 1.0)
+    depth = max(_DEPTH, _RELATIVE_DEPTH * farthest) * scale
+    corners = _along_their_edges(corners * scale)
     order = _in_order(corners, np.zeros(len(corners), dtype=np.int32), depth)
     boxes, children = _packed_boxes(corners, order, None)
     lines, places = _inward_lines(corners), np.arange(len(order))

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import UvError
-from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import AREA_ROUNDING
 
@@ -113,10 +113,11 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     Raises
     ------
     UvError
-        The mesh has no texture coordinates, or no face has area in space and in the texture.
+        The mesh has no texture coordinates, or some too far out to be measured, or no face has
+        area in space and in the texture.
     """
     corners = mesh.positions[mesh.faces]
-    texels = mesh.corner_uvs() * np.array([size, size] if isinstance(size, int) else size, float)
+    texels = measurable_uvs(mesh) * np.array([size, size] if isinstance(size, int) else size, float)
     areas, texel_areas = surface_areas(corners), signed_areas(texels)
     solid = areas > AREA_ROUNDING * _longest_squares(corners)
     flat = np.abs(texel_areas) > AREA_ROUNDING * _longest_squares(texels)

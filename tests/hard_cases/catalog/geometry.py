@@ -18,7 +18,7 @@ PLAIN = AREAS | {"flat"}
 
 UNMEASURABLE = "areas cannot be computed"
 BEYOND_MAPS = "float32 numbers of maps do not hold"
-NO_AREA = {"atlas": "none of its 2 faces has an area"}
+NO_AREA = dict.fromkeys(("atlas", "study"), "none of its 2 faces has an area")
 
 
 def mesh_of(positions: object, faces: object, **fields: object) -> Mesh:
@@ -103,10 +103,11 @@ def _t_junctions() -> Mesh:
     )
 
 
-def _crossing() -> Mesh:
-    upright = plane(2, 2)
-    turned = moved(upright, 1.0, (-0.5, -0.5, 0.0)).positions[:, [2, 1, 0]]
-    return joined(moved(upright, 1.0, (-0.5, -0.5, 0.0)), mesh_of(turned, upright.faces))
+def _crossing(shift: tuple[float, float, float]) -> Mesh:
+    """Two sheets at right angles, the one through the middle of the other but for a shift."""
+    upright = moved(plane(2, 2), 1.0, (-0.5, -0.5, 0.0))
+    turned = mesh_of(upright.positions[:, [2, 1, 0]], upright.faces)
+    return joined(upright, moved(turned, 1.0, shift))
 
 
 def _one_step_apart() -> Mesh:
@@ -186,8 +187,10 @@ GEOMETRY: tuple[Case[Mesh], ...] = (
          traits=CLOSED | PLAIN),
     Case(name="wall thinner than the cage", wrong="rays reach through and bake the other side",
          make=_thin_wall, traits=SOLID | PLAIN | {"thin"}),
-    Case(name="faces through one another", wrong="no order of drawing is right", make=_crossing,
-         traits=PLAIN),
+    Case(name="faces through one another", wrong="no order of drawing is right; a ray finds the "
+         "other sheet", make=lambda: _crossing((0.13, 0.07, 0.11)), traits=PLAIN),
+    Case(name="sheets that cross along edges", wrong="an edge has four faces, and two normals",
+         make=lambda: _crossing((0.0, 0.0, 0.0)), traits=PLAIN),
     Case(name="unused vertex far away", wrong="the bounding box is that of a stray point",
          make=lambda: with_faces(icosphere(1), [], [[1e9, 1e9, 1e9]]), traits=SOLID | PLAIN),
     Case(name="one triangle", wrong="nothing to join, no interior edge, no vertex inside",

@@ -78,6 +78,8 @@ IMAGES: tuple[Case[Array], ...] = (
     Case(name="negative", wrong="codes wrap around below 0", make=_with(-2.0), traits=FINITE),
     Case(name="flat normals", wrong="no code stands for 0, and 127 and 128 lean two ways",
          make=_flat_normals, traits=COLOR | {"constant"}),
+    Case(name="all background", wrong="the nearest texel of nothing is looked for, and padding is "
+         "made up", make=_constant(0.5), traits=COLOR | {"constant", "background"}),
     Case(name="normals that cancel", wrong="their mean has no direction", make=_opposite_normals,
          traits=FINITE),
 )  # fmt: skip

@@ -155,7 +155,7 @@ SCENES: tuple[Case[Scene], ...] = (
              SceneObject(mesh=floor(), material=Material(shading="unlit", base_color=(0, 1, 0)))),
          traits=frozenset({"coplanar"})),
     Case(name="a million overdraws", wrong="every one is shaded", make=lambda: scene(
-        SceneObject(mesh=_layers(200)), view=looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))),
+        SceneObject(mesh=_layers(700)), view=looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))),
     Case(name="mirror at 90 degrees", wrong="the reflected ray lies in the surface, and Fresnel "
          "divides by 0", make=lambda: scene(
              SceneObject(mesh=floor(50.0), material=Material(

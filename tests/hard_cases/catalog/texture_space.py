@@ -7,9 +7,10 @@ from catalog.case import Case
 from catalog.geometry import mesh_of
 
 from texbake import Mesh
-from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
 
 UVS = frozenset({"uvs"})
+TOO_FAR = "tiles from the origin, so that areas in the texture cannot be computed"
 NOTHING_COVERED = {
     "bake": "cover nothing: all of them have no area",
     "distortion": "none of its faces has area both in space and in the texture",
@@ -74,6 +75,17 @@ def _straddling() -> Mesh:
     return with_uvs(ball, np.column_stack([theta, 1.0 - height]))
 
 
+def _pole_in_a_face() -> Mesh:
+    """A sphere turned so that its poles lie within faces, with coordinates by vertex."""
+    ball = icosphere(1)
+    middle = ball.positions[ball.faces[0]].mean(axis=0)
+    axes = np.linalg.qr(np.column_stack([middle, [1.0, 0, 0], [0, 1.0, 0]]))[0][:, [1, 2, 0]]
+    points = ball.positions @ axes
+    longitude = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi) + 0.5
+    latitude = np.arcsin(np.clip(points[:, 2], -1.0, 1.0)) / np.pi + 0.5
+    return with_uvs(mesh_of(points, ball.faces), np.column_stack([longitude, latitude]))
+
+
 TINY_SIDES = (1e-3, 1e-6, 1e-9, 1e-12)
 
 TEXTURE_SPACE: tuple[Case[Mesh], ...] = (
@@ -108,6 +120,13 @@ TEXTURE_SPACE: tuple[Case[Mesh], ...] = (
          make=lambda: beside(_inner(), [1e9, 0.0], [1e9 + 1.0, 0.0], [1e9, 1.0]), traits=UVS),
     Case(name="face over the ±π seam", wrong="its coordinates run back over the whole texture",
          make=_straddling, traits=UVS),
+    Case(name="face that holds a pole", wrong="its three corners lie around the pole, and its "
+         "coordinates beside it", make=_pole_in_a_face, traits=UVS),
+    Case(name="coordinates of 1e200", wrong="their squares overflow, and areas are NaN",
+         make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs * 1e200 - 1e200),
+         refused={"bake": "lies in the unit square", "glb": "beyond float32",
+                  "distortion": TOO_FAR, "layout": TOO_FAR,
+                  "parametric": "tiles away"}, traits=UVS),
     Case(name="coordinates on a line", wrong="their determinant is 0, or rounding of it",
          make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs[:, :1] * [1.0, 0.3]),
          refused=NOTHING_COVERED, traits=UVS),

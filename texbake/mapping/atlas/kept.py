@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from texbake.errors import UvError
-from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import IntArray, Mesh
@@ -36,7 +36,7 @@ def kept_charts(mesh: Mesh, size: tuple[int, int], *, regions: IntArray | None =
     UvError
         There are no coordinates, or none of the faces has an area in the texture or in space.
     """
-    corners = mesh.corner_uvs() * (np.array(size) / max(size))
+    corners = measurable_uvs(mesh) * (np.array(size) / max(size))
     in_texture = float(np.abs(signed_areas(corners)).sum())
     in_space = float(surface_areas(mesh.positions[mesh.faces]).sum())
     if not (in_texture > 0.0 and in_space > 0.0):

@@ -1,0 +1,106 @@
+"""The preflight and the study over the catalogue: both take every mesh, and tell the truth."""
+
+import json
+
+import numpy as np
+import pytest
+
+import texbake
+from texbake.study.case import Case as StudyCase
+from texbake.study.knobs import knob_named
+
+# What the preflight must say, at least, of the case of this name.
+SAID = {
+    "zero-area faces": "zero-area-faces",
+    "split vertices": "duplicate-vertices",
+    "duplicate faces": "duplicate-faces",
+    "duplicate faces turned": "duplicate-faces",
+    "edge of five faces": "non-manifold-edges",
+    "bow-tie vertex": "pinched-vertices",
+    "inside out": "inside-out-shells",
+    "every third face turned": "inconsistent-winding",
+    "faces through one another": "self-intersections",
+    "sheets that cross along edges": "non-manifold-edges",
+    "unused vertex far away": "unused-vertices",
+    "scale 1e-12": "extreme-size",
+    "scale 1e12": "extreme-size",
+    "offset 1e7 sizes": "far-from-origin",
+    "Möbius strip": "inconsistent-winding",
+    "vertices one step apart": "zero-area-faces",
+    "zero and opposite normals": "zero-normals",
+    "points on one line": "zero-area-faces",
+    "one index thrice": "zero-area-faces",
+    "zero-area coordinates": "collapsed-coordinates",
+    "coordinates of area down to 1e-24": "faces-without-texel",
+    "needle thinner than a texel": "thin-charts",
+    "mirrored coordinates": "mirrored-coordinates",
+    "coordinates three deep": "overlapping-coordinates",
+    "coordinates outside the tile": "outside-tile",
+    "coordinates of 1e9": "outside-tile",
+    "coordinates of 1e200": "outside-tile",
+    "coordinates on a line": "nothing-covered",
+    "all coordinates equal": "nothing-covered",
+    "chart smaller than a texel": "nothing-covered",
+}
+
+
+def test_every_mesh_is_checked_and_its_fault_named(mesh_case):
+    mesh = mesh_case.make()
+    report = texbake.check(mesh, options=texbake.CheckOptions(size=32, threads=1))
+    names = {finding.name for finding in report.findings}
+    expected = SAID.get(mesh_case.name)
+    assert expected is None or expected in names
+    for finding in report.findings:
+        assert finding.count >= 1
+        assert np.isin(finding.faces, np.arange(mesh.n_faces)).all()
+        assert len(np.unique(finding.faces)) == len(finding.faces)
+        assert "nan" not in finding.problem and "{" not in finding.problem
+    json.dumps(report.to_json(), allow_nan=False)
+    if "solid" in mesh_case.traits:
+        assert not names & {"inside-out-shells", "inconsistent-winding", "self-intersections"}
+    if report.has_layout:
+        picture = report.picture(48)
+        assert np.isfinite(picture).all() and picture.min() >= 0.0 and picture.max() <= 1.0
+
+
+def test_every_mesh_is_checked_against_itself(mesh_case, in_cells):
+    mesh = in_cells(mesh_case)
+    report = texbake.check(mesh, mesh, texbake.CheckOptions(size=32, threads=1))
+    names = {finding.name for finding in report.findings}
+    assert not names & {"differing-scale", "differing-place", "differing-axes", "opposite-sides"}
+    assert not names & {"far-from-dense", "far-from-light", "other-parts"}
+
+
+@pytest.mark.parametrize("knob", ["texture-size"])
+def test_every_mesh_is_studied(mesh_case, in_cells, knob, attempt):
+    mesh = in_cells(mesh_case)
+
+    def errors():
+        bench = knob_named(knob).prepare(StudyCase(mesh, mesh, quick=True, threads=1))
+        found = [bench.judge(s.value, bench.work(s.value)).error for s in bench.settings]
+        bench.close()
+        return found
+
+    stage = "study" if "study" in mesh_case.refused else "bake"
+    found = attempt(mesh_case, stage, errors)
+    assert found is None or (np.isfinite(found).all() and min(found) >= 0.0)
+
+
+def test_every_scene_is_studied(scene_case):
+    bench = knob_named("texture-lookup").prepare(
+        StudyCase(scene=scene_case.make(), quick=True, threads=1)
+    )
+    for setting in bench.settings[:2]:
+        error = bench.judge(setting.value, bench.work(setting.value)).error
+        assert np.isfinite(error) and error >= 0.0
+    bench.close()
+
+
+def test_what_is_not_seen_is_one_clear_error(case_named, in_cells):
+    """A strip of 1 by 1e6 falls between the pixels, so that no picture of it has an error."""
+    mesh = in_cells(case_named("strip of 1 by 1e6"))
+    options = texbake.StudyOptions(
+        knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1
+    )
+    with pytest.raises(texbake.MeshError, match=r"nothing of .* is seen"):
+        texbake.study(mesh, mesh, options=options)

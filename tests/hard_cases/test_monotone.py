@@ -1,0 +1,108 @@
+"""A knob turned up makes the error smaller, each step of the way."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import texbake
+from texbake.mesh.shapes import plane
+from texbake.study.case import Case
+from texbake.study.knobs import knob_named
+from texbake.texture.encoding import decode_heights, decode_normals, encode_heights, encode_normals
+from texbake.texture.lookup import lookup
+
+POINTS = np.random.default_rng(8).random((2000, 2))
+
+
+def wave(x, y):
+    """Heights and unit normals of a closed form over the unit square."""
+    heights = 0.02 * np.sin(5.0 * x) * np.cos(7.0 * y)
+    along = 0.1 * np.cos(5.0 * x) * np.cos(7.0 * y)
+    up = -0.14 * np.sin(5.0 * x) * np.sin(7.0 * y)
+    normals = np.stack([-along, -up, np.ones_like(x)], axis=-1)
+    return heights, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+
+def dense(n):
+    """The wave over a grid, with the closed form's own normals at its vertices."""
+    flat = plane(n, n)
+    heights, normals = wave(*flat.positions[:, :2].T)
+    points = np.column_stack([flat.positions[:, :2], heights])
+    return flat.replace(positions=points, normals=normals, normal_faces=flat.faces)
+
+
+def degrees(vectors, units):
+    chords = np.linalg.norm(np.asarray(vectors, np.float64) - units, axis=-1)
+    return float(np.degrees(2.0 * np.arcsin(np.minimum(chords / 2.0, 1.0))).mean())
+
+
+def assert_falling(errors):
+    assert all(after < before for before, after in pairwise(errors)), errors
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_texture_size(samples):
+    heights, normals = wave(*POINTS.T)
+    high, angles, ways = dense(128), [], []
+    for size in (4, 8, 16, 32, 64):
+        options = texbake.BakeOptions(size=size, samples=samples, maps=("normal", "displacement"))
+        maps = texbake.bake(high, plane(), options).maps
+        # A light plane with u along x and v along y: tangent space is space itself.
+        angles.append(degrees(lookup(maps["normal"].values, POINTS), normals))
+        found = lookup(maps["displacement"].values, POINTS)[:, 0]
+        ways.append(float(np.abs(found - heights).mean()))
+    assert_falling(angles)
+    assert_falling(ways)
+
+
+def test_dense_mesh():
+    """Grids of ever more faces, baked at one size: the mesh's own error falls by four a step."""
+    centers = (np.arange(27) + 0.5) / 27.0  # on no vertex of the grids
+    heights, _ = wave(*np.meshgrid(centers, centers[::-1]))
+    errors = []
+    for n in (4, 8, 16, 32, 64):
+        options = texbake.BakeOptions(size=27, maps=("displacement",))
+        found = texbake.bake(dense(n), plane(), options).maps["displacement"].values[..., 0]
+        errors.append(float(np.abs(found - heights).mean()))
+    assert_falling(errors)
+    # Half the width of a face is a quarter of its sagitta, once faces are smaller than waves.
+    assert all(3.0 < before / after < 5.0 for before, after in pairwise(errors[1:]))
+
+
+def test_bit_depth():
+    heights, normals = wave(*POINTS.reshape(-1, 40, 2).transpose(2, 0, 1))
+    heights = heights.astype(np.float32)
+    angles, ways = [], []
+    for bits in (8, 16, 32):
+        codes = encode_normals(normals.astype(np.float32), bits=bits)
+        angles.append(degrees(decode_normals(codes), normals))
+        if bits < 32:
+            codes = encode_heights(heights, bits=bits, mid=0.5, scale=0.05)
+            back = decode_heights(codes, mid=0.5, scale=0.05)
+            ways.append(float(np.abs(back - heights).mean()))
+    assert_falling(angles)
+    assert_falling(ways)
+    assert 200.0 < ways[0] / ways[1] < 300.0  # steps of 1/255 and of 1/65535: 257
+
+
+@pytest.mark.parametrize("knob", ["tessellation", "bump-gradient", "noise", "interpolation"])
+def test_knobs_of_the_study_against_their_truths(knob):
+    bench = knob_named(knob).prepare(Case(quick=True, threads=1))
+    series = {}
+    for setting in bench.settings:
+        error = bench.judge(setting.value, bench.work(setting.value)).error
+        series.setdefault((setting.problem, setting.series), []).append(error)
+    bench.close()
+    assert any(len(errors) > 1 for errors in series.values())
+    for errors in series.values():
+        assert_falling(errors)
+
+
+def test_filters_of_a_checker_to_the_horizon():
+    """Each reads more of what a pixel sees than the one before it."""
+    bench = knob_named("texture-lookup").prepare(Case(quick=True, threads=1))
+    errors = {s.label: bench.judge(s.value, bench.work(s.value)).error for s in bench.settings}
+    bench.close()
+    order = ("nearest", "bilinear", "trilinear", "EWA 2", "EWA 4", "EWA 8", "EWA 16")
+    assert_falling([errors[name] for name in order])
