@@ -81,6 +81,10 @@ SHEET, FINE_SHEET = flat(plane(2, 2)), flat(plane(8, 8))
 FAR_SQUARE = ((2, 0, 0), (0.6, 0.1), (0.2, 0.2))
 
 
+def no_surface() -> Case:
+    return Case(soup([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [[0, 1, 2]]), None, 1, set())
+
+
 def zero_area() -> Case:
     return Case(soup([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0, 0)], [[0, 1, 2], [1, 0, 3]]),
                 None, 1, {1})  # fmt: skip
@@ -182,6 +186,13 @@ def outside_tile() -> Case:
 def overlapping() -> Case:
     return Case(squares(ROOMY, ((4, 0, 0), (0.2, 0.2), (0.2, 0.2)), FAR_SQUARE), None, 4,
                 {0, 1, 2, 3})  # fmt: skip
+
+
+def sharing() -> Case:
+    """The second square of a group of its own lies on the first; a third lies apart."""
+    mesh = squares(ROOMY, ((4, 0, 0), (0.2, 0.2), (0.2, 0.2)), FAR_SQUARE)
+    groups = np.array([0, 0, 1, 1, 1, 1], dtype=np.int32)
+    return Case(mesh.replace(face_groups=groups, group_names=("one", "two")), None, 4, {0, 1, 2, 3})
 
 
 def mirrored() -> Case:
@@ -292,6 +303,7 @@ def below_texels() -> Case:
 
 
 CASES: dict[str, Callable[[], Case]] = {
+    "no-surface": no_surface,
     "zero-area-faces": zero_area,
     "duplicate-faces": duplicate_faces,
     "duplicate-vertices": duplicate_vertices,
@@ -312,6 +324,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "nothing-covered": nothing_covered,
     "outside-tile": outside_tile,
     "overlapping-coordinates": overlapping,
+    "shared-coordinates": sharing,
     "mirrored-coordinates": mirrored,
     "collapsed-coordinates": collapsed,
     "thin-charts": thin_charts,

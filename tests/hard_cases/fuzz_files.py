@@ -31,8 +31,8 @@ Maker = Callable[[Path], None]
 Reader = Callable[[Path], Any]
 
 
-class HangError(Exception):
-    """A file took longer than `SECONDS`."""
+class HangError(BaseException):
+    """A file took longer than `SECONDS`; no reader that catches any `Exception` may hide it."""
 
 
 def _mesh_seed(path: Path) -> None:
@@ -241,11 +241,13 @@ def _fault(read: Reader, path: Path) -> str | None:
     """Read one file; what is wrong with how that went, or None."""
     from texbake import TexbakeError
 
+    start = time.monotonic()
     signal.alarm(SECONDS)
     try:
         read(path)
     except TexbakeError as error:
-        return None if "\n" not in str(error) else f"several lines: {error!r}"
+        if "\n" in str(error):
+            return f"several lines: {error!r}"
     except BaseException as error:  # whatever else it is, is what is looked for
         frame = error.__traceback__
         while frame is not None and frame.tb_next is not None:
@@ -254,7 +256,9 @@ def _fault(read: Reader, path: Path) -> str | None:
         return f"{type(error).__name__}: {str(error)[:200]} at {where}"
     finally:
         signal.alarm(0)
-    return None
+    # A library that catches everything may have swallowed the alarm.
+    taken = time.monotonic() - start
+    return f"took {taken:.1f} s" if taken > SECONDS else None
 
 
 def _hang(*_: object) -> None:

@@ -1,9 +1,13 @@
 """Damaged files: each is read or refused by one clear error, in bounded time and memory."""
 
+import contextlib
 import json
+import signal
 import subprocess
 import sys
+import time
 
+import fuzz_files
 import numpy as np
 import pytest
 from fuzz_files import FORMATS
@@ -43,3 +47,17 @@ def test_an_image_whose_complaint_is_no_text_is_refused(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"chlist", b"chl\xffst"))
     with pytest.raises(texbake.FileFormatError):
         texbake.read_image(path, color=False)
+
+
+@pytest.mark.parametrize("hidden", [Exception, BaseException])
+def test_a_reader_that_hides_that_it_hangs_is_at_fault(monkeypatch, tmp_path, hidden):
+    def read(_path):
+        with contextlib.suppress(hidden):
+            time.sleep(10.0)
+
+    monkeypatch.setattr(fuzz_files, "SECONDS", 1)
+    before = signal.signal(signal.SIGALRM, fuzz_files._hang)
+    try:
+        assert fuzz_files._fault(read, tmp_path) is not None
+    finally:
+        signal.signal(signal.SIGALRM, before)

@@ -159,3 +159,21 @@ def test_filters_are_studied_on_a_scene_with_an_image():
     assert bench.subject.startswith("board")
     found = {s.label: bench.judge(s.value, bench.work(s.value)).error for s in bench.settings}
     assert found["ewa"] < found["nearest"] and found["trilinear"] < found["nearest"]
+
+
+def test_a_dense_mesh_of_fewer_triangles_than_any_setting_is_one_clear_error():
+    from texbake.errors import MeshError
+    from texbake.mesh.shapes import cube
+
+    with pytest.raises(MeshError, match="has 12 triangles, too few"):
+        knob_named("light-mesh").prepare(Case(cube(), cube()))
+
+
+def test_triangles_in_the_picture_are_counted_without_what_shows_none():
+    bench = knob_named("tessellation").prepare(Case(quick=True, threads=1))
+    frame = bench.work(8.0)
+    outcome = bench.judge(8.0, frame)
+    bench.close()
+    ids = set(frame.face_ids.ravel().tolist())
+    assert -1 in ids
+    assert outcome.figures["triangles in the picture"] == len(ids - {-1})

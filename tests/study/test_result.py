@@ -12,6 +12,7 @@ from texbake.study.knob import Knob, Outcome, Setting
 from texbake.study.options import KNOB_NAMES, StudyOptions
 from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
 from texbake.study.study import study
+from texbake.study.words import findings, spread
 
 
 def measured(label, seconds, error, problem=""):
@@ -90,3 +91,9 @@ def test_options_that_make_no_study_are_refused(wrong):
 def test_knobs_are_studied_once_and_in_the_order_of_the_list():
     options = StudyOptions(knobs=("noise", "samples", "noise"))
     assert options.ordered_knobs == ("samples", "noise")
+
+
+def test_no_time_lies_farther_from_the_median_than_is_told():
+    item = measured("a", [1.0, 1.0, 3.0], 5.0)
+    assert spread(item) == 2.0
+    assert "within ±200 % of their median" in findings(result_of(item))[-1]

@@ -94,3 +94,19 @@ def test_every_run_is_told():
     machine = Machine({"a": [30.0], "b": [1.0]})
     machine.run(repeats=4, seconds=10.0, advance=told.append)
     assert sum(told) == 2 * 5
+
+
+def test_memory_is_that_of_a_run_in_which_nothing_is_loaded_any_more():
+    loaded = []
+
+    def work(name):
+        if not loaded:
+            loaded.append(bytearray(64 << 20))  # stays, as a compiled kernel does
+        return name
+
+    bench = Bench(
+        "nothing", "closed form", "", (Setting("a", "a"), Setting("b", "b")), work,
+        lambda name, product: Outcome(error=1.0),
+    )  # fmt: skip
+    for trial in run_bench(bench, repeats=2, seconds=1.0):
+        assert trial.peak_bytes is None or trial.peak_bytes < 16 << 20

@@ -21,7 +21,7 @@ def outside_tile(subject: Subject) -> Finding | None:
 def overlapping_coordinates(subject: Subject) -> Finding | None:
     """Find faces that share a part of the texture with another; the largest are the worst."""
     overlaps = subject.overlaps
-    faces = np.flatnonzero(overlaps.overlapping)
+    faces = np.flatnonzero(overlaps.overlapping & ~subject.shares_texture)
     n_unsure = int(overlaps.unsure.sum())
     unsure = ""
     if n_unsure:
@@ -34,6 +34,13 @@ def overlapping_coordinates(subject: Subject) -> Finding | None:
         np.abs(subject.uv_areas[faces]),
         unsure=unsure,
     )
+
+
+def shared_coordinates(subject: Subject) -> Finding | None:
+    """Find faces that share a part of the texture with other groups alone; the largest first."""
+    faces = np.flatnonzero(subject.shares_texture)
+    areas = np.abs(subject.uv_areas[faces])
+    return found("shared-coordinates", subject.role, len(faces), faces, areas)
 
 
 def mirrored_coordinates(subject: Subject) -> Finding | None:
@@ -58,4 +65,10 @@ def outside(subject: Subject) -> BoolArray:
     return np.asarray((np.abs(subject.uvs - 0.5) > 0.5 + _ROUNDING).any(axis=(1, 2)))
 
 
-CHECKS = (outside_tile, overlapping_coordinates, mirrored_coordinates, collapsed_coordinates)
+CHECKS = (
+    outside_tile,
+    overlapping_coordinates,
+    shared_coordinates,
+    mirrored_coordinates,
+    collapsed_coordinates,
+)

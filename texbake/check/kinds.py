@@ -21,6 +21,15 @@ _FILES = (
 
 _SURFACE = (
     Kind(
+        name="no-surface",
+        title="no surface",
+        unit=MESHES,
+        light="error",
+        dense="error",
+        problem="No face has any area: no ray starts from the mesh, and none hits it.",
+        remedy="Export it again; its points lie on lines, or all in one place.",
+    ),
+    Kind(
         name="zero-area-faces",
         title="faces without area",
         light="warning",
@@ -215,6 +224,15 @@ _COORDINATES = (
         "whole tile before the bake.",
     ),
     Kind(
+        name="shared-coordinates",
+        title="groups that share the texture",
+        light="warning",
+        problem="Faces share texels with faces of other groups, and with none of their own. That is "
+        "as it should be where each group has a texture of its own, and an overlap where all are "
+        "in one.",
+        remedy="Bake with --texture-sets, or lay the groups apart (texbake unwrap).",
+    ),
+    Kind(
         name="mirrored-coordinates",
         title="mirrored coordinates",
         light="warning",
@@ -293,7 +311,7 @@ _PAIR = (
         title="meshes turned apart",
         unit=MESHES,
         light="error",
-        problem="The sides of their bounding boxes agree if {axes}: one of them is lying down.",
+        problem="They agree if in the light mesh {axes}: one of them is lying down or turned.",
         remedy="Export both with the same axis up.",
     ),
     Kind(

@@ -1,7 +1,8 @@
 """What is wrong between a light mesh and the dense one that it is baked from.
 
 Distances are from the middles of faces to the closest point of the other mesh. Where half of the
-light mesh lies apart from the dense one, the cause is looked for: another scale, place or axis.
+light mesh lies apart from the dense one, the cause is looked for: another scale, place or axis. A
+place or axes are believed if the meshes then fit, and guessed from their boxes where nothing fits.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,7 @@ _FAR = 0.03  # of one face
 _SAME_SCALE = 1.05
 _SAME_SIDES = 0.05
 _MOST_FACES = 100_000  # of a mesh whose distance is measured
+_MOST_TRIED = 2_000  # of a light mesh that is turned every way
 _MOST_FACES_A_TEXEL = 4.0
 
 
@@ -82,12 +84,42 @@ class Pair:
         threads = one.options.threads
         step = -(-one.mesh.n_faces // _MOST_FACES)
         faces = np.arange(0, one.mesh.n_faces, step)
-        points = self.frame.to_local(one.mesh.positions)[one.mesh.faces[faces]].mean(axis=1)
-        tree = TriangleTree.build(
-            self.frame.to_local(other.mesh.positions), other.mesh.faces, threads=threads
+        distances, others, _ = self._tree(other).closest_points(
+            self._centers(one, faces), threads=threads
         )
-        distances, others, _ = tree.closest_points(points, threads=threads)
         return Nearest(faces, step, distances, others)
+
+    def _centers(self, one: Subject, faces: npt.NDArray[np.int64]) -> FloatArray:
+        corners = self.frame.to_local(one.mesh.positions)[one.mesh.faces[faces]]
+        return np.asarray(corners.mean(axis=1))
+
+    def _tree(self, one: Subject) -> TriangleTree:
+        return TriangleTree.build(
+            self.frame.to_local(one.mesh.positions), one.mesh.faces, threads=one.options.threads
+        )
+
+    def fitting_turn(self) -> FloatArray | None:
+        """Turn by right angles after which the light mesh, its middle moved, fits the dense one.
+
+        Returns
+        -------
+        (3, 3) float64 or None
+            The identity if it fits unturned, else the one that fits best; None where none does.
+        """
+        step = -(-self.light.mesh.n_faces // _MOST_TRIED)
+        faces = np.arange(0, self.light.mesh.n_faces, step)
+        arms = self._centers(self.light, faces) - self.middles[0]
+        tree = self._tree(self.dense)
+        best, least = None, _APART * self.size
+        for turn in _right_turns():
+            points = arms @ turn.T + self.middles[1]
+            found_distances, *_ = tree.closest_points(points, threads=self.light.options.threads)
+            median = float(np.median(found_distances))
+            if median <= least:
+                best, least = turn, median
+                if np.trace(turn) == 3.0:
+                    break
+        return best
 
     @cached_property
     def apart(self) -> bool:
@@ -117,7 +149,8 @@ def misfit(pair: Pair) -> list[Finding | None]:
     ratio = other_size / size if size > 0.0 else math.inf
     if not 1.0 / _SAME_SCALE < ratio < _SAME_SCALE:
         return [found("differing-scale", "light", 1, ratio=ratio)]
-    axes = _swapped_axes(low, high)
+    turn = pair.fitting_turn()
+    axes = _swapped_axes(low, high) if turn is None else _axes_of(turn)
     if axes:
         return [found("differing-axes", "light", 1, axes=axes)]
     offset = pair.frame.length_to_model(pair.middles[1] - pair.middles[0])
@@ -126,6 +159,26 @@ def misfit(pair: Pair) -> list[Finding | None]:
         return []
     words = ", ".join(f"{value:.6g}" for value in offset)
     return [found("differing-place", "light", 1, way=f"{way:.4g} model units", offset=f"({words})")]
+
+
+def _right_turns() -> list[FloatArray]:
+    """All 24 turns that take axes to axes, (3, 3) each, the identity first."""
+    found_turns = []
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        turn = np.diag(signs)[:, list(order)]
+        if np.linalg.det(turn) > 0.0:
+            found_turns.append(turn)
+    return found_turns
+
+
+def _axes_of(turn: FloatArray) -> str:
+    """Which axes a turn takes to which others; none for ""."""
+    moved = []
+    for k, column in enumerate(turn.T):
+        to = int(np.flatnonzero(column)[0])
+        if to != k or column[to] < 0.0:
+            moved.append(f"{'xyz'[k]} becomes {'-' if column[to] < 0.0 else ''}{'xyz'[to]}")
+    return " and ".join(moved)
 
 
 def _swapped_axes(low: FloatArray, high: FloatArray) -> str:

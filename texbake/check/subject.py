@@ -179,3 +179,16 @@ class Subject:
     def overlaps(self) -> Overlaps:
         """Faces that lie on another in the texture."""
         return find_overlaps(self.uvs, threads=self.options.threads)
+
+    @cached_property
+    def shares_texture(self) -> BoolArray:
+        """(F,) bool: faces that lie, in the texture, on faces of other groups alone."""
+        overlapping, groups = self.overlaps.overlapping, self.mesh.face_groups
+        if groups is None:
+            return np.zeros_like(overlapping)
+        within = np.zeros_like(overlapping)
+        for group in np.unique(groups[overlapping]):
+            faces = np.flatnonzero(groups == group)
+            apart = find_overlaps(self.uvs[faces], threads=self.options.threads)
+            within[faces] = apart.overlapping
+        return np.asarray(overlapping & ~within)

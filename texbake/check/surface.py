@@ -31,8 +31,15 @@ _FLOAT32_STEP = 2.0**-24
 _SIZES = (1e-5, 1e6)  # model units that most programs are at ease with
 
 
+def no_surface(subject: Subject) -> Finding | None:
+    """Find out whether no face at all has an area."""
+    return found("no-surface", subject.role, int(not subject.has_area.any()))
+
+
 def zero_area_faces(subject: Subject) -> Finding | None:
     """Find faces without area; the longest are the worst."""
+    if not subject.has_area.any():  # told as that
+        return None
     flat = np.flatnonzero(~subject.has_area)
     corners = subject.corners[flat]
     lengths = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1, initial=0.0)
@@ -150,6 +157,7 @@ def extreme_size(subject: Subject) -> Finding | None:
 
 
 CHECKS = (
+    no_surface,
     zero_area_faces,
     duplicate_faces,
     duplicate_vertices,

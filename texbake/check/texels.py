@@ -92,6 +92,10 @@ def close_charts(subject: Subject, owners: Owners) -> Finding | None:
     # Faces that lie on one another are told as that.
     overlapping = subject.overlaps.overlapping[owners.ravel()[texels]]
     texels = texels[:, ~overlapping.all(axis=0)]
+    groups = subject.mesh.face_groups
+    if groups is not None and subject.shares_texture.any():  # each group has a texture of its own
+        of_ends = groups[owners.ravel()[texels]]
+        texels = texels[:, of_ends[0] == of_ends[1]]
     between = np.sort(chart_of.ravel()[texels], axis=0)
     n_pairs = len(np.unique(between[0].astype(np.int64) << 32 | between[1]))
     faces, counts = np.unique(owners.ravel()[texels], return_counts=True)

@@ -36,7 +36,8 @@ class StudyOptions:
     knobs : tuple of str
         Which to study; the names are those of `KNOB_NAMES`.
     repeats : int
-        Timed runs of each setting, beside a first one that is not counted.
+        Timed runs of each setting, beside a first one, which is counted only where it alone takes
+        longer than `seconds`.
     seconds : float
         Once its timed runs have taken as long together, a setting is run no more, but each is
         timed at least twice.

@@ -172,8 +172,9 @@ def _footer(result: StudyResult) -> str:
         "<section>\n<h2>How it was measured</h2>\n"
         "<p>Settings of a knob are run in rounds in which each comes once, in an order that "
         "changes from round to round, so that what disturbs the machine for a while disturbs them "
-        f"all; up to {result.options.repeats} rounds, fewer for slow settings, after one that is "
-        "not counted. Only the work itself is timed, not the comparison with the truth. Memory is "
+        f"all; up to {result.options.repeats} rounds, fewer for slow settings, after one that "
+        f"counts only for settings that take more than {result.options.seconds:g} s in it. Only "
+        "the work itself is timed, not the comparison with the truth. Memory is "
         "the peak of what is resident above what was before. All figures are in study.json and "
         "study.csv beside this page.</p>\n</section>\n"
     )

@@ -48,7 +48,8 @@ def study(
     Returns
     -------
     StudyResult
-        Errors are the same in every run of a study; times are those of the machine.
+        Errors are the same in every run of a study, but for those of settings that are given a time
+        and not a bound; times are those of the machine.
 
     Raises
     ------

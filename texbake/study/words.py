@@ -16,8 +16,10 @@ def amount(x: float, unit: str) -> str:
 
 
 def spread(item: Measurement) -> float:
-    """Half the range of the times, as a share of their median."""
-    return 0.5 * (max(item.seconds) - min(item.seconds)) / item.median if item.median else 0.0
+    """How far the times lie from their median at most, as a share of it."""
+    middle = item.median
+    away = max(max(item.seconds) - middle, middle - min(item.seconds))
+    return away / middle if middle else 0.0
 
 
 def findings(result: KnobResult) -> list[str]:

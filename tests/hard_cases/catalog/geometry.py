@@ -65,10 +65,10 @@ def _needles() -> Mesh:
 
 
 def _caps() -> Mesh:
-    """Square with a row of caps (nearly flat obtuse triangles) of height 1e-8 along a side."""
+    """Square with a row of caps (flat obtuse triangles) along a side, 1e8 times as wide as high."""
     x = np.arange(9) / 8.0
     bottom = np.column_stack([x, np.zeros(9), np.zeros(9)])
-    peaks = np.column_stack([(x[:-1] + x[1:]) / 2.0, np.full(8, 1e-8), np.zeros(8)])
+    peaks = np.column_stack([(x[:-1] + x[1:]) / 2.0, np.full(8, 1.25e-9), np.zeros(8)])
     caps = [[i, i + 1, 9 + i] for i in range(8)]
     body = [[9 + i, 10 + i, 17] for i in range(7)]
     return mesh_of(np.concatenate([bottom, peaks, [[0.5, 1.0, 0.0]]]), [*caps, *body])

@@ -55,7 +55,7 @@ def _prepare(case: Case) -> Bench:
         subject=f"{mesh.name}, {mesh.n_faces:,} triangles, at {size} x {size}",
         truth="closed form",
         truth_text="A map without stretch has an L2 stretch of 1 (Sander et al. 2001). Across a "
-        "seam a smooth surface has one normal; what both sides of it read differs by the seam "
+        "seam a smooth surface has one normal; what is read on either side is off by the seam "
         "error.",
         settings=tuple(
             Setting(f"{quality}, padding {padding}", (quality, padding), f"padding {padding}")
@@ -67,7 +67,7 @@ def _prepare(case: Case) -> Bench:
 
 
 def _seam_errors(mesh: Mesh, size: int, padding: int, threads: int | None) -> dict[int, float]:
-    """Mean angle between what both sides of the seams read, on some mip levels."""
+    """Mean angle to the surface's normal of what is read along seams, on some mip levels."""
     options = BakeOptions(
         size=size, space="object", padding=padding, fill="push-pull", threads=threads
     )

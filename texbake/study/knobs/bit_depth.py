@@ -104,7 +104,7 @@ def _lengths(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 KNOB = Knob(
     name="bit-depth",
     title="Bit depth and dither",
-    about="Coding and writing one normal map. Eight bits round each texel by a fifth of a degree, "
+    about="Coding and writing one normal map. Eight bits round each texel by a sixth of a degree, "
     "all of a smooth surface the same way, which shows as bands in reflections; dither makes "
     "single texels worse and their mean right.",
     error="angle of the normal read back, mean",

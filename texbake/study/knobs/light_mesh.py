@@ -6,6 +6,7 @@ import numpy as np
 
 from texbake.bake.bake import bake
 from texbake.bake.options import BakeOptions
+from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
@@ -26,6 +27,11 @@ def _prepare(case: Case) -> Bench:
     pair = case.pair
     size = case.choose(1024, 64)
     counts = [n for n in case.choose(_COUNTS, _QUICK_COUNTS) if n < pair.high.n_faces]
+    if not counts:
+        raise MeshError(
+            f"study light-mesh: {pair.high.name} has {pair.high.n_faces} triangles, too few to be "
+            "simplified to any of those that are tried; leave this knob out"
+        )
 
     def work(value: tuple[int, str]) -> Mesh:
         count, quality = value
