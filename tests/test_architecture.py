@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 
 # A room imports from itself and from those before it; the first is texbake/ itself, without its
 # __init__.py, which points into every room.
-ROOMS = ("", "mesh", "mapping", "texture", "bake", "check", "render", "pipeline", "study")
+ROOMS = ("", "mesh", "mapping", "texture", "bake", "check", "render", "pages", "pipeline", "study")
 # ... and these know nothing of each other.
 STRANGERS = {("bake", "render"), ("render", "bake")}
 MAX_MODULE_LINES = 400

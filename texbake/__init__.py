@@ -15,12 +15,21 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from texbake.public_names import NAMES as _NAMES
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from texbake.bake.bake import bake, remap
+    from texbake.bake.bake import bake, remap, remap_hits
     from texbake.bake.baked_map import BakedMap, WrittenMap
+    from texbake.bake.cage.fit import Cage, fit_cage
+    from texbake.bake.hits_file import read_hits, write_hits
     from texbake.bake.options import BakeOptions
+    from texbake.bake.parts.bake_parts import bake_parts, match_parts
+    from texbake.bake.parts.light import Canvas
+    from texbake.bake.parts.options import PartsOptions
+    from texbake.bake.parts.result import PartsResult
+    from texbake.bake.ray_maps import RayMaps
     from texbake.bake.report import BakeReport
     from texbake.bake.result import BakeResult
     from texbake.bake.texture.camera import PhotoCamera
@@ -51,17 +60,26 @@ if TYPE_CHECKING:
     from texbake.mapping.options import UnwrapOptions
     from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
     from texbake.mapping.unwrap_report import UnwrapReport
+    from texbake.mesh.curvature import vertex_curvatures
     from texbake.mesh.distance import SurfaceDistance, surface_distance
     from texbake.mesh.files import read_mesh, write_mesh
     from texbake.mesh.info import MeshInfo, mesh_info
+    from texbake.mesh.materials import BaseColor, Materials, read_materials
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.parametric.make import make
     from texbake.mesh.parametric.options import MakeOptions
     from texbake.mesh.simplify import SimplifyReport, simplify, simplify_with_report
     from texbake.mesh.tangents import corner_tangents
+    from texbake.pages.bake_page import write_bake_page
+    from texbake.pipeline.building.build import build, plan_build
+    from texbake.pipeline.building.options import BuildOptions
+    from texbake.pipeline.building.report import BuildResult
+    from texbake.pipeline.building.watch import watch
     from texbake.pipeline.check_picture import render_findings
     from texbake.pipeline.checker import render_checker
     from texbake.pipeline.demo import demo
+    from texbake.pipeline.export.export import ExportResult, export_asset
+    from texbake.pipeline.export.options import ExportOptions
     from texbake.pipeline.layout import write_layout
     from texbake.pipeline.light_map import LightMaps, bake_light_maps
     from texbake.pipeline.options import DemoOptions, RunOptions
@@ -69,6 +87,7 @@ if TYPE_CHECKING:
     from texbake.render.camera import Camera
     from texbake.render.compare import Closeness, Comparison, compare
     from texbake.render.options import RenderOptions
+    from texbake.render.picture_report import PictureBudget, PictureSampling
     from texbake.render.plan.plan import Plan
     from texbake.render.render import plan_scene, render, render_scene
     from texbake.render.resolve import Frame
@@ -113,134 +132,6 @@ if TYPE_CHECKING:
     from texbake.texture.sample import sample_texture
     from texbake.texture.volume import volume_lookup
 
-# The public names of each module.
-_NAMES = {
-    "texbake.bake.bake": ("bake", "remap"),
-    "texbake.bake.options": ("BakeOptions",),
-    "texbake.bake.report": ("BakeReport",),
-    "texbake.bake.baked_map": ("BakedMap", "WrittenMap"),
-    "texbake.bake.result": ("BakeResult",),
-    "texbake.errors": (
-        "CageError",
-        "DependencyError",
-        "FileError",
-        "FileFormatError",
-        "MeshError",
-        "MissError",
-        "OptionError",
-        "TexbakeError",
-        "UnwrapError",
-        "UvError",
-    ),
-    "texbake.mapping.unwrap": ("unwrap", "unwrap_together", "unwrap_with_report"),
-    "texbake.mapping.unwrap_report": ("UnwrapReport",),
-    "texbake.mapping.distortion": ("Distortion", "distortion"),
-    "texbake.mapping.layout": ("draw_layout",),
-    "texbake.mapping.options": ("UnwrapOptions",),
-    "texbake.mesh.distance": ("SurfaceDistance", "surface_distance"),
-    "texbake.mesh.files": ("read_mesh", "write_mesh"),
-    "texbake.mesh.info": ("MeshInfo", "mesh_info"),
-    "texbake.mesh.mesh": ("Mesh",),
-    "texbake.mesh.parametric.make": ("make",),
-    "texbake.mesh.parametric.options": ("MakeOptions",),
-    "texbake.mesh.simplify": ("SimplifyReport", "simplify", "simplify_with_report"),
-    "texbake.mesh.tangents": ("corner_tangents",),
-    "texbake.mapping.layout_svg": ("layout_svg",),
-    "texbake.pipeline.checker": ("render_checker",),
-    "texbake.pipeline.demo": ("demo",),
-    "texbake.pipeline.layout": ("write_layout",),
-    "texbake.pipeline.light_map": ("LightMaps", "bake_light_maps"),
-    "texbake.pipeline.options": ("DemoOptions", "RunOptions"),
-    "texbake.pipeline.run": ("RunResult", "run"),
-    "texbake.render.compare": ("Closeness", "Comparison", "compare"),
-    "texbake.render.options": ("RenderOptions",),
-    "texbake.render.render": ("plan_scene", "render", "render_scene"),
-    "texbake.render.resolve": ("Frame",),
-    "texbake.render.scene.read": ("read_scene",),
-    "texbake.render.scene.scene": (
-        "Scene",
-        "SceneObject",
-        "View",
-    ),
-    "texbake.render.scene.material": (
-        "BumpMap",
-        "Displacement",
-        "Material",
-        "NormalMap",
-        "Parallax",
-        "ProjectedTexture",
-        "Reflection",
-        "Refraction",
-    ),
-    "texbake.render.scene.lights": (
-        "Ambient",
-        "AmbientOcclusion",
-        "Environment",
-        "Fog",
-        "Light",
-        "Lighting",
-        "Shadow",
-    ),
-    "texbake.render.scene.textures": (
-        "ImageTexture",
-        "ProcedureTexture",
-    ),
-    "texbake.render.camera": ("Camera",),
-    "texbake.render.plan.plan": ("Plan",),
-    "texbake.texture.sample": ("sample_texture",),
-    "texbake.texture.mipmaps": (
-        "MipChain",
-        "mip_chain",
-    ),
-    "texbake.texture.cube_map": ("CubeMap",),
-    "texbake.texture.cube_lookup": ("sample_cube",),
-    "texbake.texture.latitude_longitude": (
-        "from_latitude_longitude",
-        "to_latitude_longitude",
-    ),
-    "texbake.texture.ramp": ("ramp_lookup",),
-    "texbake.texture.volume": ("volume_lookup",),
-    "texbake.bake.texture.camera": ("PhotoCamera",),
-    "texbake.bake.texture.options": (
-        "PhotoOptions",
-        "SolidOptions",
-    ),
-    "texbake.bake.texture.photo": ("Photo",),
-    "texbake.bake.texture.photos": ("bake_photos",),
-    "texbake.bake.texture.result": (
-        "TextureBake",
-        "TextureReport",
-    ),
-    "texbake.bake.texture.solid": ("bake_solid",),
-    "texbake.texture.height_options": (
-        "HeightToNormalOptions",
-        "NormalToHeightOptions",
-    ),
-    "texbake.texture.height_to_normal": ("height_to_normal",),
-    "texbake.texture.normal_to_height": (
-        "HeightField",
-        "normal_to_height",
-    ),
-    "texbake.texture.pack": (
-        "PackedTextures",
-        "pack_textures",
-    ),
-    "texbake.texture.pack_options": ("PackOptions",),
-    "texbake.check.check": (
-        "check",
-        "check_files",
-    ),
-    "texbake.check.options": ("CheckOptions",),
-    "texbake.check.report": ("CheckReport",),
-    "texbake.check.finding": ("Finding",),
-    "texbake.pipeline.check_picture": ("render_findings",),
-    "texbake.study.study": ("study",),
-    "texbake.study.options": ("StudyOptions",),
-    "texbake.study.result": ("StudyResult",),
-    "texbake.study.write": ("write_study",),
-    "texbake.texture.checker": ("checker_image",),
-    "texbake.texture.image": ("Image", "read_image", "write_image"),
-}
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
@@ -250,9 +141,14 @@ __all__ = [
     "BakeReport",
     "BakeResult",
     "BakedMap",
+    "BaseColor",
+    "BuildOptions",
+    "BuildResult",
     "BumpMap",
+    "Cage",
     "CageError",
     "Camera",
+    "Canvas",
     "CheckOptions",
     "CheckReport",
     "Closeness",
@@ -263,6 +159,8 @@ __all__ = [
     "Displacement",
     "Distortion",
     "Environment",
+    "ExportOptions",
+    "ExportResult",
     "FileError",
     "FileFormatError",
     "Finding",
@@ -277,6 +175,7 @@ __all__ = [
     "Lighting",
     "MakeOptions",
     "Material",
+    "Materials",
     "Mesh",
     "MeshError",
     "MeshInfo",
@@ -288,12 +187,17 @@ __all__ = [
     "PackOptions",
     "PackedTextures",
     "Parallax",
+    "PartsOptions",
+    "PartsResult",
     "Photo",
     "PhotoCamera",
     "PhotoOptions",
+    "PictureBudget",
+    "PictureSampling",
     "Plan",
     "ProcedureTexture",
     "ProjectedTexture",
+    "RayMaps",
     "Reflection",
     "Refraction",
     "RenderOptions",
@@ -319,8 +223,10 @@ __all__ = [
     "__version__",
     "bake",
     "bake_light_maps",
+    "bake_parts",
     "bake_photos",
     "bake_solid",
+    "build",
     "check",
     "check_files",
     "checker_image",
@@ -329,20 +235,27 @@ __all__ = [
     "demo",
     "distortion",
     "draw_layout",
+    "export_asset",
+    "fit_cage",
     "from_latitude_longitude",
     "height_to_normal",
     "layout_svg",
     "make",
+    "match_parts",
     "mesh_info",
     "mip_chain",
     "normal_to_height",
     "pack_textures",
+    "plan_build",
     "plan_scene",
     "ramp_lookup",
+    "read_hits",
     "read_image",
+    "read_materials",
     "read_mesh",
     "read_scene",
     "remap",
+    "remap_hits",
     "render",
     "render_checker",
     "render_findings",
@@ -358,7 +271,11 @@ __all__ = [
     "unwrap",
     "unwrap_together",
     "unwrap_with_report",
+    "vertex_curvatures",
     "volume_lookup",
+    "watch",
+    "write_bake_page",
+    "write_hits",
     "write_image",
     "write_layout",
     "write_mesh",
