@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from .failures import told_in_one_line
+from .html import keep_command
 
 COMMANDS = (
     "info",
@@ -20,9 +21,11 @@ COMMANDS = (
     "make",
     "simplify",
     "unwrap",
+    "cage",
     "bake-normals",
     "bake-displacement",
     "bake",
+    "remap",
     "bake-texture",
     "pack-textures",
     "height-to-normal",
@@ -31,7 +34,10 @@ COMMANDS = (
     "cubemap",
     "preview",
     "compare",
+    "export",
     "run",
+    "build",
+    "watch",
     "study",
     "demo",
 )
@@ -61,8 +67,11 @@ class LazyGroup(click.Group):
         **extra: Any,
     ) -> click.Context:
         """Parse the options of the group itself."""
+        words = list(args)  # parsing empties it
         with told_in_one_line():
-            return super().make_context(info_name, args, parent, **extra)
+            context = super().make_context(info_name, args, parent, **extra)
+        keep_command(context, words)
+        return context
 
     def invoke(self, ctx: click.Context) -> Any:
         """Parse and run a command."""

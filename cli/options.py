@@ -18,6 +18,7 @@ from texbake.bake.options import (
     SPACES,
     BakeOptions,
 )
+from texbake.pipeline.options import DEFAULT_SAMPLES
 from texbake.render.options import BACK_FACES, UPS, RenderOptions
 
 from .types import FileOf, Size, View
@@ -25,8 +26,9 @@ from .types import FileOf, Size, View
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
 
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
-WRITABLE_MESH_SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl")
+_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl", *_USD_SUFFIXES)
+WRITABLE_MESH_SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl", *_USD_SUFFIXES)
 IMAGE_SUFFIXES = (".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
 
 
@@ -185,30 +187,41 @@ def _samples(word: str | int) -> int | str:
 
 _MEASURED = "[default: measured from the meshes]"
 
+
+def _sample_options(default: int | str | None, text: str = "") -> tuple[Decorator[Any], ...]:
+    """How many rays a texel gets, or what is asked for in their place."""
+    return (
+        number_option(
+            "--samples",
+            _samples,
+            default,
+            "1|4|16|64|adaptive",
+            "Rays a texel, averaged as directions and not as colors; adaptive: more where they "
+            f"differ.{text}",
+        ),
+        number_option(
+            "--max-error",
+            str,
+            BakeOptions.max_error,
+            "E",
+            "Adaptive samples until each texel is estimated to be off by at most so much: 0.5deg "
+            "for normals, 0.001 (model units) or 0.01% (of the diagonal) for heights, or "
+            "0.5deg,0.001.",
+        ),
+        number_option(
+            "--time-budget",
+            str,
+            BakeOptions.time_budget,
+            "T",
+            "Pick what is predicted to bake in 20s, 2min, ...; a short probe tells how long it "
+            "takes.",
+        ),
+    )
+
+
 _BAKE_OPTIONS = (
     size_option(BakeOptions.size, "Texels of the maps."),
-    number_option(
-        "--samples",
-        _samples,
-        BakeOptions.samples,
-        "1|4|16|64|adaptive",
-        "Rays a texel, averaged as directions and not as colors; adaptive: more where they differ.",
-    ),
-    number_option(
-        "--max-error",
-        str,
-        BakeOptions.max_error,
-        "E",
-        "Adaptive samples until each texel is estimated to be off by at most so much: 0.5deg for "
-        "normals, 0.001 (model units) or 0.01% (of the diagonal) for heights, or 0.5deg,0.001.",
-    ),
-    number_option(
-        "--time-budget",
-        str,
-        BakeOptions.time_budget,
-        "T",
-        "Pick what is predicted to bake in 20s, 2min, ...; a short probe tells how long it takes.",
-    ),
+    *_sample_options(BakeOptions.samples),
     choice_option("--space", SPACES, BakeOptions.space, "Space of the normals."),
     choice_option(
         "--convention",
@@ -247,6 +260,15 @@ _BAKE_OPTIONS = (
         "Direction of rays: smooth normals without gaps, the light mesh's own at its vertices, "
         "or each face's.",
     ),
+    image_option(
+        "--skew-mask",
+        "Where this image is 1, on the light mesh's coordinates, rays go straight along the face's "
+        "normal; where 0, as --rays says; a blend between.",
+    ),
+    image_option(
+        "--offset-map",
+        "Multiply the front distance, or the cage's, by this image, 0 to 1, or above in floats.",
+    ),
     choice_option(
         "--high-shading",
         SHADINGS,
@@ -276,6 +298,14 @@ _BAKE_OPTIONS = (
     ),
     picture_option("--miss-map", "Also draw where rays missed."),
     report_option,
+    number_option(
+        "--max-memory",
+        str,
+        BakeOptions.max_memory,
+        "SIZE",
+        "Memory that the bake may be estimated to take, such as 2G; a dense mesh too large for "
+        "that is cast at in chunks.  [default: as much as it takes]",
+    ),
     threads_option,
 )
 
@@ -297,15 +327,51 @@ _HEIGHT_OPTIONS = (
     ),
 )
 
+_SECONDARY_OPTIONS = (
+    number_option(
+        "--secondary-rays",
+        int,
+        BakeOptions.secondary_rays,
+        "N",
+        "Rays a sample for ao, bent-normal and thickness, a power of two.",
+    ),
+    number_option(
+        "--occluder-distance",
+        float,
+        BakeOptions.occluder_distance,
+        "D",
+        "How far a surface hides what lies behind it, in model units, for ao and bent-normal.  "
+        "[default: however far it is]",
+    ),
+    number_option(
+        "--thickness-distance",
+        float,
+        BakeOptions.thickness_distance,
+        "D",
+        "Thickness, in model units, that is white; rays into the surface go no farther.  "
+        "[default: the greatest of the map]",
+    ),
+)
+
 
 def bake_options(command: Command) -> Command:
     """Add what every bake takes."""
     return _all_of(_BAKE_OPTIONS, command)
 
 
+def run_sample_options(command: Command) -> Command:
+    """Add how finely the maps of the whole job are sampled."""
+    return _all_of(_sample_options(None, f"  [default: {DEFAULT_SAMPLES}]"), command)
+
+
 def height_options(command: Command) -> Command:
     """Add how heights are coded."""
     return _all_of(_HEIGHT_OPTIONS, command)
+
+
+def secondary_options(command: Command) -> Command:
+    """Add how rays from the dense surface look around."""
+    return _all_of(_SECONDARY_OPTIONS, command)
 
 
 def _all_of(options: Sequence[Decorator[Any]], command: Command) -> Command:

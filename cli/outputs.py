@@ -36,6 +36,14 @@ def check_report(path: Path | None) -> None:
         check_writable(path)
 
 
+def check_page(path: Path | None) -> None:
+    """Raise if a page could not be written, or is called as some other file is; None is fine."""
+    if path is not None:
+        if path.suffix.lower() not in (".html", ".htm"):
+            raise FileFormatError(f"{path}: a page is no {path.suffix!r} file; use .html")
+        check_writable(path)
+
+
 def check_distinct(outputs: Sequence[Path | None], inputs: Sequence[Path | None] = ()) -> None:
     """Raise if two outputs are one file, or if one would overwrite an input.
 

@@ -19,6 +19,16 @@ SPACE = "texbake:space"
 # A displacement d of a stored value h is (h - mid) * scale, in model units.
 DISPLACEMENT_MID = "texbake:displacement_mid"
 DISPLACEMENT_SCALE = "texbake:displacement_scale"
+# A mean curvature of a stored value h is (h - mid) * scale, in one by model units.
+CURVATURE_MID = "texbake:curvature_mid"
+CURVATURE_SCALE = "texbake:curvature_scale"
+# A thickness of a stored value h is h * scale, in model units.
+THICKNESS_SCALE = "texbake:thickness_scale"
+# A coordinate of a stored value h is min + h (max - min); three numbers with spaces between them.
+POSITION_MIN = "texbake:position_min"
+POSITION_MAX = "texbake:position_max"
+# Followed by what stands in the file, a number or a color such as #e0a030: the name of a thing.
+ID = "texbake:id:"
 
 
 def to_description(metadata: Mapping[str, Value]) -> str:

@@ -12,12 +12,15 @@ from texbake.bake.map_names import MAP_NAMES
 from texbake.bake.options import BakeOptions
 
 from ..baking import bake_to_files
+from ..html import html_option
 from ..light_baking import SCENE_SUFFIXES, bake_light_to_files
-from ..options import MESH_SUFFIXES, bake_options, height_options, output_folder
+from ..map_options import FORMATS, map_files, source_options
+from ..options import MESH_SUFFIXES, bake_options, height_options, output_folder, secondary_options
+from ..parts_baking import bake_parts_to_files
+from ..parts_options import parts_options, taken
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf, Names
 
-FORMATS = ("png", "exr", "tif", "tga")
 LIGHT_MAP = "lightmap"
 # What a bake of light maps takes.
 _OF_LIGHT = {"scene", "output", "maps", "suffix", "size", "samples", "bits", "padding", "fill",
@@ -30,6 +33,7 @@ _OF_LIGHT = {"scene", "output", "maps", "suffix", "size", "samples", "bits", "pa
     Example:
       texbake bake scan.ply low.obj -o maps --maps normal,displacement --size 2048
       texbake bake scan.ply low.obj -o maps --maps normal --cage cage.obj --fail-on-miss 0.5
+      texbake bake high.glb low.glb -o maps --match-by-name --dry-run
       texbake bake --scene room.toml -o maps --maps lightmap --size 512 --samples 16
     """
 )
@@ -60,6 +64,10 @@ _OF_LIGHT = {"scene", "output", "maps", "suffix", "size", "samples", "bits", "pa
 )
 @bake_options
 @height_options
+@source_options
+@secondary_options
+@parts_options
+@html_option
 @terminal_options
 @click.pass_context
 def bake(
@@ -71,6 +79,7 @@ def bake(
     maps: tuple[str, ...],
     scene: Path | None,
     suffix: str | None,
+    name_pattern: str,
     terminal: Terminal,
     **options: Any,
 ) -> None:
@@ -84,14 +93,17 @@ def bake(
     if scene is not None or LIGHT_MAP in maps:
         _check_light(context, scene, maps)
         assert scene is not None
-        taken = {name: options[name] for name in _OF_LIGHT & options.keys()}
-        bake_light_to_files(scene, output, suffix or "exr", terminal, **taken)
+        of_light = {name: options[name] for name in _OF_LIGHT & options.keys()}
+        bake_light_to_files(scene, output, suffix or "exr", terminal, **of_light)
         return
-    if high is None or low is None:
-        missing = "HIGH" if high is None else "LOW"
-        raise click.UsageError(f"Missing argument '{missing}'.", context)
-    files = {name: output / f"{name}.{suffix or 'png'}" for name in maps}
-    bake_to_files(high, low, files, terminal, folder=output, **options)
+    asked = taken(context, high, low, name_pattern, options)
+    if not asked.is_plain:
+        bake_parts_to_files(
+            asked, output, maps, terminal, suffix=suffix, name_pattern=name_pattern, **options
+        )
+        return
+    files = map_files(output, name_pattern, asked.low[0].name, maps, suffix)
+    bake_to_files(asked.high[0], asked.low[0], files, terminal, folder=output, **options)
 
 
 def _check_light(context: click.Context, scene: Path | None, maps: tuple[str, ...]) -> None:

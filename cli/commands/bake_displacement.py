@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ..baking import bake_to_files
+from ..html import html_option
 from ..options import bake_options, height_options, mesh_argument, output_file
 from ..terminal import Terminal, terminal_options
 
@@ -25,6 +26,7 @@ from ..terminal import Terminal, terminal_options
 @output_file("The map: exr, tif or png.", (".exr", ".tif", ".png"))
 @bake_options
 @height_options
+@html_option
 @terminal_options
 def bake_displacement(
     high: Path, low: Path, output: Path, terminal: Terminal, **options: Any

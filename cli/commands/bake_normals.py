@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ..baking import bake_to_files
+from ..html import html_option
 from ..options import bake_options, mesh_argument, output_file
 from ..terminal import Terminal, terminal_options
 
@@ -24,6 +25,7 @@ from ..terminal import Terminal, terminal_options
 @mesh_argument("low")
 @output_file("The map: png, exr, tif or tga.", (".png", ".exr", ".tif", ".tga"))
 @bake_options
+@html_option
 @terminal_options
 def bake_normals(high: Path, low: Path, output: Path, terminal: Terminal, **options: Any) -> None:
     """Bake the normals of HIGH into a map for LOW.

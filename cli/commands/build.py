@@ -11,6 +11,8 @@ from texbake.pipeline.building.options import BuildOptions
 
 from ..build_options import build_options
 from ..building import shown, tell_result
+from ..html import command_line
+from ..outputs import check_page
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
       texbake build studio.toml --plan
       texbake build studio.toml --jobs 8 --max-memory 24G
       texbake build studio.toml --only "orange*" --verify
+      texbake build studio.toml --html build.html
       texbake build studio.toml --scheduler tcp://render-01:8786
     """
 )
@@ -42,12 +45,19 @@ if TYPE_CHECKING:
 @click.option(
     "--verify", is_flag=True, help="Hold everything that is stored against its checksums."
 )
+@click.option(
+    "--html",
+    type=FileOf((".html",)),
+    metavar="FILE.html",
+    help="Also write a page of all assets: pictures, errors, times, links to their own pages.",
+)
 @terminal_options
 @click.pass_context
 def build(
     ctx: click.Context,
     pipeline: Path,
     plan: bool,
+    html: Path | None,
     options: BuildOptions,
     terminal: Terminal,
 ) -> None:
@@ -61,11 +71,17 @@ def build(
 
         _tell_plan(plan_build(pipeline, options), terminal)
         return
+    check_page(html)
     from texbake.pipeline.building.build import build as run_build
 
     with shown(terminal) as listener:
         result = run_build(pipeline, options, listener=listener)
     tell_result(result, terminal)
+    if html is not None:
+        from texbake.pipeline.building.overview import write_overview
+
+        write_overview(html, result, command=command_line())
+        terminal.wrote([html])
     if not result.ok:
         ctx.exit(1)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..html import command_line, html_option
 from ..options import (
     image_option,
     mesh_argument,
@@ -14,7 +15,7 @@ from ..options import (
     report_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_picture, check_report
+from ..outputs import check_distinct, check_page, check_picture, check_report
 from ..terminal import Terminal, table, terminal_options
 from ..types import FileOf
 
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 )
 @picture_options
 @report_option
+@html_option
 @threads_option
 @terminal_options
 def compare(
@@ -55,6 +57,7 @@ def compare(
     output: Path | None,
     picture: RenderOptions,
     report: Path | None,
+    html: Path | None,
     threads: int | None,
     terminal: Terminal,
 ) -> None:
@@ -65,16 +68,18 @@ def compare(
     difference side by side.
     """
     output = output or Path(f"{low.stem}_compare.png")
-    check_distinct([output, report], [high, low, normal_map, displacement, albedo])
+    check_distinct([output, report, html], [high, low, normal_map, displacement, albedo])
     check_picture(output)
     check_report(report)
+    check_page(html)
     import texbake
+    from texbake.pages.asset_page import AssetPage, write_asset_page
     from texbake.pipeline.report import comparison_report, comparison_table, write_report
 
     with terminal.progress() as progress:
+        meshes = [texbake.read_mesh(path, progress=progress) for path in (high, low)]
         comparison = texbake.compare(
-            texbake.read_mesh(high, progress=progress),
-            texbake.read_mesh(low, progress=progress),
+            *meshes,
             normal_map=normal_map,
             displacement=displacement,
             albedo=albedo,
@@ -85,5 +90,19 @@ def compare(
         texbake.write_image(comparison.side_by_side(), output, color=True, threads=threads)
         if report is not None:
             write_report(report, comparison_report(comparison))
+        if html is not None:
+            maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
+            write_asset_page(
+                html,
+                AssetPage(
+                    high=meshes[0],
+                    low=meshes[1],
+                    files={name: path for name, path in maps.items() if path is not None},
+                    comparison=comparison,
+                    figures=comparison_table(comparison),
+                    command=command_line(),
+                    picture=picture,
+                ),
+            )
     table(comparison_table(comparison))
-    terminal.wrote(path for path in (output, report) if path is not None)
+    terminal.wrote(path for path in (output, report, html) if path is not None)

@@ -121,7 +121,13 @@ def export(
     with terminal.progress() as progress:
         meshes = [texbake.read_mesh(path, progress=progress) for path in (mesh, *levels)]
         result = export_asset(
-            meshes[0], maps, output, options, levels=meshes[1:], progress=progress
+            meshes[0],
+            maps,
+            output,
+            options,
+            levels=meshes[1:],
+            inputs=(mesh, *levels),
+            progress=progress,
         )
     for note in result.notes:
         terminal.warn(note)

@@ -24,7 +24,7 @@ from ..options import (
     threads_option,
     view_option,
 )
-from ..outputs import check_report
+from ..outputs import check_page
 from ..terminal import Terminal, terminal_options
 
 
@@ -70,7 +70,7 @@ def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choic
     """
     options = RunOptions(**choices)
     check_folder(output)
-    check_report(html)
+    check_page(html)
     import texbake
     from texbake.pages.asset_page import AssetPage, write_asset_page
 

@@ -95,6 +95,8 @@ def study(
             progress=progress,
         )
         written = write_study(result, output, progress=progress)
+    for name, reason in result.skipped.items():
+        terminal.warn(f"study {name}: left out: {reason}")
     if not terminal.quiet:
         rows = [("knob", "pays up to", "error", "time")]
         for item in result.knobs:

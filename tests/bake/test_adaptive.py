@@ -100,6 +100,30 @@ def test_a_smooth_surface_needs_no_more():
     assert degrees(result.maps["normal"].values[inside], np.array([0, 0, 1.0])).max() < 1e-3
 
 
+def test_values_that_change_evenly_need_one_sample_at_borders_too():
+    """A turned chart: texels at its border are covered in part, and are sampled in the middle."""
+    low = flat()
+    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    low = low.replace(uvs=0.5 + 0.6 * (low.uvs - 0.5) @ turn)
+    corners = 1.5 * low.positions
+    slope = np.array([0.1, 0.05])
+    high = low.replace(positions=np.column_stack([corners[:, :2], corners[:, :2] @ slope]))
+    asked = options(maps=("displacement",), max_error="0.004")
+    result = bake(high, low, asked)
+    assert result.report.sampling.texel_percents[1] == 100
+    assert result.report.sampling.rays_per_texel == 1
+    truth, has_data = means_by_brute_force(high, low, options(), ("displacement",))["displacement"]
+    errors = np.abs(result.maps["displacement"].values - truth)[has_data & result.has_data]
+    # A texel is 2 / (0.6 SIZE) wide; the middle lies within half a sub-square of a covered one, and
+    # the finest slivers have their sub-squares' own.
+    per_texel = 2.0 / (0.6 * SIZE) * np.linalg.norm(slope)
+    assert errors.max() < 0.25 * per_texel
+    assert np.percentile(errors, 99) < per_texel / 8
+    plain = bake(high, low, options(maps=("displacement",), max_error=None))
+    off = np.abs(plain.maps["displacement"].values - truth)[has_data & plain.has_data]
+    assert np.percentile(off, 99) > 1.4 * np.percentile(errors, 99)
+
+
 def bumps(x, y):
     return 0.05 * np.sin(9 * x) * np.cos(8 * y) + 0.03 * np.abs(np.sin(5 * x + 3 * y))
 
@@ -128,7 +152,7 @@ def test_the_bound_holds_against_256_samples(shading, bound, within):
 def test_a_bound_out_of_reach_of_64_samples_is_told():
     """Estimates of the texels that a leap crosses stay above the bound, and the report says so."""
     high, low = plane(90, 90, bumps), plane()
-    report = bake(high, low, options(max_error="0.5deg", high_shading="flat")).report
+    report = bake(high, low, options(max_error="0.2deg", high_shading="flat")).report
     assert report.sampling.within_percent < 80
     assert any("estimated to be off by more" in warning for warning in report.warnings)
 
@@ -150,6 +174,33 @@ def test_heights_hold_a_length_and_a_share_of_the_diagonal():
     assert (errors <= 0.002).mean() > 0.99
     assert results[0].report.sampling.maps[0].unit == "model units"
     assert results[0].report.sampling.texel_percents[1] > 80  # the flat is not looked at twice
+
+
+def test_each_of_several_maps_has_its_own_estimate():
+    """A bound that nothing reaches divides nothing, so that the other map is as it is alone."""
+    high, low = plane(90, 90, bumps), plane()
+
+    def estimates(maps, bound):
+        asked = options(maps=maps, max_error=bound, high_shading="flat")
+        report = bake(high, low, asked).report.sampling
+        return report.rays_per_texel, {item.name: item.estimated for item in report.maps}
+
+    rays, alone = estimates(("normal",), "2deg")
+    assert rays > 2.5  # more than a few texels are divided
+    both = ("normal", "displacement")
+    for length in ("1000", "500"):
+        found = estimates(both, f"2deg,{length}")
+        assert found[0] == rays
+        # Sums over cells in another order, of float32.
+        assert found[1]["normal"] == pytest.approx(alone["normal"], rel=1e-5)
+        # Lengths, not shares of a bound; with more samples they are below those of one.
+        if length == "1000":
+            wide = found[1]["displacement"]
+        assert found[1]["displacement"] == pytest.approx(wide, rel=1e-5)
+    _, once = estimates(("displacement",), "1000")
+    for percent in (50, 99, 100):
+        assert 0 < wide[percent] <= once["displacement"][percent]
+    assert wide[99] < 0.8 * once["displacement"][99]
 
 
 def test_same_bytes_for_any_number_of_threads():
@@ -201,7 +252,8 @@ def test_slivers_and_uncovered_centers_get_their_texels():
 def test_holes_stay_holes():
     high = plane(2, 1)
     high = Mesh(positions=high.positions, faces=high.faces[:2])  # the left half
-    result = bake(high, plane(), options(front=0.1, back=0.1))
+    result = bake(high, plane(), options(front=0.1, back=0.1, maps=("displacement", "normal")))
+    assert (result.maps["displacement"].values[~result.has_data] == 0).all()
     columns = result.has_data.all(axis=0)
     np.testing.assert_array_equal(columns, np.arange(SIZE) < SIZE // 2)
     assert result.report.texels_missed == SIZE * SIZE // 2

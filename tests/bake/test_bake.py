@@ -259,7 +259,7 @@ def test_a_bake_through_embreex_is_the_same(monkeypatch):
     options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
     native = bake(high, low, options)
     monkeypatch.setattr(
-        trace, "open_caster", lambda high, frame, threads: EmbreexCaster(high, frame)
+        trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame)
     )
     through_embreex = bake(high, low, options)
     assert (native.report.caster, through_embreex.report.caster) == ("Embree, packets", "embreex")

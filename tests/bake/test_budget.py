@@ -4,23 +4,7 @@ import pytest
 
 from texbake.bake.bake import bake
 from texbake.bake.options import BakeOptions
-from texbake.bake.targets import parse_seconds
-from texbake.errors import OptionError
 from texbake.mesh.shapes import plane
-
-
-@pytest.mark.parametrize(
-    ("text", "seconds"),
-    [("20s", 20), ("500ms", 0.5), ("2min", 120), ("1h", 3600), ("7", 7), (2.5, 2.5), (" 3 s", 3)],
-)
-def test_times_are_read(text, seconds):
-    assert parse_seconds(text) == pytest.approx(seconds)
-
-
-@pytest.mark.parametrize("text", ["", "s", "-1s", "0", "inf", "nan", "20 seconds", None])
-def test_other_words_are_no_times(text):
-    with pytest.raises(OptionError, match="time-budget"):
-        parse_seconds(text)
 
 
 def bumpy():
@@ -35,6 +19,7 @@ def test_ample_time_buys_the_closest_bound():
     rays = [candidate.rays_per_texel for candidate in budget.candidates]
     assert rays == sorted(rays)
     assert report.sampling.max_error == "0.125deg,0.0025%"
+    assert dict(report.table())["size"] == "128 x 128, adaptive samples"
     assert budget.probe_seconds < budget.actual_seconds < budget.seconds
     assert report.measured
 
@@ -42,7 +27,11 @@ def test_ample_time_buys_the_closest_bound():
 def test_too_little_time_buys_one_sample():
     report = bake(bumpy(), plane(), BakeOptions(size=64, time_budget="1ms")).report
     assert report.budget.choice == "1 sample a texel"
+    # The probe is part of what it would take, as it is of what is predicted.
+    total = float(report.budget.why.split("about ")[1].split(" s in all")[0])
+    assert total == pytest.approx(report.budget.predicted_seconds, abs=0.05)
     assert report.sampling is None
+    assert dict(report.table())["size"] == "64 x 64, 1 sample a texel"
     assert report.counts.rays_cast == 64 * 64
     assert any("time budget" in warning for warning in report.warnings)
 

@@ -5,8 +5,9 @@
 Error is the angle to a bake of 64 samples a texel, over the texels that both cover. Time is that of
 one thread on the processor, the least of the rounds, which are interleaved; distances of rays are
 given, so that they are not measured in it. Prints tables in Markdown: every setting, then, for each
-figure of the error, the widest bound whose error is not above that of 16 samples, and its time in
-that of 16 samples. The check of errors, one texel in a hundred, is part of the time.
+figure of the error, the time and the rays in which that of 16 samples is reached, as shares of its
+own, between two bounds as if the error fell as a power of them. The check of errors, one texel in a
+hundred, is part of the time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import texbake
 DATA = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PAIRS = ("koala", "skull", "spot", "penguin")
 BOUNDS = ("4deg", "2deg", "1deg", "0.7deg", "0.5deg", "0.35deg", "0.25deg", "0.12deg",
-          "0.06deg")  # fmt: skip
+          "0.06deg", "0.03deg")  # fmt: skip
 FIGURES = ("mean", "rms", "99 %", "99.9 %", "greatest")
 
 
@@ -68,15 +69,25 @@ def print_tables(name, rows):
     for setting, (seconds, rays, *errors) in rows.items():
         told = " | ".join(f"{error:.3g}°" for error in errors)
         print(f"| {setting} | {seconds:.2f} | {seconds / full:.2f} | {rays:.2f} | {told} |")
-    print("\n| error as of 16 samples | bound | time of 16 | rays of 16 |\n|---|---|---|---|")
+    print("\n| error as of 16 samples | time of 16 | rays of 16 |\n|---|---|---|")
     for i, figure in enumerate(FIGURES):
-        for bound in BOUNDS:
-            if rows[bound][2 + i] <= rows["16"][2 + i]:
-                times, rays = rows[bound][0] / full, rows[bound][1] / rows["16"][1]
-                print(f"| {figure} | {bound} | {times:.2f} | {rays:.2f} |")
-                break
-        else:
-            print(f"| {figure} | none | | |")
+        errors = [rows[bound][2 + i] for bound in BOUNDS]
+        shares = [
+            share_at(errors, [rows[bound][column] / rows["16"][column] for bound in BOUNDS], goal)
+            for column, goal in ((0, rows["16"][2 + i]), (1, rows["16"][2 + i]))
+        ]
+        print(f"| {figure} | {shares[0]} | {shares[1]} |")
+
+
+def share_at(errors, shares, goal):
+    """Share at which errors, of ever closer bounds, fall to a goal, in words."""
+    if errors[0] <= goal:
+        return f"below {shares[0]:.2f}"
+    for k in range(1, len(errors)):
+        if errors[k] <= goal:
+            part = np.log(errors[k - 1] / goal) / np.log(errors[k - 1] / errors[k])
+            return f"{shares[k - 1] * (shares[k] / shares[k - 1]) ** part:.2f}"
+    return "not reached"
 
 
 def main():

@@ -47,6 +47,12 @@ def test_a_plan_a_build_and_nothing_left_to_do(pipeline: Path, invoke: Invoke) -
     assert "4 current" in invoke("build p.toml --plan").stdout
 
 
+def test_a_page_does_not_overwrite_the_pipeline_file(pipeline: Path, invoke: Invoke) -> None:
+    told = invoke("build p.toml --html p.toml", exit_code=1).stderr
+    assert told == "texbake: p.toml: a page is no '.toml' file; use .html\n"
+    assert pipeline.read_text() == PIPELINE and not (pipeline.parent / "build").exists()
+
+
 def test_progress_as_json(pipeline: Path, run: Callable[..., Any]) -> None:
     done = run("build p.toml --jobs 2 --progress json -o elsewhere")
     assert done.returncode == 0, done.stderr

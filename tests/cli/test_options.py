@@ -19,6 +19,7 @@ from texbake import (
     read_mesh,
     write_mesh,
 )
+from texbake.bake.secondary.options import SecondaryOptions
 from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format
 
@@ -64,7 +65,10 @@ def test_every_choice_of_a_bake_can_be_made(line: str) -> None:
     # keep_hits is for scripts, which have the result in their hands; a file has no hits.
     fields = {field.name for field in dataclasses.fields(BakeOptions)} - {"keep_hits"}
     if line.startswith("bake-normals"):
-        fields -= {"maps", "mid", "scale"}
+        of_other_maps = {"mid", "scale", "curvature_scale", "vertex_colors"}
+        fields -= {"maps", *of_other_maps} | {
+            field.name for field in dataclasses.fields(SecondaryOptions)
+        }
     assert fields <= set(parsed(line))
 
 

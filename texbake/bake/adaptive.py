@@ -7,45 +7,48 @@ is the same for any number of threads.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.cell_errors import Metric, estimate_errors
+from texbake.bake.cell_errors import divide, judge_cells
+from texbake.bake.cell_samples import cell_samples
 from texbake.bake.cells import (
-    COVERAGE_SIDE,
     LAST_LEVEL,
+    NO_CHART,
+    TILE,
+    BoolArray,
+    Cells,
+    FloatArray32,
     Level,
-    TexelState,
-    cell_samples,
-    count_covered,
-    divide,
     gather,
+    in_tiles,
 )
+from texbake.bake.coverage import FULL, Coverage, FaceBins, outlined_texels
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.inputs import BakeInputs
+from texbake.bake.map_errors import errors_of_map
 from texbake.bake.maps.kind import MapKind
+from texbake.bake.neighbors import Metric
+from texbake.bake.quarter_errors import judge_quarters
 from texbake.bake.recast import Recast
 from texbake.bake.report import DistanceSummary
-from texbake.bake.sampling import MapErrors, SamplingReport, bounded_maps, percentiles_of
+from texbake.bake.sampling import BoundedMap, MapErrors, SamplingReport, bounded_maps, metric_of
 from texbake.bake.sums import TexelSums
-from texbake.bake.texels import (
-    NO_FACE,
-    SampleGrid,
-    Samples,
-    SnappedFaces,
-    owned_samples,
-    rasterize_uv,
-    snap_uvs,
-)
-from texbake.bake.trace import Casts, Lost, Trace, rows_at_once
+from texbake.bake.texel_errors import ONE_SAMPLE, judge_texels
+from texbake.bake.texels import NO_FACE, SampleGrid, Samples, owned_samples, rasterize_uv
+from texbake.bake.trace import Casts, Lost, Trace
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 
-BoolArray = npt.NDArray[np.bool_]
-Float32Array = npt.NDArray[np.float32]
+# What four samples may be off by, in second differences: where that is too much, a texel gets 16 at
+# once.
+_FOUR_SAMPLES = 0.05
+# So few that what one step writes is still in the cache when the next one reads it.
+_SAMPLES_AT_ONCE = 1 << 17
+
+Cast = tuple[Casts, list[Lost]]
 
 
 class AdaptiveSamples:
@@ -54,7 +57,7 @@ class AdaptiveSamples:
     Parameters
     ----------
     distances : DistanceSummary
-        Is told of all hits.
+        Is told of the hits of the first sample of each texel.
     rows : sequence of range, optional
         Rows of texels to bake, in their order; None for all. What lies between is left out as if no
         face covered it.
@@ -79,6 +82,7 @@ class AdaptiveSamples:
         self._kinds, self._trace, self._inputs = kinds, trace, inputs
         self._stages, self._distances = stages, distances
         self._shape = (options.height_px, options.width_px)
+        self._threads = options.threads
         self._rows = [range(self._shape[0])] if rows is None else list(rows)
         self._bounded = bounded_maps(kinds, inputs)
         if not self._bounded:
@@ -87,147 +91,191 @@ class AdaptiveSamples:
                 f"max-error: {options.error_bounds} bounds nothing of {names}; "
                 "give an angle for normals, a length for displacements"
             )
-        self._state = TexelState(self._shape[0] * self._shape[1])
-        self._levels: list[Level] = []
+        n_texels = self._shape[0] * self._shape[1]
+        self._coverage = Coverage.none(n_texels)
+        self._cells = Cells(n_texels, sum(kind.channels for kind in kinds))
+        self._errors: FloatArray32 = np.zeros(n_texels, dtype=np.float32)
+        self._finest = np.zeros(n_texels, dtype=np.uint8)
 
     def cast(self, sums: TexelSums) -> SamplingReport:
         """Cast all samples, give the means of texels to `sums`, and check some of them."""
         with self._trace.casting() as casts:
-            self._cast_texels(casts)
-            while len(children := self._divided()):
-                self._cast_children(casts, children)
+            with self._stages.part("prepare light mesh"):
+                bins = FaceBins.of(self._inputs.low, self._shape[1], self._shape[0])
+            self._cast_texels(casts, bins)
+            means = self._refine(casts, bins)
+            has_data = self._cells.charts[: len(means)] != NO_CHART
             with self._stages.part("make maps"):
-                means, has_data = self._means()
-                sums.place(means, has_data)
+                has_data |= self._take_means(means)
+                by_kind = {
+                    kind: self._cells.firsts(len(means), channels)
+                    if kind.combine == "first"
+                    else np.ascontiguousarray(means[:, channels])
+                    for kind, channels in self._channels()
+                }
+                sums.place(by_kind, has_data)
             with self._stages.stage("check errors"):
-                return self._report(casts, means, has_data)
+                return self._report(casts, bins, by_kind, has_data)
 
-    def _cast_texels(self, casts: Casts) -> None:
+    def _cast_texels(self, casts: Casts, bins: FaceBins) -> None:
         """Cast the first sample of each texel, and see how much of it is covered."""
-        grid, threads = self._grid(1), self._inputs.options.threads
-        covering = self._grid(COVERAGE_SIDE)
-        faces, fine_faces = self._trace.snap(grid), snap_uvs(self._inputs.low, covering)
-        texels = np.arange(self._shape[0] * self._shape[1], dtype=np.int64)
-        level = self._new_level(texels)
+        height, width = self._shape
+        grid, threads = SampleGrid(width, height, 1), self._threads
+        faces = self._trace.snap(grid)
+        with self._stages.part("rasterize"):
+            outlined = outlined_texels(bins, width, height)
         missed: list[Lost] = []
-        n_texels = sum(map(len, self._rows)) * self._shape[1]
+        parts = []
+        n_texels = sum(map(len, self._rows)) * width
         with self._stages.stage("bake", total=n_texels, unit="texels", recorded=False) as advance:
-            for rows in self._bands(1):
+            for rows in self._bands(grid):
                 with self._stages.part("rasterize"):
-                    owners, _ = rasterize_uv(faces, grid, rows, threads=threads)
-                    samples = owned_samples(owners, faces, grid, rows.start, threads=threads)
+                    owners, n_overlaps = rasterize_uv(faces, grid, rows, threads=threads)
                     self._trace.texel_faces[rows.start : rows.stop] = owners
-                    self._see_coverage(fine_faces, covering, rows)
-                self._take(level, casts, samples, missed)
-                advance(len(rows) * self._shape[1])
-        self._take_recovered(level, casts, missed)
+                    self._trace.counts.samples_overlapping += n_overlaps
+                    self._coverage.see(bins, owners, outlined, rows, threads)
+                    parts.append(self._without_parts(owners, rows))
+                    samples = owned_samples(owners, faces, grid, rows.start, threads=threads)
+                self._look(samples, (casts, missed), of_texels=True)
+                advance(len(rows) * width)
+            with self._stages.part("rasterize"):
+                texels = np.concatenate(parts)
+                no_spots = np.zeros(len(texels), dtype=np.uint8)
+                samples = self._samples(bins, 0, (texels, texels, no_spots))
+            self._look(samples, (casts, missed), of_texels=True)
+            self._look_again((casts, missed))
 
-    def _see_coverage(self, faces: SnappedFaces, grid: SampleGrid, rows: range) -> None:
-        threads, width = self._inputs.options.threads, self._shape[1]
-        step = rows_at_once(grid)
-        for first in range(rows.start, rows.stop, step):
-            part = range(first, min(first + step, rows.stop))
-            owners, n_overlaps = rasterize_uv(faces, grid, part, threads=threads)
-            counts = count_covered(owners, width, threads)
-            self._state.covered[part.start * width : part.stop * width] = counts
-            self._trace.counts.samples_overlapping += n_overlaps
+    def _without_parts(self, owners: IntArray, rows: range) -> IntArray:
+        """Take from the owners those texels that have their sample elsewhere; return their ids."""
+        first = rows.start * self._shape[1]
+        counts = self._coverage.counts[first : first + owners.size].reshape(owners.shape)
+        is_part = (counts > 0) & ((counts < FULL) | (owners == NO_FACE))
+        # A texel with but its center is sampled there.
+        masks = self._coverage.masks[first : first + owners.size].reshape(owners.shape)
+        is_part &= masks != 0
+        owners[is_part] = NO_FACE
+        return in_tiles(is_part, int(np.count_nonzero(is_part))) + np.int32(first)
 
-    def _cast_children(self, casts: Casts, ids: npt.NDArray[np.int64]) -> None:
-        """Cast the cells of the next level, by bands of the texels that they lie in."""
-        k = len(self._levels)
-        grid, threads = self._grid(1 << k), self._inputs.options.threads
-        level = self._new_level(ids)
-        faces = snap_uvs(self._inputs.low, grid)
-        # Cells of one row of texels lie together, in the order of the rows.
-        texel_rows = (ids // grid.n_columns) >> k
+    def _refine(self, casts: Casts, bins: FaceBins) -> FloatArray32:
+        """Divide texels, and judge them again; return the means of those with up to 4 samples."""
+        with self._stages.part("estimate errors"):
+            means, steps = judge_texels(
+                self._cells, self._coverage, self._shape, self._metric, self._threads
+            )
+            self._errors[:] = ONE_SAMPLE * steps
+            is_divided = self._errors > 1.0
+            n_divided = int(np.count_nonzero(is_divided))
+            texels = in_tiles(is_divided.reshape(self._shape), n_divided)
+            is_jump = _FOUR_SAMPLES * steps[texels] > 1.0
+        level = self._divide(texels, casts, bins, np.repeat(~is_jump, 4))
+        with self._stages.part("estimate errors"):
+            errors = judge_quarters(
+                self._cells, self._coverage, self._shape, self._metric, steps, texels, means,
+                self._threads,
+            )  # fmt: skip
+            self._errors[texels], self._finest[texels] = errors, 1
+            is_further = errors > 1.0
+            self._errors[texels[is_further]] = 0.0
+            divided = np.repeat(is_further, 4) & (level.weights > 0)
+        for k in range(2, LAST_LEVEL + 1):
+            places = (level.first + np.flatnonzero(divided)).astype(np.int32)
+            level = self._divide(places, casts, bins, None)
+            with self._stages.part("estimate errors"):
+                self._finest[level.texels] = k
+                errors = judge_cells(self._cells, k, self._shape, self._metric, self._threads)
+                divided = divide(level, k, errors, self._coverage, self._errors)
+        return means
+
+    def _divide(
+        self, places: IntArray, casts: Casts, bins: FaceBins, is_cast: BoolArray | None
+    ) -> Level:
+        """Divide some cells of the last level and cast their children, or those that are chosen."""
+        level = self._cells.add(places, self._coverage)
+        k = len(self._cells.levels)
         missed: list[Lost] = []
+        chosen = level.weights > 0
+        if is_cast is not None:
+            chosen &= is_cast
+        cells = np.flatnonzero(chosen).astype(np.int32)
         name = f"bake {1 << k} x {1 << k}"
-        with self._stages.stage(name, total=len(ids), unit="cells", recorded=False) as advance:
-            for rows in self._bands(1 << k):
-                first, last = np.searchsorted(texel_rows, [rows.start, rows.stop]).tolist()
-                if first == last:
-                    continue
+        with self._stages.stage(name, total=len(cells), unit="cells", recorded=False) as advance:
+            for first in range(0, len(cells), _SAMPLES_AT_ONCE):
+                some = cells[first : first + _SAMPLES_AT_ONCE]
                 with self._stages.part("rasterize"):
-                    owners, _ = rasterize_uv(faces, grid, rows, threads=threads)
-                    samples = cell_samples(
-                        owners,
-                        faces,
-                        grid,
-                        rows.start * grid.per_side,
-                        ids[first:last],
-                        first,
-                        threads=threads,
-                    )
-                    self._note_faces(samples)
-                self._take(level, casts, samples, missed)
-                advance(last - first)
-        self._take_recovered(level, casts, missed)
+                    told = (some + np.int32(level.first), level.texels[some], level.spots[some])
+                    samples = self._samples(bins, k, told)
+                self._look(samples, (casts, missed))
+                advance(len(some))
+            self._look_again((casts, missed))
+        return level
 
-    def _take(self, level: Level, casts: Casts, samples: Samples, missed: list[Lost]) -> None:
-        """Cast some samples of the last level and keep the values of those that hit."""
+    def _samples(
+        self, bins: FaceBins, k: int, cells: tuple[IntArray, IntArray, npt.NDArray[np.uint8]]
+    ) -> Samples:
+        """Samples of some cells of the k-th level; the first gives its face to a texel without."""
+        samples, texels = cell_samples(
+            bins, self._coverage, k, self._trace.texel_faces, cells, threads=self._threads
+        )
+        owners = self._trace.texel_faces.reshape(-1)
+        new = owners[texels] == NO_FACE
+        if new.any():
+            owners[texels[new][::-1]] = samples.faces[new][::-1]
+        return samples
+
+    def _look(self, samples: Samples, cast: Cast, *, of_texels: bool = False) -> None:
+        """Cast some samples and keep the values of those that hit."""
+        casts, missed = cast
         self._trace.counts.samples_covered += len(samples)
         hits, lost = casts.look(samples)
         if lost is not None:
             missed.append(lost)
-        self._keep(level, hits)
+        self._keep(hits, of_texels)
 
-    def _take_recovered(self, level: Level, casts: Casts, missed: list[Lost]) -> None:
+    def _look_again(self, cast: Cast) -> None:
+        casts, missed = cast
         if missed:
-            self._keep(level, casts.look_again(missed))
+            self._keep(casts.look_again(missed), False)
 
-    def _keep(self, level: Level, hits: Hits) -> None:
-        """Write the values of hits, whose texel ids are places on the level."""
+    def _keep(self, hits: Hits, of_texels: bool) -> None:
+        """Write the values of hits, whose texel ids are places of cells."""
         with self._stages.part("make maps"):
-            self._distances.add(hits, threads=self._inputs.options.threads)
+            if of_texels:
+                self._distances.add(hits, threads=self._threads)
             is_hit = hits.high_faces != NO_HIT
             if not is_hit.all():
                 hits = hits.where(is_hit)
-            places = hits.texel_ids
-            level.charts[places] = self._inputs.low_charts[hits.low_faces]
+            charts = self._inputs.low_charts[hits.low_faces]
             for kind, channels in self._channels():
-                level.values[places, channels] = kind.values(hits, self._inputs)
-            self._state.has_value[self._texels_of(level, places)] = True
+                values = kind.values(hits, self._inputs)
+                self._cells.keep(hits.texel_ids, charts, values, channels.start, self._threads)
 
-    def _divided(self) -> npt.NDArray[np.int64]:
-        """Divide cells of the last level where their texels may be off by too much."""
-        with self._stages.part("estimate errors"):
-            threads = self._inputs.options.threads
-            errors = estimate_errors(self._levels, self._shape, self._metric, self._state, threads)
-            return divide(self._levels, self._shape, errors, self._state)
-
-    def _means(self) -> tuple[dict[MapKind, Float32Array], BoolArray]:
-        sums, areas = gather(self._levels, self._shape, self._state)
-        has_data = areas > 0.0
-        areas[~has_data] = 1.0
-        sums /= areas[:, np.newaxis]
-        means = {
-            kind: np.ascontiguousarray(sums[:, channels]) for kind, channels in self._channels()
-        }
-        return means, has_data
+    def _take_means(self, means: FloatArray32) -> BoolArray:
+        """Write the means of texels with more than 4 samples; tell which have any."""
+        areas = np.zeros(len(means), dtype=np.float32)
+        sums = np.zeros_like(means)
+        for level in self._cells.levels[1:]:
+            gather(self._cells, level, sums, areas)
+        texels = np.flatnonzero(areas)
+        means[texels] = sums[texels] / areas[texels, np.newaxis]
+        return np.asarray(areas > 0.0)
 
     def _report(
-        self, casts: Casts, means: dict[MapKind, Float32Array], has_data: BoolArray
+        self, casts: Casts, bins: FaceBins, means: dict[MapKind, FloatArray32], has_data: BoolArray
     ) -> SamplingReport:
-        counts, state = self._trace.counts, self._state
+        counts = self._trace.counts
         n_covered = max(int(np.count_nonzero(has_data)), 1)
         n_rays = counts.rays_cast
-        finest = np.bincount(state.finest[has_data], minlength=LAST_LEVEL + 1)
-        errors = state.errors[has_data]
-        recast = Recast(self._trace, self._inputs, casts, has_data)
-        maps = []
-        for item in self._bounded:
-            measured = item.told(recast.differences(item.kind, means[item.kind]))
-            within = int(np.count_nonzero(measured <= item.told(np.array(item.bound))))
-            maps.append(
-                MapErrors(
-                    name=item.kind.name,
-                    unit=item.unit,
-                    bound=float(item.told(np.array(item.bound))),
-                    estimated=percentiles_of(item.told(errors * item.bound)),
-                    measured=percentiles_of(measured),
-                    measured_within_percent=100.0 * within / max(len(measured), 1),
-                )
+        finest = np.bincount(self._finest[has_data], minlength=LAST_LEVEL + 1)
+        errors = self._errors[has_data]
+        recast = Recast(bins, self._inputs, casts, has_data)
+        maps = [
+            MapErrors.of(
+                item,
+                self._errors_of(item)[has_data],
+                recast.differences(item.kind, means[item.kind]),
             )
+            for item in self._bounded
+        ]
         return SamplingReport(
             max_error=str(self._inputs.options.error_bounds),
             texel_percents={4**k: 100.0 * n / n_covered for k, n in enumerate(finest.tolist())},
@@ -239,34 +287,19 @@ class AdaptiveSamples:
             maps=maps,
         )
 
-    def _new_level(self, ids: npt.NDArray[np.int64]) -> Level:
-        level = Level.of(ids, sum(kind.channels for kind in self._kinds))
-        self._levels.append(level)
-        return level
+    def _errors_of(self, item: BoundedMap) -> FloatArray32:
+        """Estimated errors of one map, in its bound."""
+        if len(self._bounded) == 1:
+            return self._errors
+        metric = metric_of([item], self._kinds)
+        return errors_of_map(self._cells, self._coverage, self._shape, metric, self._threads)
 
-    def _note_faces(self, samples: Samples) -> None:
-        """Let texels without a face at their center have the first that owns a sample of them."""
-        texels = self._texels_of(self._levels[-1], samples.texel_ids)
-        owners = self._trace.texel_faces.reshape(-1)
-        new = owners[texels] == NO_FACE
-        owners[texels[new][::-1]] = samples.faces[new][::-1]
-
-    def _texels_of(self, level: Level, places: IntArray) -> npt.NDArray[Any]:
-        k, width = len(self._levels) - 1, self._shape[1]
-        if k == 0:
-            return places
-        rows, columns = np.divmod(level.ids[places], width << k)
-        return (rows >> k) * width + (columns >> k)
-
-    def _bands(self, per_side: int) -> Iterator[range]:
+    def _bands(self, grid: SampleGrid) -> Iterator[range]:
         """Some rows of texels at once, in whole rows of tiles."""
-        step = rows_at_once(self._grid(per_side))
+        step = max(_SAMPLES_AT_ONCE // (grid.width * TILE), 1) * TILE
         for rows in self._rows:
             for first in range(rows.start, rows.stop, step):
                 yield range(first, min(first + step, rows.stop))
-
-    def _grid(self, per_side: int) -> SampleGrid:
-        return SampleGrid(self._shape[1], self._shape[0], per_side)
 
     def _channels(self) -> Iterator[tuple[MapKind, slice]]:
         """Each map with its columns among the values."""
@@ -277,7 +310,4 @@ class AdaptiveSamples:
 
     @property
     def _metric(self) -> Metric:
-        bounds = {item.kind: item.bound for item in self._bounded}
-        groups = [i for i, kind in enumerate(self._kinds) for _ in range(kind.channels)]
-        scales = [1.0 / bounds[kind] if kind in bounds else 0.0 for kind in self._kinds]
-        return Metric(np.array(groups, dtype=np.int32), np.array(scales))
+        return metric_of(self._bounded, self._kinds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,17 +15,35 @@ from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps import map_kinds
 from texbake.bake.maps.kind import MapKind
 from texbake.bake.options import BakeOptions
+from texbake.bake.ray_maps import RayMaps
 from texbake.bake.rays import check_cage
 from texbake.bake.report import BakeReport, DistanceSummary, library_versions
 from texbake.bake.result import BakeResult
 from texbake.bake.sampling import SamplingReport
+from texbake.bake.secondary.rays import SecondaryRays
 from texbake.bake.sums import TexelSums
 from texbake.bake.surround import Surroundings
 from texbake.bake.texels import NO_FACE
 from texbake.bake.trace import Trace
+from texbake.bake.trees import Trees
 from texbake.errors import MissError, OptionError, UvError
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
+
+# Options that belong to a trace, and stay as they were when other maps are made of it.
+_OF_TRACE = (
+    "size",
+    "samples",
+    "rays",
+    "front",
+    "back",
+    "cull_back_faces",
+    "secondary_rays",
+    "occluder_distance",
+    "fail_on_miss",
+    "keep_hits",
+)
 
 
 def bake(
@@ -33,6 +52,9 @@ def bake(
     options: BakeOptions | None = None,
     *,
     cage: Mesh | None = None,
+    materials: Materials | None = None,
+    skew_mask: npt.ArrayLike | None = None,
+    offset_map: npt.ArrayLike | None = None,
     progress: ProgressSink | None = None,
 ) -> BakeResult:
     """Carry the detail of a dense mesh over to a light one, as maps.
@@ -47,6 +69,13 @@ def bake(
         None for `BakeOptions()`.
     cage
         The light mesh's faces with other positions: rays start on it.
+    materials
+        Of the dense mesh, for the maps `texture` and `material-id`; see `read_materials`.
+    skew_mask : (H, W) floats, optional
+        Over the light mesh's texture coordinates: 0 where rays go as `BakeOptions.rays` says, 1
+        where they go along the face's normal, between them a blend.
+    offset_map : (H, W) floats, optional
+        Over the same: what the front distance, or the cage's, is multiplied by, 0 or more.
     progress
         Is told of the stages.
 
@@ -62,11 +91,12 @@ def bake(
     CageError
         The cage has other faces than the light mesh.
     MeshError
-        The meshes are below 1e-30 or above 1e37 model units across, beyond the float32 of maps.
+        The meshes are below 1e-30 or above 1e37 model units across, beyond the float32 of maps; or
+        the dense mesh lacks what a map is made from.
     MissError
         More texels missed than `options.fail_on_miss` allows.
     OptionError
-        A map that is not known.
+        A map that is not known; an image with values out of range.
 
     Examples
     --------
@@ -77,38 +107,67 @@ def bake(
     """
     options = options or BakeOptions()
     kinds = map_kinds(options.maps)
+    inputs = BakeInputs(high, low, options, materials)
+    check_maps(kinds, inputs)
     if cage is not None:
         check_cage(cage, low)
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give one of the two")
+    ray_maps = RayMaps.of(skew_mask, offset_map)
     if options.time_budget is not None:
-        return _bake_in_time(kinds, BakeInputs(high, low, options), cage, progress)
-    return _bake(kinds, BakeInputs(high, low, options), cage, Stages(progress))
+        return _bake_in_time(kinds, inputs, cage, ray_maps, progress)
+    return bake_inputs(kinds, inputs, cage, ray_maps, Stages(progress))
+
+
+def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
+    """Raise where a map cannot be made from what is given."""
+    for kind in kinds:
+        if kind.require is not None:
+            kind.require(inputs)
+        if kind.of_misses and (inputs.options.is_adaptive or inputs.options.time_budget):
+            raise OptionError(
+                f"maps, samples: {kind.name} counts misses among fixed samples; give 1, 4, 16 or "
+                "64, or bake it by itself"
+            )
 
 
 def _bake_in_time(
-    kinds: list[MapKind], inputs: BakeInputs, cage: Mesh | None, progress: ProgressSink | None
+    kinds: list[MapKind],
+    inputs: BakeInputs,
+    cage: Mesh | None,
+    ray_maps: RayMaps | None,
+    progress: ProgressSink | None,
 ) -> BakeResult:
     from texbake.bake.budget import plan_bake
 
     start = time.perf_counter()
     stages = Stages(progress)
     with stages.stage("probe"):
-        planned, budget = plan_bake(inputs.high, inputs.low, kinds, inputs.options, cage)
-    result = _bake(kinds, planned, cage, stages)
+        planned, budget = plan_bake(inputs, kinds, cage, ray_maps)
+    result = bake_inputs(kinds, planned, cage, ray_maps, stages)
     budget = replace(budget, actual_seconds=time.perf_counter() - start)
     measured = _measures(inputs.options, cage)
     return replace(result, report=replace(result.report, budget=budget, measured=measured))
 
 
-def _bake(
-    kinds: list[MapKind], inputs: BakeInputs, cage: Mesh | None, stages: Stages
+def bake_inputs(
+    kinds: list[MapKind],
+    inputs: BakeInputs,
+    cage: Mesh | None,
+    ray_maps: RayMaps | None,
+    stages: Stages,
+    trees: Trees | None = None,
+    distances: DistanceSummary | None = None,
 ) -> BakeResult:
+    """Do the same as `bake` with what it has checked, and with what others go on to use."""
     options = inputs.options
-    trace = Trace(inputs.high, inputs.low, options, cage, stages)
+    if ray_maps is not None and cage is None:
+        ray_maps.check(options.rays)
+    secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
+    trace = Trace(inputs.high, inputs.low, options, cage, stages, secondary, ray_maps, trees)
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
-    distances = DistanceSummary()
+    distances = distances or DistanceSummary()
     if options.is_adaptive:
         from texbake.bake.adaptive import AdaptiveSamples
 
@@ -139,36 +198,42 @@ def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> Ba
     ------
     OptionError
         The result kept no hits, or the meshes have other numbers of faces.
+    MeshError
+        The dense mesh lacks what a map is made from.
     """
-    if result.hits is None:
-        raise OptionError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
     if (high.n_faces, low.n_faces) != (result.report.n_high_faces, result.report.n_low_faces):
         raise OptionError(
             f"remap: {high.name} and {low.name} are not the meshes that were traced "
             f"({result.report.high} and {result.report.low}); give those"
         )
+    materials = None if result.inputs is None else result.inputs.materials
+    inputs = BakeInputs(high, low, result.report.options, materials)
+    return remap_hits(replace(result, inputs=inputs), options)
+
+
+def remap_hits(
+    result: BakeResult, options: BakeOptions, *, progress: ProgressSink | None = None
+) -> BakeResult:
+    """Do the same as `remap` with what the result keeps, or what `read_hits` has read, alone."""
+    if result.hits is None or result.inputs is None:
+        raise OptionError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
     traced = result.report.options
-    options = replace(
-        options,
-        size=traced.size,
-        samples=traced.samples,
-        rays=traced.rays,
-        front=traced.front,
-        back=traced.back,
-        cull_back_faces=traced.cull_back_faces,
-    )
+    of_trace = {name: getattr(traced, name) for name in _OF_TRACE}
+    options = replace(options, max_error=None, time_budget=None, **of_trace)
     kinds = map_kinds(options.maps)
-    stages = Stages()
-    inputs = BakeInputs(high, low, options)
+    inputs = result.inputs.with_options(options)
+    check_maps(kinds, inputs)
+    stages = Stages(progress)
     sums = TexelSums(kinds, inputs)
-    with stages.part("make maps"):
+    with stages.stage("make maps"):
         sums.add(result.hits)
     has_data = result.has_data
-    maps, meets = _finished(kinds, sums, inputs, has_data, result.texel_faces, stages)
+    charts = _texel_charts(inputs, result.texel_faces)
+    maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
     report = replace(
         result.report, options=options, padding_meets=meets, stages=list(stages.records)
     )
-    return BakeResult(maps, report, result.hits, result.texel_faces, has_data)
+    return BakeResult(maps, report, result.hits, result.texel_faces, has_data, inputs)
 
 
 def _result(
@@ -191,7 +256,8 @@ def _result(
             f"{options.width_px} x {options.height_px} map; use a greater --size or new coordinates"
         )
     _check_misses(n_missed, n_covered, inputs)
-    maps, meets = _finished(kinds, sums, inputs, has_data, trace.texel_faces, stages)
+    charts = _texel_charts(inputs, trace.texel_faces)
+    maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
     report = BakeReport(
         high=inputs.high.name,
         low=inputs.low.name,
@@ -215,7 +281,8 @@ def _result(
         versions=library_versions(),
         sampling=sampling,
     )
-    return BakeResult(maps, report, hits, trace.texel_faces, has_data)
+    kept = None if hits is None else inputs
+    return BakeResult(maps, report, hits, trace.texel_faces, has_data, kept)
 
 
 def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
@@ -225,11 +292,7 @@ def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
 
 def _samples_of_overlaps(options: BakeOptions) -> int:
     """Samples a texel on which overlaps were counted."""
-    if not options.is_adaptive:
-        return options.samples_per_side**2
-    from texbake.bake.cells import COVERAGE_SIDE
-
-    return COVERAGE_SIDE**2
+    return 1 if options.is_adaptive else options.samples_per_side**2
 
 
 def _count_unseen(n_faces: int, texel_faces: IntArray) -> int:
@@ -250,27 +313,43 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
         )
 
 
-def _finished(
+def _texel_charts(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
+    """(H, W) int32: chart of the light mesh that covers each texel, `NO_FACE` for none."""
+    # NO_FACE is -1, and so the last entry: it has no chart.
+    return np.append(inputs.low_charts, NO_FACE).astype(np.int32)[texel_faces]
+
+
+def finished_maps(
     kinds: list[MapKind],
-    sums: TexelSums,
-    inputs: BakeInputs,
+    means: Callable[[MapKind], npt.NDArray[np.float32]],
+    texel_charts: IntArray,
     has_data: npt.NDArray[np.bool_],
-    texel_faces: IntArray,
+    inputs: BakeInputs,
     stages: Stages,
 ) -> tuple[dict[str, BakedMap], int]:
-    """Turn sums into padded maps; also the number of texels where two charts' padding meets."""
+    """Values of texels to padded maps; also the number of texels where two charts' padding meets.
+
+    Parameters
+    ----------
+    means
+        The values (H, W, C) of a map, which are used up.
+    texel_charts : (H, W) int32
+        Chart that covers each texel, `NO_FACE` for none.
+    """
     options = inputs.options
     with stages.stage("pad"):
-        # NO_FACE is -1, and so the last entry: it has no chart.
-        texel_charts = np.append(inputs.low_charts, NO_FACE).astype(np.int32)[texel_faces]
         surroundings = Surroundings(texel_charts, has_data, options)
+        complete = surroundings
+        if any(kind.of_misses for kind in kinds) and surroundings.n_missed:
+            complete = Surroundings(texel_charts, texel_charts != NO_FACE, options)
     maps = {}
     for kind in kinds:
         with stages.part("make maps"):
-            values = sums.means(kind)
+            values = means(kind)
         with stages.part("pad"):
-            values = surroundings.filled(
-                values, kind.neutral(options), unit_vectors=kind.coding == "normal"
-            )
-        maps[kind.name] = BakedMap(kind, values, has_data, options)
+            around = complete if kind.of_misses else surroundings
+            values = around.filled(values, kind.neutral(options), kind.combine)
+        bounds = None if kind.bounds is None else kind.bounds(inputs)
+        legend = () if kind.legend is None else kind.legend(inputs)
+        maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, legend)
     return maps, surroundings.n_meeting

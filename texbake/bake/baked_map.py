@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.bake.codings import FLOAT, Request, code, file_bits
 from texbake.bake.maps.kind import MapKind
 from texbake.bake.options import BakeOptions
 from texbake.files import PathLike
-from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
-from texbake.texture.encoding import count_clipped, encode_heights, encode_normals, height_range
+from texbake.mesh.mesh import FloatArray
+from texbake.metadata import Value
 from texbake.texture.image import write_image
-from texbake.texture.image_formats import check_image_format, holds_floats
+from texbake.texture.image_formats import holds_floats
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class WrittenMap:
     bits : int
         A channel.
     metadata : dict
-        What the file says of itself: space, convention, mid level and scale.
+        What the file says of itself: space, convention, mid level and scale, names of numbers.
     n_clipped : int
         Values that the mid level and scale asked for cannot hold; 0 where they were measured.
     """
@@ -47,17 +47,24 @@ class BakedMap:
     ----------
     kind : MapKind
     values : (H, W, C) float32
-        Unit vectors or lengths in model units; the neutral value where nothing was baked.
+        Unit vectors, lengths in model units, or what else the kind says; the neutral value where
+        nothing was baked.
     has_data : (H, W) bool
         Texels with a hit; their values span the range of heights.
     options : BakeOptions
         Space, convention, bits, mid and scale are taken from here where `write` is not told.
+    bounds : (2, 3) float64, optional
+        Of positions: the least and greatest that integer files hold.
+    legend : tuple of str
+        What numbers from 1 on stand for, in maps of such.
     """
 
     kind: MapKind
     values: npt.NDArray[np.float32]
     has_data: npt.NDArray[np.bool_]
     options: BakeOptions
+    bounds: FloatArray | None = None
+    legend: tuple[str, ...] = ()
 
     def write(
         self,
@@ -75,7 +82,7 @@ class BakedMap:
         path
             png, exr, tif or tga.
         bits
-            8, 16 or 32 a channel; None: the options', else the most the format holds.
+            8, 16 or 32 a channel; None: the options', else what `file_bits` says.
         convention
             `opengl` or `directx`; None: the options'.
         mid, scale
@@ -86,54 +93,20 @@ class BakedMap:
         ------
         OptionError, FileError
         """
-        bits = check_image_format(
-            path, bits or self.options.bits, channels=self.kind.channels, lossless=True
+        bits = file_bits(self.kind, path, bits or self.options.bits, len(self.legend))
+        code_bits = FLOAT if holds_floats(path, bits) else bits
+        coded = code(self, Request(code_bits, convention, mid, scale))
+        write_image(
+            coded.pixels,
+            path,
+            color=self.kind.coding == "color",
+            bits=bits,
+            metadata=coded.metadata,
+            threads=self.options.threads,
         )
-        code_bits = 32 if holds_floats(path, bits) else bits
-        n_clipped = 0
-        if self.kind.coding == "normal":
-            pixels, metadata = self._coded_normals(code_bits, convention)
-        else:
-            mid, scale = self._coding(code_bits, mid, scale)
-            pixels, metadata = self._coded_lengths(code_bits, mid, scale)
-            n_clipped = 0 if code_bits == 32 else self._count_clipped(mid, scale)
-        write_image(pixels, path, bits=bits, metadata=metadata, threads=self.options.threads)
-        return WrittenMap(Path(path), bits, metadata, n_clipped)
+        return WrittenMap(Path(path), bits, coded.metadata, coded.n_clipped)
 
-    def _coded_normals(
-        self, bits: int, convention: str | None
-    ) -> tuple[npt.NDArray[Any], dict[str, Value]]:
-        convention = convention or self.options.convention
-        pixels = encode_normals(
-            self.values, bits=bits, convention=convention, threads=self.options.threads
-        )
-        return pixels, {SPACE: self.options.space, CONVENTION: convention}
-
-    def _coded_lengths(
-        self, bits: int, mid: float, scale: float
-    ) -> tuple[npt.NDArray[Any], dict[str, Value]]:
-        pixels = encode_heights(
-            self.values, bits=bits, mid=mid, scale=scale, threads=self.options.threads
-        )
-        metadata: dict[str, Value] = {DISPLACEMENT_MID: mid, DISPLACEMENT_SCALE: scale}
-        if self.kind.coding == "vector":
-            metadata[SPACE] = self.options.space
-        return pixels, metadata
-
-    def _coding(self, bits: int, mid: float | None, scale: float | None) -> tuple[float, float]:
-        """Mid level and scale of a file: what was asked for, the rest measured."""
-        mid = self.options.mid if mid is None else mid
-        scale = self.options.scale if scale is None else scale
-        if bits == 32:
-            return mid or 0.0, 1.0 if scale is None else scale
-        if mid is None or scale is None:
-            measured = height_range(self.values, self._covered(), bits=bits, mid=mid)
-            return measured[0], measured[1] if scale is None else scale
-        return mid, scale
-
-    def _count_clipped(self, mid: float, scale: float) -> int:
-        return count_clipped(self.values, self._covered(), mid=mid, scale=scale)
-
-    def _covered(self) -> npt.NDArray[np.bool_]:
+    @property
+    def covered(self) -> npt.NDArray[np.bool_]:
         """(H, W, C) bool: values with data."""
         return np.broadcast_to(self.has_data[:, :, np.newaxis], self.values.shape)

@@ -20,30 +20,34 @@ from texbake.bake.budget_report import BudgetReport, Candidate
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import MapKind
 from texbake.bake.options import ADAPTIVE, BakeOptions
+from texbake.bake.ray_maps import RayMaps
 from texbake.bake.report import DistanceSummary
+from texbake.bake.secondary.rays import SecondaryRays
 from texbake.bake.sums import TexelSums
 from texbake.bake.surround import Surroundings
-from texbake.bake.targets import parse_bounds, parse_seconds
+from texbake.bake.targets import parse_bounds
 from texbake.bake.texels import NO_FACE
 from texbake.bake.trace import Trace
+from texbake.durations import parse_seconds
 from texbake.mesh.mesh import Mesh
 from texbake.progress import Stages
+from texbake.time_budgets import PROBE_SHARE, why_not
 
 # The closest bound that a budget is spent on where none is asked for: below 8-bit rounding.
 _CLOSEST = "0.125deg,0.0025%"
 _HALVINGS = 6  # of the bound, from the widest to the closest
 _STRIPS = 8
 _STRIP_ROWS = 16
-_PROBE_SHARE = 0.4  # of the budget: once it is spent, no closer bound is looked at
 _PAD_SIZE = 256
 # Stages that take their time whatever the number of texels.
 _FIXED = ("build ray tree", "measure distances", "prepare light mesh")
-# Predictions are told to be met by this much: timings of a shared machine differ by as much.
-_MARGIN = 1.15
 
 
 def plan_bake(
-    high: Mesh, low: Mesh, kinds: list[MapKind], options: BakeOptions, cage: Mesh | None
+    inputs: BakeInputs,
+    kinds: list[MapKind],
+    cage: Mesh | None,
+    ray_maps: RayMaps | None = None,
 ) -> tuple[BakeInputs, BudgetReport]:
     """Options that are predicted to fit into `BakeOptions.time_budget`, and what was predicted.
 
@@ -61,11 +65,12 @@ def plan_bake(
         As the bake would.
     """
     start = time.perf_counter()
+    options = inputs.options
     assert options.time_budget is not None
     seconds = parse_seconds(options.time_budget)
     closest = parse_bounds(options.max_error or _CLOSEST)
     widest = str(closest.scaled(2.0**_HALVINGS))
-    probe = _Probe(high, low, kinds, options, cage, widest)
+    probe = _Probe(inputs, kinds, (cage, ray_maps), widest)
     candidates: list[Candidate] = []
     chosen: Candidate | None = None
     why = "the closest bound of the ladder"
@@ -73,11 +78,17 @@ def plan_bake(
         candidate = probe.candidate(str(closest.scaled(2.0**k)))
         candidates.append(candidate)
         spent = time.perf_counter() - start
-        if spent + candidate.predicted_seconds * _MARGIN > seconds:
-            why = f"because {candidate.max_error} would take {candidate.predicted_seconds:.2f} s"
+        reason = why_not(
+            candidate.max_error,
+            spent=spent,
+            predicted=candidate.predicted_seconds,
+            seconds=seconds,
+        )
+        if reason is not None:
+            why = reason
             break
         chosen = candidate
-        if k > 0 and spent > _PROBE_SHARE * seconds:
+        if k > 0 and spent > PROBE_SHARE * seconds:
             why = "because closer bounds would spend more of the budget on looking for them"
             break
     spent = time.perf_counter() - start
@@ -114,15 +125,15 @@ class _Probe:
 
     def __init__(
         self,
-        high: Mesh,
-        low: Mesh,
+        inputs: BakeInputs,
         kinds: list[MapKind],
-        options: BakeOptions,
-        cage: Mesh | None,
+        shaping: tuple[Mesh | None, RayMaps | None],
         widest: str,
     ) -> None:
-        self._meshes, self._cage, self._kinds = (high, low), cage, kinds
-        self.inputs = BakeInputs(high, low, options)
+        options = inputs.options
+        self._kinds = kinds
+        self._cage, self._ray_maps = shaping
+        self.inputs = inputs
         self._rows = _strips(options.height_px)
         self.options = replace(options, time_budget=None)
         self._pad_seconds = _time_padding(kinds, options)
@@ -151,7 +162,10 @@ class _Probe:
         # Normals and tangents of the meshes are computed once and kept for the bake itself.
         inputs = self.inputs = self.inputs.with_options(options)
         stages = Stages()
-        trace = Trace(*self._meshes, options, self._cage, stages)
+        secondary = SecondaryRays.for_maps((kind.needs for kind in self._kinds), inputs)
+        trace = Trace(
+            inputs.high, inputs.low, options, self._cage, stages, secondary, self._ray_maps
+        )
         samples = AdaptiveSamples(self._kinds, trace, inputs, stages, DistanceSummary(), rows=rows)
         samples.cast(TexelSums(self._kinds, inputs))
         return trace, stages
@@ -182,6 +196,6 @@ def _time_padding(kinds: list[MapKind], options: BakeOptions) -> float:
         around = Surroundings(charts, inside, small)
         for kind in kinds:
             values = np.zeros((_PAD_SIZE, _PAD_SIZE, kind.channels), dtype=np.float32)
-            around.filled(values, kind.neutral(small), unit_vectors=kind.coding == "normal")
+            around.filled(values, kind.neutral(small), kind.combine)
         seconds = time.perf_counter() - start
     return seconds * options.width_px * options.height_px / _PAD_SIZE**2

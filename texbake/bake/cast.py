@@ -8,11 +8,17 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+import numpy.typing as npt
+
+from texbake.bake.chunked_caster import ChunkedCaster
 from texbake.bake.embree import load_library
 from texbake.bake.embreex_caster import EmbreexCaster
 from texbake.bake.found import Found
 from texbake.bake.native_caster import NativeCaster
 from texbake.bake.rays import Rays
+from texbake.bake.secondary.fans import Fans
+from texbake.bake.secondary.reach import Reach
 from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -29,12 +35,40 @@ class Caster(Protocol):
         With culling, surfaces that face away from the ray's start are passed through.
         """
 
+    def cast_fans(
+        self, fans: Fans, sets: npt.NDArray[np.float32], reach: Reach
+    ) -> npt.NDArray[np.float32]:
+        """Cast fans of rays, each fan the directions of one of the sets.
+
+        Returns (n, N_COLUMNS) float32, the columns of `texbake.bake.secondary`, lengths local.
+        """
+
     def close(self) -> None:
         """Free what the caster holds outside Python."""
 
 
-def open_caster(high: Mesh, frame: LocalFrame, *, threads: int | None = None) -> Caster:
-    """Build a ray tree over the dense mesh; through embreex's own interface where need be."""
+def open_caster(
+    high: Mesh,
+    frame: LocalFrame,
+    *,
+    chunk_faces: int | None = None,
+    threads: int | None = None,
+) -> Caster:
+    """Build a ray tree over the dense mesh; through embreex's own interface where need be.
+
+    Parameters
+    ----------
+    chunk_faces
+        Most faces in one tree at a time; None for all of them.
+
+    Raises
+    ------
+    DependencyError
+        embreex is missing, or chunks are asked for and its library is not found.
+    """
+    if chunk_faces is not None:
+        load_library()
+        return ChunkedCaster(high, frame, chunk_faces, threads=threads)
     try:
         load_library()
     except DependencyError:

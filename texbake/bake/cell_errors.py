@@ -1,156 +1,161 @@
-"""How far the samples of cells may be from the means over them, judged by the samples beside them.
+"""How far the samples of cells may be from the means over them, judged by the cells beside them.
 
-What is looked at is a cell's neighbors, or the larger cells that stand in their place: the second
-difference s along an axis. Where the value bends by s at a line through the center, the mean is off
-by s / 8, where it leaps by s, up to s / 2, and where it curves smoothly, by s / 24. At the border
-of a chart the covered part of a cell has its middle elsewhere than the cell, by up to a quarter of
-the first difference. It is an estimate: what lies between all samples is not seen.
+What is looked at is the second difference s along an axis, half of which a leap may be off by, and
+an eighth, a bend. At the border of a chart the covered part of a cell has its middle elsewhere than
+its sample. It is an estimate: what lies between all samples is not seen.
 
-Based on: Whitted, "An Improved Illumination Model for Shaded Display", 1980, as `cells` is; the
-shares are those of straight lines through cells, by integration.
+Based on: Whitted, "An Improved Illumination Model for Shaded Display", 1980, as `cells` is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
-from texbake.bake.cells import COVERAGE_SIDE, NO_CHART, FloatArray32, Level, TexelState
+from texbake.bake.cells import (
+    LAST_LEVEL,
+    NO_CHART,
+    NO_CHILD,
+    BoolArray,
+    Cells,
+    FloatArray32,
+    Level,
+)
+from texbake.bake.coverage import FINE, Coverage
+from texbake.bake.neighbors import Metric
 from texbake.kernels import kernel
-from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
-# Share of a second difference that a sample may be off by: between a bend's 1/8 and a leap's 1/2.
-_BEND = 0.25
+# Share of a second difference that a sample may be off by: a bend's 1/8, and a little for leaps,
+# whose 1/2 in the cells along them has either sign.
+_BEND = 0.15
 _BORDER = 0.25  # share of a first difference, at a border
-_NOWHERE = (-1, -1)  # place and level of no cell
+_NOWHERE = -1
 
 
-@dataclass(frozen=True, eq=False)
-class Metric:
-    """How differences of values are measured: as multiples of what each map may be off by.
+def judge_cells(
+    cells: Cells, k: int, shape: tuple[int, int], metric: Metric, threads: int | None
+) -> FloatArray32:
+    """Estimated errors of the cells of the k-th level, in bounds; finer ones are not looked at."""
+    level = cells.levels[k - 1]
+    errors = np.empty(len(level), dtype=np.float32)
 
-    Attributes
-    ----------
-    groups : (C,) int32
-        Map of each channel.
-    scales : (maps,) float64
-        One by the bound of each map; 0 where it has none.
-    """
-
-    groups: IntArray
-    scales: npt.NDArray[np.float64]
-
-
-def estimate_errors(
-    levels: list[Level], shape: tuple[int, int], metric: Metric, state: TexelState,
-    threads: int | None,
-) -> FloatArray32:  # fmt: skip
-    """How far each sample of the last level may be from the mean over its cell, in bounds.
-
-    Infinite for a texel without a value at its center, which may have some elsewhere.
-    """
-    level = levels[-1]
-    errors = np.empty(len(level.ids), dtype=np.float32)
-    # One array for all levels: a kernel that chooses among several is slower by far.
-    firsts = np.cumsum([0, *(len(cells.ids) for cells in levels)])
-    links = np.concatenate([cells.first_children for cells in levels])
-    charts = np.concatenate([cells.charts for cells in levels])
-    values = np.concatenate([cells.values for cells in levels])
-
-    def estimate(start: int, stop: int) -> None:
-        _errors_kernel(
-            (len(levels) - 1, shape[0], shape[1], firsts),
-            (links, charts, values),
-            level.ids[start:stop],
-            (metric.groups, metric.scales),
-            state.covered,
-            start,
+    def judge(start: int, stop: int) -> None:
+        _cells_kernel(
+            (k, shape, level.first + start),
+            (level.texels[start:stop], level.spots[start:stop], level.weights[start:stop]),
+            (cells.children, cells.charts, cells.values),
+            metric.arrays,
             errors[start:stop],
         )
 
-    run_bands(estimate, len(errors), band=1 << 16, threads=threads)
+    run_bands(judge, len(errors), band=1 << 14, threads=threads)
     return errors
 
 
+def divide(
+    level: Level, k: int, errors: FloatArray32, coverage: Coverage, texel_errors: FloatArray32
+) -> BoolArray:
+    """Decide which cells of the k-th level are divided; add what the others may be off by.
+
+    A texel whose estimated error is above its bound has those cells divided that add more than an
+    even share of half of it.
+    """
+    divided = np.zeros(len(level), dtype=np.bool_)
+    _divide_kernel(
+        k < LAST_LEVEL, (level.texels, level.weights), errors, coverage.counts, texel_errors,
+        divided,
+    )  # fmt: skip
+    return divided
+
+
 @kernel
-def _find(size, links, row, column):  # type: ignore[no-untyped-def]
-    """Place and level of the cell that holds a cell's center: that cell, or one above it."""
-    level, height, width, firsts = size
+def _find(shape, children, level, row, column):  # type: ignore[no-untyped-def]
+    """Place of a cell of a level by its row and column of that level, `_NOWHERE` if not divided."""
+    height, width = shape
     if row < 0 or column < 0 or row >= height << level or column >= width << level:
         return _NOWHERE
     place = (row >> level) * width + (column >> level)
-    for above in range(level):
-        first = links[place]
-        if first < 0:
-            return place, above
-        shift = level - 1 - above
-        place = firsts[above + 1] + first + ((row >> shift) & 1) * 2 + ((column >> shift) & 1)
-    return place, level
+    for k in range(level - 1, -1, -1):
+        place = children[place]
+        if place == NO_CHILD:
+            return _NOWHERE
+        place += ((row >> k) & 1) * 2 + ((column >> k) & 1)
+    return place
 
 
 @kernel
-def _difference(metric, values, a, b, center):  # type: ignore[no-untyped-def]
-    """How much two cells differ from one, by how far away they are; the greatest over the maps.
-
-    Each is a place and a level; b is nowhere where there is none.
-    """
-    groups, scales = metric
-    # The middle of a cell above the neighbor lies farther away than that of the neighbor.
-    near_a = 1.0 / (0.5 + 0.5 * (1 << (center[1] - a[1])))
-    near_b = 0.0 if b[1] < 0 else 1.0 / (0.5 + 0.5 * (1 << (center[1] - b[1])))
-    worst, square = 0.0, 0.0
-    n_channels = len(groups)
-    for channel in range(n_channels):
-        v = float(values[center[0], channel])
-        d = near_a * (values[a[0], channel] - v)
-        if b[1] >= 0:
-            d += near_b * (values[b[0], channel] - v)
-        square += d * d
-        if channel + 1 == n_channels or groups[channel + 1] != groups[channel]:
-            worst = max(worst, np.sqrt(square) * scales[groups[channel]])
-            square = 0.0
+def _bend(metric, values, a, b, c):  # type: ignore[no-untyped-def]
+    """Second difference of three values in a row; the first of two if c is nowhere; in bounds."""
+    firsts, scales = metric
+    worst = 0.0
+    for k in range(len(scales)):
+        square = 0.0
+        for channel in range(firsts[k], firsts[k + 1]):
+            d = float(values[a, channel]) - values[b, channel]
+            if c != _NOWHERE:
+                d += values[c, channel] - values[b, channel]
+            square += d * d
+        worst = max(worst, scales[k] * np.sqrt(square))
     return worst
 
 
 @kernel
-def _errors_kernel(size, cells, ids, metric, covered, first, errors):  # type: ignore[no-untyped-def]
-    level, _, width, firsts = size
-    links, charts, values = cells
-    n_columns = width << level
-    full = COVERAGE_SIDE * COVERAGE_SIDE
-    for i in range(len(ids)):
-        row, column = ids[i] // n_columns, ids[i] % n_columns
-        cell = (firsts[level] + first + i, level)
-        own = charts[cell[0]]
-        error = 0.0
-        n_valued = 0
+def _cells_kernel(size, level_cells, cells, metric, errors):  # type: ignore[no-untyped-def]
+    level, shape, first = size
+    texels, spots, weights = level_cells
+    children, charts, values = cells
+    width = shape[1]
+    for i in range(len(texels)):
+        errors[i] = 0.0
+        if weights[i] == 0:
+            continue
+        place = first + i
+        row = ((texels[i] // width) << level) + spots[i] // FINE
+        column = ((texels[i] % width) << level) + spots[i] % FINE
         for axis in range(2):
-            found = 0
-            other = cell
-            for sign in (-1, 1):
-                dy, dx = sign * axis, sign * (1 - axis)
-                near = _find(size, links, row + dy, column + dx)
-                chart = NO_CHART if near[1] < 0 else charts[near[0]]
-                if chart == NO_CHART or (own != NO_CHART and chart != own):
-                    continue
-                if own == NO_CHART:
-                    # What of this cell is covered, if anything, is taken to be as its neighbors.
-                    n_valued += 1
-                    far = _find(size, links, row + 2 * dy, column + 2 * dx)
-                    if far[1] >= 0 and near[1] == level and charts[far[0]] == chart:
-                        step = _difference(metric, values, far, _NOWHERE, near)
-                        error = max(error, _BORDER * step)
-                    continue
-                found += 1
-                if found == 2:
-                    error += _BEND * _difference(metric, values, near, other, cell)
-                other = near
-            if found == 1:
-                error += _BORDER * _difference(metric, values, other, _NOWHERE, cell)
-        if level == 0 and own == NO_CHART:
-            some = covered[ids[i]] > 0 and (n_valued > 0 or covered[ids[i]] < full)
-            error = np.inf if some else 0.0
-        errors[i] = error
+            dy, dx = axis, 1 - axis
+            before = _find(shape, children, level, row - dy, column - dx)
+            after = _find(shape, children, level, row + dy, column + dx)
+            if charts[place] == NO_CHART:
+                # What of this cell is covered, if anything, is taken to be as its neighbors.
+                for sign, near in ((-1, before), (1, after)):
+                    if near == _NOWHERE or charts[near] == NO_CHART:
+                        continue
+                    far = _find(shape, children, level, row + 2 * sign * dy, column + 2 * sign * dx)
+                    if far != _NOWHERE and charts[far] == charts[near]:
+                        step = _bend(metric, values, near, far, _NOWHERE)
+                        errors[i] = max(errors[i], _BORDER * step)
+                continue
+            has_before = before != _NOWHERE and charts[before] == charts[place]
+            has_after = after != _NOWHERE and charts[after] == charts[place]
+            if has_before and has_after:
+                errors[i] += _BEND * _bend(metric, values, before, place, after)
+            elif has_before or has_after:
+                near, sign = (before, -1) if has_before else (after, 1)
+                far = _find(shape, children, level, row + 2 * sign * dy, column + 2 * sign * dx)
+                if far != _NOWHERE and charts[far] == charts[place]:
+                    errors[i] += _BEND * _bend(metric, values, place, near, far)
+                else:
+                    errors[i] += _BORDER * _bend(metric, values, place, near, _NOWHERE)
+
+
+@kernel
+def _divide_kernel(may_divide, level, errors, counts, texel_errors, divided):  # type: ignore[no-untyped-def]
+    texels, weights = level
+    start = 0
+    while start < len(texels):
+        texel, stop = texels[start], start
+        total, n_leaves = 0.0, 0
+        while stop < len(texels) and texels[stop] == texel:
+            total += weights[stop] * errors[stop]
+            n_leaves += weights[stop] > 0
+            stop += 1
+        covered = float(counts[texel])
+        too_far = may_divide and texel_errors[texel] + total / covered > 1.0
+        for i in range(start, stop):
+            error = weights[i] * errors[i] / covered
+            if too_far and weights[i] > 1 and error * n_leaves > 0.5:
+                divided[i] = True
+            else:
+                texel_errors[texel] += error
+        start = stop

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.bake.cast import Caster
+from texbake.bake.doubtful import drop_doubtful
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import RayField, Rays
 from texbake.bake.texels import Samples
@@ -26,7 +27,7 @@ _LOW_POINTS = 50_000
 # Points between the samples lie a little farther than the farthest sample.
 _MARGIN = 1.1
 # Of the local frame's unit size: the least reach, above the rounding of float32 rays (1e-7).
-_LEAST = 1e-4
+LEAST_REACH = 1e-4
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,12 @@ def measure_reach(
         Direction of the rays: `smooth`, `vertex` or `face`.
     """
     out_high, in_high = _from_dense_mesh(high, low, frame, threads)
-    limit = 2.0 * max(out_high, in_high) + _LEAST
-    out_low, in_low = _from_light_mesh(low, frame, caster, kind, limit, threads)
+    limit = 2.0 * max(out_high, in_high) + LEAST_REACH
+    out_low, in_low = _from_light_mesh(high, low, frame, caster, kind, limit, threads)
     front, back = max(out_high, out_low), max(in_high, in_low)
     return Reach(
-        float(frame.length_to_model(front * _MARGIN + _LEAST)),
-        float(frame.length_to_model(back * _MARGIN + _LEAST)),
+        float(frame.length_to_model(front * _MARGIN + LEAST_REACH)),
+        float(frame.length_to_model(back * _MARGIN + LEAST_REACH)),
     )
 
 
@@ -76,7 +77,13 @@ def _from_dense_mesh(
 
 
 def _from_light_mesh(
-    low: Mesh, frame: LocalFrame, caster: Caster, kind: str, limit: float, threads: int | None
+    high: Mesh,
+    low: Mesh,
+    frame: LocalFrame,
+    caster: Caster,
+    kind: str,
+    limit: float,
+    threads: int | None,
 ) -> tuple[float, float]:
     """Greatest way out and in along rays to the nearer dense surface within `limit`."""
     _, faces, weights = sample_surface(low, _LOW_POINTS, seed=0, threads=threads)
@@ -84,13 +91,17 @@ def _from_light_mesh(
     field = RayField(low, frame, kind=kind, front=0.0, back=1.0, threads=threads)
     inward = field.rays(samples)
     lengths = np.where(inward.lengths > 0.0, limit, 0.0)
-    ways = []
-    for directions in (-inward.directions, inward.directions):
-        rays = Rays(inward.origins, directions, lengths, inward.fronts)
-        # On its way out a ray meets the dense surface from behind.
-        found = caster.cast(rays, cull_back_faces=False)
-        ways.append(np.where(found.faces == NO_HIT, np.inf, found.distances))
-    out, into = ways
+    # Both ways at once, since a dense mesh in chunks is gone through once a call.
+    rays = Rays.joined(
+        [
+            Rays(inward.origins, directions, lengths, inward.fronts)
+            for directions in (-inward.directions, inward.directions)
+        ]
+    )
+    # On its way out a ray meets the dense surface from behind.
+    found = caster.cast(rays, cull_back_faces=False)
+    drop_doubtful(found, rays, high, frame, threads)
+    out, into = np.split(np.where(found.faces == NO_HIT, np.inf, found.distances), 2)
     return (
         _greatest(out[(out < into) & np.isfinite(out)]),
         _greatest(into[(into <= out) & np.isfinite(into)]),

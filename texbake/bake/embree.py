@@ -27,9 +27,17 @@ from texbake.kernels import callback
 
 PACKET = 16  # rays a call
 # Places of the fields of RTCRay and RTCHit among those of a packet; each is PACKET words wide.
-ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, FLAGS = 0, 3, 4, 7, 8, 9, 11
+ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, LANE, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
 NORMAL, HIT_U, HIT_V, QUAD_ID, GEOMETRY_ID, INSTANCE_ID = 12, 15, 16, 17, 18, 19
 _RAY_WORDS = 21
+# Places of what the query for the nearest hit keeps of each lane, after RTCRayQueryContext, which
+# takes the first two words of the room before them; of the same width.
+NEAREST, NEAREST_QUAD, NEAREST_SECOND, NEAREST_BEHIND = 1, 2, 3, 4
+FRONT_ONLY = 8  # word that says whether hits from behind count
+_QUERY_WORDS = 5
+# Local units: boxes of the tree that begin so far behind the nearest hit are still looked into.
+# Above the rounding of distances in float32, so that whatever is nearest, or as near, is met.
+_SLACK = 1e-4
 
 _FLAG_COMPACT, _FLAG_ROBUST = 2, 4
 _QUALITY_MEDIUM = 1
@@ -66,13 +74,14 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcSetGeometryEnableFilterFunctionFromArguments": (None, [ctypes.c_void_p, ctypes.c_bool]),
     "rtcCommitGeometry": (None, [ctypes.c_void_p]),
     "rtcAttachGeometry": (ctypes.c_uint, [ctypes.c_void_p, ctypes.c_void_p]),
-    "rtcCommitScene": (None, [ctypes.c_void_p]),
+    "rtcJoinCommitScene": (None, [ctypes.c_void_p]),
     "rtcIntersect16": (None, [ctypes.c_void_p] * 4),
+    "rtcOccluded16": (None, [ctypes.c_void_p] * 4),
 }
 
 
 class _IntersectArguments(ctypes.Structure):
-    """RTCIntersectArguments."""
+    """RTCIntersectArguments, and RTCOccludedArguments, which has the same fields."""
 
     _fields_ = (
         ("flags", ctypes.c_uint),
@@ -125,12 +134,25 @@ class RayPacket:
         Field after field, each with one word a lane.
     ids : (21 * PACKET,) int32
         The same memory, for the fields that are integers.
+    query : (5 * PACKET,) float32
+        What the query for the nearest hit keeps.
+    query_ids : (5 * PACKET,) int32
+        The same memory.
     """
 
     def __init__(self) -> None:
         self.words = _aligned_words(_RAY_WORDS * PACKET)
         self.ids = self.words.view(np.int32)
         self.valid = _aligned_words(PACKET).view(np.int32)
+        self.query = _aligned_words(_QUERY_WORDS * PACKET)
+        self.query_ids = self.query.view(np.int32)
+        self.query_ids[:FRONT_ONLY] = -1  # no instance
+        self.arguments = _IntersectArguments(
+            _QUERY_COHERENT | _QUERY_ARGUMENT_FILTER,
+            _ALL_FEATURES,
+            self.query.ctypes.data,
+            _keep_nearest.address,
+        )
 
 
 def _aligned_words(n: int) -> npt.NDArray[np.float32]:
@@ -176,7 +198,9 @@ class EmbreeScene:
         library.rtcCommitGeometry(geometry)
         library.rtcAttachGeometry(self._scene, geometry)
         library.rtcReleaseGeometry(geometry)
-        library.rtcCommitScene(self._scene)
+        # Joining the commit, this thread does its part: left to the library's own, one of these
+        # would go on spinning as long as a scene of one thread is there.
+        library.rtcJoinCommitScene(self._scene)
         error = library.rtcGetDeviceError(self._device)
         if error:
             self.close()
@@ -185,23 +209,41 @@ class EmbreeScene:
                 f"(error {error}); if memory ran out, simplify the dense mesh first"
             )
         self._any_arguments = _IntersectArguments(_QUERY_COHERENT, _ALL_FEATURES)
-        self._front_arguments = _IntersectArguments(
-            _QUERY_COHERENT | _QUERY_ARGUMENT_FILTER, _ALL_FEATURES, None, _skip_back_faces.address
-        )
+        self._apart_arguments = _IntersectArguments(0, _ALL_FEATURES)
 
     def addresses(self, packet: RayPacket) -> npt.NDArray[np.uintp]:
         """Return what a kernel needs for a packet.
 
-        Addresses of the query, the scene, the packet's mask, the packet, and the arguments for
-        hits on any face and on front faces.
+        Addresses of the query, the scene, the packet's mask, the packet, and the arguments. Of
+        all hits of a lane `packet.query` keeps the nearest, and of equally near ones that of the
+        first face: so it depends on the ray and the faces alone, not on the tree or on the rays
+        beside it.
         """
         values = (
             ctypes.cast(self._library.rtcIntersect16, ctypes.c_void_p).value,
             self._scene,
             packet.valid.ctypes.data,
             packet.words.ctypes.data,
+            ctypes.addressof(packet.arguments),
+        )
+        return np.array(values, dtype=np.uintp)
+
+    def secondary_addresses(self, packet: RayPacket) -> npt.NDArray[np.uintp]:
+        """Return what a kernel needs for packets of rays that go about the same way.
+
+        Addresses of the scene, the packet's mask, the packet, the query for anything in the way
+        and its arguments, and the query for the first hit and its arguments. The first is quickest
+        ray by ray, since most rays end at once or see nothing; the second, whose rays all go on to
+        the far side, together.
+        """
+        values = (
+            self._scene,
+            packet.valid.ctypes.data,
+            packet.words.ctypes.data,
+            ctypes.cast(self._library.rtcOccluded16, ctypes.c_void_p).value,
+            ctypes.addressof(self._apart_arguments),
+            ctypes.cast(self._library.rtcIntersect16, ctypes.c_void_p).value,
             ctypes.addressof(self._any_arguments),
-            ctypes.addressof(self._front_arguments),
         )
         return np.array(values, dtype=np.uintp)
 
@@ -243,16 +285,39 @@ def _pointer_to(typing_context, address):  # type: ignore[no-untyped-def]
 
 
 @callback(types.void(types.CPointer(types.uintp)))
-def _skip_back_faces(arguments):  # type: ignore[no-untyped-def]
-    """Refuse hits on surfaces that do not face their ray's start (RTCFilterFunctionN)."""
+def _keep_nearest(arguments):  # type: ignore[no-untyped-def]
+    """Keep a hit if it is the nearest, and have the ray end soon after it (RTCFilterFunctionN)."""
     fields = carray(arguments, 6)
     n = np.intp(fields[5] & np.uintp(0xFFFFFFFF))  # an unsigned int, and padding after it
     valid = carray(_pointer_to(fields[0]), n, np.int32)
+    query = carray(_pointer_to(fields[2]), _QUERY_WORDS * PACKET, np.float32)
+    query_ids = carray(_pointer_to(fields[2]), _QUERY_WORDS * PACKET, np.int32)
     rays = carray(_pointer_to(fields[3]), 12 * n, np.float32)
-    normals = carray(_pointer_to(fields[4]), 3 * n, np.float32)
-    for lane in range(n):
+    ray_ids = carray(_pointer_to(fields[3]), 12 * n, np.int32)
+    hits = carray(_pointer_to(fields[4]), 6 * n, np.float32)
+    hit_ids = carray(_pointer_to(fields[4]), 6 * n, np.int32)
+    for k in range(n):
+        if valid[k] == 0:
+            continue
         facing = 0.0
         for axis in range(3):
-            facing += normals[axis * n + lane] * rays[(DIRECTION + axis) * n + lane]
-        if facing >= 0.0:
-            valid[lane] = 0
+            facing += hits[axis * n + k] * rays[(DIRECTION + axis) * n + k]
+        if facing >= 0.0 and query_ids[FRONT_ONLY] != 0:
+            valid[k] = 0
+            continue
+        lane, quad = ray_ids[LANE * n + k], hit_ids[5 * n + k]
+        second = 1 if hits[3 * n + k] + hits[4 * n + k] > 1.0 else 0
+        distance, nearest = rays[FAR * n + k], query[PACKET * NEAREST + lane]
+        kept, kept_second = (
+            query_ids[PACKET * NEAREST_QUAD + lane],
+            query_ids[PACKET * NEAREST_SECOND + lane],
+        )
+        if distance < nearest or (
+            distance == nearest and (quad < kept or (quad == kept and second < kept_second))
+        ):
+            query[PACKET * NEAREST + lane] = distance
+            query_ids[PACKET * NEAREST_QUAD + lane] = quad
+            query_ids[PACKET * NEAREST_SECOND + lane] = second
+            query_ids[PACKET * NEAREST_BEHIND + lane] = 1 if facing >= 0.0 else 0
+        # Accepted, so that the ray gets this end.
+        rays[FAR * n + k] = query[PACKET * NEAREST + lane] + np.float32(_SLACK)

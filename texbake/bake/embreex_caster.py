@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.bake.found import Found, refine_kernel
 from texbake.bake.hits import NO_HIT
 from texbake.bake.rays import Rays
+from texbake.bake.secondary.fans import Fans
+from texbake.bake.secondary.reach import Reach
 from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -84,6 +87,25 @@ class EmbreexCaster:
             starts[again] < rays.lengths[again]
         ]
         return still
+
+    def cast_fans(
+        self, fans: Fans, sets: npt.NDArray[np.float32], reach: Reach
+    ) -> npt.NDArray[np.float32]:
+        """Cast all rays of fans; see `arrays.cast_arrays`."""
+        from texbake.bake.secondary.arrays import cast_arrays
+
+        def run(
+            origins: npt.NDArray[np.float32],
+            directions: npt.NDArray[np.float32],
+            lengths: npt.NDArray[np.float32],
+            query: str,
+        ) -> npt.NDArray[np.generic]:
+            values: npt.NDArray[np.generic] = self._scene.run(
+                origins, directions, lengths, query=query
+            )
+            return values
+
+        return cast_arrays(run, fans, sets, reach)
 
     def close(self) -> None:
         """Free Embree's tree."""

@@ -16,8 +16,7 @@ NO_HIT = -1
 class Hits(Rows):
     """The trace of a bake: a row for each sample that a face of the light mesh owns.
 
-    A sample that was found only at the second look has two: a miss in its place, and its hit at the
-    end.
+    Samples that missed at the first look come last, whether the second look found anything or not.
 
     Attributes
     ----------
@@ -33,6 +32,9 @@ class Hits(Rows):
         Weights of that face's second and third corner.
     offsets : (n, 3) float32
         From the sample on the light mesh to the point hit, in model units; 0 for a miss.
+    secondary : (n, S) float32, optional
+        What rays from the points hit have met, where a map needs it; 0 for a miss. Its columns are
+        those of `texbake.bake.secondary`.
     """
 
     texel_ids: npt.NDArray[np.int32]
@@ -41,3 +43,4 @@ class Hits(Rows):
     high_faces: npt.NDArray[np.int32]
     high_barycentrics: npt.NDArray[np.float32]
     offsets: npt.NDArray[np.float32]
+    secondary: npt.NDArray[np.float32] | None = None

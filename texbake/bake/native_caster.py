@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import numpy.typing as npt
 
 from texbake.bake.embree import (
     DIRECTION,
     FAR,
     FLAGS,
+    FRONT_ONLY,
     GEOMETRY_ID,
-    HIT_U,
-    HIT_V,
     INSTANCE_ID,
+    LANE,
     MASK,
     NEAR,
-    NORMAL,
+    NEAREST,
+    NEAREST_BEHIND,
+    NEAREST_QUAD,
+    NEAREST_SECOND,
     ORIGIN,
     PACKET,
-    QUAD_ID,
     TIME,
     EmbreeScene,
     RayPacket,
@@ -27,9 +32,11 @@ from texbake.bake.found import Found, refine_kernel
 from texbake.bake.hits import NO_HIT
 from texbake.bake.quads import pair_faces
 from texbake.bake.rays import Rays
+from texbake.bake.secondary.fans import Fans
+from texbake.bake.secondary.reach import Reach
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import resolve_threads, run_bands
 
 _RAYS_A_BAND = 1 << 14  # a multiple of PACKET, so that packets are the same for any threads
@@ -50,67 +57,133 @@ class NativeCaster:
 
     def cast(self, rays: Rays, *, cull_back_faces: bool = True) -> Found:
         """Find the nearest hit of each ray within its length."""
-        found = Found.nothing(len(rays))
-        triangles = (self._high.positions, self._high.faces, self._frame.center, self._frame.scale)
-
-        def cast(start: int, stop: int) -> None:
-            band = slice(start, stop)
-            lines = (rays.origins[band], rays.directions[band], rays.lengths[band])
-            packet = RayPacket()
-            _cast_kernel(
-                self._scene.addresses(packet),
-                (packet.valid, packet.words, packet.ids),
-                self._first_faces,
-                cull_back_faces,
-                lines,
-                (found.faces[band], found.distances[band]),
-                found.passed_back[band],
-            )
-            refine_kernel(
-                triangles,
-                lines,
-                (found.faces[band], found.barycentrics[band], found.distances[band]),
-            )
-
-        run_bands(cast, len(rays), band=_RAYS_A_BAND, threads=self._threads)
+        found, _ = nearest_hits(
+            self._scene,
+            self._first_faces,
+            rays,
+            cull=cull_back_faces,
+            threads=self._threads,
+            refine=refiner(self._high, self._frame),
+        )
         return found
+
+    def cast_fans(
+        self, fans: Fans, sets: npt.NDArray[np.float32], reach: Reach
+    ) -> npt.NDArray[np.float32]:
+        """Cast all rays of fans; see `packets.cast_packets`."""
+        from texbake.bake.secondary.packets import cast_packets
+
+        return cast_packets(self._scene, fans, sets, reach, self._threads)
 
     def close(self) -> None:
         """Free Embree's tree."""
         self._scene.close()
 
 
+def nearest_hits(
+    scene: EmbreeScene,
+    first_faces: IntArray,
+    rays: Rays,
+    *,
+    cull: bool,
+    threads: int,
+    refine: Callable[[Found, Rays], None] | None = None,
+) -> tuple[Found, npt.NDArray[np.float32]]:
+    """Nearest hit of each ray in a scene, in float32; of equally near faces it is the first.
+
+    Parameters
+    ----------
+    first_faces : (Q + 1,) int32
+        Of the quads of the scene, as `pair_faces` gives them.
+    refine
+        Told of each band of rays and what they found, right after it was cast.
+
+    Returns
+    -------
+    found : Found
+        Without barycentrics.
+    firsts : (n,) float32
+        Distance of the nearest hit from either side; infinite where there is none.
+    """
+    found = Found.nothing(len(rays))
+    firsts = np.full(len(rays), np.inf, dtype=np.float32)
+
+    def cast(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        packet = RayPacket()
+        lines = rays.where(band)
+        hits = found.where(band)
+        _cast_kernel(
+            scene.addresses(packet),
+            (packet.valid, packet.words, packet.ids),
+            (packet.query, packet.query_ids),
+            first_faces,
+            cull,
+            (lines.origins, lines.directions, lines.lengths),
+            (hits.faces, hits.distances),
+            (hits.passed_back, firsts[band]),
+        )
+        if refine is not None:
+            refine(hits, lines)
+
+    run_bands(cast, len(rays), band=_RAYS_A_BAND, threads=threads)
+    return found, firsts
+
+
+def refiner(high: Mesh, frame: LocalFrame) -> Callable[[Found, Rays], None]:
+    """Return what finds where rays meet the faces that were found, in place."""
+    triangles = (high.positions, high.faces, frame.center, frame.scale)
+
+    def refine(found: Found, rays: Rays) -> None:
+        refine_kernel(
+            triangles,
+            (rays.origins, rays.directions, rays.lengths),
+            (found.faces, found.barycentrics, found.distances),
+        )
+
+    return refine
+
+
 @kernel
-def _cast_kernel(addresses, packet, first_faces, cull, lines, results, passed_back):  # type: ignore[no-untyped-def]
+def _cast_kernel(addresses, packet, nearest, first_faces, cull, lines, results, firsts):  # type: ignore[no-untyped-def]
     """Cast rays in packets; those of a packet that meet a back face once more, past them."""
     valid, words, ids = packet
-    query, scene, valid_address, words_address, any_face, front_faces = addresses
+    query, query_ids = nearest
+    function, scene, valid_address, words_address, arguments = addresses
+    passed_back, first_distances = firsts
     lengths = lines[2]
     for first in range(0, len(lengths), PACKET):
         n = min(PACKET, len(lengths) - first)
+        query_ids[FRONT_ONLY] = 0
         for lane in range(PACKET):
             valid[lane] = 0
-            ids[PACKET * QUAD_ID + lane] = NO_HIT
             if lane < n and lengths[first + lane] > 0.0:
                 valid[lane] = -1
                 _load_ray(words, ids, lane, lines, first + lane)
-        call_native(query, valid_address, scene, words_address, any_face)
+            query_ids[PACKET * NEAREST_QUAD + lane] = NO_HIT
+            query[PACKET * NEAREST + lane] = np.inf
+        call_native(function, valid_address, scene, words_address, arguments)
         n_behind = 0
         for lane in range(n):
             i = first + lane
-            _store_hit(words, ids, first_faces, lane, results, i)
+            _store_hit(query, query_ids, first_faces, lane, results, i)
             valid[lane] = 0
-            if results[0][i] != NO_HIT and _is_behind(words, lane):
-                passed_back[i] = True
-                if cull:
-                    n_behind += 1
-                    valid[lane] = -1
-                    _load_ray(words, ids, lane, lines, i)
+            if results[0][i] != NO_HIT:
+                first_distances[i] = query[PACKET * NEAREST + lane]
+                if query_ids[PACKET * NEAREST_BEHIND + lane] != 0:
+                    passed_back[i] = True
+                    if cull:
+                        n_behind += 1
+                        valid[lane] = -1
+                        _load_ray(words, ids, lane, lines, i)
+                        query_ids[PACKET * NEAREST_QUAD + lane] = NO_HIT
+                        query[PACKET * NEAREST + lane] = np.inf
         if n_behind > 0:
-            call_native(query, valid_address, scene, words_address, front_faces)
+            query_ids[FRONT_ONLY] = 1
+            call_native(function, valid_address, scene, words_address, arguments)
             for lane in range(n):
                 if valid[lane] != 0:
-                    _store_hit(words, ids, first_faces, lane, results, first + lane)
+                    _store_hit(query, query_ids, first_faces, lane, results, first + lane)
 
 
 @kernel
@@ -124,29 +197,21 @@ def _load_ray(words, ids, lane, lines, i):  # type: ignore[no-untyped-def]
     words[PACKET * TIME + lane] = 0.0
     words[PACKET * FAR + lane] = lengths[i]
     ids[PACKET * MASK + lane] = -1
+    ids[PACKET * LANE + lane] = lane
     ids[PACKET * FLAGS + lane] = 0
-    ids[PACKET * QUAD_ID + lane] = NO_HIT
     ids[PACKET * GEOMETRY_ID + lane] = NO_HIT
     ids[PACKET * INSTANCE_ID + lane] = NO_HIT
 
 
 @kernel
-def _store_hit(words, ids, first_faces, lane, results, i):  # type: ignore[no-untyped-def]
+def _store_hit(query, query_ids, first_faces, lane, results, i):  # type: ignore[no-untyped-def]
     """Keep what a lane hit; `refine_kernel` finds the place on the face that is told here."""
     faces, distances = results
-    quad = ids[PACKET * QUAD_ID + lane]
+    quad = query_ids[PACKET * NEAREST_QUAD + lane]
     faces[i] = NO_HIT
+    distances[i] = 0.0
     if quad != NO_HIT:
-        u, v = words[PACKET * HIT_U + lane], words[PACKET * HIT_V + lane]
         # Beyond the diagonal lies the second face, if the quad has one; on it, by rounding, either.
-        faces[i] = min(first_faces[quad] + (1 if u + v > 1.0 else 0), first_faces[quad + 1] - 1)
-        distances[i] = words[PACKET * FAR + lane]
-
-
-@kernel
-def _is_behind(words, lane):  # type: ignore[no-untyped-def]
-    """Whether the surface that a lane hit does not face its ray's start."""
-    facing = 0.0
-    for axis in range(3):
-        facing += words[PACKET * (NORMAL + axis) + lane] * words[PACKET * (DIRECTION + axis) + lane]
-    return facing >= 0.0
+        second = query_ids[PACKET * NEAREST_SECOND + lane]
+        faces[i] = min(first_faces[quad] + second, first_faces[quad + 1] - 1)
+        distances[i] = query[PACKET * NEAREST + lane]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from texbake.bake.targets import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds, parse_seconds
+from texbake.bake.memory import bake_memory, chunk_faces, parse_bytes
+from texbake.bake.secondary.options import SecondaryOptions
+from texbake.bake.targets import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
+from texbake.durations import parse_seconds
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
@@ -15,12 +18,13 @@ CONVENTIONS = ("opengl", "directx")
 RAYS = ("smooth", "vertex", "face")
 SHADINGS = ("smooth", "flat")
 FILLS = ("none", "push-pull")
+VERTEX_COLORS = ("auto", "linear", "srgb")
 SAMPLES = (1, 4, 16, 64)
 ADAPTIVE = "adaptive"
 
 
 @dataclass(frozen=True, kw_only=True)
-class BakeOptions(TextureOptions):
+class BakeOptions(SecondaryOptions, TextureOptions):
     """What `bake` does where the caller does not say otherwise.
 
     Attributes
@@ -68,8 +72,18 @@ class BakeOptions(TextureOptions):
     mid, scale : float, optional
         Coding of heights in integer files: d = (h - mid) * scale. None: mid 0.5 and the least
         scale that holds every height.
+    curvature_scale : float, optional
+        Curvature, in one by model units, that is white in integer files of the curvature maps.
+        None: what 99 % of the texels do not exceed.
+    vertex_colors : str
+        What the dense mesh's vertex colors are: `linear` light, `srgb`, or `auto`: linear in glTF
+        files, whose standard says so, and sRGB in all others.
     keep_hits : bool
         Keep the trace in the result, to make other maps from it later.
+    max_memory : str or int, optional
+        Memory that the bake may be estimated to take, such as `2G`, or bytes. A dense mesh too
+        large for that is cast at in chunks, with the same bytes; not for maps that need secondary
+        rays. None: as much as it takes.
     threads : int, optional
         None: every processor.
     """
@@ -91,7 +105,10 @@ class BakeOptions(TextureOptions):
     fail_on_miss: float | None = None
     mid: float | None = None
     scale: float | None = None
+    curvature_scale: float | None = None
+    vertex_colors: str = "auto"
     keep_hits: bool = False
+    max_memory: str | int | None = None
     threads: int | None = None
 
     def __post_init__(self) -> None:
@@ -106,6 +123,7 @@ class BakeOptions(TextureOptions):
         _check_choice("rays", self.rays, RAYS)
         _check_choice("high_shading", self.high_shading, SHADINGS)
         _check_choice("fill", self.fill, FILLS)
+        _check_choice("vertex_colors", self.vertex_colors, VERTEX_COLORS)
         for name in "front", "back":
             distance = getattr(self, name)
             if distance is not None and not (distance >= 0 and math.isfinite(distance)):
@@ -120,8 +138,13 @@ class BakeOptions(TextureOptions):
             raise OptionError(f"fail-on-miss: {self.fail_on_miss} is no percentage of 0 to 100")
         if self.scale is not None and not (self.scale != 0 and math.isfinite(self.scale)):
             raise OptionError(f"scale: {self.scale} cannot code heights; it must not be 0")
+        curvature = self.curvature_scale
+        if curvature is not None and not (curvature > 0 and math.isfinite(curvature)):
+            raise OptionError(f"curvature-scale: {curvature} is no curvature; it must be above 0")
         if self.mid is not None and not math.isfinite(self.mid):
             raise OptionError(f"mid: {self.mid} is not a finite number")
+        if self.max_memory is not None:
+            parse_bytes(self.max_memory)
         if self.threads is not None and self.threads < 1:
             raise OptionError(f"threads: {self.threads} is too few; it must be at least 1")
 
@@ -150,6 +173,20 @@ class BakeOptions(TextureOptions):
     def error_bounds(self) -> ErrorBounds:
         """Bounds of the errors of adaptive samples."""
         return parse_bounds(self.max_error or DEFAULT_MAX_ERROR)
+
+    def chunk_faces(self, n_high_faces: int, n_low_faces: int) -> int | None:
+        """Faces of a dense mesh that rays are cast at at once; None for all of them."""
+        if self.max_memory is None:
+            return None
+        n_texels = self.width_px * self.height_px
+        whole = bake_memory(n_high_faces, n_low_faces, n_texels, len(self.maps))
+        return chunk_faces(parse_bytes(self.max_memory), whole, n_high_faces)
+
+    def colors_are_srgb(self, mesh_name: str) -> bool:
+        """Whether the vertex colors of a mesh, which is called as its file, are sRGB."""
+        if self.vertex_colors == "auto":
+            return not mesh_name.lower().endswith((".glb", ".gltf"))
+        return self.vertex_colors == "srgb"
 
     @property
     def samples_per_side(self) -> int:

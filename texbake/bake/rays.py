@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.bake.ray_maps import RayMaps, reshape_kernel, sample_uvs
 from texbake.bake.rows import Rows
 from texbake.bake.texels import Samples
 from texbake.errors import CageError
@@ -55,11 +56,15 @@ class RayField:
         In model units.
     cage : Mesh, optional
         The light mesh's faces with other positions; it takes the place of `kind` and `front`.
+    maps : RayMaps, optional
+        Images over the light mesh's texture coordinates that change its rays.
 
     Raises
     ------
     CageError
         The cage has other faces than the light mesh.
+    UvError
+        There are images, and the light mesh has no texture coordinates.
     """
 
     def __init__(
@@ -71,6 +76,7 @@ class RayField:
         front: float,
         back: float,
         cage: Mesh | None = None,
+        maps: RayMaps | None = None,
         threads: int | None = None,
     ) -> None:
         self.front = float(frame.length_to_local(front))
@@ -84,6 +90,13 @@ class RayField:
         normals, corners = ray_normals(low, kind)
         self.normals, self.normal_faces = frozen(normals), frozen(corners)
         self._threads = threads
+        self._maps = maps
+        self._corner_uvs = None if maps is None else low.corner_uvs()
+        self._straight = None
+        if maps is not None and maps.skew is not None:
+            self._straight = RayField(
+                low, frame, kind="face", front=front, back=back, threads=threads
+            )
 
     def rays(self, samples: Samples) -> Rays:
         """Rays of some samples, in their order."""
@@ -105,7 +118,30 @@ class RayField:
             )
 
         run_bands(fill, n, band=1 << 15, threads=self._threads)
+        if self._maps is not None:
+            self._reshape(rays, samples, self._maps)
         return rays
+
+    def _reshape(self, rays: Rays, samples: Samples, maps: RayMaps) -> None:
+        """Change rays, in place, as the images say."""
+        assert self._corner_uvs is not None
+        uvs = sample_uvs(self._corner_uvs, samples.faces, samples.barycentrics)
+        skew, offset = maps.skew_at(uvs, self._threads), maps.offset_at(uvs, self._threads)
+        straight = rays if self._straight is None else self._straight.rays(samples)
+
+        def reshape(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            reshape_kernel(
+                samples.faces[band],
+                samples.barycentrics[band],
+                (self.positions, self.faces),
+                (skew[band], offset[band]),
+                straight.directions[band],
+                self.back,
+                (rays.origins[band], rays.directions[band], rays.lengths[band], rays.fronts[band]),
+            )
+
+        run_bands(reshape, len(samples), band=1 << 15, threads=self._threads)
 
 
 def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:

@@ -148,7 +148,7 @@ class BakeReport:
             (
                 counts.faces_outside_tile,
                 f"{counts.faces_outside_tile:,} faces reach outside the unit square; "
-                "what lies outside is not baked",
+                "what lies outside is not baked, unless {udim} is in --name-pattern",
             ),
             (
                 self.faces_without_texel,
@@ -177,8 +177,7 @@ class BakeReport:
             ("meshes", f"{self.n_high_faces:,} faces onto {self.n_low_faces:,}"),
             (
                 "size",
-                f"{self.options.width_px} x {self.options.height_px}, "
-                f"{'adaptive' if self.options.is_adaptive else self.options.samples} samples",
+                f"{self.options.width_px} x {self.options.height_px}, {self._samples()}",
             ),
             ("distances", f"front {front}, back {self.back:.6g}{measured}"),
             ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
@@ -189,6 +188,7 @@ class BakeReport:
                 f"{counts.rays_recovered:,} recovered, "
                 f"{counts.rays_past_back_faces:,} past back faces",
             ),
+            *([("secondary rays", f"{counts.secondary_rays:,}")] if counts.secondary_rays else []),
             (
                 "overlap, outside",
                 f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} faces",
@@ -199,6 +199,13 @@ class BakeReport:
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
             ("total", f"{self.seconds:.2f} s{self._peak()}"),
         ]
+
+    def _samples(self) -> str:
+        """Say what was taken: a time budget may have chosen otherwise than the options say."""
+        if self.sampling is not None:
+            return "adaptive samples"
+        n_samples = 1 if self.budget is not None else self.options.samples
+        return f"{n_samples} sample{'' if n_samples == 1 else 's'} a texel"
 
     def _peak(self) -> str:
         peaks = [stage.peak_memory_bytes for stage in self.stages if stage.peak_memory_bytes]

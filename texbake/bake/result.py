@@ -11,9 +11,11 @@ import numpy.typing as npt
 
 from texbake.bake.baked_map import BakedMap
 from texbake.bake.hits import Hits
+from texbake.bake.inputs import BakeInputs
 from texbake.bake.report import BakeReport
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
+from texbake.texture.image import read_image
 
 # Colors of the miss map: not covered, covered and hit, covered and missed.
 _MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
@@ -34,6 +36,8 @@ class BakeResult:
         Face of the light mesh that owns each texel, -1 for none.
     has_data : (H, W) bool
         Texels with a hit.
+    inputs : BakeInputs or None
+        What the maps were made from beside the hits, where those are kept.
     """
 
     maps: dict[str, BakedMap]
@@ -41,6 +45,7 @@ class BakeResult:
     hits: Hits | None
     texel_faces: npt.NDArray[np.int32]
     has_data: npt.NDArray[np.bool_]
+    inputs: BakeInputs | None = None
 
     @cached_property
     def missed(self) -> npt.NDArray[np.bool_]:
@@ -79,3 +84,15 @@ class BakeResult:
         for map_path, baked in zip(paths, self.maps.values(), strict=True):
             baked.write(map_path)
         return paths
+
+
+def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:
+    """(H, W): the texels of a miss map's file that missed.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    # Of the three colors only that of misses has much red.
+    return np.asarray(read_image(path, color=False).pixels[..., 0] > 0.5, dtype=np.bool_)

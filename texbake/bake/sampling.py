@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import MapKind
+from texbake.bake.neighbors import Metric
 
 _PERCENTILES = (50, 99, 100)
 _TOLD_PERCENT = 1.0  # of texels above the bound; less is seen in the report
@@ -40,27 +41,44 @@ class BoundedMap:
             return np.asarray(differences, dtype=np.float64)
         return np.asarray(np.degrees(2.0 * np.arcsin(np.minimum(differences / 2.0, 1.0))))
 
+    def told_percentiles(self, differences: npt.NDArray[Any]) -> dict[int, float]:
+        """Percent to the error, in `unit`, that so many differences of values do not exceed."""
+        found = percentiles_of(differences)
+        return {percent: float(self.told(np.array(value))) for percent, value in found.items()}
+
 
 def bounded_maps(kinds: list[MapKind], inputs: BakeInputs) -> list[BoundedMap]:
-    """Return those maps of a bake that `BakeOptions.max_error` bounds."""
+    """Return those maps of a bake that `BakeOptions.max_error` bounds.
+
+    What secondary rays find is not among them: its error is their number's, which more samples of
+    a texel would only spread.
+    """
     bounds = inputs.options.error_bounds
     found = []
     for kind in kinds:
         bound = bounds.of_map(kind.coding, inputs.low.diagonal)
-        if bound is not None:
+        if bound is not None and kind.needs == "hits":
             found.append(BoundedMap(kind, bound))
     return found
 
 
+def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:
+    """How differences of the values of all maps, beside each other, are measured by some bounds."""
+    bounds = {item.kind: item.bound for item in bounded}
+    firsts = np.cumsum([0, *(kind.channels for kind in kinds)]).astype(np.int32)
+    scales = [1.0 / bounds[kind] if kind in bounds else 0.0 for kind in kinds]
+    return Metric(firsts, np.array(scales))
+
+
 @dataclass(frozen=True)
 class MapErrors:
-    """Errors of one map's texels, in `unit`.
+    """Errors of one map's texels, in `unit`; what other maps are off by is no part of them.
 
     Attributes
     ----------
     bound : float
     estimated : dict of int to float
-        Percent of the covered texels to an error that they do not exceed, as estimated.
+        Percent of the texels that have data to an error that they do not exceed, as estimated.
     measured : dict of int to float
         The same of those that were cast again, against that second cast.
     measured_within_percent : float
@@ -74,6 +92,22 @@ class MapErrors:
     measured: dict[int, float]
     measured_within_percent: float
 
+    @classmethod
+    def of(
+        cls, item: BoundedMap, errors: npt.NDArray[Any], differences: npt.NDArray[Any]
+    ) -> MapErrors:
+        """Put together estimated errors, in bounds, and differences of values to a second cast."""
+        measured, bound = item.told(differences), float(item.told(np.array(item.bound)))
+        n_within = int(np.count_nonzero(measured <= bound))
+        return cls(
+            name=item.kind.name,
+            unit=item.unit,
+            bound=bound,
+            estimated=item.told_percentiles(errors * item.bound),
+            measured=percentiles_of(measured),
+            measured_within_percent=100.0 * n_within / max(len(measured), 1),
+        )
+
 
 @dataclass(frozen=True)
 class SamplingReport:
@@ -84,11 +118,11 @@ class SamplingReport:
     max_error : str
         As asked for, or the default.
     texel_percents : dict of int to float
-        Finest samples a texel, as if all of it had them, to percent of the covered texels.
+        Finest samples a texel, as if all of it had them, to percent of the texels that have data.
     rays_per_texel : float
-        Cast for the maps, by covered texels.
+        Cast for the maps, by these texels.
     within_percent : float
-        Texels whose estimated error is within every bound.
+        Of these texels, those whose estimated error is within every bound.
     texels_checked, samples_of_check, rays_of_check : int
         Texels that were cast again with so many samples each, which are none of the first.
     maps : list of MapErrors

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from texbake.bake.options import BakeOptions
 from texbake.bake.texels import NO_FACE
 from texbake.mesh.mesh import IntArray
-from texbake.texture.padding import nearest_owner, push_pull, spread
+from texbake.texture.padding import nearest_owner, push_pull
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -32,28 +32,39 @@ class Surroundings:
         self, texel_charts: IntArray, has_data: npt.NDArray[np.bool_], options: BakeOptions
     ) -> None:
         self._missed = (texel_charts >= 0) & ~has_data
+        self.n_missed = int(np.count_nonzero(self._missed))
         self._options = options
         self._valid = has_data
-        self._owners = None
+        # Texels outside the charts that padding reaches, and where each takes its value from.
+        self._targets: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.n_meeting = 0
         if options.padding > 0:
             sources = np.where(self._missed, np.int32(NO_FACE), texel_charts)
             owners = nearest_owner(sources, options.padding, threads=options.threads)
-            self._owners, self.n_meeting = owners.indices, owners.n_meeting
+            self.n_meeting = owners.n_meeting
+            self._targets = np.flatnonzero((owners.indices >= 0) & (texel_charts < 0))
+            self._sources = owners.indices.ravel()[self._targets]
             self._valid = (owners.indices >= 0) & ~self._missed
 
     def filled(
-        self, values: Float32Array, neutral: tuple[float, ...], *, unit_vectors: bool
+        self, values: Float32Array, neutral: tuple[float, ...], combine: str = "mean"
     ) -> Float32Array:
-        """Return a map (H, W, C) with its surroundings; `unit_vectors` keeps a fill's length 1."""
+        """Return a map (H, W, C), neutral outside the charts, with its surroundings, in place.
+
+        `combine` is that of its `MapKind`: a fill of unit vectors keeps their length 1, and values
+        that cannot be averaged get none.
+        """
         threads = self._options.threads
-        if self._owners is not None:
-            values = spread(values, self._owners, background=neutral, threads=threads)
-        if self._options.fill == "push-pull":
+        texels = values.reshape(-1, values.shape[2])
+        padding = texels[self._sources]
+        padding[~np.isfinite(padding).all(axis=1)] = neutral
+        texels[self._targets] = padding
+        if self._options.fill == "push-pull" and combine != "first":
             values = push_pull(values, self._valid, threads=threads)
-            if unit_vectors:
+            if combine == "unit mean":
                 _normalize(values, ~self._valid)
-        if self._missed.any():
+        if self.n_missed:
             values[self._missed] = neutral
         return values
 

@@ -10,8 +10,6 @@ from texbake.errors import OptionError
 # An 8-bit code of a normal is off by up to 0.39 degrees; heights are seen by their slope.
 DEFAULT_MAX_ERROR = "0.5deg,0.01%"
 
-_SECONDS = {"ms": 1e-3, "min": 60.0, "s": 1.0, "h": 3600.0}
-
 
 @dataclass(frozen=True)
 class ErrorBounds:
@@ -35,6 +33,8 @@ class ErrorBounds:
         """Bound of a map's values: a chord of unit normals, a length in model units, or None."""
         if coding == "normal":
             return None if self.angle is None else 2.0 * math.sin(min(self.angle, math.pi) / 2.0)
+        if coding not in ("height", "vector"):
+            return None
         return self.length if self.share is None else self.share * diagonal
 
     def scaled(self, factor: float) -> ErrorBounds:
@@ -86,27 +86,6 @@ def parse_bounds(text: str) -> ErrorBounds:
             raise OptionError(f"max-error: {text!r} says two bounds of one kind; give one")
         found[kind] = value * factor
     return ErrorBounds(**found)
-
-
-def parse_seconds(value: str | float) -> float:
-    """Seconds of `20s`, `500ms`, `2min`, `1h`, or of a number, which is seconds.
-
-    Raises
-    ------
-    OptionError
-        It is no positive time.
-
-    Examples
-    --------
-    >>> parse_seconds("1.5min")
-    90.0
-    """
-    word = str(value).strip()
-    unit = next((unit for unit in _SECONDS if word.endswith(unit)), "")
-    number = _positive(word.removesuffix(unit))
-    if number is None:
-        raise OptionError(f"time-budget: {word!r} is no time; give one such as 20s or 2min")
-    return number * _SECONDS.get(unit, 1.0)
 
 
 def _positive(word: str) -> float | None:

@@ -8,11 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from texbake.bake.cast import Caster, open_caster
+from texbake.bake.cast import open_caster
+from texbake.bake.doubtful import drop_doubtful
 from texbake.bake.found import Found
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.options import BakeOptions
+from texbake.bake.ray_maps import RayMaps
 from texbake.bake.rays import RayField, Rays
+from texbake.bake.secondary.rays import SecondaryRays
+from texbake.bake.secondary.reach import Reach
 from texbake.bake.texels import (
     NO_FACE,
     TILE,
@@ -23,7 +27,8 @@ from texbake.bake.texels import (
     rasterize_uv,
     snap_uvs,
 )
-from texbake.errors import MeshError
+from texbake.bake.trees import Trees
+from texbake.errors import MeshError, OptionError
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
@@ -50,6 +55,7 @@ class TraceCounts:
     rays_missed: int = 0
     rays_recovered: int = 0
     rays_past_back_faces: int = 0
+    secondary_rays: int = 0
 
 
 @dataclass
@@ -58,6 +64,12 @@ class Trace:
 
     Attributes
     ----------
+    secondary : SecondaryRays, optional
+        What is cast from every hit; None where no map needs it.
+    ray_maps : RayMaps, optional
+        Images that change the rays.
+    trees : Trees, optional
+        Open ray trees over the dense mesh; None: it opens and closes its own.
     counts : TraceCounts
     front, back : float or None
         Distances that the rays went, in model units; measured ones once the trace has begun. The
@@ -73,6 +85,9 @@ class Trace:
     options: BakeOptions
     cage: Mesh | None
     stages: Stages
+    secondary: SecondaryRays | None = None
+    ray_maps: RayMaps | None = None
+    trees: Trees | None = None
     counts: TraceCounts = field(default_factory=TraceCounts)
 
     def __post_init__(self) -> None:
@@ -85,9 +100,7 @@ class Trace:
         )
 
     def hits(self) -> Iterator[Hits]:
-        """Yield the hits and misses of some rows after another.
-
-        Samples that missed at first and were recovered come last, and are misses before.
+        """Yield the hits of some rows after another, then what missed at first, found or not.
 
         Raises
         ------
@@ -99,8 +112,8 @@ class Trace:
         faces = self.snap(grid)
         with self.casting() as casts:
             missed = yield from self._first_look(faces, grid, casts)
-        if missed:
-            yield casts.look_again(missed)
+            if missed:
+                yield casts.look_again(missed)
 
     def snap(self, grid: SampleGrid) -> SnappedFaces:
         """Put the light mesh onto a grid, and note what of it cannot be baked."""
@@ -118,37 +131,50 @@ class Trace:
         MeshError
             The meshes are so small or large that float32 maps cannot hold their lengths.
         """
-        frame = LocalFrame.around(self.high, self.low)
-        _check_size(frame, self.low)
-        with self.stages.stage("build ray tree", total=self.high.n_faces, unit="triangles"):
-            caster = open_caster(self.high, frame, threads=self.options.threads)
-        self.caster = caster.name
+        trees = self.trees or self._own_trees()
+        self.caster = trees.caster.name
         try:
-            yield Casts(self, frame, caster, self._field(frame, caster))
+            reach = None
+            if self.secondary is not None:
+                reach = self.secondary.reach(trees.frame, trees.occluders)
+            yield Casts(self, trees, self._field(trees), reach)
         finally:
-            caster.close()
+            if self.trees is None:
+                trees.close()
 
-    def _field(self, frame: LocalFrame, caster: Caster) -> RayField:
+    def _own_trees(self) -> Trees:
+        n_light = self.low.n_faces * (1 if self.cage is None else 2)
+        chunk = self.options.chunk_faces(self.high.n_faces, n_light)
+        if chunk is not None and self.secondary is not None:
+            raise OptionError(
+                f"max-memory: {self.high.name} would be cast at in chunks, and ambient occlusion, "
+                "bent normals and thickness need all of it at once; bake them apart without it"
+            )
+        return open_trees(
+            self.high, self.low, self.stages, chunk_faces=chunk, threads=self.options.threads
+        )
+
+    def _field(self, trees: Trees) -> RayField:
         """Make the rays' field; distances that were not given are measured first."""
         options = self.options
         if self.back is None or (self.front is None and self.cage is None):
-            from texbake.bake.distances import measure_reach
-
+            # Rays that a mask turns may go as those of the faces do.
+            turned = self.ray_maps is not None and self.ray_maps.skew is not None
+            kinds = (options.rays, "face") if turned else (options.rays,)
             with self.stages.stage("measure distances"):
-                reach = measure_reach(
-                    self.high, self.low, frame, caster, options.rays, options.threads
-                )
+                reach = trees.reach(self.high, self.low, kinds, options.threads)
             if self.front is None and self.cage is None:
                 self.front = reach.front
             self.back = reach.back if self.back is None else self.back
         with self.stages.part("prepare light mesh"):
             return RayField(
                 self.low,
-                frame,
+                trees.frame,
                 kind=options.rays,
                 front=self.front or 0.0,
                 back=self.back,
                 cage=self.cage,
+                maps=self.ray_maps,
                 threads=options.threads,
             )
 
@@ -171,6 +197,7 @@ class Trace:
                 hits, lost = casts.look(samples)
                 if lost is not None:
                     missed.append(lost)
+                    hits = hits.without(np.flatnonzero(hits.high_faces == NO_HIT))
                 yield hits
                 advance(len(rows) * grid.width)
         return missed
@@ -189,24 +216,29 @@ class Casts:
     """What casts the rays of a trace, while its tree stands; the trace keeps the counts."""
 
     trace: Trace
-    frame: LocalFrame
-    caster: Caster
+    trees: Trees
     field: RayField
+    reach: Reach | None
+    n_doubtful: int = 0  # hits that wait for the second look
 
     def look(self, samples: Samples) -> tuple[Hits, Lost | None]:
         """Hits and misses of some samples, in their order, and what missed, if anything did."""
         with self.trace.stages.part("cast rays"):
             rays = self.field.rays(samples)
-            found = self.caster.cast(rays, cull_back_faces=self.trace.options.cull_back_faces)
+            found = self.trees.caster.cast(rays, cull_back_faces=self.trace.options.cull_back_faces)
+            self.n_doubtful += drop_doubtful(
+                found, rays, self.trace.high, self.trees.frame, self.trace.options.threads
+            )
             self._count(found)
-            hits = _hits(samples, rays, found, self.frame, self.trace.options.threads)
+            hits = _hits(samples, rays, found, self.trees.frame, self.trace.options.threads)
             lost = found.faces == NO_HIT
-            if lost.any():
-                return hits, (samples.where(lost), rays.where(lost))
+        hits = self._look_around(hits)
+        if lost.any():
+            return hits, (samples.where(lost), rays.where(lost))
         return hits, None
 
     def look_again(self, missed: list[Lost]) -> Hits:
-        """Hits of those that missed only by rounding, in their order."""
+        """Hits of those that missed only by rounding, and the other misses, in their order."""
         from texbake.bake.watertight import retry_watertight
 
         trace = self.trace
@@ -216,22 +248,52 @@ class Casts:
             found = retry_watertight(
                 rays,
                 trace.high,
-                self.frame,
+                self.trees.frame,
                 cull_back_faces=trace.options.cull_back_faces,
                 threads=trace.options.threads,
             )
-            recovered = found.faces != NO_HIT
-            n_recovered = int(np.count_nonzero(recovered))
-            trace.counts.rays_recovered += n_recovered
-            trace.counts.rays_missed -= n_recovered
-            hits = _hits(samples, rays, found, self.frame, trace.options.threads)
-            return hits.where(recovered)
+            n_found = int(np.count_nonzero(found.faces != NO_HIT))
+            trace.counts.rays_recovered += max(n_found - self.n_doubtful, 0)
+            trace.counts.rays_missed -= n_found
+            self.n_doubtful = 0
+            hits = _hits(samples, rays, found, self.trees.frame, trace.options.threads)
+        return self._look_around(hits)
+
+    def _look_around(self, hits: Hits) -> Hits:
+        """Add what rays from the hits meet, where a map needs that."""
+        if self.trace.secondary is None or self.reach is None:
+            return hits
+        with self.trace.stages.part("secondary rays"):
+            hits, n_rays = self.trace.secondary.look_around(
+                hits, self.trees.frame, self.trees.around or self.trees.caster, self.reach
+            )
+        self.trace.counts.secondary_rays += n_rays
+        return hits
 
     def _count(self, found: Found) -> None:
         counts = self.trace.counts
         counts.rays_cast += len(found.faces)
         counts.rays_missed += int(np.count_nonzero(found.faces == NO_HIT))
         counts.rays_past_back_faces += int(np.count_nonzero(found.passed_back))
+
+
+def open_trees(
+    high: Mesh,
+    low: Mesh,
+    stages: Stages,
+    *,
+    frame: LocalFrame | None = None,
+    chunk_faces: int | None = None,
+    threads: int | None = None,
+) -> Trees:
+    """Build the tree over a dense mesh, in a frame around both meshes if none is given.
+
+    `chunk_faces` is as for `open_caster`.
+    """
+    frame = LocalFrame.around(high, low) if frame is None else frame
+    _check_size(frame, low)
+    with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
+        return Trees(frame, open_caster(high, frame, chunk_faces=chunk_faces, threads=threads))
 
 
 def rows_at_once(grid: SampleGrid) -> int:

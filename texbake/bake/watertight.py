@@ -27,6 +27,9 @@ from texbake.parallel import run_bands
 _RAYS_A_TREE = 1 << 15
 _MOST_PIECES = 64  # of a ray
 _TRIANGLE_BANDS = 16
+# Cells along each axis of the local frame, of which those are marked that pieces of rays are in:
+# most triangles lie in none, and are done with at once.
+_CELLS = 64
 
 
 def retry_watertight(
@@ -70,6 +73,8 @@ def _nearest(
     """Nearest face, barycentrics and distance of each ray, and its nearest back face's distance."""
     n_rays, n_faces = len(lines[0]), len(triangles[1])
     tree = _tree_over_pieces(lines, typical_edge=1.0 / np.sqrt(n_faces))
+    marked = np.zeros((_CELLS, _CELLS, _CELLS), dtype=np.bool_)
+    _mark_kernel(tree[0][len(tree[0]) // 2 :][: len(tree[1])], marked)
     axes = np.abs(lines[1]).argmax(axis=1)
     # Each band of triangles has results of its own; the bands do not depend on the threads.
     faces = np.full((_TRIANGLE_BANDS, n_rays), NO_HIT, dtype=np.int32)
@@ -81,7 +86,9 @@ def _nearest(
     def hold(start: int, stop: int) -> None:
         for band in range(start, stop):
             results = (faces[band], barycentrics[band], distances[band], backs[band])
-            _retry_kernel(triangles, edges[band : band + 2], lines, axes, tree, cull, results)
+            _retry_kernel(
+                triangles, edges[band : band + 2], lines, axes, tree, marked, cull, results
+            )
 
     run_bands(hold, _TRIANGLE_BANDS, band=1, threads=threads)
     best = distances.argmin(axis=0)  # the first band, so the lowest face, where several are equal
@@ -157,7 +164,35 @@ def _boxes_kernel(lines, n_pieces, order, boxes):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _retry_kernel(triangles, band, lines, axes, tree, cull, results):  # type: ignore[no-untyped-def]
+def _cell_kernel(coordinate):  # type: ignore[no-untyped-def]
+    """Cell of a coordinate of the local frame; the outermost hold all that lies beyond."""
+    return int(min(max((coordinate + 0.5) * _CELLS, 0.0), _CELLS - 1.0))
+
+
+@kernel
+def _mark_kernel(boxes, marked):  # type: ignore[no-untyped-def]
+    """Mark the cells that boxes reach into."""
+    for i in range(len(boxes)):
+        box = boxes[i]
+        for x in range(_cell_kernel(box[0]), _cell_kernel(box[3]) + 1):
+            for y in range(_cell_kernel(box[1]), _cell_kernel(box[4]) + 1):
+                for z in range(_cell_kernel(box[2]), _cell_kernel(box[5]) + 1):
+                    marked[x, y, z] = True
+
+
+@kernel
+def _is_marked_kernel(box, marked):  # type: ignore[no-untyped-def]
+    """Whether a box reaches into a marked cell."""
+    for x in range(_cell_kernel(box[0]), _cell_kernel(box[3]) + 1):
+        for y in range(_cell_kernel(box[1]), _cell_kernel(box[4]) + 1):
+            for z in range(_cell_kernel(box[2]), _cell_kernel(box[5]) + 1):
+                if marked[x, y, z]:
+                    return True
+    return False
+
+
+@kernel
+def _retry_kernel(triangles, band, lines, axes, tree, marked, cull, results):  # type: ignore[no-untyped-def]
     """Hold triangles band[0] to band[1] against the rays near them; keep each ray's nearest."""
     positions, face_corners, center, scale = triangles
     boxes, piece_rays = tree
@@ -173,6 +208,8 @@ def _retry_kernel(triangles, band, lines, axes, tree, cull, results):  # type: i
                 corners[corner, axis] = (positions[vertex, axis] - center[axis]) * scale
             box[axis] = min(corners[0, axis], corners[1, axis], corners[2, axis])
             box[axis + 3] = max(corners[0, axis], corners[1, axis], corners[2, axis])
+        if not _is_marked_kernel(box, marked):
+            continue
         stack[0] = 0
         depth = 1
         while depth > 0:

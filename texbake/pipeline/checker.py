@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.areas import measurable_uvs, signed_areas
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.render.camera import Camera
@@ -87,6 +87,6 @@ def _texels_for(mesh: Mesh, n_cells: int) -> int:
 
     The more often the texture covers the surface, the smaller is one of it in the picture.
     """
-    repeats = math.sqrt(max(float(np.abs(signed_areas(mesh.corner_uvs())).sum()), 1.0))
+    repeats = math.sqrt(max(float(np.abs(signed_areas(measurable_uvs(mesh))).sum()), 1.0))
     halvings = math.ceil(math.log2(repeats)) if repeats < _TEXELS else _TEXELS
     return max(_TEXELS >> min(halvings, 30), _LEAST_CELL * n_cells)

@@ -225,7 +225,7 @@ def _baked(
     with stages.part("pad"):
         charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[texel_faces]
         surroundings = Surroundings(charts, has_data, options)
-        values = surroundings.filled(values, (0.0, 0.0, 0.0), unit_vectors=False)
+        values = surroundings.filled(values, (0.0, 0.0, 0.0))
     return LightMap(
         index=index,
         name=item.name,

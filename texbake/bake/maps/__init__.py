@@ -7,13 +7,41 @@ gives. Everything else (averaging a texel's samples, padding, files) is the same
 from __future__ import annotations
 
 from texbake.bake.map_names import MAP_NAMES
+from texbake.bake.maps.ambient_occlusion import AMBIENT_OCCLUSION
+from texbake.bake.maps.bent_normal import BENT_NORMAL
+from texbake.bake.maps.curvature import CONCAVITY, CONVEXITY, CURVATURE
 from texbake.bake.maps.displacement import DISPLACEMENT
 from texbake.bake.maps.kind import MapKind
+from texbake.bake.maps.material_id import MATERIAL_ID
 from texbake.bake.maps.normal import NORMAL
+from texbake.bake.maps.object_id import OBJECT_ID
+from texbake.bake.maps.opacity import OPACITY
+from texbake.bake.maps.position import POSITION, WORLD_POSITION
+from texbake.bake.maps.texture import TEXTURE
+from texbake.bake.maps.thickness import THICKNESS
 from texbake.bake.maps.vector_displacement import VECTOR_DISPLACEMENT
+from texbake.bake.maps.vertex_color import VERTEX_COLOR
 from texbake.errors import OptionError
 
-MAPS: dict[str, MapKind] = {kind.name: kind for kind in (NORMAL, DISPLACEMENT, VECTOR_DISPLACEMENT)}
+_KINDS = (
+    NORMAL,
+    DISPLACEMENT,
+    VECTOR_DISPLACEMENT,
+    POSITION,
+    WORLD_POSITION,
+    CURVATURE,
+    CONVEXITY,
+    CONCAVITY,
+    OBJECT_ID,
+    MATERIAL_ID,
+    VERTEX_COLOR,
+    TEXTURE,
+    OPACITY,
+    AMBIENT_OCCLUSION,
+    BENT_NORMAL,
+    THICKNESS,
+)
+MAPS: dict[str, MapKind] = {kind.name: kind for kind in _KINDS}
 
 
 def map_kinds(names: tuple[str, ...]) -> list[MapKind]:

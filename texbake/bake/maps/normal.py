@@ -60,7 +60,7 @@ def _neutral(options: BakeOptions) -> tuple[float, ...]:
     return (0.0, 0.0, 1.0) if options.space == "tangent" else (0.0, 0.0, 0.0)
 
 
-NORMAL = MapKind("normal", 3, "normal", normal_values, _neutral)
+NORMAL = MapKind("normal", 3, "normal", normal_values, _neutral, combine="unit mean")
 
 
 @kernel

@@ -14,7 +14,7 @@ from texbake.bake.texture.options import PhotoOptions
 from texbake.bake.texture.photo_sources import BAND, SurfacePoints, Views, border_weight
 from texbake.errors import OptionError
 from texbake.kernels import kernel
-from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -95,7 +95,7 @@ def _facing_by_area(mesh: Mesh, mapped: Mesh) -> FloatArray:
     the corners of faces that take none. The greatest is that which 1 % of the surface exceeds.
     """
     surface = surface_areas(mesh.positions[mesh.faces])
-    taken = np.abs(signed_areas(mapped.corner_uvs()))
+    taken = np.abs(signed_areas(measurable_uvs(mapped)))
     used = (taken > 0.0) & (surface > 0.0)
     if not used.any():
         raise OptionError(f"{mapped.name}: its coordinates take no area of the photograph")

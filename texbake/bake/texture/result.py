@@ -241,7 +241,7 @@ def finished(
         charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[faces]
         surroundings = Surroundings(charts, known, options.for_bake)
         background = (0.0,) * values.shape[2]
-        values = surroundings.filled(values, background, unit_vectors=False)
+        values = surroundings.filled(values, background)
     report = TextureReport(
         mesh=mesh.name,
         n_faces=mesh.n_faces,
