@@ -69,8 +69,8 @@ def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choic
     scan_report.json.
     """
     options = RunOptions(**choices)
-    check_folder(output)
     check_page(html)
+    check_folder(output)
     import texbake
     from texbake.pages.asset_page import AssetPage, write_asset_page
 

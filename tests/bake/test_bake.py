@@ -258,9 +258,7 @@ def test_a_bake_through_embreex_is_the_same(monkeypatch):
     high, low = icosphere(5), uv_sphere(8, 12)
     options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
     native = bake(high, low, options)
-    monkeypatch.setattr(
-        trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame)
-    )
+    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame))
     through_embreex = bake(high, low, options)
     assert (native.report.caster, through_embreex.report.caster) == ("Embree, packets", "embreex")
     np.testing.assert_array_equal(native.has_data, through_embreex.has_data)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from texbake.check import crossings
 from texbake.check.check import check
 from texbake.check.crossings import crossed_by
 from texbake.check.options import CheckOptions
@@ -17,8 +18,8 @@ from texbake.mesh.shapes import cube, icosphere, plane
 
 
 def crossed(mesh: Mesh) -> list[bool]:
-    others, n_unsure = crossed_by(Subject(mesh, "dense", CheckOptions()))
-    assert n_unsure == 0
+    others, unsure = crossed_by(Subject(mesh, "dense", CheckOptions()))
+    assert not unsure.any()
     return (others >= 0).tolist()
 
 
@@ -108,3 +109,36 @@ def test_a_thousand_sheets_through_one_another_are_told_at_once() -> None:
     found = check(mesh).finding("self-intersections")
     assert found is not None and found.count == 1000
     assert "passes through face" in found.problem
+
+
+@pytest.fixture
+def few_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faces are given up after those of one leaf of the tree."""
+    monkeypatch.setattr(crossings, "_MOST_PAIRS", 0)
+    monkeypatch.setattr(crossings, "_LEAST_PAIRS_OF_A_FACE", 1)
+
+
+def test_faces_that_were_given_up_are_told_where_no_other_is_crossed(few_pairs: None) -> None:
+    """Each face of a sphere touches its neighbors, of more than one leaf; none crosses another."""
+    mesh = icosphere(3)
+    report = check(mesh)
+    assert report.finding("self-intersections") is None
+    found = report.finding("undecided-intersections")
+    assert found is not None and found.severity == "note"
+    assert found.count == len(found.faces) > mesh.n_faces / 2
+    areas = Subject(mesh, "dense", CheckOptions()).areas
+    assert areas[found.faces[0]] == areas[found.faces].max()
+
+
+def test_faces_that_were_given_up_are_told_beside_those_that_are_crossed(few_pairs: None) -> None:
+    """Two spheres through one another, and what of it the first leaf of each face shows."""
+    ball = icosphere(3)
+    other = ball.replace(positions=ball.positions + np.array([1.0, 0.1, 0.2]))
+    report = check(join_meshes([ball, other]))
+    found = report.finding("self-intersections")
+    assert found is not None and " more faces it was not told" in found.problem
+    assert report.finding("undecided-intersections") is None
+
+
+def test_nothing_is_given_up_in_common_meshes() -> None:
+    assert check(icosphere(4)).finding("undecided-intersections") is None

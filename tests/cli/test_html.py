@@ -52,6 +52,17 @@ def test_a_page_changes_no_other_file(workplace: Path, invoke: Invoke) -> None:
             assert alone.read_bytes() == shown.read_bytes()
 
 
+@pytest.mark.parametrize(
+    "line",
+    ["run high.ply -o job --faces 9 --html high.ply", "compare high.ply low.obj --html x.png"],
+)
+def test_a_page_is_written_over_no_mesh(line: str, workplace: Path, invoke: Invoke) -> None:
+    before = (workplace / "high.ply").read_bytes()
+    assert "use .html" in invoke(line, 1).output
+    assert (workplace / "high.ply").read_bytes() == before
+    assert not (workplace / "job").exists()
+
+
 def test_maps_of_the_page_alone_are_told(workplace: Path, invoke: Invoke) -> None:
     invoke("bake high.ply low.obj -o maps --maps displacement --size 64 --html page.html")
     assert not (workplace / "maps" / "normal.png").exists()

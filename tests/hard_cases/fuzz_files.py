@@ -11,13 +11,16 @@ from __future__ import annotations
 
 import argparse
 import faulthandler
+import io
 import json
 import resource
 import signal
 import tempfile
 import time
 import warnings
+import zipfile
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +98,15 @@ def _image_seed(channels: int, bits: int) -> Maker:
     return make
 
 
+def _hits_seed(path: Path) -> None:
+    from texbake import BakeOptions, bake
+    from texbake.bake.hits_file import write_hits
+    from texbake.mesh.shapes import uv_sphere
+
+    ball = uv_sphere(4, 6)
+    write_hits(bake(ball, ball, BakeOptions(size=8, keep_hits=True)), path)
+
+
 def _text_seed(text: str) -> Maker:
     return lambda path: path.write_text(text) and None
 
@@ -127,6 +139,40 @@ resolution = [8, 4]
 material = "red"
 translate = [0.0, 0.1, 0.0]
 rotate = [-90, 0, 0]
+"""
+
+PIPELINE = """
+folder = "built"
+[[assets]]
+name = "boulder"
+inputs.dense = "scans/boulder.ply"
+options.maps = {size = 256, samples = 4}
+[[assets]]
+name = "{stem}"
+inputs.dense = "more/*.ply"
+[steps.light]
+do = "simplify"
+mesh = "dense"
+faces = [1000, 400]
+[steps.low]
+do = "unwrap"
+mesh = "light"
+size = 512
+padding = 4
+output = "{asset}/{asset}_low.{ext}"
+[steps.limits]
+do = "check"
+mesh = "low"
+max_stretch = 1.3
+[steps.maps]
+do = "bake"
+after = "limits"
+high = "dense"
+low = "low"
+maps = ["normal", "displacement"]
+fail_on_miss = 2.0
+format = {displacement = "exr"}
+output = "{asset}/{asset}_{output}.{ext}"
 """
 
 # Long enough that a million bytes are some hundreds of files.
@@ -180,6 +226,21 @@ def _read_patches(path: Path) -> Any:
     return read_patches(path)
 
 
+def _read_hits(path: Path) -> Any:
+    from texbake import BakeOptions
+    from texbake.bake.bake import remap_hits
+    from texbake.bake.hits_file import read_hits
+
+    # What was let in must not lead kernels astray either.
+    return remap_hits(read_hits(path), BakeOptions(maps=("normal", "displacement")))
+
+
+def _read_pipeline(path: Path) -> Any:
+    from texbake.pipeline.building.file import read_pipeline
+
+    return read_pipeline(path)
+
+
 FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "obj": (".obj", _mesh_seed, _read_mesh),
     "ply binary": (".ply", _mesh_seed, _read_mesh),
@@ -202,7 +263,18 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "matrix": (".txt", _text_seed(MATRIX), _read_matrix),
     "profile": (".txt", _text_seed(PROFILE), _read_profile),
     "patches": (".txt", _text_seed(PATCHES), _read_patches),
+    "hits": (".npz", _hits_seed, _read_hits),
+    "pipeline": (".toml", _text_seed(PIPELINE), _read_pipeline),
 }
+# They come last: of many thousand damaged crate files (.usdc, and most .usd and .usdz) one ends the
+# process inside usd-core, whose own readers these are.
+if find_spec("pxr") is not None:
+    FORMATS |= {
+        "usda": (".usda", _mesh_seed, _read_mesh),
+        "usdc": (".usdc", _mesh_seed, _read_mesh),
+        "usd": (".usd", _mesh_seed, _read_mesh),
+        "usdz": (".usdz", _mesh_seed, _read_mesh),
+    }
 
 # What is put into text: numbers and words that readers take to be counts, indices and keys.
 WORDS = (
@@ -235,6 +307,18 @@ def mutant(content: bytes, rng: np.random.Generator) -> bytes:
         elif kind == 7:
             data[at:until] = data[at:until][::-1]
     return bytes(data)
+
+
+def zip_mutant(content: bytes, rng: np.random.Generator) -> bytes:
+    """Return a zip archive with changes in one of its files, and checksums that fit them."""
+    changed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(changed, "w") as new:
+        entries = old.infolist()
+        at = int(rng.integers(len(entries)))
+        for i, entry in enumerate(entries):
+            data = old.read(entry)
+            new.writestr(entry, mutant(data, rng) if i == at else data)
+    return changed.getvalue()
 
 
 def _fault(read: Reader, path: Path) -> str | None:
@@ -280,7 +364,9 @@ def fuzz(name: str, *, n_bytes: int, minutes: float, seed: int, folder: Path) ->
     faults: list[str] = []
     n_read, n_files = 0, 0
     while (n_read < n_bytes or time.monotonic() < end) and len(faults) < MAX_FAULTS:
-        data = mutant(content, rng)
+        # Checksums keep most damage from what reads the files in an archive.
+        inside = content.startswith(b"PK") and rng.random() < 0.5
+        data = zip_mutant(content, rng) if inside else mutant(content, rng)
         candidate.write_bytes(data)
         n_read += len(data)
         n_files += 1

@@ -105,23 +105,49 @@ def test_heights_of_normals_are_finite_and_of_mean_0(image_case, method, wrap):
     assert abs(field.heights.mean(dtype=np.float64)) <= 1e-6 * max(1.0, np.abs(field.heights).max())
 
 
+def fitted(heights, wrap):
+    """Heights whose steps fit the means of central differences best, by plain least squares."""
+    height, width = heights.shape
+    places = np.arange(heights.size).reshape(height, width)
+    rows, steps = [], []
+    for axis in (0, 1):
+        n = heights.shape[axis]
+        if n == 1:
+            continue
+        field, ids = np.moveaxis(heights, axis, 0), np.moveaxis(places, axis, 0)
+        slopes = (np.roll(field, -1, axis=0) - np.roll(field, 1, axis=0)) / 2
+        if wrap == "clamp":  # a parabola through the last three
+            slopes[0] = (-3 * field[0] + 4 * field[1] - field[2]) / 2
+            slopes[-1] = (3 * field[-1] - 4 * field[-2] + field[-3]) / 2
+        last = n if wrap == "repeat" else n - 1
+        for i in range(last):
+            j = (i + 1) % n
+            steps.append((slopes[i] + slopes[j]).ravel() / 2)
+            row = np.zeros((ids[i].size, heights.size))
+            row[np.arange(len(row)), ids[i].ravel()] -= 1.0
+            row[np.arange(len(row)), ids[j].ravel()] += 1.0
+            rows.append(row)
+    if not rows:
+        return np.zeros(heights.shape)
+    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(steps), rcond=None)[0]
+    return (found - found.mean()).reshape(heights.shape)
+
+
 @pytest.mark.parametrize("wrap", ["repeat", "clamp"])
 def test_heights_to_normals_and_back(color_case, wrap):
     heights = color_case.make()[..., 0].astype(np.float64)
     width = float(heights.shape[1])
     normals = texbake.height_to_normal(
-        heights, texbake.HeightToNormalOptions(scale=0.1, width=width, wrap=wrap)
+        heights,
+        texbake.HeightToNormalOptions(scale=0.1, width=width, wrap=wrap, derivative="central"),
     )
     back = texbake.normal_to_height(
         normals, texbake.NormalToHeightOptions(method="poisson", wrap=wrap, width=width)
     )
-    again = texbake.height_to_normal(
-        back.heights, texbake.HeightToNormalOptions(scale=1.0, width=width, wrap=wrap)
-    )
-    # Noise from texel to texel is what central differences cannot see; what they can comes back
-    # blurred, never steeper.
-    spread_of = [np.hypot(n[..., 0], n[..., 1]).mean() for n in (again, normals)]
-    assert spread_of[0] <= spread_of[1] + 1e-6
+    # Noise from texel to texel is what central differences cannot see, and what they can comes back
+    # blurred. Normals are float32, and rounding of a slope adds up over the texels of a side.
+    rounding = 2.0**-23 * max(heights.shape)
+    np.testing.assert_allclose(back.heights, fitted(0.1 * heights, wrap), rtol=0.0, atol=rounding)
 
 
 @pytest.mark.parametrize("bits", [8, 16])

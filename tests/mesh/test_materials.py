@@ -129,6 +129,17 @@ def test_gltf_images_are_read_from_beside_and_from_inside(tmp_path, uri):
     assert (color.image, color.wrap, color.placing) == (b"an image", "mirror", UNPLACED)
 
 
+@pytest.mark.parametrize("data", ["YQ", "\u00e9"])
+def test_embedded_data_that_is_no_base64_is_one_clear_line(tmp_path, data):
+    imaged = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    path = gltf_with(tmp_path, imaged, images=[{"uri": f"data:image/png;base64,{data}"}], **IMAGED)
+    with pytest.raises(FileFormatError, match="not base64"):
+        read_materials(path, read_mesh(path))
+    path = gltf_with(tmp_path, {}, buffers=[{"uri": f"data:;base64,{data}", "byteLength": 36}])
+    with pytest.raises(FileFormatError, match="not base64"):
+        read_mesh(path)
+
+
 def test_a_moved_gltf_texture_is_turned_for_v_up(tmp_path):
     moved = {"KHR_texture_transform": {"offset": [0.25, 0.5], "scale": [2, 4]}}
     path = gltf_with(

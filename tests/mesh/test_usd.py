@@ -339,6 +339,21 @@ def test_primvars_of_the_wrong_length_are_one_clear_line(stage_file, values):
     assert "\n" not in str(error.value)
 
 
+def test_more_values_than_corners_are_one_clear_line(stage_file):
+    values = ", ".join(["(0, 0)"] * 9)
+    body = f'texCoord2f[] primvars:st = [{values}] (interpolation = "faceVarying")'
+    with pytest.raises(FileFormatError, match="it has 9 values for 8 corners"):
+        read_usd(stage_file(body))
+
+
+def test_text_that_is_no_utf8_is_one_clear_line(stage_file):
+    path = stage_file()
+    path.write_bytes(path.read_bytes().replace(b"faceVertexCounts", b"face\xffCounts"))
+    with pytest.raises(FileFormatError, match="not a USD file, or damaged") as error:
+        read_usd(path)
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("content", [b"", b"v 0 0 0\n", bytes(range(256)) * 4, b"PXR-USDC"])
 def test_other_files_are_one_clear_line(tmp_path, suffix, content):

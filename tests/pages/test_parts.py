@@ -175,6 +175,8 @@ def test_a_histogram_of_little() -> None:
     assert histogram_svg(np.array([np.nan, np.inf]), title="", unit="") == ""
     for value in 0.0, 3.0, -1e-12, 1e30:
         assert histogram_svg(np.full(9, value), title="", unit="").count("<rect") == 1
+    next_to_one = np.array([1.0, np.nextafter(1.0, 2.0)])
+    assert histogram_svg(next_to_one, title="", unit="").count("<rect") == 1
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))

@@ -1,10 +1,12 @@
 """Pictures in a given time; what a machine takes is not foretold here, but what is chosen is."""
 
+import time
 from dataclasses import replace
 
 import pytest
 
 from texbake.mesh.shapes import icosphere
+from texbake.render import adaptive
 from texbake.render.options import RenderOptions
 from texbake.render.picture_report import PictureBudget
 from texbake.render.render import render
@@ -33,8 +35,24 @@ def test_a_bound_is_the_closest_that_time_is_spent_on():
 def test_no_time_gets_the_first_samples_and_a_warning():
     frame = render(icosphere(2), options=replace(OPTIONS, time_budget="1ms"))
     assert frame.budget.choice == "16 samples of each pixel, shaded once"
+    assert frame.budget.why == "because these left no time to look at any bound"
     assert frame.sampling.max_error is None and not frame.sampling.warnings
     assert "was not kept" in frame.budget.warnings[0]
+
+
+def test_normals_are_part_of_what_is_predicted(monkeypatch):
+    """They are shaded by themselves, which is over before a bound is chosen."""
+    shaded_sums = adaptive.shaded_sums
+
+    def slow(*args):
+        time.sleep(0.5)
+        return shaded_sums(*args)
+
+    monkeypatch.setattr(adaptive, "shaded_sums", slow)
+    options = replace(OPTIONS, time_budget="10min")
+    frame = render(icosphere(2), options=options)
+    assert frame.normals is not None
+    assert 0.5 < frame.budget.probe_seconds < frame.budget.predicted_seconds
 
 
 def test_what_is_told():

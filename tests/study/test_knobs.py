@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from texbake.study.case import Case
-from texbake.study.knob import TRUTHS
+from texbake.study.knob import TRUTHS, Unfit
 from texbake.study.knobs import knob_named
 from texbake.study.knobs.bump_gradient import forward_normals
 from texbake.study.options import KNOB_NAMES
@@ -161,12 +161,12 @@ def test_filters_are_studied_on_a_scene_with_an_image():
     assert found["ewa"] < found["nearest"] and found["trilinear"] < found["nearest"]
 
 
-def test_a_dense_mesh_of_fewer_triangles_than_any_setting_is_one_clear_error():
-    from texbake.errors import MeshError
+def test_a_dense_mesh_of_fewer_triangles_than_any_setting_is_said_not_to_fit():
     from texbake.mesh.shapes import cube
 
-    with pytest.raises(MeshError, match="has 12 triangles, too few"):
-        knob_named("light-mesh").prepare(Case(cube(), cube()))
+    unfit = knob_named("light-mesh").prepare(Case(cube(), cube()))
+    assert isinstance(unfit, Unfit)
+    assert "has 12 triangles, too few" in unfit.reason
 
 
 def test_triangles_in_the_picture_are_counted_without_what_shows_none():

@@ -6,13 +6,14 @@ import json
 
 import pytest
 
-from texbake.errors import OptionError
-from texbake.mesh.shapes import plane
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.shapes import cube, plane
 from texbake.study.knob import Knob, Outcome, Setting
 from texbake.study.options import KNOB_NAMES, StudyOptions
 from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
 from texbake.study.study import study
 from texbake.study.words import findings, spread
+from texbake.study.write import write_study
 
 
 def measured(label, seconds, error, problem=""):
@@ -46,13 +47,17 @@ def test_csv_has_a_line_a_setting_with_the_same_figures(quick_study):
     rows = list(csv.DictReader(io.StringIO(quick_study.to_csv())))
     told = quick_study.to_json()
     settings = [(k["knob"], s) for k in told["knobs"] for s in k["settings"]]
-    assert tuple(rows[0]) == CSV_COLUMNS
+    assert tuple(rows[0])[: len(CSV_COLUMNS)] == CSV_COLUMNS
     assert len(rows) == len(settings)
     for row, (knob, setting) in zip(rows, settings, strict=True):
         assert (row["knob"], row["setting"]) == (knob, setting["setting"])
         assert float(row["error"]) == setting["error"]
         assert float(row["seconds_median"]) == setting["seconds_median"]
         assert int(row["runs"]) == len(setting["seconds"])
+        figures = {name: row[name] for name in list(row)[len(CSV_COLUMNS) :] if row[name] != ""}
+        finite = {name: x for name, x in setting["figures"].items() if x is not None}
+        assert {name: float(x) for name, x in figures.items()} == finite
+    assert {name for _, s in settings for name in s["figures"]} == set(rows[0]) - set(CSV_COLUMNS)
 
 
 def test_settings_compete_only_within_their_problem():
@@ -72,6 +77,21 @@ def test_errors_are_the_same_in_every_study_and_for_any_threads(quick_study):
         assert [m.error for m in item.measurements] == [
             m.error for m in before[item.knob.name].measurements
         ]
+
+
+def test_a_knob_that_does_not_fit_is_left_out_and_told(tmp_path):
+    names = ("light-mesh", "noise")
+    result = study(cube(), cube(), options=StudyOptions(quick=True, repeats=1, knobs=names))
+    assert [item.knob.name for item in result.knobs] == ["noise"]
+    assert list(result.skipped) == ["light-mesh"]
+    assert "has 12 triangles" in result.to_json()["skipped"]["light-mesh"]
+    page = write_study(result, tmp_path)[0].read_text(encoding="utf-8")
+    assert "light-mesh is left out: " in page and "has 12 triangles" in page
+
+
+def test_a_study_of_nothing_that_fits_is_one_clear_error():
+    with pytest.raises(MeshError, match=r"^study light-mesh: .* has 12 triangles, too few"):
+        study(cube(), cube(), options=StudyOptions(quick=True, knobs=("light-mesh",)))
 
 
 def test_half_a_pair_is_refused():

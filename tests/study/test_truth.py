@@ -5,13 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mesh.shapes import icosphere
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, plane
 from texbake.study.case import Case, Pair
 from texbake.study.truth.floor import Floor
 from texbake.study.truth.pictures import crop, picture_error
 from texbake.study.truth.probes import angles_deg, probe
 from texbake.study.truth.radial import RadialSurface, orange_surface, rippled_surface
 from texbake.study.truth.sight import ball_points, sight_rays
+from texbake.study.truth.texel_means import mean_normals
 from texbake.study.truth.waves import texel_grid, wave_heights, wave_normals, wave_slopes
 from texbake.texture.encoding import decode_srgb
 
@@ -124,3 +126,37 @@ def test_picture_error_is_in_steps_of_a_screen():
 def test_crops_are_all_of_one_size(shape):
     picture = np.random.default_rng(0).random((*shape, 3)).astype(np.float32)
     assert crop(picture, (0.9, 0.1)).shape == (200, 200, 3)
+
+
+def test_mean_normals_are_those_of_all_rays_together():
+    """A roof over a plane, its ridge inside a column of texels: sines and cosines in proportion."""
+    size, share, slope = 32, 0.3, 0.1
+    at = -1.0 + 2.0 * (20 + share) / size
+    x, y = np.meshgrid([-1.0, at, 1.0], [-1.0, 1.0])
+    positions = np.column_stack([x.ravel(), y.ravel(), slope * (np.maximum(x - at, 0.0)).ravel()])
+    high = Mesh(positions=positions, faces=[[0, 1, 4], [0, 4, 3], [2, 5, 1], [5, 4, 1]])
+    high = high.replace(
+        normals=[[0.0, 0.0, 1.0], [-math.sqrt(0.5), 0.0, math.sqrt(0.5)]],
+        normal_faces=[[0] * 3] * 2 + [[1] * 3] * 2,
+    )
+    low = plane()
+    unit = 2.0 * (low.positions[:, :2] - low.bounds[0][:2]) / np.ptp(low.bounds, axis=0)[:2] - 1.0
+    low = low.replace(positions=np.column_stack([unit, np.zeros(len(unit))]))
+    means, known = mean_normals(Pair(high, low, ""), size)
+    assert known.all()
+    # Of 16 columns of rays 5 lie before the ridge, at 0.3 of the texel.
+    beyond = 11.0 / 16.0
+    mean = np.array([-beyond * math.sqrt(0.5), 0.0, 1.0 - beyond + beyond * math.sqrt(0.5)])
+    mean /= np.linalg.norm(mean)
+    expected = np.broadcast_to([0.0, 0.0, 1.0], means.shape).copy()
+    expected[:, 20] = mean
+    expected[:, 21:] = [-math.sqrt(0.5), 0.0, math.sqrt(0.5)]
+    assert means == pytest.approx(expected, abs=1e-6)  # float32 normals
+
+
+def test_texels_that_are_covered_in_part_have_a_mean_too():
+    low = plane()
+    low = low.replace(uvs=0.5 + 0.37 * (low.uvs - 0.5))
+    _, known = mean_normals(Pair(low, low, ""), 16)
+    inside = 0.37 * 16
+    assert inside**2 < known.sum() == math.ceil(inside / 2.0) ** 2 * 4

@@ -27,6 +27,7 @@ def layers():
             metadata={"texbake:displacement_scale": 0.1},
         ),
         "base-color": Image(pixels=np.ones((6, 5, 4), np.float32), bits=8),
+        "gray": Image(pixels=rng.random((6, 5, 2), np.float32)),
     }  # fmt: skip
 
 
@@ -47,7 +48,7 @@ def test_channels_are_named_after_their_layer(path, layers):
     assert kinds == {
         "normal.R": "half", "normal.G": "half", "normal.B": "half", "displacement.Y": "float",
         "base-color.R": "half", "base-color.G": "half", "base-color.B": "half",
-        "base-color.A": "half",
+        "base-color.A": "half", "gray.Y": "float", "gray.A": "float",
     }  # fmt: skip
 
 

@@ -38,7 +38,6 @@ from texbake.bake.sums import TexelSums
 from texbake.bake.texel_errors import ONE_SAMPLE, judge_texels
 from texbake.bake.texels import NO_FACE, SampleGrid, Samples, owned_samples, rasterize_uv
 from texbake.bake.trace import Casts, Lost, Trace
-from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 
@@ -85,12 +84,6 @@ class AdaptiveSamples:
         self._threads = options.threads
         self._rows = [range(self._shape[0])] if rows is None else list(rows)
         self._bounded = bounded_maps(kinds, inputs)
-        if not self._bounded:
-            names = ", ".join(kind.name for kind in kinds)
-            raise OptionError(
-                f"max-error: {options.error_bounds} bounds nothing of {names}; "
-                "give an angle for normals, a length for displacements"
-            )
         n_texels = self._shape[0] * self._shape[1]
         self._coverage = Coverage.none(n_texels)
         self._cells = Cells(n_texels, sum(kind.channels for kind in kinds))
@@ -285,6 +278,7 @@ class AdaptiveSamples:
             samples_of_check=recast.n_samples,
             rays_of_check=counts.rays_cast - n_rays,
             maps=maps,
+            unbounded=[k.name for k in self._kinds if k not in {b.kind for b in self._bounded}],
         )
 
     def _errors_of(self, item: BoundedMap) -> FloatArray32:

@@ -67,7 +67,9 @@ def _from_dense_mesh(
     positions = frame.to_local(low.positions)
     tree = TriangleTree.build(positions, low.faces, threads=threads)
     step = max(1, high.n_faces // _HIGH_POINTS)
-    points = frame.to_local(high.positions[high.faces[::step, 0]])
+    # All vertices, or those of some faces spread over a mesh of which any few are like the rest.
+    vertices = np.unique(high.faces) if step == 1 else high.faces[::step, 0]
+    points = frame.to_local(high.positions[vertices])
     distances, faces, weights = tree.closest_points(points, threads=threads)
     corners = positions[low.faces[faces]]
     closest = np.einsum("ni,nij->nj", weights, corners)

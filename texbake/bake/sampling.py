@@ -11,6 +11,8 @@ import numpy.typing as npt
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import MapKind
 from texbake.bake.neighbors import Metric
+from texbake.bake.targets import BOUNDED_CODINGS
+from texbake.errors import OptionError
 
 _PERCENTILES = (50, 99, 100)
 _TOLD_PERCENT = 1.0  # of texels above the bound; less is seen in the report
@@ -52,6 +54,11 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs) -> list[BoundedMap]:
 
     What secondary rays find is not among them: its error is their number's, which more samples of
     a texel would only spread.
+
+    Raises
+    ------
+    OptionError
+        There is none.
     """
     bounds = inputs.options.error_bounds
     found = []
@@ -59,6 +66,17 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs) -> list[BoundedMap]:
         bound = bounds.of_map(kind.coding, inputs.low.diagonal)
         if bound is not None and kind.needs == "hits":
             found.append(BoundedMap(kind, bound))
+    if not found:
+        names = ", ".join(kind.name for kind in kinds)
+        if not any(kind.coding in BOUNDED_CODINGS and kind.needs == "hits" for kind in kinds):
+            raise OptionError(
+                "max-error, time-budget, adaptive samples: they are for normals and displacements, "
+                f"and bound nothing of {names}; give a number of samples"
+            )
+        raise OptionError(
+            f"max-error: {bounds} bounds nothing of {names}; "
+            "give an angle for normals, a length for displacements"
+        )
     return found
 
 
@@ -126,6 +144,8 @@ class SamplingReport:
     texels_checked, samples_of_check, rays_of_check : int
         Texels that were cast again with so many samples each, which are none of the first.
     maps : list of MapErrors
+    unbounded : list of str
+        Maps that the samples of the others were used for, and whose errors nothing bounds.
     """
 
     max_error: str
@@ -136,11 +156,17 @@ class SamplingReport:
     samples_of_check: int
     rays_of_check: int
     maps: list[MapErrors] = field(default_factory=list)
+    unbounded: list[str] = field(default_factory=list)
 
     @property
     def warnings(self) -> list[str]:
-        """Says so where 64 samples were too few for many texels."""
+        """Says so where 64 samples were too few for many texels, or a map has no bound."""
         found = []
+        if self.unbounded:
+            found.append(
+                f"{self.max_error} bounds nothing of {', '.join(self.unbounded)}: it has the "
+                "samples of the other maps, whatever its own errors"
+            )
         if self.within_percent < 100.0 - _TOLD_PERCENT:
             found.append(
                 f"{100.0 - self.within_percent:.2f} % of the texels are estimated to be off by "

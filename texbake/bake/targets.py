@@ -9,6 +9,8 @@ from texbake.errors import OptionError
 
 # An 8-bit code of a normal is off by up to 0.39 degrees; heights are seen by their slope.
 DEFAULT_MAX_ERROR = "0.5deg,0.01%"
+# Codings of the maps whose errors can be bounded.
+BOUNDED_CODINGS = ("normal", "height", "vector")
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class ErrorBounds:
         """Bound of a map's values: a chord of unit normals, a length in model units, or None."""
         if coding == "normal":
             return None if self.angle is None else 2.0 * math.sin(min(self.angle, math.pi) / 2.0)
-        if coding not in ("height", "vector"):
+        if coding not in BOUNDED_CODINGS:
             return None
         return self.length if self.share is None else self.share * diagonal
 

@@ -15,6 +15,7 @@ Based on: Tomas Möller, "A fast triangle-triangle intersection test", Journal o
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.check.finding import Finding, found
 from texbake.check.subject import Subject
@@ -38,15 +39,21 @@ _LEAST_PAIRS_OF_A_FACE = 512
 
 
 def self_intersections(subject: Subject) -> Finding | None:
-    """Find faces that pass through another; the largest are the worst."""
-    crossed, n_unsure = crossed_by(subject)
-    faces = np.flatnonzero(crossed >= 0)
+    """Find faces that pass through another, or may; the largest are the worst."""
+    crossed, unsure = crossed_by(subject)
+    faces, undecided = np.flatnonzero(crossed >= 0), np.flatnonzero(unsure)
     if len(faces) == 0:
-        return None
+        return found(
+            "undecided-intersections",
+            subject.role,
+            len(undecided),
+            undecided,
+            subject.areas[undecided],
+        )
     largest = int(faces[subject.areas[faces].argmax()])
-    unsure = ""
-    if n_unsure:
-        unsure = f" Of {n_unsure:,} more faces it was not told, for the many faces near them."
+    more = ""
+    if len(undecided):
+        more = f" Of {len(undecided):,} more faces it was not told, for the many faces near them."
     return found(
         "self-intersections",
         subject.role,
@@ -55,11 +62,11 @@ def self_intersections(subject: Subject) -> Finding | None:
         subject.areas[faces],
         one=largest,
         other=int(crossed[largest]),
-        unsure=unsure,
+        unsure=more,
     )
 
 
-def crossed_by(subject: Subject) -> tuple[IntArray, int]:
+def crossed_by(subject: Subject) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     """Look for a face that passes through each.
 
     Parameters
@@ -70,7 +77,7 @@ def crossed_by(subject: Subject) -> tuple[IntArray, int]:
     -------
     others : (F,) int32
         A face that crosses each, the same on every run, or -1.
-    n_unsure : int
+    unsure : (F,) bool
         Faces of which it is not known, since thousands of others are near them.
     """
     mesh, threads = subject.mesh, subject.options.threads
@@ -92,7 +99,7 @@ def crossed_by(subject: Subject) -> tuple[IntArray, int]:
         _crossings_kernel(parts, normals, depth, most, start, stop, others, unsure)
 
     run_bands(look, mesh.n_faces, band=_BAND, threads=threads)
-    return others, int(np.count_nonzero(unsure))
+    return others, unsure
 
 
 def _normals_of_thick_faces(corners: FloatArray, normals: FloatArray, depth: float) -> FloatArray:

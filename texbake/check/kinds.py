@@ -107,6 +107,16 @@ _SURFACE = (
         remedy="Cut the parts along their intersection, or give them groups and bake them apart.",
     ),
     Kind(
+        name="undecided-intersections",
+        title="faces with too many others near them",
+        light="note",
+        dense="note",
+        problem="Whether they pass through another face was not found out, for the many faces near "
+        "them; no other face passes through one.",
+        remedy="Remove long or large faces that span what is dense, or look at the parts one by "
+        "one.",
+    ),
+    Kind(
         name="inconsistent-winding",
         title="inconsistent winding",
         unit=EDGES,
@@ -227,9 +237,9 @@ _COORDINATES = (
         name="shared-coordinates",
         title="groups that share the texture",
         light="warning",
-        problem="Faces share texels with faces of other groups, and with none of their own. That is "
-        "as it should be where each group has a texture of its own, and an overlap where all are "
-        "in one.",
+        problem="Faces share texels with faces of other groups, and with none of their own. That "
+        "is as it should be where each group has a texture of its own, and an overlap where all "
+        "are in one.",
         remedy="Bake with --texture-sets, or lay the groups apart (texbake unwrap).",
     ),
     Kind(

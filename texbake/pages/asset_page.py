@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from html import escape
 
 import numpy as np
+import numpy.typing as npt
 
-from texbake.bake.result import BakeResult
+from texbake.bake.result import BakeResult, read_misses
+from texbake.bake.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.files import PathLike
 from texbake.mesh.mesh import Mesh
 from texbake.pages.histogram import histogram_svg
@@ -29,6 +31,7 @@ from texbake.pages.viewer import Maps, View
 from texbake.pages.words import duration, number
 from texbake.progress import StageRecord
 from texbake.render.compare import Comparison
+from texbake.render.maps import heights_from
 from texbake.render.options import RenderOptions
 
 _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
@@ -48,6 +51,8 @@ class AssetPage:
         Names of the maps that were asked for; of others the page says that they are its own.
     files : dict of str to path
         In place of `baked`: maps as files, by `normal`, `displacement` and `albedo`.
+    misses : path, optional
+        In place of `baked`: its miss map as a file.
     comparison : Comparison, optional
     stages : list of StageRecord
     figures : rows of a label and a figure
@@ -64,6 +69,7 @@ class AssetPage:
     baked: BakeResult | None = None
     asked: tuple[str, ...] = ()
     files: Mapping[str, PathLike] = field(default_factory=dict)
+    misses: PathLike | None = None
     comparison: Comparison | None = None
     stages: Sequence[StageRecord] = ()
     figures: Rows = ()
@@ -91,7 +97,7 @@ def write_asset_page(path: PathLike, page: AssetPage) -> None:
         A map cannot be read, or the page not written.
     """
     pictures = _pictures(page)
-    missed = None if page.baked is None else page.baked.missed
+    missed = _missed(page)
     has_misses = missed is not None and bool(missed.any())
     view = View(
         page.high,
@@ -172,11 +178,34 @@ def _errors(page: AssetPage) -> str:
     )
 
 
+def _missed(page: AssetPage) -> npt.NDArray[np.bool_] | None:
+    """(H, W): texels that are covered and met nothing; None where that is not known."""
+    if page.baked is not None:
+        return page.baked.missed
+    return None if page.misses is None else read_misses(page.misses)
+
+
+def _heights(page: AssetPage) -> npt.NDArray[np.floating] | None:
+    """Heights of the texels that the light mesh covers, those that missed left out."""
+    if page.baked is not None:
+        baked = page.baked.maps.get("displacement")
+        return None if baked is None else baked.values[..., 0][baked.has_data]
+    if "displacement" not in page.files or page.low.uvs is None:
+        return None
+    heights = heights_from(page.files["displacement"])[..., 0]
+    grid = SampleGrid(heights.shape[1], heights.shape[0], 1)
+    owners, _ = rasterize_uv(snap_uvs(page.low, grid), grid, range(grid.height))
+    covered = owners != NO_FACE
+    missed = _missed(page)
+    if missed is not None and missed.shape == covered.shape:
+        covered &= ~missed
+    return np.asarray(heights[covered])
+
+
 def _distances(page: AssetPage) -> str:
-    if page.baked is None or "displacement" not in page.baked.maps:
+    values = _heights(page)
+    if values is None:
         return ""
-    baked = page.baked.maps["displacement"]
-    values = baked.values[..., 0][baked.has_data]
     svg = histogram_svg(
         values, title="Histogram of distances", unit="model units; to the right is outwards"
     )

@@ -39,7 +39,8 @@ def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) ->
     if not len(values):
         return ""
     low, median, high = np.percentile(values, (_TAIL_PERCENT, 50.0, 100.0 - _TAIL_PERCENT)).tolist()
-    if not high > low:
+    # Bars narrower than a step of float64 cannot be told apart.
+    if not high - low > _BINS * np.spacing(max(abs(low), abs(high))):
         room = abs(low) or 1.0
         low, high = low - room, high + room
     counts, _ = np.histogram(values, bins=_BINS, range=(low, high))

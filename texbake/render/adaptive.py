@@ -173,6 +173,11 @@ def draw_adaptively(
     adaptive = AdaptivePicture(picture)
     with stages.stage("shade"):
         adaptive.begin()
+        coverage: FloatImage | None = None
+        normals: FloatImage | None = None
+        if "normals" in keep:  # before the choice of a bound, so that its time is known there
+            plain = shaded_sums(picture, visibility)
+            _, coverage, normals = plain.finished(None, threads=picture.threads)
     budget: PictureBudget | None = None
     if options.time_budget is None:
         assert options.max_error is not None
@@ -185,15 +190,11 @@ def draw_adaptively(
             adaptive.refine(bound)
     with stages.stage("check errors"):
         sampling = second_look(adaptive, bound)
-    coverage, normals = adaptive.sums.coverage, None
-    if "normals" in keep:
-        plain = shaded_sums(picture, visibility)
-        _, coverage, normals = plain.finished(None, threads=picture.threads)
     if budget is not None:
         budget = replace(budget, actual_seconds=time.perf_counter() - start)
     return Frame(
         color=_color(adaptive.sums),
-        coverage=coverage,
+        coverage=adaptive.sums.coverage if coverage is None else coverage,
         plan=picture.plan,
         costs=picture.costs,
         _visibility=visibility,

@@ -22,6 +22,7 @@ from texbake.render.picture_report import PictureBudget, PictureCandidate
 from texbake.render.pixel_samples import BoolArray, Sides
 from texbake.render.pixel_sums import PixelSums
 from texbake.render.second_look import AMONG, RUN, SHARE, SIDE
+from texbake.time_budgets import PROBE_SHARE, why_not
 
 if TYPE_CHECKING:
     from texbake.render.adaptive import AdaptivePicture
@@ -35,10 +36,6 @@ _WIDEST = 0.25  # beyond which no bound is worth looking at
 _STRIPS = 8
 _STRIP_SHARE = 0.08  # of the rows
 _TIMED = 400  # pixels that the second look is timed with
-# Of the budget that the first samples leave: once it is spent, no closer bound is looked at.
-_PROBE_SHARE = 0.4
-# Predictions are told to be met by this much: timings of a shared machine differ by as much.
-_MARGIN = 1.15
 
 
 def choose_bound(
@@ -72,8 +69,12 @@ def choose_bound(
     why = "the closest bound of the ladder"
     for k in range(_HALVINGS, -1, -1):
         now = time.perf_counter()
-        if now - began > _PROBE_SHARE * (seconds - (began - start)):
-            why = "because looking at closer bounds would spend more of the budget"
+        if now - began > PROBE_SHARE * (seconds - (began - start)):
+            why = (
+                "because looking at closer bounds would spend more of the budget"
+                if candidates
+                else "because these left no time to look at any bound"
+            )
             break
         bound = closest * 2.0**k
         if bound > _WIDEST and k > 0:
@@ -81,8 +82,11 @@ def choose_bound(
         candidate = probe.candidate(bound)
         candidates.append(candidate)
         spent = time.perf_counter() - start
-        if spent + candidate.predicted_seconds * _MARGIN > seconds:
-            why = f"because {in_codes(bound)} would take {candidate.predicted_seconds:.2f} s"
+        reason = why_not(
+            in_codes(bound), spent=spent, predicted=candidate.predicted_seconds, seconds=seconds
+        )
+        if reason is not None:
+            why = reason
             break
         chosen = bound, candidate.predicted_seconds
     spent = time.perf_counter() - start

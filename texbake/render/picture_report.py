@@ -5,7 +5,10 @@ All errors are in steps of 1/255 of the sRGB-coded picture (`texbake.render.pict
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
+
+from texbake.time_budgets import TimeBudget
 
 _TOLD_PERCENT = 1.0  # of pixels above the bound; less is seen in the report
 
@@ -98,50 +101,11 @@ class PictureCandidate:
 
 
 @dataclass(frozen=True)
-class PictureBudget:
-    """Which bound a time was turned into, and how it went; all times are wall-clock seconds.
+class PictureBudget(TimeBudget[PictureCandidate]):
+    """Which bound the time of a picture was turned into; see `TimeBudget`.
 
-    Attributes
-    ----------
-    seconds : float
-        As asked for.
-    choice, why : str
-        The bound that was taken.
-    probe_seconds : float
-        From the beginning to the choice. Most of it is part of the picture itself.
-    predicted_seconds : float
-        Of everything; it is chosen to be within the budget with a margin of 15 %.
-    actual_seconds : float
-        Of everything; reading and writing files is not part of a picture.
-    candidates : list of PictureCandidate
-        In the order in which they were looked at.
+    Most of what comes before the choice is part of the picture itself.
     """
 
-    seconds: float
-    choice: str
-    why: str
-    probe_seconds: float
-    predicted_seconds: float
-    actual_seconds: float = 0.0
-    candidates: list[PictureCandidate] = field(default_factory=list)
-
-    @property
-    def warnings(self) -> list[str]:
-        """Says so where the time was not kept."""
-        if self.actual_seconds <= self.seconds:
-            return []
-        return [
-            f"the time budget of {self.seconds:.4g} s was not kept, the picture took "
-            f"{self.actual_seconds:.2f} s with {self.choice}; use a smaller --size"
-        ]
-
-    def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
-        return [
-            ("time budget", f"{self.seconds:.4g} s: {self.choice}, {self.why}"),
-            (
-                "time predicted",
-                f"{self.predicted_seconds:.2f} s, {self.probe_seconds:.2f} s of it up to the "
-                f"choice; took {self.actual_seconds:.2f} s",
-            ),
-        ]
+    work: ClassVar[str] = "the picture"
+    first_part: ClassVar[str] = "up to the choice"

@@ -95,6 +95,19 @@ class Bench:
 
 
 @dataclass(frozen=True)
+class Unfit:
+    """Why a knob cannot be studied on a case: it is left out, and the others are studied.
+
+    Attributes
+    ----------
+    reason : str
+        Begins with the thing that does not fit, as an error message does.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True)
 class Knob:
     """Something that a user can turn up or down.
 
@@ -112,7 +125,7 @@ class Knob:
     needs : str
         What of a user's it can be studied on: `pair`, `scene` or `nothing`.
     prepare
-        Makes it ready.
+        Makes it ready, or says why it cannot be studied.
     baseline : str
         Series that the others are held against: the page tells in what share of its time they reach
         its errors.
@@ -125,5 +138,5 @@ class Knob:
     unit: str
     kind: str
     needs: str
-    prepare: Callable[[Case], Bench]
+    prepare: Callable[[Case], Bench | Unfit]
     baseline: str = ""

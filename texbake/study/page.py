@@ -61,7 +61,8 @@ def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot)
     sections = "".join(_section(item, plots[item.knob.name]) for item in result.knobs)
     body = (
         f"<h1>{_TITLE}</h1>\n{_header(result)}"
-        f"<section>\n<h2>Where each knob stops paying</h2>\n{_summary(result)}</section>\n"
+        f"<section>\n<h2>Where each knob stops paying</h2>\n{_summary(result)}"
+        f"{_skipped(result)}</section>\n"
         f"<section>\n<h2>All settings</h2>\n<p>{_READING} Frames hold errors of one kind; fronts "
         "are those of each knob, because different knobs answer different questions.</p>\n"
         f'<div class="wide all">{_titled(everything.svg, "All settings of all knobs")}</div>\n'
@@ -104,6 +105,14 @@ def _summary(result: StudyResult) -> str:
         '<th>error there</th><th>time there</th><th class="words">the next step</th></tr>\n'
         f"{''.join(rows)}</table></div>\n"
     )
+
+
+def _skipped(result: StudyResult) -> str:
+    found = "".join(
+        f"<li>{escape(name)} is left out: {escape(reason)}.</li>"
+        for name, reason in result.skipped.items()
+    )
+    return f'<ul class="found">{found}</ul>\n' if found else ""
 
 
 def _section(result: KnobResult, plot: Plot) -> str:

@@ -160,7 +160,7 @@ class KnobResult:
         }
 
     def rows(self) -> list[list[Any]]:
-        """Return the lines of the CSV file."""
+        """Return the lines of the CSV file, as far as `CSV_COLUMNS` go."""
         front, knees = set(self.front), set(self.knees)
         return [
             [
@@ -196,13 +196,18 @@ class StudyResult:
     machine : dict of str to str or int
         What it ran on.
     knobs : tuple of KnobResult
+    seconds : float
+        Of everything.
+    skipped : dict of str to str
+        Names of the knobs that could not be studied on what was given, and why.
     """
 
     options: StudyOptions
     inputs: dict[str, str]
     machine: dict[str, Any]
     knobs: tuple[KnobResult, ...]
-    seconds: float = field(default=0.0)
+    seconds: float = 0.0
+    skipped: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return everything but the pictures."""
@@ -213,16 +218,25 @@ class StudyResult:
             "repeats": self.options.repeats,
             "quick": self.options.quick,
             "seconds": self.seconds,
+            "skipped": self.skipped,
             "knobs": [item.to_json() for item in self.knobs],
         }
 
     def to_csv(self) -> str:
-        """Return a table with a line a setting."""
+        """Return a table with a line a setting.
+
+        After `CSV_COLUMNS` comes a column for each other figure that any knob told, under its own
+        name, empty where a setting has none or it is not finite.
+        """
+        settings = [m for item in self.knobs for m in item.measurements]
+        names = dict.fromkeys(name for m in settings for name in m.outcome.figures)
+        rows = [row for item in self.knobs for row in item.rows()]
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")
-        table.writerow(CSV_COLUMNS)
-        for item in self.knobs:
-            table.writerows(item.rows())
+        table.writerow((*CSV_COLUMNS, *names))
+        for m, row in zip(settings, rows, strict=True):
+            figures = (_finite(m.outcome.figures.get(name, math.nan)) for name in names)
+            table.writerow([*row, *("" if x is None else repr(x) for x in figures)])
         return text.getvalue()
 
 

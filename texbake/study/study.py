@@ -15,6 +15,7 @@ from texbake.pipeline.preview import with_light
 from texbake.progress import ProgressSink, Stages
 from texbake.render.scene.scene import Scene
 from texbake.study.case import Case
+from texbake.study.knob import Unfit
 from texbake.study.knobs import knob_named
 from texbake.study.options import StudyOptions
 from texbake.study.result import KnobResult, Measurement, StudyResult
@@ -55,6 +56,9 @@ def study(
     ------
     OptionError
         One mesh of the pair is missing.
+    MeshError
+        None of the knobs can be studied on what is given. Where only some cannot, they are left
+        out, and the result says why.
     TexbakeError
         What the work itself raises.
     """
@@ -65,20 +69,27 @@ def study(
     shown = None if scene is None else with_light(scene)
     case = Case(high, low, shown, quick=options.quick, threads=options.threads)
     stages = Stages(progress)
-    knobs = tuple(_studied(name, case, options, stages) for name in options.ordered_knobs)
+    found = {name: _studied(name, case, options, stages) for name in options.ordered_knobs}
+    skipped = {name: item.reason for name, item in found.items() if isinstance(item, Unfit)}
+    if len(skipped) == len(found):
+        name, reason = next(iter(skipped.items()))
+        raise MeshError(f"study {name}: {reason}; study other knobs or meshes")
     return StudyResult(
         options=options,
         inputs=_inputs(high, low, scene),
         machine=_machine(options),
-        knobs=knobs,
+        knobs=tuple(item for item in found.values() if isinstance(item, KnobResult)),
+        skipped=skipped,
         seconds=time.perf_counter() - start,
     )
 
 
-def _studied(name: str, case: Case, options: StudyOptions, stages: Stages) -> KnobResult:
+def _studied(name: str, case: Case, options: StudyOptions, stages: Stages) -> KnobResult | Unfit:
     knob = knob_named(name)
     with stages.stage(f"prepare {name}"):
         bench = knob.prepare(case)
+    if isinstance(bench, Unfit):
+        return bench
     repeats = min(options.repeats, _QUICK_REPEATS) if options.quick else options.repeats
     n_runs = len(bench.settings) * (repeats + 1)
     try:
@@ -89,9 +100,8 @@ def _studied(name: str, case: Case, options: StudyOptions, stages: Stages) -> Kn
     finally:
         bench.close()
     if not all(math.isfinite(trial.outcome.error) for trial in trials):
-        raise MeshError(
-            f"study {name}: nothing of {bench.subject} is seen where it is compared, so that it "
-            "has no error; leave this knob out"
+        return Unfit(
+            f"nothing of {bench.subject} is seen where it is compared, so that it has no error"
         )
     return KnobResult(
         knob=knob,

@@ -22,7 +22,7 @@ from texbake.texture.image import Image, read_header
 
 # Names of the channels of a layer by their number.
 _CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
-_ORDER = "RGBAXYZUV"
+_ORDER = "RGBXYZUVA"  # of channels in memory; files have them by the alphabet
 
 
 def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
@@ -68,7 +68,7 @@ def read_layers(path: PathLike) -> dict[str, Image]:
     """Read the layers of an EXR file, in the order of their channels.
 
     Channels whose names have no dot are the layer of the name "". Channels of a layer come in the
-    order R, G, B, A or X, Y, Z, whatever the order in the file.
+    order R, G, B, A, or X, Y, Z, or Y, A, whatever the order in the file.
 
     Raises
     ------

@@ -10,10 +10,13 @@ from typing import Any
 import pytest
 
 from texbake import FileError, OptionError
+from texbake.bake import cast
+from texbake.bake.chunked_caster import ChunkedCaster
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.pipeline.building import locations
 from texbake.pipeline.building.build import build, plan_build
+from texbake.pipeline.building.keys import checksum
 from texbake.pipeline.building.options import BuildOptions, parse_bytes
 from texbake.pipeline.building.store import Store
 
@@ -59,13 +62,31 @@ def test_a_build_makes_everything_and_the_next_nothing(
     assert set(before) == {
         f"{asset}_{rest}"
         for asset in ("ball", "egg")
-        for rest in ("low.obj", "normal.png", "report.json")
+        for rest in ("low.obj", "misses.png", "normal.png", "report.json")
     }
     assert read_mesh(path.parent / "build" / "egg_low.obj").diagonal > 4
     again, steps = run(path)
     assert again.ok and steps == []
     assert [asset.state for asset in again.assets] == ["current", "current"]
     assert contents(path.parent / "build") == before
+
+
+def test_less_memory_gives_the_same_bytes(
+    write: Write, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write()
+    run(path)
+    before = contents(path.parent / "build")
+    made: list[int] = []
+    monkeypatch.setattr(
+        cast, "ChunkedCaster",
+        lambda *given, **more: made.append(given[2]) or ChunkedCaster(*given, **more),
+    )  # fmt: skip
+    again, steps = run(path, folder=path.parent / "small", max_memory="1M")
+    assert again.ok and len(steps) == 6 and len(made) == 2
+    assert contents(path.parent / "small") == before
+    # It is no setting: what is built stays so.
+    assert run(path, max_memory="1M")[1] == []
 
 
 def test_only_what_changed_runs(write: Write, run: Run) -> None:
@@ -207,6 +228,13 @@ def test_a_damaged_store_is_found_and_mended(
     assert run(scans)[1] == []
 
 
+def believe(digests: Path, file: Path) -> None:
+    """Make what is remembered of a file that of now, but for its checksum."""
+    known = json.loads(digests.read_text())["files"]
+    known[str(file)][0] = list(locations.file_signature(file) or ())
+    digests.write_text(json.dumps({"checksum": checksum(known), "files": known}))
+
+
 def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
     scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch, inline: Any
 ) -> None:
@@ -219,9 +247,7 @@ def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_re
     file.write_bytes(data)
     # A disk changes bits and tells nobody: the remembered signature is made that of now.
     digests = scans.parent / "build" / ".texbake" / "digests.json"
-    known = json.loads(digests.read_text())
-    known[str(file)][0] = list(locations.file_signature(file) or ())
-    digests.write_text(json.dumps(known))
+    believe(digests, file)
     assert run(scans)[1] == []
     scans.write_text(scans.read_text().replace('"spherical"', '"box"'))
     result, steps = run(scans)
@@ -232,9 +258,7 @@ def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_re
     data = bytearray(file.read_bytes())
     data[-9] ^= 1
     file.write_bytes(data)
-    known = json.loads(digests.read_text())
-    known[str(file)][0] = list(locations.file_signature(file) or ())
-    digests.write_text(json.dumps(known))
+    believe(digests, file)
     assert run(scans)[1] == []
     assert run(scans, verify=True)[1] == ["a.clean"]
 

@@ -94,8 +94,11 @@ def test_two_outputs_of_one_step_with_one_name(write: Write) -> None:
 
 
 def test_an_output_within_another(write: Write) -> None:
-    steps = MAKE + 'output = "x"\n[steps.b]\ndo = "repair"\nmesh = "dense"\noutput = "x/y.ply"\n'
-    with pytest.raises(FileFormatError, match=r"x/y\.ply would lie in x, which a dense makes"):
+    steps = (
+        MAKE
+        + 'output = "x.ply"\n[steps.b]\ndo = "repair"\nmesh = "dense"\noutput = "x.ply/y.ply"\n'
+    )
+    with pytest.raises(FileFormatError, match=r"x\.ply/y\.ply would lie in x\.ply, which a dense"):
         plan_build(write(ASSET, steps))
 
 
@@ -105,6 +108,37 @@ def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
     steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "a.ply"\n'
     with pytest.raises(FileFormatError, match=r"a\.ply is also an input"):
         plan_build(write('[[assets]]\ninputs.high = "out/*.ply"\n', steps, 'folder = "out"\n'))
+
+
+@pytest.mark.parametrize(
+    ("output", "told"),
+    [
+        ("p.toml", r"p\.toml is this file itself"),
+        ("raw.ply", r"raw\.ply is also an input"),
+        ("build.json", r"'build.json' is for the build's own files"),
+        (".texbake/x.ply", r"'.texbake/x.ply' is for the build's own files"),
+        ("{asset}.obj", r"'a.obj' ends unlike what it will hold, a .ply file; end it with .{ext}"),
+        ("{asset.{ext}", r"has {asset.{ext}, which is not known|has a brace without its other"),
+        ("{asset", "has a brace without its other"),
+        ("a\\u0000.ply", "has a character that names cannot have"),
+    ],
+)
+def test_outputs_that_would_do_harm(output: str, told: str, write: Write, tmp_path: Path) -> None:
+    (tmp_path / "raw.ply").write_text("x")
+    steps = f'[steps.r]\ndo = "repair"\nmesh = "./raw.ply"\noutput = "{output}"\n'
+    if output in ("p.toml", "build.json"):  # a folder has no suffix to mind
+        steps = steps.replace('"repair"', '"mipmap"').replace("mesh", "image")
+    path = write(ASSET, steps)
+    with pytest.raises(FileFormatError, match=told):
+        plan_build(path.rename(tmp_path / "p.toml"), BuildOptions(folder=tmp_path))
+
+
+def test_only_takes_names_with_brackets_as_they_are(write: Write, tmp_path: Path) -> None:
+    (tmp_path / "a[1].ply").write_text("x")
+    path = write(
+        '[[assets]]\ninputs.dense = "a*.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "dense"\n'
+    )
+    assert [step.asset for step in plan_build(path, BuildOptions(only=("a[1]",)))] == ["a[1]"]
 
 
 def test_a_name_matched_twice(write: Write, tmp_path: Path) -> None:

@@ -10,7 +10,9 @@ from texbake.pipeline.building.keys import canonical, checksum, differences, ing
 from texbake.pipeline.building.steps import STEP_KINDS
 
 # Inputs that each kind must be given.
-GIVEN: dict[str, dict[str, Any]] = {"make": {"shape": "sphere"}, "simplify": {"faces": 9}}
+GIVEN: dict[str, dict[str, Any]] = {
+    "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"target": "unity"},
+}  # fmt: skip
 
 
 def key(name: str, given: dict[str, Any], **more: Any) -> str:

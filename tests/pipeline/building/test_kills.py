@@ -54,7 +54,7 @@ def test_random_kills(write: Any, tmp_path: Path, contents: Callable[..., Any]) 
     path = write(assets)
     assert start(path, tmp_path / "undisturbed").wait() == 0
     expected = contents(tmp_path / "undisturbed")
-    assert len(expected) == 15
+    assert len(expected) == 20
 
     random.seed(6)
     folder = tmp_path / "killed"
@@ -90,5 +90,5 @@ def test_two_builds_at_once(write: Any, tmp_path: Path, contents: Callable[..., 
     path = write()
     builds = [start(path, tmp_path / "both") for _ in range(2)]
     assert [build.wait() for build in builds] == [0, 0]
-    assert len(contents(tmp_path / "both")) == 6
+    assert len(contents(tmp_path / "both")) == 8
     assert len(list((tmp_path / "both" / ".texbake" / "store").glob("??/*"))) == 6

@@ -90,8 +90,8 @@ def test_maps_in_several_formats(do: Do, ball: Path) -> None:
         "padding": 1,
     }  # fmt: skip
     files, figures = do("bake", given, high=ball, low=ball)
-    assert [path.suffix for path in files.values()] == [".png", ".exr", ".json"]
-    assert figures["miss_percent"] == 0.0
+    assert [path.suffix for path in files.values()] == [".png", ".exr", ".png", ".json"]
+    assert figures["miss_percent"] == 0.0 and figures["faces"] == 224
     again, _ = do("bake", given, threads=2, high=ball, low=ball)
     for name, path in files.items():
         assert path.read_bytes() == again[name].read_bytes()
@@ -126,6 +126,36 @@ def test_textures(do: Do, ball: Path, tmp_path: Path) -> None:
 def test_a_picture(do: Do, ball: Path) -> None:
     files, _ = do("preview", {"width": 64, "height": 48}, mesh=ball)
     assert read_image(files["picture"], color=True).pixels.shape[:2] == (48, 64)
+
+
+def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
+    maps, _ = do("bake", {"size": 32, "padding": 1}, high=ball, low=ball)
+    files, figures = do(
+        "export", {"target": "unreal", "mesh_format": "glb"}, mesh=ball, levels=(ball, ball),
+        normal=maps["normal"],
+    )  # fmt: skip
+    made = {path.name: path for path in files["folder"].iterdir()}
+    assert set(made) == {"SM_a.glb", "T_a_N.png", "SETTINGS.txt"}
+    assert figures["bytes"] == sum(path.stat().st_size for path in made.values())
+    # Unreal's green goes down, that of the bake up.
+    ours, theirs = (read_image(p, color=False).pixels for p in (maps["normal"], made["T_a_N.png"]))
+    np.testing.assert_allclose(theirs[..., 1], 1.0 - ours[..., 1], atol=2 / 255)
+
+
+def test_a_page_tells_what_the_files_do(do: Do, ball: Path) -> None:
+    given = {"maps": ("normal", "displacement"), "size": 32, "padding": 1}
+    maps, _ = do("bake", given, high=ball, low=ball)
+    files, figures = do(
+        "page", {"size": 64}, high=ball, low=ball, normal_map=maps["normal"],
+        displacement=maps["displacement"], misses=maps["misses"],
+    )  # fmt: skip
+    text = files["page"].read_text()
+    assert "<title>a: baked from its dense mesh</title>" in text
+    assert 'id="distances"' in text and 'id="errors"' in text and str(ball.parent) not in text
+    # A mesh baked onto itself: what is left comes from 8 and 16 bit codes and 64 pixels.
+    assert figures["error_deg"] < 0.5 and figures["bare_error_deg"] < 0.5
+    bare, figures = do("page", {}, high=ball, low=ball)
+    assert 'id="errors"' not in bare["page"].read_text() and figures == {}
 
 
 def test_limits(do: Do, ball: Path, tmp_path: Path) -> None:

@@ -163,6 +163,17 @@ def test_files_have_the_names_that_the_program_is_used_to(export, target):
     assert "{" not in text
 
 
+@pytest.mark.parametrize("target", TARGETS)
+def test_an_obj_file_is_told_apart_from_gltf(export, target):
+    name = "a-long-name-of-many-words-that-no-line-has-room-for-beside-anything-else"
+    result = export(target, mesh_format="obj", name=name)
+    text = result.settings.read_text(encoding="utf-8")
+    assert all(path.name in text for path in result.files if path != result.settings)
+    of_mesh = text.partition("\nMesh\n")[2].partition("\nMaps\n")[0]
+    assert "gltf" not in of_mesh.lower()
+    assert "already" not in of_mesh
+
+
 def test_the_mesh_is_turned_and_scaled(tmp_path, mesh):
     options = ExportOptions(target="blender", up="z", meters_per_unit=0.01)
     result = export_asset(mesh, {}, tmp_path, options, levels=[mesh])

@@ -9,7 +9,6 @@ Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
 from __future__ import annotations
 
 import base64
-import binascii
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -191,7 +190,7 @@ class Document:
         elif uri.startswith("data:"):
             try:
                 data = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
-            except binascii.Error:
+            except ValueError:
                 self.fail(f"the data of buffers[{index}] is not base64")
         elif "://" in uri:
             self.fail(f"buffers[{index}] is at {uri[:60]!r}, and only local files are read")

@@ -7,7 +7,6 @@ extension KHR_texture_transform.
 from __future__ import annotations
 
 import base64
-import binascii
 import math
 from typing import Any
 from urllib.parse import unquote
@@ -100,7 +99,7 @@ def _image_bytes(document: Document, index: Any) -> bytes:
     if uri.startswith("data:"):
         try:
             return base64.b64decode(uri.partition(",")[2])
-        except binascii.Error:
+        except ValueError:
             document.fail(f"the data of images[{index}] is not base64")
     if "://" in uri:
         document.fail(f"images[{index}] is at {uri[:60]!r}; only local files are read")

@@ -29,7 +29,7 @@ from texbake.files import PathLike
 from texbake.mesh.files.parts import joined_parts
 from texbake.mesh.files.polygons import fan_corners
 from texbake.mesh.files.usd_primvars import Corners, read_colors, read_primvars
-from texbake.mesh.files.usd_stage import open_stage
+from texbake.mesh.files.usd_stage import numbers_of, open_stage, told_damage
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.transform import transformed
 
@@ -56,7 +56,15 @@ def read_usd(path: PathLike) -> Mesh:
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
     stage = open_stage(path)
-    name = Path(path).name
+    with told_damage(path):
+        parts = _read_parts(path, stage)
+    if not parts:
+        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    return joined_parts(parts, Path(path).name)
+
+
+def _read_parts(path: PathLike, stage: Any) -> list[Mesh]:
+    """Meshes of a stage, in world space."""
     house = _house_matrix(stage)
     parts = []
     n_corners = 0
@@ -70,9 +78,7 @@ def read_usd(path: PathLike) -> Mesh:
             raise FileFormatError(f"{path}: it places more triangles than 32-bit indices can count")
         with np.errstate(over="ignore", invalid="ignore"):
             parts.append(transformed(mesh, house @ matrix))
-    if not parts:
-        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    return joined_parts(parts, name)
+    return parts
 
 
 def _house_matrix(stage: Any) -> FloatArray:
@@ -120,17 +126,19 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
 
     usd_mesh = UsdGeom.Mesh(prim)
     time = Usd.TimeCode.EarliestTime()
-    points = usd_mesh.GetPointsAttr().Get(time)
-    counts = _integers(usd_mesh.GetFaceVertexCountsAttr().Get(time))
-    point_of = _integers(usd_mesh.GetFaceVertexIndicesAttr().Get(time))
-    if points is None or len(points) == 0 or len(counts) == 0:
+    points = numbers_of(path, usd_mesh.GetPointsAttr().Get(time) or (), np.float64)
+    counts = _integers(path, usd_mesh.GetFaceVertexCountsAttr().Get(time))
+    point_of = _integers(path, usd_mesh.GetFaceVertexIndicesAttr().Get(time))
+    if points.size == 0 or len(counts) == 0:
         return None
+    if points.ndim != 2 or points.shape[1] != 3:
+        _fail(path, prim, f"its points have the shape {points.shape}, not 3 numbers each")
     if counts.min() < 0 or counts.sum() != len(point_of):
         _fail(path, prim, f"its faces count {counts.sum()} corners, and {len(point_of)} are there")
     if point_of.size and (point_of.min() < 0 or point_of.max() >= len(points)):
         _fail(path, prim, f"a corner is none of its {len(points)} points")
     slots, polygons = fan_corners(counts)
-    holes = _integers(usd_mesh.GetHoleIndicesAttr().Get(time))
+    holes = _integers(path, usd_mesh.GetHoleIndicesAttr().Get(time))
     kept = ~np.isin(polygons, holes)
     slots, polygons = slots[kept], polygons[kept]
     if len(slots) == 0:
@@ -144,9 +152,9 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
         slots=slots,
         n_points=len(points),
     )
-    groups, names = _groups(prim, len(counts), "" if is_alone else f"{_name(prim)}/")
+    groups, names = _groups(path, prim, len(counts), "" if is_alone else f"{_name(prim)}/")
     return Mesh(
-        positions=np.array(points, np.float64),
+        positions=points,
         faces=point_of[slots].astype(np.int32),
         face_groups=groups[polygons].astype(np.int32),
         group_names=names,
@@ -157,7 +165,7 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
 
 
 def _groups(
-    prim: Any, n_polygons: int, prefix: str
+    path: PathLike, prim: Any, n_polygons: int, prefix: str
 ) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
     """Group of each polygon: its subset, else the mesh itself; and the names of those."""
     from pxr import Usd, UsdGeom
@@ -168,7 +176,7 @@ def _groups(
     for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)):
         if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
             continue
-        faces = _integers(subset.GetIndicesAttr().Get(time))
+        faces = _integers(path, subset.GetIndicesAttr().Get(time))
         faces = faces[(faces >= 0) & (faces < n_polygons)]
         groups[faces] = len(names)
         names.append(f"{prefix}{_name(subset.GetPrim())}")
@@ -182,8 +190,8 @@ def _name(prim: Any) -> str:
     return str(prim.GetDisplayName() or prim.GetName())
 
 
-def _integers(values: Any) -> npt.NDArray[np.int64]:
-    return np.zeros(0, np.int64) if values is None else np.array(values, np.int64).ravel()
+def _integers(path: PathLike, values: Any) -> npt.NDArray[np.int64]:
+    return numbers_of(path, () if values is None else values, np.int64).ravel()
 
 
 def _fail(path: PathLike, prim: Any, what: str) -> None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
+from texbake.mesh.files.usd_stage import numbers_of
 from texbake.mesh.weld import weld_rows
 
 # Types of texture coordinates, those that say what they are for first.
@@ -79,7 +80,7 @@ def read_colors(prim: Any, corners: Corners) -> dict[str, Any]:
         values = primvar.ComputeFlattened(time)
         if values is None or len(values) != corners.n_points:
             break
-        columns.append(np.array(values, np.float32).reshape(-1, width))
+        columns.append(numbers_of(corners.path, values, np.float32).reshape(-1, width))
     return {"colors": np.concatenate(columns, axis=1)} if columns else {}
 
 
@@ -130,20 +131,23 @@ def _values(
         interpolation, indices = source.GetInterpolation(), source.GetIndices(time)
     else:
         interpolation, indices = UsdGeom.Mesh(prim).GetNormalsInterpolation(), None
-    array = np.array(source.Get(time), np.float64)
+    array = numbers_of(corners.path, source.Get(time), np.float64)
     if array.ndim != 2 or array.shape[1] != width:
         if name.endswith("tangents"):
             return None  # no rule of the format names them, and others may mean something else
         corners.fail(prim, name, f"it has the shape {array.shape}, not {width} numbers a value")
     elements = corners.elements(interpolation)
     if indices:
-        table = np.array(indices, np.int64)
+        table = numbers_of(corners.path, indices, np.int64)
         if len(elements) and elements.max() >= len(table):
             corners.fail(prim, name, f"it has {len(table)} indices for {elements.max() + 1} places")
         elements = table[elements]
     if len(elements) and (elements.min() < 0 or elements.max() >= len(array)):
         corners.fail(prim, name, f"it has {len(array)} values, and one asked for is none of them")
-    if interpolation == "faceVarying" and not indices and np.isfinite(array).all():
+    is_listed = interpolation == "faceVarying" and not indices
+    if is_listed and len(array) != len(elements):
+        corners.fail(prim, name, f"it has {len(array)} values for {len(elements)} corners")
+    if is_listed and np.isfinite(array).all():
         rows = np.concatenate([corners.point_of[:, None].astype(np.float64), array], axis=1)
         kept, elements = np.unique(weld_rows(rows), return_inverse=True)
         array = array[kept]

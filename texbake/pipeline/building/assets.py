@@ -53,13 +53,14 @@ def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[Asset]:
     if not only:
         return list(assets.values())
     for pattern in only:
-        if not any(fnmatchcase(name, pattern) for name in assets):
+        if not any(_is(name, pattern) for name in assets):
             raise OptionError(f"only: no asset is called {pattern!r}; {_near(pattern, assets)}")
-    return [
-        asset
-        for name, asset in assets.items()
-        if any(fnmatchcase(name, pattern) for pattern in only)
-    ]
+    return [asset for name, asset in assets.items() if any(_is(name, pattern) for pattern in only)]
+
+
+def _is(name: str, pattern: str) -> bool:
+    """Whether it is the name or a pattern of it; names may have brackets."""
+    return name == pattern or fnmatchcase(name, pattern)
 
 
 def _near(pattern: str, names: dict[str, Asset]) -> str:

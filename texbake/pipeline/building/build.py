@@ -121,7 +121,7 @@ def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[Plan
     options = options or BuildOptions()
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)
-    states = states_of(plan_nodes(pipeline, find_assets(pipeline, options.only)))
+    states = states_of(plan_nodes(pipeline, find_assets(pipeline, options.only), site.outputs))
     resolver, publisher = site.resolver(states)
     return [_planned(state, states, resolver, publisher) for state in states.values()]
 
@@ -182,7 +182,7 @@ def _build(
 ) -> BuildResult:
     started, start = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
     assets = find_assets(pipeline, options.only)
-    states = states_of(plan_nodes(pipeline, assets))
+    states = states_of(plan_nodes(pipeline, assets, site.outputs))
     site.store.clean()
     resolver, publisher = site.resolver(states)
     told: dict[str, Any] = {
@@ -237,8 +237,13 @@ def _run(
             executor,
             memory_bytes=None if options.scheduler else memory,
             listener=listener,
-            slots=1 if options.scheduler else default_jobs(options),
+            slots=_slots(options, executor),
         ).run()
+
+
+def _slots(options: BuildOptions, executor: Callable[[], Executor]) -> int:
+    """Steps at once, for estimates; workers of this machine are not made for that."""
+    return default_jobs(options) if options.scheduler is None else executor().slots
 
 
 def default_jobs(options: BuildOptions) -> int:

@@ -19,6 +19,7 @@ from texbake.errors import FileError
 from texbake.files import replacing
 from texbake.mesh.files.source import require_file
 from texbake.pipeline.building.companions import SUFFIXES, companions
+from texbake.pipeline.building.keys import checksum
 from texbake.pipeline.building.locations import file_signature, is_url, location_of
 
 _TICK_NS = 50_000_000
@@ -55,10 +56,10 @@ class Digests:
         self._path = path
         self._known: dict[str, list[Any]] = {}
         if trusting:
-            with suppress(OSError, ValueError):
-                known = json.loads(path.read_bytes())
-                if isinstance(known, dict):
-                    self._known = known
+            with suppress(OSError, ValueError, TypeError, KeyError):
+                kept = json.loads(path.read_bytes())
+                if checksum(kept["files"]) == kept["checksum"]:
+                    self._known = kept["files"]
         self._changed = False
 
     def digest(self, path: str) -> str:
@@ -129,7 +130,8 @@ class Digests:
         """Write what is remembered, whole or not at all."""
         if self._changed:
             with replacing(self._path) as temporary:
-                temporary.write_text(json.dumps(self._known), encoding="utf-8")
+                kept = {"checksum": checksum(self._known), "files": self._known}
+                temporary.write_text(json.dumps(kept), encoding="utf-8")
             self._changed = False
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 from texbake.errors import OptionError
 from texbake.pipeline.building.assets import Asset, absolute
@@ -16,6 +16,9 @@ from texbake.pipeline.building.names import filled
 from texbake.render.scene.file.faults import nearest
 
 Id = tuple[str, str]
+
+# Names in the folder of outputs that a build may have taken for itself.
+BUILDS_OWN = {"build.json", ".texbake"}
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,16 @@ class Node:
     published: dict[str, str]
 
 
-def plan_nodes(pipeline: Pipeline, assets: Sequence[Asset]) -> dict[Id, Node]:
+def plan_nodes(
+    pipeline: Pipeline, assets: Sequence[Asset], outputs: str | None = None
+) -> dict[Id, Node]:
     """All steps of all assets, each after those that it waits for.
+
+    Parameters
+    ----------
+    pipeline, assets
+    outputs
+        Folder or URL where outputs go; None for what the pipeline says.
 
     Raises
     ------
@@ -79,7 +90,7 @@ def plan_nodes(pipeline: Pipeline, assets: Sequence[Asset]) -> dict[Id, Node]:
         if shape not in orders:
             orders[shape] = _ordered(pipeline, found)
         nodes.update((found[name].id, found[name]) for name in orders[shape])
-    _check_outputs(pipeline, nodes.values(), assets)
+    _check_outputs(pipeline, nodes.values(), assets, outputs or _outputs(pipeline))
     return nodes
 
 
@@ -171,13 +182,21 @@ def _published(
         except OptionError as error:
             raise pipeline.fault((*table.place, "output"), str(error)) from error
         name = name.removesuffix(".")  # a folder has no suffix
-        parts = name.split("/")
-        if name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
-            raise pipeline.fault(
-                (*table.place, "output"), f"{name!r} does not lie below the folder of outputs"
-            )
+        if (fault := _fault_of(name, PurePosixPath(file).suffix)) is not None:
+            raise pipeline.fault((*table.place, "output"), fault)
         names[output] = name
     return names
+
+
+def _fault_of(name: str, suffix: str) -> str | None:
+    """What is wrong with the name of an output, which is a file with this suffix."""
+    if name.startswith("/") or "\\" in name or {"", ".", ".."} & set(name.split("/")):
+        return f"{name!r} does not lie below the folder of outputs"
+    if any(character < " " for character in name):
+        return f"{name!r} has a character that names cannot have"
+    if suffix and PurePosixPath(name).suffix.lower() != suffix:
+        return f"{name!r} ends unlike what it will hold, a {suffix} file; end it with .{{ext}}"
+    return None
 
 
 def _ordered(pipeline: Pipeline, found: dict[str, Node]) -> list[str]:
@@ -192,7 +211,15 @@ def _ordered(pipeline: Pipeline, found: dict[str, Node]) -> list[str]:
         ) from error
 
 
-def _check_outputs(pipeline: Pipeline, nodes: Iterable[Node], assets: Sequence[Asset]) -> None:
+def _outputs(pipeline: Pipeline) -> str:
+    """Folder or URL where the pipeline puts outputs."""
+    given = pipeline.outputs or str(pipeline.folder)
+    return given if is_url(given) else str(pipeline.path.parent / given)
+
+
+def _check_outputs(
+    pipeline: Pipeline, nodes: Collection[Node], assets: Sequence[Asset], outputs: str
+) -> None:
     """Raise where two outputs have one name, one lies in another, or would overwrite an input."""
     owners: dict[str, Node] = {}
     for node in nodes:
@@ -207,18 +234,30 @@ def _check_outputs(pipeline: Pipeline, nodes: Iterable[Node], assets: Sequence[A
                     (*node.table.place, "output"),
                     f"{name} would lie in {folder}, which {' '.join(inside.id)} makes as well",
                 )
-    if is_url(pipeline.outputs or ""):
-        return
-    root = Path(os.path.realpath(pipeline.path.parent / (pipeline.outputs or pipeline.folder)))
-    for asset in assets:
-        for path in asset.inputs.values():
-            real = Path(os.path.realpath(path))
-            if not is_url(path) and real.is_relative_to(root):
-                name = real.relative_to(root).as_posix()
-                if name in owners:
-                    raise pipeline.fault(
-                        (*owners[name].table.place, "output"), f"{path} is also an input"
-                    )
+    if not is_url(outputs):
+        read = {path for asset in assets for path in asset.inputs.values()}
+        read |= {path for node in nodes for path in _files_of(node)}
+        _check_files(pipeline, owners, read, os.path.realpath(outputs))
+
+
+def _files_of(node: Node) -> list[str]:
+    sources = [source for found in node.inputs.values() for source in found]
+    return [source.path for source in sources if isinstance(source, FileSource)]
+
+
+def _check_files(pipeline: Pipeline, owners: dict[str, Node], read: set[str], root: str) -> None:
+    """Raise where an output would overwrite an input, the pipeline file or a build's own."""
+    taken = {os.path.realpath(path): "is also an input" for path in read if not is_url(path)}
+    taken[os.path.realpath(pipeline.path)] = "is this file itself"
+    for path, what in taken.items():
+        name = path.removeprefix(root + os.sep).replace(os.sep, "/")
+        if name in owners:
+            raise pipeline.fault((*owners[name].table.place, "output"), f"{path} {what}")
+    for name, node in owners.items():
+        if name.split("/")[0] in BUILDS_OWN:
+            raise pipeline.fault(
+                (*node.table.place, "output"), f"{name!r} is for the build's own files"
+            )
 
 
 def _same_output(pipeline: Pipeline, name: str, one: Node, other: Node) -> Exception:

@@ -11,20 +11,21 @@ import os
 import re
 from pathlib import Path
 
+from texbake.bake.memory import MB as MB
+from texbake.bake.memory import PROCESS
+from texbake.bake.memory import TEXEL as TEXEL
 from texbake.pipeline.building.step import InputSize, Sizes
 
-MB = 1 << 20
 # A worker that has loaded everything, with what it does not give back after its steps.
-IDLE_WORKER = 320 * MB
-# A triangle of a mesh that is read, and of one that rays are cast at, with their tree.
+IDLE_WORKER = PROCESS
+# A triangle of a mesh that is read.
 READ_FACE = 130
-CAST_FACE = 260
 # A triangle that is simplified, or laid flat.
 SIMPLIFIED_FACE = 300
 FLATTENED_FACE = 6_000
-# A texel of a map that is baked, with its padding; a pixel of a picture, a sample.
-TEXEL = 100
+# A pixel of a picture, a sample.
 PIXEL_SAMPLE = 120
+
 
 # Bytes of a file a triangle, where no header tells: a little less than files have.
 _BYTES_A_FACE = {".obj": 60, ".ply": 24, ".stl": 50, ".off": 40, ".glb": 24, ".gltf": 24}

@@ -20,8 +20,10 @@ def filled(pattern: str, values: Mapping[str, str]) -> str:
     Raises
     ------
     OptionError
-        A name in braces is not known.
+        A name in braces is not known, or a brace has no other.
     """
+    if {"{", "}"} & set(_PLACE.sub("", pattern)):
+        raise OptionError(f"{pattern!r} has a brace without its other; names are written {{name}}")
 
     def value(found: re.Match[str]) -> str:
         if found[1] not in values:

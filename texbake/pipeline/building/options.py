@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
+from texbake.bake.memory import parse_bytes
 from texbake.errors import OptionError
 from texbake.files import PathLike
-
-_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?", re.IGNORECASE)
-_UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +25,8 @@ class BuildOptions:
         Of each step. None: the processors shared out among the jobs.
     max_memory : str or int, optional
         Memory that all running steps together may be estimated to take, such as `8G`, or bytes. A
-        step that is estimated to need more runs alone. None: four fifths of what the machine has.
+        step that is estimated to need more runs alone, and a bake goes through its dense mesh in
+        chunks then. None: four fifths of what the machine has.
     scheduler : str, optional
         Address of a Dask scheduler, such as `tcp://host:8786`, whose workers run the steps.
     wait : bool
@@ -69,21 +67,3 @@ class BuildOptions:
     def memory_bytes(self) -> int | None:
         """`max_memory` in bytes, or None."""
         return None if self.max_memory is None else parse_bytes(self.max_memory)
-
-
-def parse_bytes(text: str | int) -> int:
-    """Bytes of an amount of memory.
-
-    >>> parse_bytes("1.5G"), parse_bytes("512 MiB"), parse_bytes(4096)
-    (1610612736, 536870912, 4096)
-
-    Raises
-    ------
-    OptionError
-        It is none, or 0.
-    """
-    found = _SIZE.fullmatch(str(text).strip())
-    amount = 0 if found is None else int(float(found[1]) * _UNITS[found[2].lower()])
-    if amount < 1:
-        raise OptionError(f"max-memory: {text!r} is no amount of memory; give one such as 8G")
-    return amount

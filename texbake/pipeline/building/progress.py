@@ -60,12 +60,21 @@ class Outlook:
         self._slots = slots
         self._seconds: dict[str, float] = defaultdict(float)
         self._counts: dict[str, int] = defaultdict(int)
+        self._expected: dict[tuple[str, str], str] = {}
         self._left: dict[str, int] = defaultdict(int)
         self._started: dict[tuple[str, str], tuple[str, float]] = {}
 
-    def expect(self, kind: str, n: int = 1) -> None:
-        """Count steps that may have to run; negative once they need not."""
-        self._left[kind] += n
+    def expect(self, step: tuple[str, str], kind: str) -> None:
+        """Count a step as one that may have to run, once however often it is said."""
+        if step not in self._expected:
+            self._expected[step] = kind
+            self._left[kind] += 1
+
+    def drop(self, step: tuple[str, str]) -> None:
+        """Count a step no longer: it has ended, or another does the same."""
+        kind = self._expected.pop(step, None)
+        if kind is not None:
+            self._left[kind] -= 1
 
     def started(self, step: tuple[str, str], kind: str) -> None:
         """Note that a step runs."""
@@ -77,7 +86,7 @@ class Outlook:
         seconds = time.perf_counter() - start
         self._seconds[kind] += seconds
         self._counts[kind] += 1
-        self.expect(kind, -1)
+        self.drop(step)
         return seconds
 
     def seconds_left(self) -> float | None:

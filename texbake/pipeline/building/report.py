@@ -42,6 +42,8 @@ class StepResult:
         What its kind tells of the result.
     outputs : dict of str to str
         Path or URL of each output that is put out.
+    n_bytes : int
+        Of all their files.
     key : str
     """
 
@@ -58,6 +60,7 @@ class StepResult:
     peak_memory_bytes: int | None
     figures: Mapping[str, Any]
     outputs: Mapping[str, str]
+    n_bytes: int
     key: str
 
 
@@ -205,11 +208,11 @@ def asset_results(
 
 def _step_result(state: StepState, place: str) -> StepResult:
     manifest = state.manifest
-    outputs = {}
+    outputs, n_bytes = {}, 0
     if manifest is not None:
         stored = stored_files(manifest)
         outputs = {name: f"{place}/{base}" for name, base in state.node.published.items()}
-        assert outputs.keys() <= stored.keys()
+        n_bytes = sum(file.size for name in outputs for file in stored[name])
     return StepResult(
         step=state.node.id[1],
         kind=state.node.table.kind.name,
@@ -224,6 +227,7 @@ def _step_result(state: StepState, place: str) -> StepResult:
         peak_memory_bytes=None if manifest is None else manifest.get("peak_memory_bytes"),
         figures={} if manifest is None else manifest.get("figures", {}),
         outputs=outputs,
+        n_bytes=n_bytes,
         key=state.key,
     )
 

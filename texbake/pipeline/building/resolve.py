@@ -72,7 +72,7 @@ class LastKeys:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._keys: dict[str, dict[str, str]] = {}
-        with suppress(OSError, ValueError, AttributeError):
+        with suppress(OSError, ValueError, AttributeError, TypeError):
             keys = json.loads(path.read_bytes())
             self._keys = {asset: dict(steps) for asset, steps in keys.items()}
 
@@ -161,7 +161,7 @@ class Resolver:
         called = maker.node.outputs[source.output]
         return {"called": called, "sha256": output_digest(maker.manifest, source.output)}
 
-    def task(self, state: StepState, threads: int) -> Task:
+    def task(self, state: StepState, threads: int, most_memory: int | None) -> Task:
         """What a worker is to be asked for the result of a step that was looked at."""
         node = state.node
         inputs = {role: tuple(map(self._input, sources)) for role, sources in node.inputs.items()}
@@ -179,6 +179,7 @@ class Resolver:
             store=self._store.place,
             threads=threads,
             memory_bytes=kind.memory(node.table.settings, sizes),
+            most_memory=most_memory,
         )
 
     def _input(self, source: Source) -> TaskInput:

@@ -69,6 +69,9 @@ class Schedule:
         self._running: dict[int, Task] = {}
         self._same: dict[str, list[Id]] = {}  # steps by the key that a worker is at
         self._damages: dict[Id, int] = defaultdict(int)
+        self._n_mends = 0
+        self._mended: dict[str, int] = {}  # the number of the last time, by key
+        self._begun: dict[int, int] = {}  # how often anything had been mended when a step began
         self._n_ended = 0
         self._outlook = Outlook(slots)
         for step, state in states.items():
@@ -77,14 +80,14 @@ class Schedule:
                 self._followers[before].append(step)
             if not state.node.waits_for:
                 heapq.heappush(self._ready, self._order[step])
-            self._outlook.expect(state.node.table.kind.name)
+            self._outlook.expect(step, state.node.table.kind.name)
 
     def run(self) -> None:
         """Bring every step to its end."""
         while self._ready or self._queue or self._running:
             if self._ready:
                 step = self._ids[heapq.heappop(self._ready)]
-                if self._states[step].state == progress.WAITING:
+                if self._states[step].state == progress.WAITING and not self._waits[step]:
                     self._look(step)
             self._start()
             if self._running:
@@ -100,11 +103,12 @@ class Schedule:
             return
         if stored:
             assert state.manifest is not None
-            self._outlook.expect(state.node.table.kind.name, -1)
+            self._outlook.drop(step)
             self._finish(step, state.manifest, progress.CURRENT)
             return
         if state.key in self._same:  # another asset has the same step, and is at it
             self._same[state.key].append(step)
+            self._outlook.drop(step)
             state.state = progress.QUEUED
             return
         self._same[state.key] = [step]
@@ -126,12 +130,14 @@ class Schedule:
             number = heapq.heappop(self._queue)
             state = self._states[self._ids[number]]
             if number not in self._tasks:
-                self._tasks[number] = self._resolver.task(state, self._executor.threads)
+                self._tasks[number] = self._resolver.task(
+                    state, self._executor.threads, self._memory_bytes
+                )
             if not self._fits(self._tasks[number]):
                 put_off.append(number)
                 continue
             task = self._tasks.pop(number)
-            self._running[number] = task
+            self._running[number], self._begun[number] = task, self._n_mends
             state.state = progress.RUNNING
             self._outlook.started(state.node.id, state.node.table.kind.name)
             self._executor.submit(number, task)
@@ -149,13 +155,13 @@ class Schedule:
     def _collect(self, timeout: float) -> None:
         assert self._executor is not None
         for number, outcome in self._executor.finished(timeout):
-            task = self._running.pop(number)
+            task, begun = self._running.pop(number), self._begun.pop(number)
             state = self._states[self._ids[number]]
             state.seconds += self._outlook.ended(state.node.id)
             state.attempts += outcome.attempts
             state.worker = outcome.worker
             if outcome.status == DAMAGED:
-                self._mend(self._same.pop(task.key), outcome)
+                self._mend(self._same.pop(task.key), outcome, begun)
                 continue
             if outcome.attempts > 1:
                 state.notes.append("its worker ended, and another did it")
@@ -195,7 +201,12 @@ class Schedule:
         state = self._states[step]
         state.state, state.error = progress.FAILED, error
         self._n_ended += 1
+        self._outlook.drop(step)
         self._tell(state)
+        self._block(step)
+
+    def _block(self, step: Id) -> None:
+        """End the steps that wait for one that failed, and those that wait for them."""
         blocked = list(self._followers[step])
         while blocked:
             follower = self._states[blocked.pop()]
@@ -203,35 +214,69 @@ class Schedule:
                 follower.state = progress.BLOCKED
                 follower.error = f"it needs {step[1]}, which failed"
                 self._n_ended += 1
-                self._outlook.expect(follower.node.table.kind.name, -1)
+                self._outlook.drop(follower.node.id)
                 self._tell(follower)
                 blocked += self._followers[follower.node.id]
 
-    def _mend(self, steps: list[Id], outcome: Outcome) -> None:
-        """Have a damaged result made again, and put off the steps that read it."""
-        self._store.remove(outcome.damaged)
-        makers = {
-            source
-            for step in steps
-            for source in self._states[step].node.waits_for
-            if self._states[source].key == outcome.damaged
-        }
+    def _mend(self, steps: list[Id], outcome: Outcome, begun: int) -> None:
+        """Have a damaged result made again, and put off the steps that read it or are going to.
+
+        Those that began before it was last made again say nothing of what is stored now.
+        """
+        makers = [step for step, state in self._states.items() if state.key == outcome.damaged]
+        if self._mended.get(outcome.damaged, 0) <= begun:
+            self._store.remove(outcome.damaged)
+            self._n_mends += 1
+            self._mended[outcome.damaged] = self._n_mends
+            for step in steps:
+                self._damages[step] += 1
+            for maker in makers:
+                if self._states[maker].manifest is not None:
+                    self._make_again(maker, outcome.error)
         for step in steps:
-            self._damages[step] += 1
             if self._damages[step] > _MOST_DAMAGES or not makers:
                 self._fail(step, f"its stored input is damaged: {outcome.error}")
-                continue
-            self._outlook.expect(self._states[step].node.table.kind.name)
-            self._states[step].state = progress.WAITING
-            self._waits[step] |= makers
-        for maker in makers:
-            state = self._states[maker]
-            if state.state in progress.ENDED:
-                state.notes.append(f"its stored result was damaged and made again: {outcome.error}")
-                state.state, state.manifest = progress.WAITING, None
-                self._n_ended -= 1
-                self._outlook.expect(state.node.table.kind.name)
-                heapq.heappush(self._ready, self._order[maker])
+            else:
+                self._put_off(step)
+
+    def _make_again(self, maker: Id, error: str) -> None:
+        state = self._states[maker]
+        state.notes.append(f"its stored result was damaged and made again: {error}")
+        state.state, state.manifest = progress.WAITING, None
+        self._n_ended -= 1
+        self._outlook.expect(maker, state.node.table.kind.name)
+        heapq.heappush(self._ready, self._order[maker])
+        for follower in self._followers[maker]:
+            follows = self._states[follower]
+            if follows.state == progress.WAITING:
+                self._waits[follower].add(maker)
+            elif follows.state == progress.QUEUED:
+                self._take_back(follows.key)
+
+    def _take_back(self, key: str) -> None:
+        """Put off the steps of a key that are queued, unless a worker is at it already."""
+        first = self._order[self._same[key][0]]
+        if first in self._running:
+            return
+        self._queue.remove(first)
+        heapq.heapify(self._queue)
+        self._tasks.pop(first, None)
+        for step in self._same.pop(key):
+            self._put_off(step)
+
+    def _put_off(self, step: Id) -> None:
+        """Have a step wait until all that it waits for has a result, and be looked at then."""
+        state = self._states[step]
+        state.state = progress.WAITING
+        self._outlook.expect(step, state.node.table.kind.name)
+        before = [(source, self._states[source]) for source in state.node.waits_for]
+        self._waits[step] = {source for source, maker in before if maker.manifest is None}
+        for source, maker in before:
+            if maker.state in (progress.FAILED, progress.BLOCKED):
+                self._block(source)
+                return
+        if not self._waits[step]:
+            heapq.heappush(self._ready, self._order[step])
 
     def _tell(self, state: StepState) -> None:
         asset, step = state.node.id

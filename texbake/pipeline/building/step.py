@@ -69,6 +69,8 @@ class Job:
         folder, which the step makes.
     threads : int
         To work with; no result may depend on it.
+    most_memory : int, optional
+        Bytes that it should keep to where it can; no result may depend on it.
     asset : str
         Its name; may be used only by kinds with `names_asset`.
     """
@@ -77,6 +79,7 @@ class Job:
     inputs: Mapping[str, tuple[Path, ...]]
     outputs: Mapping[str, Path]
     threads: int
+    most_memory: int | None = None
     asset: str = ""
 
     def input(self, role: str) -> Path | None:

@@ -75,6 +75,8 @@ class Task:
     threads : int
     memory_bytes : int
         That it is estimated to take.
+    most_memory : int, optional
+        That all steps together may take.
     version : str
         Of texbake, which a worker must have as well.
     """
@@ -90,6 +92,7 @@ class Task:
     store: str
     threads: int
     memory_bytes: int = 0
+    most_memory: int | None = None
     version: str = __version__
 
     def to_json(self) -> dict[str, Any]:
@@ -212,6 +215,7 @@ def _done(task: Task) -> Manifest:
                 inputs=inputs,
                 outputs={name: folder / file for name, file in task.outputs.items()},
                 threads=task.threads,
+                most_memory=task.most_memory,
                 asset=task.asset,
             )
         )

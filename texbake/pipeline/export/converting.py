@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -66,6 +67,8 @@ class Converter:
     Attributes
     ----------
     folder, asset, options
+    inputs
+        Files that are read, by their real paths, which nothing may overwrite.
     notes
         What was taken for granted, or could not be done, a sentence each.
     """
@@ -73,6 +76,7 @@ class Converter:
     folder: Path
     asset: str
     options: ExportOptions
+    inputs: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -95,6 +99,19 @@ class Converter:
                 self.notes.append(f"{path.name}: no {words} was given; it is constant there")
             written.append(WrittenMap(kind=str(packing), tile=tile, path=path))
         return written
+
+    def place(self, name: str) -> Path:
+        """Path of a file in the folder.
+
+        Raises
+        ------
+        OptionError
+            It is also an input.
+        """
+        path = self.folder / name
+        if os.path.realpath(path) in self.inputs:
+            raise OptionError(f"{path}: it is also an input; give the output another folder")
+        return path
 
     def write_packed(self, parts: Mapping[str, SourceMap], packing: str, path: Path) -> None:
         """Write occlusion, roughness and metalness as the channels of one image.
@@ -209,4 +226,4 @@ class Converter:
         return f".{self.options.textures}"
 
     def _file(self, kind: str, tile: str, suffix: str) -> Path:
-        return self.folder / (self.target.map_stem(self.asset, kind, tile) + suffix)
+        return self.place(self.target.map_stem(self.asset, kind, tile) + suffix)

@@ -9,6 +9,7 @@ Files appear whole, the text last; what an earlier export left under other names
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, make_folder, replacing
 from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
@@ -77,6 +78,7 @@ def export_asset(
     options: ExportOptions,
     *,
     levels: Sequence[Mesh] = (),
+    inputs: Sequence[PathLike] = (),
     progress: ProgressSink | None = None,
 ) -> ExportResult:
     """Write an asset as a program reads it, with a text of what to set where.
@@ -95,16 +97,18 @@ def export_asset(
         The target, and the rest.
     levels
         Coarser meshes for where the asset is small, the finest first; in GLB files.
+    inputs
+        Files that nothing may overwrite, beside the maps: those that the meshes came from.
     progress
         Told of the stages.
 
     Raises
     ------
     OptionError
-        The target does not take what is asked for, a normal map is in another space, or maps that
-        are packed into one differ in size.
+        The target does not take what is asked for, a normal map is in another space, maps that are
+        packed into one differ in size, or a file would overwrite one that is read.
     UvError
-        There are maps that the mesh's file carries, and it has no texture coordinates.
+        There are maps, and the mesh has no texture coordinates.
     DependencyError
         A format needs a library that is not installed.
     FileError
@@ -128,12 +132,18 @@ def export_asset(
             raise OptionError(f"{option}: a {mesh_format} file has none; use mesh format glb")
     sources = source_maps(maps)
     asset = options.name or Path(mesh.name).stem or "asset"
+    if sources and mesh.uvs is None:
+        raise UvError(
+            f"{mesh.name}: it has no texture coordinates for its maps; make some with: "
+            f"texbake unwrap {mesh.name} -o OUT"
+        )
+    read = frozenset(os.path.realpath(path) for path in (*inputs, *maps.values()))
     folder = make_folder(folder)
-    converter = Converter(folder=folder, asset=asset, options=options)
+    converter = Converter(folder=folder, asset=asset, options=options, inputs=read)
+    mesh_file = converter.place(f"{target.mesh_stem(asset)}.{mesh_format}")
     stages = Stages(progress)
     with stages.stage("write maps"):
         written = converter.write(sources)
-    mesh_file = folder / f"{target.mesh_stem(asset)}.{mesh_format}"
     with stages.stage("write mesh"):
         textures = _write_mesh(mesh, mesh_file, sources, converter, levels)
     layers = None

@@ -15,6 +15,8 @@ _STEPS: dict[str, dict[str, str]] = {
     "blender": {
         "mesh": "File > Import > glTF 2.0: {file}. Its material has all 8-bit maps already.",
         "usd": "File > Import > Universal Scene Description: {file}.",
+        "obj": "File > Import > Wavefront: {file}, Forward Axis -Z, Up Axis Y. It has no material; "
+        "make one of the maps below.",
         "normal": "{file}: Image Texture, Color Space Non-Color -> Normal Map node, Tangent Space "
         "-> Normal of the Principled BSDF. Green is +Y, as Blender has it; do not invert.",
         "displacement": "{file}: Image Texture, Non-Color -> Height of a Displacement node, "
@@ -34,6 +36,8 @@ _STEPS: dict[str, dict[str, str]] = {
         "recompute tangents with Use MikkTSpace on. Build Settings: Use Full Precision UVs and Use "
         "High Precision Tangent Basis on.",
         "usd": "Import {file} with the USD Importer plugin.",
+        "obj": "Import {file} with an import uniform scale of 100: its unit is the meter, and the "
+        "format does not say so. Recompute tangents with Use MikkTSpace on.",
         "normal": "{file}: Compression Settings Normalmap (DXT5, BC5), sRGB off. Green is -Y "
         "(DirectX) already: leave Flip Green Channel off.",
         "displacement": "{file}: Compression Settings Grayscale, sRGB off. Material > Displacement "
@@ -69,6 +73,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "mesh": "Put {file} into the project. Its material has normal, albedo and ORM maps "
         "already; tangents are those of the file.",
         "usd": "Godot reads no USD; export again as glb.",
+        "obj": "Put {file} into the project. It has no material; make one of the maps below.",
         "normal": "{file}: Import > Compress > Normal Map: Enable. StandardMaterial3D > Normal Map "
         "Enabled, Scale 1. Green is +Y, as Godot has it: Normal Map Invert Y off.",
         "orm": "{file}: ORMMaterial3D > ORM > Texture.",
@@ -82,6 +87,7 @@ _STEPS: dict[str, dict[str, str]] = {
     "threejs": {
         "mesh": "new GLTFLoader().loadAsync('{file}'). Normal, color and ORM maps are in it.",
         "usd": "new USDLoader().loadAsync('{file}'); the .glb keeps more.",
+        "obj": "new OBJLoader().loadAsync('{file}'). It has no material: take the maps by hand.",
         "normal": "{file}: in the GLB already. By hand: texture.flipY = false, colorSpace = "
         "NoColorSpace; material.normalMap, normalScale (1, 1), geometry with tangents.",
         "orm": "{file}: in the GLB already. By hand: flipY = false, NoColorSpace; aoMap, "
@@ -155,7 +161,9 @@ def settings_text(
 
 def _wrapped(line: str) -> str:
     """Return a line as a paragraph whose other lines are set in."""
-    return textwrap.fill(line, 96, subsequent_indent=" " * 10, break_long_words=False)
+    return textwrap.fill(
+        line, 96, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False
+    )  # so that names of files stay whole
 
 
 def _mesh_step(steps: dict[str, str], mesh_file: Path) -> str:

@@ -1,7 +1,8 @@
 """What differs between the programs that assets are exported to: one table.
 
-Based on: what Blender 5.0.1 and three.js r187 show of exported files, and the manuals of Unreal
-Engine 5, Unity (URP and HDRP) and Godot 4. `texbake.pipeline.export.settings` tells what to set.
+Based on: what Blender 5.0.1 and three.js r187 show of exported files, and what is generally known
+of Unreal Engine 5, Unity (URP and HDRP) and Godot 4. `texbake.pipeline.export.settings` tells what
+to set.
 """
 
 from __future__ import annotations

@@ -6,13 +6,12 @@ import numpy as np
 
 from texbake.bake.bake import bake
 from texbake.bake.options import BakeOptions
-from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import simplify
 from texbake.study.case import Case, Pair
-from texbake.study.knob import Bench, Knob, Outcome, Setting
+from texbake.study.knob import Bench, Knob, Outcome, Setting, Unfit
 from texbake.study.truth.pictures import close_up
 from texbake.study.truth.probes import probe
 
@@ -23,14 +22,14 @@ _QUALITIES = ("fast", "best")
 _MOST_UNWRAPPED = 10_000
 
 
-def _prepare(case: Case) -> Bench:
+def _prepare(case: Case) -> Bench | Unfit:
     pair = case.pair
     size = case.choose(1024, 64)
     counts = [n for n in case.choose(_COUNTS, _QUICK_COUNTS) if n < pair.high.n_faces]
     if not counts:
-        raise MeshError(
-            f"study light-mesh: {pair.high.name} has {pair.high.n_faces} triangles, too few to be "
-            "simplified to any of those that are tried; leave this knob out"
+        return Unfit(
+            f"{pair.high.name} has {pair.high.n_faces} triangles, too few to be simplified to any "
+            "of the numbers that are tried"
         )
 
     def work(value: tuple[int, str]) -> Mesh:

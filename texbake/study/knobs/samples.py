@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.bake.bake import bake
 from texbake.bake.options import ADAPTIVE, SAMPLES, BakeOptions
@@ -16,6 +15,7 @@ from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import close_up
 from texbake.study.truth.probes import angles_deg
+from texbake.study.truth.texel_means import N_RAYS, mean_normals
 
 # Estimated errors that adaptive samples may leave in a texel, degrees.
 _BOUNDS = (2.0, 1.0, 0.5, 0.25, 0.12)
@@ -24,16 +24,12 @@ _FIXED, _BUDGET = "fixed samples", "time budget"
 # Budgets, in the time of 16 samples a texel.
 _BUDGETS = (0.5, 1.0, 2.0)
 _QUICK_BUDGETS = (1.0,)
-# The truth has as many times the texels a side, each of 64 samples.
-_FINER = 2
 
 
 def _prepare(case: Case) -> Bench:
     pair = case.pair
     size = case.choose(1024, 32)
-    # Padding only adds texels that are not compared.
-    finest = BakeOptions(size=size * _FINER, samples=64, padding=0, threads=case.threads)
-    truth, known = _mean_of_blocks(bake(pair.high, pair.low, finest), _FINER)
+    truth, known = mean_normals(pair, size, threads=case.threads)
 
     def work(asked: BakeOptions) -> BakeResult:
         return bake(pair.high, pair.low, asked)
@@ -55,9 +51,9 @@ def _prepare(case: Case) -> Bench:
     return Bench(
         subject=f"{pair.subject}, at {size} x {size}",
         truth="converged",
-        truth_text=f"The mean normal over each texel, of {64 * _FINER**2:,} rays: that of the mean "
-        f"directions of its {_FINER**2} parts, which is itself off by up to some degrees where a "
-        "sharp edge runs through one.",
+        truth_text=f"The mean normal over the covered part of each texel, of a grid of {N_RAYS:,} "
+        "rays, all of them added up before the sum is normalized. Where edges run through texels "
+        "it is itself off by about half of what 64 samples are.",
         settings=_settings(case, size, work),
         work=work,
         judge=judge,
@@ -88,19 +84,6 @@ def _settings(
         for budget in (share * seconds for share in case.choose(_BUDGETS, _QUICK_BUDGETS))
     ]
     return (*fixed, *bounds, *budgets)
-
-
-def _mean_of_blocks(
-    result: BakeResult, side: int
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """(H, W, 3) mean directions of blocks of texels, and (H, W) whether all of a block has data."""
-    values = result.maps["normal"].values.astype(np.float64)
-    height, width = (length // side for length in values.shape[:2])
-    means = values.reshape(height, side, width, side, 3).mean(axis=(1, 3))
-    known = result.has_data.reshape(height, side, width, side).all(axis=(1, 3))
-    lengths = np.linalg.norm(means, axis=-1)
-    known &= lengths > 0.0
-    return means / np.where(known, lengths, 1.0)[..., None], known
 
 
 KNOB = Knob(

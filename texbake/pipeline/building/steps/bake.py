@@ -6,9 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from texbake.bake.map_names import MAP_NAMES
+from texbake.bake.memory import bake_memory
 from texbake.bake.options import BakeOptions
 from texbake.errors import OptionError
-from texbake.pipeline.building.memory import CAST_FACE, IDLE_WORKER, READ_FACE, TEXEL, faces_of
+from texbake.pipeline.building.memory import faces_of
 from texbake.pipeline.building.step import InputRole, Job, Settings, Sizes, StepKind
 from texbake.pipeline.building.steps.figures import stage_seconds, steady
 from texbake.pipeline.building.steps.formats import IMAGE_FORMATS, check_format
@@ -40,12 +41,17 @@ class BakeStep(BakeOptions):
 
 def _run(job: Job) -> dict[str, Any]:
     from texbake.bake.bake import bake
+    from texbake.bake.maps import map_kinds
     from texbake.mesh.files import read_mesh
     from texbake.pipeline.report import write_report
+    from texbake.texture.image import write_image
 
     high, low = read_mesh(job.file("high")), read_mesh(job.file("low"))
     cage = job.input("cage")
-    options = BAKE.made(job.settings, threads=job.threads)
+    # The same bytes with a limit and without; some maps need the dense mesh as a whole.
+    whole = any(kind.needs != "hits" for kind in map_kinds(job.settings["maps"]))
+    limit = None if whole else job.most_memory
+    options = BAKE.made(job.settings, threads=job.threads, max_memory=limit)
     result = bake(high, low, options, cage=None if cage is None else read_mesh(cage))
     written = {name: result.maps[name].write(job.outputs[name]) for name in options.maps}
     report = result.report
@@ -53,8 +59,10 @@ def _run(job: Job) -> dict[str, Any]:
         name: {**asdict(file), "path": file.path.name, "metadata": dict(file.metadata)}
         for name, file in written.items()
     }
+    write_image(result.miss_map(), job.outputs["misses"])
     write_report(job.outputs["report"], steady({**report.to_json(), "files": coded}))
     return {
+        "faces": low.n_faces,
         "miss_percent": report.miss_percent,
         "texels_covered": report.texels_covered,
         "distance_percentiles": {str(k): v for k, v in report.distance_percentiles.items()},
@@ -70,15 +78,14 @@ def _outputs(settings: Settings) -> dict[str, str]:
         for name in settings["maps"]
     }
     maps = {name: f"{name}.{suffix}" for name, suffix in suffixes.items()}
-    return {**maps, "report": "report.json"}
+    return {**maps, "misses": "misses.png", "report": "report.json"}
 
 
 def _memory(settings: Settings, sizes: Sizes) -> int:
     side = settings["size"]
     texels = side[0] * side[1] if isinstance(side, list) else side * side
-    dense = CAST_FACE * faces_of(sizes, "high")
-    light = READ_FACE * (faces_of(sizes, "low") + faces_of(sizes, "cage"))
-    return int(IDLE_WORKER + dense + light + TEXEL * texels * max(len(settings["maps"]), 1))
+    light = faces_of(sizes, "low") + faces_of(sizes, "cage")
+    return bake_memory(faces_of(sizes, "high"), light, texels, len(settings["maps"]))
 
 
 BAKE = StepKind(
@@ -86,7 +93,7 @@ BAKE = StepKind(
     does="bakes maps of a dense mesh onto a light one",
     options=BakeStep,
     # What a time allows depends on the machine, and the same inputs must give the same bytes.
-    without=("threads", "keep_hits", "time_budget"),
+    without=("threads", "max_memory", "keep_hits", "time_budget"),
     inputs=(
         InputRole(name="high"),
         InputRole(name="low"),
@@ -95,4 +102,5 @@ BAKE = StepKind(
     outputs=_outputs,
     run=_run,
     memory=_memory,
+    revision=2,
 )

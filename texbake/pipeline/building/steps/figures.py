@@ -8,7 +8,7 @@ from typing import Any
 from texbake.progress import StageRecord
 
 # What the machine and the moment decide.
-_UNSTEADY = frozenset({"stages", "seconds", "threads", "budget"})
+_UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
 
 
 def steady(report: Any) -> Any:
