@@ -102,3 +102,12 @@ def test_every_part_is_matched_left_over_or_ignored_once(bases, random):
     assert sorted([*lows, *found.low_left, *found.low_ignored]) == list(range(len(low)))
     for match in found.matches:
         assert {base_of(high[i], "_high") for i in match.highs} == {match.base}
+
+
+@pytest.mark.parametrize(
+    "choice", [{"high_suffix": "_hp"}, {"low_suffix": "_lp"}, {"occluders": "match"}]
+)
+def test_what_is_for_matching_is_not_left_out_silently(choice: dict[str, str]) -> None:
+    with pytest.raises(OptionError, match="match_by_name"):
+        PartsOptions(**choice)
+    PartsOptions(match_by_name=True, **choice)

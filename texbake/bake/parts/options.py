@@ -42,6 +42,12 @@ class PartsOptions:
                 known = ", ".join(choices)
                 raise OptionError(f"{name}: {getattr(self, name)} is not one of {known}")
         if not self.match_by_name:
+            for name in ("high_suffix", "low_suffix", "occluders"):
+                if getattr(self, name) != getattr(PartsOptions, name):
+                    raise OptionError(
+                        f"{name}: is for parts that are matched by their names; "
+                        "ask for that too (match_by_name)"
+                    )
             return
         if not self.high_suffix or not self.low_suffix:
             raise OptionError("high_suffix, low_suffix: neither may be empty; give such as _high")
