@@ -73,8 +73,8 @@ def _require_materials(inputs: BakeInputs) -> None:
     colors = () if materials is None else materials.base_colors
     if not any(color is not None for color in colors):
         raise MeshError(
-            f"{high.name}: its file names no base color to carry over; give the bake its image with "
-            "--high-texture, or leave the map texture out"
+            f"{high.name}: its file names no base color to carry over; give the bake its image "
+            "with --high-texture, or leave the map texture out"
         )
     if high.uvs is None and any(color is not None and color.image for color in colors):
         raise MeshError(
