@@ -13,12 +13,12 @@ from texbake.mesh.shapes import plane
 def test_a_peak_that_is_no_faces_first_corner_is_reached() -> None:
     """A coarse tent over the square: its top is the last corner of each of its faces."""
     low = plane()
-    corners = low.positions[[0, 1, 3, 2]] if len(low.positions) == 4 else low.positions
-    around = corners[
-        np.argsort(np.arctan2(*(corners[:, :2] - corners[:, :2].mean(axis=0)).T[::-1]))
-    ]
+    least, greatest = low.bounds
+    x, y = [least[0], greatest[0]], [least[1], greatest[1]]
+    top = [(x[0] + x[1]) / 2, (y[0] + y[1]) / 2, 0.3]
+    around = [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]]
     high = Mesh(
-        positions=np.vstack([around, [*around.mean(axis=0), 0.0, 0.0, 0.3]]),
+        positions=np.array([*around, top], dtype=np.float64),
         faces=np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]], dtype=np.int32),
     )
     result = bake(high, low, BakeOptions(size=32))
