@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from texbake import FileError, OptionError
@@ -18,7 +19,10 @@ from texbake.pipeline.building import locations
 from texbake.pipeline.building.build import build, plan_build
 from texbake.pipeline.building.keys import checksum
 from texbake.pipeline.building.options import BuildOptions, parse_bytes
+from texbake.pipeline.building.progress import BuildEvent
 from texbake.pipeline.building.store import Store
+from texbake.pipeline.building.task import Outcome, Task, run_task
+from texbake.texture.image import read_image, write_image
 
 Write = Callable[..., Path]
 Run = Callable[..., Any]
@@ -263,6 +267,113 @@ def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_re
     assert run(scans, verify=True)[1] == ["a.clean"]
 
 
+FANS = """
+[steps.clean]
+do = "repair"
+mesh = "high"
+""" + "".join(
+    f"""[steps.low{number}]
+do = "simplify"
+mesh = "clean"
+faces = {20 + number}
+output = "{{asset}}_{number}.{{ext}}"
+"""
+    for number in range(5)
+)
+
+
+@pytest.fixture
+def rotten(tmp_path: Path, write: Write, run: Run) -> Path:
+    """Two equal meshes that five steps of each are to be made of anew, their store damaged."""
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        write_mesh(uv_sphere(8, 12), tmp_path / name / "a.ply")
+    path = write('[[assets]]\nname = "{folder}"\ninputs.high = "*/a.ply"\n', FANS)
+    first, _ = run(path)
+    assert first.ok
+    key = first.assets[0].steps[0].key
+    inside = path.parent / "build" / ".texbake"
+    file = inside / "store" / key[:2] / key / "repaired.ply"
+    data = bytearray(file.read_bytes())
+    data[-9] ^= 1
+    file.write_bytes(data)
+    believe(inside / "digests.json", file)
+    path.write_text(path.read_text().replace("faces = 2", "faces = 3"))
+    return path
+
+
+@pytest.mark.parametrize("slots", [1, 2, 3, 9])
+@pytest.mark.parametrize("order", ["first", "last"])
+def test_a_damaged_result_that_many_steps_read_is_made_again_once(
+    rotten: Path, inline: Any, slots: int, order: str
+) -> None:
+    class Eager(inline):  # type: ignore[misc]
+        """Does tasks at once, and tells of them in some order: some damage is told late."""
+
+        def submit(self, number: int, task: Task) -> None:
+            self.tasks.append(task)
+            self._begun.append((number, Outcome(**run_task(task.to_json()))))
+
+        def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+            return [] if timeout == 0.0 else [self._begun.pop(0 if order == "first" else -1)]
+
+    crew = Eager(slots)
+    heard: list[BuildEvent] = []
+    result = build(rotten, workers=crew, listener=heard.append)
+    assert result.ok, [asset.error for asset in result.failed]
+    assert sum(step.endswith(".clean") for step in crew.steps) == 1
+    # Each runs once, and those that read the damage once more.
+    assert len(crew.steps) <= 1 + 5 + slots
+    assert heard[-1].done == heard[-1].total == 12
+    assert heard[-2].seconds_left == 0.0
+    (note,) = result.assets[0].steps[0].notes
+    assert "damaged and made again" in note
+
+
+def test_a_damaged_result_under_real_workers(rotten: Path) -> None:
+    assert build(rotten, BuildOptions(jobs=2)).ok
+
+
+def test_a_damaged_result_that_cannot_be_made_again_blocks_what_reads_it(
+    rotten: Path, inline: Any
+) -> None:
+    crew = inline(slots=2)
+    submit = crew.submit
+
+    def submit_and_lose(number: int, task: Task) -> None:
+        for file in rotten.parent.glob("*/a.ply"):
+            file.write_bytes(b"ply\nnonsense")
+        submit(number, task)
+
+    crew.submit = submit_and_lose
+    result = build(rotten, workers=crew)
+    states = [[step.state for step in asset.steps] for asset in result.assets]
+    assert states == [["failed"] + ["blocked"] * 5] * 2
+
+
+def test_steps_that_are_one_are_expected_once(write: Write, inline: Any) -> None:
+    path = write("".join(f'[[assets]]\nname = "{name}"\n' for name in "abcd"))
+    heard: list[BuildEvent] = []
+    assert build(path, workers=inline(), listener=heard.append).ok
+    left = [event.seconds_left for event in heard if event.seconds_left is not None]
+    assert left[-1] == 0.0
+
+
+def test_steps_that_fail_before_they_run_are_not_expected(scans: Path, inline: Any) -> None:
+    crew = inline()
+    submit = crew.submit
+
+    def vanish(number: int, task: Task) -> None:
+        (scans.parent / "c.ply").unlink(missing_ok=True)
+        submit(number, task)
+
+    crew.submit = vanish
+    heard: list[BuildEvent] = []
+    result = build(scans, workers=crew, listener=heard.append)
+    assert [asset.name for asset in result.failed] == ["c"]
+    assert heard[-2].seconds_left == 0.0
+
+
 def test_outputs_that_were_changed_or_removed_are_put_back(
     scans: Path, run: Run, contents: Contents
 ) -> None:
@@ -386,6 +497,102 @@ def test_stored_results_that_are_not_used_are_removed_when_asked(write: Write, r
     assert len(list(store.glob("??/*"))) == 6
     path.write_text(text)
     assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+
+
+def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(
+    write: Write, inline: Any
+) -> None:
+    path = write(head='store = "common"\n')
+    other = path.with_name("other.toml")
+    text = path.read_text().replace("radius = 2.0", "radius = 3.0")
+    other.write_text('folder = "elsewhere"\n' + text)
+
+    class Nested(inline):  # type: ignore[misc]
+        def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+            if timeout != 0.0 and not other.with_name("elsewhere").exists():
+                with Store(str(path.parent / "common")).folder() as folder:
+                    assert build(other, workers=inline()).ok
+                    assert folder.is_dir()
+            found: list[tuple[int, Outcome]] = super().finished(timeout)
+            return found
+
+    assert build(path, workers=Nested()).ok
+
+
+def test_what_a_kill_left_of_a_removal_is_cleared(write: Write, run: Run) -> None:
+    path = write()
+    run(path)
+    store = path.parent / "build" / ".texbake" / "store"
+    entry = next(store.glob("??/*"))
+    left = entry.with_name(f"{entry.name}.0123abcd")
+    left.mkdir()
+    (left / "file").write_text("x")
+    assert run(path)[1] == []
+    assert not left.exists() and entry.exists()
+
+
+def test_an_output_that_is_taken_away_at_once_is_no_failure(
+    write: Write, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write()
+    put = locations.LocalFolder.put
+
+    def put_and_lose(self: Any, source: Path, name: str) -> None:
+        put(self, source, name)
+        Path(self.path(name)).unlink()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(locations.LocalFolder, "put", put_and_lose)
+        assert run(path)[0].ok
+    assert run(path)[1] == []
+    assert (path.parent / "build" / "ball_low.obj").exists()
+
+
+def test_materials_of_the_dense_mesh_are_baked_and_count(
+    tmp_path: Path, write: Write, run: Run
+) -> None:
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    faces = "usemtl one\nf 1/1 2/2 3/3\nusemtl two\nf 1/1 3/3 4/4\n"
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{square}{faces}")
+    (tmp_path / "a.mtl").write_text("newmtl one\nKd 1 0 0\nnewmtl two\nKd 0 0 1\n")
+    steps = """
+[steps.maps]
+do = "bake"
+high = "high"
+low = "high"
+maps = ["texture", "material-id"]
+size = 16
+padding = 0
+output = "{output}.{ext}"
+"""
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', steps)
+    result, _ = run(path)
+    assert result.ok, result.failed
+
+    def colors() -> tuple[list[int], list[int]]:
+        texture = read_image(path.parent / "build" / "texture.png", color=True).pixels
+        return texture[12, 14].round().tolist(), texture[2, 3].round().tolist()
+
+    assert colors() == ([1, 0, 0], [0, 0, 1])
+    ids = read_image(path.parent / "build" / "material-id.png", color=False).pixels
+    assert not np.array_equal(ids[12, 14], ids[2, 3])
+    (tmp_path / "a.mtl").write_text("newmtl one\nKd 0 1 0\nnewmtl two\nKd 0 0 1\n")
+    assert run(path)[1] == ["a.maps"]
+    assert colors() == ([0, 1, 0], [0, 0, 1])
+    # An image in place of the materials' own colors.
+    write_image(np.ones((4, 4, 3), np.float32), tmp_path / "white.png")
+    path.write_text(path.read_text() + 'high_texture = "./white.png"\n')
+    result, _ = run(path)
+    assert result.ok, result.failed
+    assert colors() == ([1, 1, 1], [1, 1, 1])
+
+
+def test_a_folder_whose_name_has_brackets(tmp_path: Path, inline: Any) -> None:
+    folder = tmp_path / "a[1]"
+    folder.mkdir()
+    write_mesh(uv_sphere(4, 8), folder / "a.ply")
+    (folder / "p.toml").write_text(SCAN + SCAN_STEPS)
+    assert [asset.name for asset in build(folder / "p.toml", workers=inline()).assets] == ["a"]
 
 
 def test_ten_thousand_assets_are_planned_and_found_current(

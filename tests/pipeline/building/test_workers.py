@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -166,8 +167,12 @@ def test_the_outlook_counts_down(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 0.0
     monkeypatch.setattr(time, "perf_counter", lambda: now)
     outlook = Outlook(2)
-    outlook.expect("bake", 4)
-    outlook.expect("unwrap", 2)
+    for name in "abcd" * 2:  # said twice, each counts once
+        outlook.expect((name, "b"), "bake")
+    for name in "abc":
+        outlook.expect((name, "u"), "unwrap")
+    outlook.drop(("c", "u"))
+    outlook.drop(("c", "u"))
     assert outlook.seconds_left() is None
     outlook.started(("a", "b"), "bake")
     now = 6.0
@@ -177,3 +182,32 @@ def test_the_outlook_counts_down(monkeypatch: pytest.MonkeyPatch) -> None:
     outlook.started(("b", "b"), "bake")
     now = 8.0
     assert outlook.seconds_left() == ((3 + 2) * 6.0 - 2.0) / 2
+
+
+def test_a_worker_that_cannot_be_started_fails_its_step(
+    tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
+    crew = workers(1)
+    for number in range(2):  # the thread goes on
+        crew.submit(number, orange_task(tmp_path, number, 100))
+        ((answered, outcome),) = crew.finished(20)
+        assert (answered, outcome.status) == (number, "failed")
+        assert "no worker can be started: No such file" in outcome.error
+
+
+def test_an_answer_that_is_none_fails_its_step(
+    tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    babbler = tmp_path / "babbler"
+    babbler.write_text("#!/bin/sh\necho not JSON\nexec sleep 60\n")
+    babbler.chmod(0o755)
+    crew = workers(1)
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "executable", str(babbler))
+        crew.submit(0, orange_task(tmp_path, 0, 100))
+        ((_, outcome),) = crew.finished(20)
+    assert outcome.status == "failed" and "answer is not one: JSONDecodeError" in outcome.error
+    crew.submit(1, orange_task(tmp_path, 1, 100))  # by another
+    ((_, outcome),) = crew.finished(60)
+    assert outcome.status == "done"

@@ -254,6 +254,9 @@ def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):
         ("normal", ("normal", "")), ("Albedo", ("base-color", "")), ("texture", ("base-color", "")),
         ("height_1011", ("displacement", "1011")), ("ao:1001", ("ao", "1001")),
         ("curvature", ("curvature", "")), ("scan1001", ("scan1001", "")),
+        ("rock_normal_1024", ("rock_normal", "")), ("ao.4096", ("ao", "")),
+        ("ao:1024", ("ao", "1024")), ("ao:2048", ("ao:2048", "")), ("ao_1000", ("ao_1000", "")),
+        ("ao_999", ("ao_999", "")),
     ],
 )  # fmt: skip
 def test_names_of_maps(name, expected):
@@ -277,6 +280,39 @@ def test_folders_are_searched_by_the_ends_of_names(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(OptionError, match="no image in it is named after a map"):
         find_maps(tmp_path / "empty")
+
+
+def test_a_number_that_is_a_size_or_a_tile(tmp_path):
+    for name in "rock_normal_1024.png", "rock_ao_512.png":
+        (tmp_path / name).touch()
+    assert set(find_maps(tmp_path)) == {"normal", "ao"}
+    (tmp_path / "rock_normal_1001.png").touch()
+    assert set(find_maps(tmp_path)) == {"normal:1024", "normal:1001", "ao"}
+    assert [source.tile for source in source_maps({"normal_1024": "a", "ao": "b"})] == ["", ""]
+
+
+def settings_of(result):
+    return " ".join(result.settings.read_text(encoding="utf-8").split())
+
+
+@pytest.mark.parametrize("target", ["threejs", "godot", "blender"])
+def test_only_a_glb_without_tiles_is_said_to_hold_maps(target, export, mesh, maps, tmp_path):
+    held = {"threejs": "ORM maps are in it", "godot": "maps already", "blender": "maps already"}
+    assert held[target] in settings_of(export(target))
+    tiled = {f"{kind}:{tile}": maps / f"rock_{kind}.png" for kind in ("normal", "ao")
+             for tile in (1001, 1002)}  # fmt: skip
+    options = ExportOptions(target=target)
+    others = [export_asset(mesh, tiled, tmp_path / "tiled", options)]
+    others += [export(target, mesh_format="obj")]
+    others += [export_asset(mesh, {}, tmp_path / "bare", options)]
+    for result in others:
+        text = settings_of(result)
+        assert held[target] not in text and "in the GLB" not in text
+
+
+def test_rows_of_images_are_turned_where_the_mesh_is_no_gltf_file(export):
+    assert "flipY = true" not in settings_of(export("threejs"))
+    assert "flipY = false" not in settings_of(export("threejs", mesh_format="obj"))
 
 
 def test_one_map_cannot_be_two_files():

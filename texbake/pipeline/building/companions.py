@@ -1,36 +1,59 @@
-"""Files that a mesh file names and that are read with it: buffers, materials, images."""
+"""Files that a mesh file names and that are read with it: buffers, materials, images, layers.
+
+Which they are follows from the content of the file alone, and not from which files there are, so
+that it may be remembered as long as that content is: where a line can be read as several names, all
+of them are given.
+"""
 
 from __future__ import annotations
 
 import json
 import mmap
 import re
+import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 from urllib.parse import unquote
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _MAP = re.compile(rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
-
-
-SUFFIXES = (".gltf", ".obj", ".mtl")
+_WORD = re.compile(r"(?<!\S)\S")  # where one begins
 
 
 def companions(path: Path) -> list[Path]:
-    """Files that a .gltf, .obj or .mtl file names itself, in its order; none of another kind.
+    """Files that a mesh or .mtl file names itself, in its order; none of other kinds of files.
 
+    Of a USD file they are all that it is composed of, where the library for that is installed, and
+    of images in tiles those that are there.
     What cannot be read names nothing here: whoever reads the file says what is wrong with it.
     """
     found: dict[Path, None] = {}
-    readers = {".gltf": _of_gltf, ".obj": _of_obj, ".mtl": _of_mtl}
-    with suppress(OSError, ValueError, AttributeError, TypeError, KeyError):
-        found.update(dict.fromkeys(readers[path.suffix.lower()](path)))
-    return list(found)
+    with suppress(OSError, ValueError, AttributeError, TypeError, KeyError, struct.error):
+        found.update(dict.fromkeys(_READERS[path.suffix.lower()](path)))
+    return [name for name in found if "\0" not in str(name)]
 
 
 def _of_gltf(path: Path) -> Iterator[Path]:
-    document = json.loads(path.read_bytes())
+    yield from _of_document(path, path.read_bytes())
+
+
+def _of_glb(path: Path) -> Iterator[Path]:
+    with path.open("rb") as file:
+        yield from _of_document(path, _json_chunk(file))
+
+
+def _json_chunk(file: IO[bytes]) -> bytes:
+    """First chunk of a binary glTF file."""
+    magic, length = struct.unpack("<4s8xI4x", file.read(20))
+    if magic != b"glTF":
+        raise ValueError("no binary glTF file")
+    return file.read(length)
+
+
+def _of_document(path: Path, content: bytes) -> Iterator[Path]:
+    document = json.loads(content)
     for listed in ("buffers", "images"):
         for item in document.get(listed, ()):
             uri = item.get("uri", "")
@@ -42,16 +65,42 @@ def _of_obj(path: Path) -> Iterator[Path]:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         names = [_text(name) for name in _LIBRARY.findall(data)]
     for name in names:
-        yield path.parent / name
+        # One name with blanks in it, or several without.
+        for library in dict.fromkeys([name, *name.split()]):
+            yield path.parent / library
 
 
 def _of_mtl(path: Path) -> Iterator[Path]:
     for value in _MAP.findall(path.read_bytes()):
         # Options stand before the name, which may have blanks of its own.
-        words = _text(value).split(" ")
-        tails = (path.parent / " ".join(words[i:]) for i in range(len(words)))
-        yield next((tail for tail in tails if tail.is_file()), path.parent / words[-1])
+        text = _text(value)
+        for word in _WORD.finditer(text):
+            yield path.parent / text[word.start() :]
 
 
 def _text(name: bytes) -> str:
     return name.decode("utf-8", "surrogateescape").strip().replace("\\", "/")
+
+
+def _of_usd(path: Path) -> Iterator[Path]:
+    try:
+        from pxr import Tf, UsdUtils
+    except ImportError:
+        return
+    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # of what is missing
+    try:
+        layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
+    except Tf.ErrorException:
+        return
+    finally:
+        del unheard
+    for name in (*(layer.realPath for layer in layers), *assets, *missing):
+        if name and Path(name) != path:
+            yield path.parent / name
+
+
+_READERS = {
+    ".gltf": _of_gltf, ".glb": _of_glb, ".obj": _of_obj, ".mtl": _of_mtl,
+    ".usd": _of_usd, ".usda": _of_usd, ".usdc": _of_usd,
+}  # fmt: skip
+SUFFIXES = tuple(_READERS)

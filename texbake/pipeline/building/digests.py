@@ -10,6 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import posixpath
+import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -23,6 +25,7 @@ from texbake.pipeline.building.keys import checksum
 from texbake.pipeline.building.locations import file_signature, is_url, location_of
 
 _TICK_NS = 50_000_000
+MISSING = "missing"  # in place of the digest of a file that is not there
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:
@@ -86,7 +89,7 @@ class Digests:
         return digest
 
     def companions(self, path: str) -> list[tuple[str, str]]:
-        """Files that are read with a file, each once, and their digests; `missing` of missing ones.
+        """Files that are read with a file, each once, and their digests or `MISSING`.
 
         What a file names is remembered as long as it is unchanged.
         """
@@ -96,19 +99,21 @@ class Digests:
             for name in self._named(looked.pop()):
                 if name not in found and name != path:
                     looked.append(name)
-                    try:
-                        found[name] = self.digest(name)
-                    except FileError:
-                        found[name] = "missing"  # for its reader to tell
+                    found[name] = self._digest_if_there(name)
         return list(found.items())
 
+    def _digest_if_there(self, path: str) -> str:
+        with suppress(FileError):
+            return self.digest(path)
+        return MISSING  # for its reader to tell
+
     def _named(self, path: str) -> list[str]:
-        if is_url(path) or not path.lower().endswith(SUFFIXES):
+        if not path.lower().endswith(SUFFIXES):
             return []
         known = self._known.get(path)
         if known is not None and len(known) > 2 and known[0] == _signature(path):
             return [str(name) for name in known[2]]
-        names = [str(name) for name in companions(Path(path))]
+        names = _named_at(path) if is_url(path) else [str(name) for name in companions(Path(path))]
         if known is not None and len(known) == 2 and known[0] == _signature(path):
             known.append(names)
             self._changed = True
@@ -150,3 +155,22 @@ def _remote_digest(path: str) -> str:
     if content is None:
         raise FileError(f"{path}: there is no such file; check its name")
     return hashlib.sha256(content).hexdigest()
+
+
+def _named_at(url: str) -> list[str]:
+    """URLs of the files that the one behind a URL names; none where it cannot be read."""
+    folder, name = url.rsplit("/", 1)
+    scheme, _, root = folder.partition("://")
+    with tempfile.TemporaryDirectory(prefix="texbake-") as copies, suppress(FileError):
+        copy = location_of(folder).fetch(name, Path(copies))
+        below = [os.path.relpath(found, copy.parent) for found in companions(copy)]
+        return [f"{scheme}://{posixpath.normpath(posixpath.join(root, path))}" for path in below]
+    return []
+
+
+def companion_changed(path: str, digest: str) -> bool:
+    """Whether a file of this machine that is read with another is not what was looked at."""
+    try:
+        return file_digest(path) != digest
+    except FileError:
+        return digest != MISSING

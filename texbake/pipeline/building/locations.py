@@ -14,9 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from texbake.errors import DependencyError, FileError
-
-_FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
+from texbake.errors import DependencyError, FileError, TexbakeError
+from texbake.pipeline.building.disk import copy_file, make_lasting, to_disk
 
 
 def is_url(place: str) -> bool:
@@ -115,10 +114,9 @@ class LocalFolder:
         """Move a folder of the same file system by renaming it; one that is there is kept."""
         target = Path(self.path(name))
         with told(target):
-            for file in source.rglob("*"):
-                if file.is_file():
-                    _to_disk(file)
-            target.parent.mkdir(parents=True, exist_ok=True)
+            for path in (*source.rglob("*"), source):
+                to_disk(path)
+            make_lasting(target.parent)
             try:
                 source.rename(target)
             except OSError:
@@ -127,7 +125,7 @@ class LocalFolder:
                 else:  # what is there was taken apart, or there is another reason
                     self.remove(name)
                     source.rename(target)
-            _to_disk(target.parent)
+            to_disk(target.parent)
 
     def remove(self, name: str) -> None:
         """Remove a folder; it is out of the way at once, and then emptied."""
@@ -153,7 +151,7 @@ class RemoteFolder:
 
     def read(self, name: str) -> bytes | None:
         """Return the content of a file, None where there is none."""
-        with told(self.path(name)):
+        with told_of_remote(self.path(name)):
             try:
                 content: bytes = self._fs.cat_file(self._at(name))
             except (FileNotFoundError, NotADirectoryError, KeyError):
@@ -162,7 +160,7 @@ class RemoteFolder:
 
     def signature(self, name: str) -> tuple[str, ...] | None:
         """Return what the file system tells of a file, as one word; None where there is none."""
-        with told(self.path(name)):
+        with told_of_remote(self.path(name)):
             try:
                 self._fs.invalidate_cache()
                 return (str(self._fs.ukey(self._at(name))),)
@@ -171,7 +169,7 @@ class RemoteFolder:
 
     def fetch(self, name: str, folder: Path) -> Path:
         """Copy the file into a folder of this machine."""
-        with told(self.path(name)):
+        with told_of_remote(self.path(name)):
             copy = folder / secrets.token_hex(4) / name.rsplit("/", 1)[-1]
             copy.parent.mkdir(parents=True)
             self._fs.get_file(self._at(name), str(copy))
@@ -179,7 +177,7 @@ class RemoteFolder:
 
     def put(self, source: Path, name: str) -> None:
         """Upload a file under another name first, where the file system can rename."""
-        with told(self.path(name)):
+        with told_of_remote(self.path(name)):
             self._make_parent(name)
             temporary = f"{self._at(name)}.{secrets.token_hex(4)}.part"
             try:
@@ -199,7 +197,7 @@ class RemoteFolder:
 
     def remove(self, name: str) -> None:
         """Remove a folder, if it is there."""
-        with told(self.path(name)), suppress(FileNotFoundError):
+        with told_of_remote(self.path(name)), suppress(FileNotFoundError):
             self._fs.rm(self._at(name), recursive=True)
 
     def _at(self, name: str) -> str:
@@ -212,50 +210,20 @@ class RemoteFolder:
 def matches(pattern: str, folder: Path) -> list[str]:
     """Files that match a pattern, sorted: paths below a folder, or URLs.
 
-    A name that matches nothing but is one of a file stands for that file, so that brackets in names
-    do no harm.
+    A pattern that is the name of a file stands for that file alone, so that brackets in names do no
+    harm. The folder is no pattern.
     """
     if is_url(pattern):
         fs, root = _file_system(pattern)
-        with told(pattern):
+        with told_of_remote(pattern):
             found = [fs.unstrip_protocol(name) for name in fs.glob(root) if fs.isfile(name)]
         return sorted(found)
     full = os.path.join(folder, pattern)  # noqa: PTH118
     if os.path.isfile(full):  # noqa: PTH113
         return [full]
-    return sorted(name for name in glob.iglob(full, recursive=True) if os.path.isfile(name))  # noqa: PTH113, PTH207
-
-
-def copy_file(source: Path, target: Path) -> None:
-    """Copy the content of a file to the disk, sharing its blocks where the file system can."""
-    with source.open("rb") as reader, target.open("xb") as writer:
-        if not _cloned(reader.fileno(), writer.fileno()):
-            shutil.copyfileobj(reader, writer, 1 << 20)
-        writer.flush()
-        os.fsync(writer.fileno())
-
-
-def _cloned(source: int, target: int) -> bool:
-    try:
-        import fcntl
-
-        fcntl.ioctl(target, _FICLONE, source)
-    except (ImportError, OSError):
-        return False
-    return True
-
-
-def _to_disk(path: Path) -> None:
-    """Have a file, or the names in a folder, written before what is done next."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY)
-    except OSError:  # Windows opens no folders
-        return
-    try:
-        with suppress(OSError):
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    names = glob.iglob(pattern, root_dir=folder, recursive=True)  # noqa: PTH207
+    paths = (os.path.join(folder, name) for name in names)  # noqa: PTH118
+    return sorted(path for path in paths if os.path.isfile(path))  # noqa: PTH113
 
 
 def _file_system(url: str) -> tuple[Any, str]:
@@ -284,3 +252,19 @@ def told(place: object) -> Iterator[None]:
     except (OSError, shutil.Error) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{place}: cannot be used: {reason}; nothing in it was changed") from error
+
+
+@contextmanager
+def told_of_remote(url: str) -> Iterator[None]:
+    """Turn whatever a file system behind a URL raises into a `FileError`.
+
+    Each has errors of its own kind, beside those of the system.
+    """
+    try:
+        with told(url):
+            yield
+    except TexbakeError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise FileError(f"{url}: cannot be used: {reason}; nothing in it was changed") from error

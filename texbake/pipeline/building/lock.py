@@ -1,8 +1,13 @@
-"""One build at a time in a folder, by a lock that the system lets go of however a process ends."""
+"""Locks, which the system lets go of however a process ends.
+
+One build at a time works in a folder; folders of work in hand are known to have an owner.
+"""
 
 from __future__ import annotations
 
 import os
+import secrets
+import shutil
 import socket
 import sys
 import time
@@ -11,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from texbake.errors import FileError
+from texbake.files import make_folder
 
 _POLL_SECONDS = 0.2
 
@@ -33,7 +39,7 @@ def locked(
     Raises
     ------
     FileError
-        Another process holds it, or the file cannot be made.
+        Another process holds it, the file cannot be made, or its file system has no locks.
     """
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -41,7 +47,7 @@ def locked(
         raise FileError(f"{path}: cannot be made: {error.strerror}") from error
     try:
         waiting = False
-        while not _taken(descriptor):
+        while not _taken_at(path, descriptor):
             holder = _said(descriptor)
             message = f"{path.parent.parent}: another build works here ({holder or 'just begun'})"
             if not wait:
@@ -57,6 +63,91 @@ def locked(
         os.ftruncate(descriptor, 0)
     finally:
         os.close(descriptor)
+
+
+def _taken_at(path: Path, descriptor: int) -> bool:
+    try:
+        return _taken(descriptor)
+    except OSError as error:
+        raise FileError(
+            f"{path}: cannot be locked: {error.strerror or error}; "
+            "give a folder whose file system has locks with --folder"
+        ) from error
+
+
+@contextmanager
+def owned_folder(parent: Path) -> Iterator[Path]:
+    """Make a folder that is gone after the block, or by `clear` if the process is ended before.
+
+    A lock beside it says that its owner lives.
+
+    Raises
+    ------
+    FileError
+        It cannot be made.
+    """
+    make_folder(parent)
+    try:
+        folder, descriptor = _owned(parent)
+    except OSError as error:
+        raise FileError(f"{parent}: cannot be used: {error.strerror or error}") from error
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(descriptor)
+        with suppress(OSError):
+            _lock_of(folder).unlink()
+
+
+def _owned(parent: Path) -> tuple[Path, int]:
+    while True:
+        folder = parent / secrets.token_hex(8)
+        descriptor = os.open(_lock_of(folder), os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+        try:
+            if _owns(_lock_of(folder), descriptor):
+                folder.mkdir()
+                return folder, descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _owns(path: Path, descriptor: int) -> bool:
+    """Whether a new lock is taken, and not cleared away as that of a dead owner before it was."""
+    try:
+        if not _taken(descriptor):
+            return False
+    except OSError:  # without locks nobody clears up either
+        return True
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    return False
+
+
+def clear(parent: Path) -> None:
+    """Remove the folders of `owned_folder` whose owners were ended."""
+    with suppress(OSError):
+        for folder in {path.with_suffix("") for path in parent.iterdir()}:
+            with suppress(OSError):
+                _clear(folder)
+
+
+def _clear(folder: Path) -> None:
+    descriptor = os.open(_lock_of(folder), os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        if not _taken(descriptor):
+            return
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists():
+            _lock_of(folder).unlink()
+    finally:
+        os.close(descriptor)
+
+
+def _lock_of(folder: Path) -> Path:
+    return folder.with_suffix(".lock")
 
 
 def _said(descriptor: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,7 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
         for step, place in (found,)
     }
     folder = make_folder(result.folder / INSIDE / _THUMBNAILS)
-    kept = {file.stem: file for file in folder.glob("*.jpg")}
+    kept = {file.stem: file for file in folder.glob("*.jpg") if _is_whole(file)}
     names = list(sources)
     pictures: dict[str, bytes] = {}
 
@@ -112,9 +113,18 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
                     temporary.write_bytes(pictures[name])
 
     run_bands(make, len(names), band=1)
-    for key in kept.keys() - {key for key, _ in sources.values()}:
-        kept[key].unlink(missing_ok=True)
+    used = {key for key, _ in sources.values()}
+    for file in folder.glob("*.jpg"):
+        if file.stem not in used:
+            file.unlink(missing_ok=True)
     return pictures
+
+
+def _is_whole(picture: Path) -> bool:
+    """Whether a JPEG has its end, which it may have lost in a power cut."""
+    with suppress(OSError):
+        return picture.read_bytes().endswith(b"\xff\xd9")
+    return False
 
 
 def _made(place: str) -> bytes:

@@ -45,5 +45,6 @@ class Publisher:
             for name, file in missing:
                 self._location.put(self._store.fetch(file, Path(copies)), name)
                 signature = self._location.signature(name)
-                self._digests.remember(self._location.path(name), signature, file.sha256)
+                if signature is not None:  # nobody has taken it away at once
+                    self._digests.remember(self._location.path(name), signature, file.sha256)
         return len(missing)

@@ -11,6 +11,7 @@ from typing import Any
 from texbake import __version__
 from texbake.files import PathLike, replacing
 from texbake.pipeline.building import progress
+from texbake.pipeline.building.disk import to_disk
 from texbake.pipeline.building.graph import Id
 from texbake.pipeline.building.resolve import StepState
 from texbake.pipeline.building.store import stored_files
@@ -253,3 +254,4 @@ def write_build_report(path: PathLike, report: Mapping[str, Any]) -> None:
     lines = ",\n  ".join(json.dumps(asset) for asset in report.get("assets", ()))
     with replacing(path) as temporary:
         temporary.write_text(f'{head},\n "assets": [\n  {lines}\n ]\n}}\n', encoding="utf-8")
+        to_disk(temporary)  # a power cut leaves this report or the last one

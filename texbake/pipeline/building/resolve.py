@@ -12,6 +12,7 @@ from typing import Any
 from texbake.errors import FileError
 from texbake.files import replacing
 from texbake.pipeline.building.digests import Digests
+from texbake.pipeline.building.fetching import TaskInput
 from texbake.pipeline.building.graph import FileSource, Id, Node, Source
 from texbake.pipeline.building.keys import Ingredients, checksum, differences, ingredients_of
 from texbake.pipeline.building.locations import is_url
@@ -25,7 +26,7 @@ from texbake.pipeline.building.store import (
     output_digest,
     stored_files,
 )
-from texbake.pipeline.building.task import Task, TaskInput
+from texbake.pipeline.building.task import Task
 
 
 @dataclass(eq=False)
@@ -186,7 +187,10 @@ class Resolver:
         described = self._described(source)
         if isinstance(source, FileSource):
             return TaskInput(
-                called=described["called"], path=source.path, sha256=described["sha256"]
+                called=described["called"],
+                path=source.path,
+                sha256=described["sha256"],
+                companions=tuple(self.digests.companions(source.path)),
             )
         maker = self._states[source.node]
         assert maker.manifest is not None

@@ -223,20 +223,22 @@ class Schedule:
 
         Those that began before it was last made again say nothing of what is stored now.
         """
-        makers = [step for step, state in self._states.items() if state.key == outcome.damaged]
+        for step in steps:
+            self._states[step].state = progress.WAITING
         if self._mended.get(outcome.damaged, 0) <= begun:
             self._store.remove(outcome.damaged)
             self._n_mends += 1
             self._mended[outcome.damaged] = self._n_mends
             for step in steps:
                 self._damages[step] += 1
-            for maker in makers:
-                if self._states[maker].manifest is not None:
+            for maker, state in self._states.items():
+                made = state.state in (progress.CURRENT, progress.BUILT)
+                if made and state.key == outcome.damaged:
                     self._make_again(maker, outcome.error)
         for step in steps:
-            if self._damages[step] > _MOST_DAMAGES or not makers:
+            if self._damages[step] > _MOST_DAMAGES:
                 self._fail(step, f"its stored input is damaged: {outcome.error}")
-            else:
+            elif self._states[step].state == progress.WAITING:  # not blocked with one before
                 self._put_off(step)
 
     def _make_again(self, maker: Id, error: str) -> None:
@@ -269,13 +271,12 @@ class Schedule:
         state = self._states[step]
         state.state = progress.WAITING
         self._outlook.expect(step, state.node.table.kind.name)
-        before = [(source, self._states[source]) for source in state.node.waits_for]
-        self._waits[step] = {source for source, maker in before if maker.manifest is None}
-        for source, maker in before:
-            if maker.state in (progress.FAILED, progress.BLOCKED):
-                self._block(source)
-                return
-        if not self._waits[step]:
+        makers = [self._states[source] for source in state.node.waits_for]
+        self._waits[step] = {maker.node.id for maker in makers if maker.manifest is None}
+        lost = [m.node.id for m in makers if m.state in (progress.FAILED, progress.BLOCKED)]
+        if lost:
+            self._block(lost[0])
+        elif not self._waits[step]:
             heapq.heappush(self._ready, self._order[step])
 
     def _tell(self, state: StepState) -> None:

@@ -8,19 +8,22 @@ are never changed.
 from __future__ import annotations
 
 import json
-import secrets
 import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from texbake.errors import FileError, TexbakeError
-from texbake.files import make_folder
 from texbake.pipeline.building.digests import Digests, file_digest
 from texbake.pipeline.building.keys import Ingredients, checksum
 from texbake.pipeline.building.locations import LocalFolder, file_signature, location_of
+from texbake.pipeline.building.lock import clear, owned_folder
 
 MANIFEST = "manifest.json"
+_TEMPORARY = "tmp"  # which is no beginning of a key
 Manifest = dict[str, Any]
 
 
@@ -97,13 +100,15 @@ class Store:
         """Return a local file with the content of a stored one, maybe a copy in a folder."""
         return self._location.fetch(file.name, folder)
 
-    def new_folder(self) -> Path:
-        """Make an empty folder, from which an entry can be put into its place."""
+    @contextmanager
+    def folder(self) -> Iterator[Path]:
+        """Make an empty folder, from which an entry can be put into its place within the block."""
         if self.is_local:
-            return make_folder(Path(self.place) / "tmp" / secrets.token_hex(8))
-        import tempfile
-
-        return Path(tempfile.mkdtemp(prefix="texbake-"))
+            with owned_folder(Path(self.place) / _TEMPORARY) as folder:
+                yield folder
+            return
+        with tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as name:
+            yield Path(name)
 
     def commit(
         self,
@@ -157,16 +162,18 @@ class Store:
         doomed = [
             entry.name
             for entry in Path(self.place).glob("??/*")
-            if entry.parent.name != "tmp" and entry.name not in keys
+            if entry.name not in keys and "." not in entry.name
         ]
         for name in doomed:
             self.remove(name)
         return len(doomed)
 
     def clean(self) -> None:
-        """Remove what builds that were ended left behind; no other build may be running."""
+        """Remove what builds that were ended left behind; nothing of others that run."""
         if self.is_local:
-            shutil.rmtree(Path(self.place) / "tmp", ignore_errors=True)
+            clear(Path(self.place) / _TEMPORARY)
+            for doomed in Path(self.place).glob("??/*.*"):  # entries on their way out
+                shutil.rmtree(doomed, ignore_errors=True)
 
 
 def entry_name(key: str) -> str:

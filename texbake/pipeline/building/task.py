@@ -7,7 +7,6 @@ finds the first's.
 
 from __future__ import annotations
 
-import shutil
 import socket
 import tempfile
 import time
@@ -18,40 +17,14 @@ from typing import Any
 
 from texbake import __version__
 from texbake.errors import FileError, TexbakeError
-from texbake.pipeline.building.digests import file_digest
-from texbake.pipeline.building.keys import checksum
-from texbake.pipeline.building.locations import file_signature, is_url, location_of
+from texbake.pipeline.building.fetching import DamagedInputError, TaskInput, fetched
+from texbake.pipeline.building.locations import file_signature, is_url
 from texbake.pipeline.building.step import Job
 from texbake.pipeline.building.steps import STEP_KINDS
-from texbake.pipeline.building.store import DamagedError, Manifest, Store, StoredFile
+from texbake.pipeline.building.store import DamagedError, Manifest, Store
 from texbake.progress import peak_memory_bytes
 
 DONE, FAILED, DAMAGED, LOST = "done", "failed", "damaged", "lost"
-
-
-@dataclass(frozen=True, kw_only=True)
-class TaskInput:
-    """A file that a task takes.
-
-    Attributes
-    ----------
-    called : str
-        Its name, which meshes and reports have.
-    path : str or None
-        Path or URL of a file outside the store.
-    sha256 : str or None
-        Of that file.
-    key : str or None
-        Of the stored result that it is an output of.
-    files : tuple of StoredFile
-        Of that output; several where it is a folder.
-    """
-
-    called: str
-    path: str | None = None
-    sha256: str | None = None
-    key: str | None = None
-    files: tuple[StoredFile, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +76,7 @@ class Task:
     def from_json(cls, values: dict[str, Any]) -> Task:
         """Task of plain values."""
         inputs = {
-            role: tuple(
-                TaskInput(**{**item, "files": tuple(StoredFile(**f) for f in item["files"])})
-                for item in items
-            )
-            for role, items in values["inputs"].items()
+            role: tuple(map(TaskInput.from_json, items)) for role, items in values["inputs"].items()
         }
         return cls(**{**values, "inputs": inputs})
 
@@ -166,7 +135,7 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
     task = Task.from_json(values)
     try:
         return asdict(Outcome(status=DONE, manifest=_done(task), worker=worker))
-    except _DamagedInputError as damaged:
+    except DamagedInputError as damaged:
         outcome = Outcome(status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker)
     except TexbakeError as error:
         outcome = Outcome(status=FAILED, error=_one_line(str(error)), worker=worker)
@@ -182,14 +151,6 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
     return asdict(outcome)
 
 
-class _DamagedInputError(Exception):
-    """A stored input is not what was stored."""
-
-    def __init__(self, key: str, told: str) -> None:
-        super().__init__(told)
-        self.key = key
-
-
 def _done(task: Task) -> Manifest:
     store = Store(task.store)
     try:
@@ -201,11 +162,12 @@ def _done(task: Task) -> Manifest:
         return there
     kind = STEP_KINDS[task.kind]
     start = time.perf_counter()
-    folder = store.new_folder()
-    copies = Path(tempfile.mkdtemp(prefix="texbake-"))
-    try:
+    with (
+        store.folder() as folder,
+        tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as copies,
+    ):
         inputs = {
-            role: tuple(_fetched(store, item, copies) for item in items)
+            role: tuple(fetched(store, item, Path(copies)) for item in items)
             for role, items in task.inputs.items()
         }
         signatures = _signatures(task)
@@ -226,52 +188,12 @@ def _done(task: Task) -> Manifest:
             "peak_memory_bytes": peak_memory_bytes(),
         }
         return store.commit(task.key, folder, task.outputs, task.ingredients, more)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        shutil.rmtree(copies, ignore_errors=True)
-
-
-def _fetched(store: Store, item: TaskInput, copies: Path) -> Path:
-    """Local file of an input, its content checked."""
-    if item.path is None:
-        return _stored(store, item, copies)
-    path = Path(item.path)
-    if is_url(item.path):
-        folder, name = item.path.rsplit("/", 1)
-        path = location_of(folder).fetch(name, copies)
-    if file_digest(path) != item.sha256:
-        raise FileError(f"{item.path}: it changed since the build looked at it; build again")
-    return path
-
-
-def _stored(store: Store, item: TaskInput, copies: Path) -> Path:
-    assert item.key is not None
-    paths = []
-    for file in item.files:
-        try:
-            path = store.fetch(file, copies)
-            good = file_digest(path) == file.sha256
-        except FileError as error:
-            raise _DamagedInputError(item.key, str(error)) from error
-        if not good:
-            raise _DamagedInputError(item.key, f"{file.name} does not have its checksum")
-        paths.append(path)
-    if len(item.files) == 1 and not item.files[0].path:
-        return paths[0]
-    # A folder; where its files were copied, they are put together again.
-    if store.is_local:
-        depth = item.files[0].path.count("/") + 1
-        return paths[0].parents[depth - 1]
-    whole = copies / checksum([file.sha256 for file in item.files])[:16]
-    for path, file in zip(paths, item.files, strict=True):
-        target = whole / file.path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        path.rename(target)
-    return whole
 
 
 def _signatures(task: Task) -> dict[str, Any]:
-    paths = [item.path for items in task.inputs.values() for item in items if item.path]
+    inputs = [item for items in task.inputs.values() for item in items if item.path]
+    paths = [str(item.path) for item in inputs]
+    paths += [path for item in inputs for path, _ in item.companions]
     return {path: file_signature(path) for path in paths if not is_url(path)}
 
 

@@ -70,8 +70,8 @@ class LocalWorkers:
         """Begin a task as soon as a worker is free."""
         if len(self._crew) < self.slots:
             thread = threading.Thread(target=self._serve, args=(len(self._crew),), daemon=True)
-            self._crew.append(thread)
             thread.start()
+            self._crew.append(thread)
         self._tasks.put((number, task))
 
     def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
@@ -103,12 +103,20 @@ class LocalWorkers:
                 number, task = item
                 outcome = Outcome(status=LOST)
                 for attempt in range(1, MOST_ATTEMPTS + 1):
-                    process = process or self._start()
-                    if process is None:  # closed
-                        return
-                    outcome = replace(process.ask(task), attempts=attempt, worker=f"{slot + 1}")
+                    try:
+                        process = process or self._start()
+                        if process is None:  # closed
+                            return
+                        outcome = process.ask(task)
+                    except Exception as error:  # a step that nobody answers for is waited for
+                        outcome = Outcome(status=FAILED, error=_told(error, started=process))
+                        if process is not None:
+                            self._bury(process)
+                            process = None
+                    outcome = replace(outcome, attempts=attempt, worker=f"{slot + 1}")
                     if outcome.status != LOST:
                         break
+                    assert process is not None
                     self._bury(process)
                     process = None
                 if outcome.status == LOST:
@@ -132,6 +140,14 @@ class LocalWorkers:
             self._processes.discard(process)
 
 
+def _told(error: Exception, *, started: _Process | None) -> str:
+    """One line of what went wrong with a worker, which may not even have been started."""
+    reason = " ".join((getattr(error, "strerror", None) or str(error)).split())
+    if started is None:
+        return f"no worker can be started: {reason}; free memory or disk, or give fewer jobs"
+    return f"its worker's answer is not one: {type(error).__name__}: {reason[:200]}"
+
+
 class _Process:
     """One worker process."""
 
@@ -139,14 +155,18 @@ class _Process:
         # What libraries say at their end is the only word on why a worker died.
         self._said: IO[bytes] = tempfile.TemporaryFile(prefix="texbake-worker-")  # noqa: SIM115
         names = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
-        self._process = subprocess.Popen(
-            # -P: what lies in the current folder is no module.
-            [sys.executable, "-P", "-m", "texbake.pipeline.building.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._said,
-            env={**os.environ, **dict.fromkeys(names, str(threads))},
-        )
+        try:
+            self._process = subprocess.Popen(
+                # -P: what lies in the current folder is no module.
+                [sys.executable, "-P", "-m", "texbake.pipeline.building.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._said,
+                env={**os.environ, **dict.fromkeys(names, str(threads))},
+            )
+        except OSError:
+            self._said.close()
+            raise
 
     @property
     def id(self) -> int:

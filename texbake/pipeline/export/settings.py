@@ -11,9 +11,12 @@ from texbake.pipeline.export.targets import Target
 
 # What to do with a map, by target and kind. `{file}`, and of heights `{mid}`, the level of the
 # surface; `{m}` and `{cm}`, black to white in meters and in centimeters; `{bias}`, meters at black.
+# `{held}` is said of maps that the mesh's file holds; `{flip}`, whether v goes upwards, as it does
+# in all files but glTF. `held` is said of a mesh's file that holds maps.
 _STEPS: dict[str, dict[str, str]] = {
     "blender": {
-        "mesh": "File > Import > glTF 2.0: {file}. Its material has all 8-bit maps already.",
+        "mesh": "File > Import > glTF 2.0: {file}.",
+        "held": "Its material has all 8-bit maps already.",
         "usd": "File > Import > Universal Scene Description: {file}.",
         "obj": "File > Import > Wavefront: {file}, Forward Axis -Z, Up Axis Y. It has no material; "
         "make one of the maps below.",
@@ -70,8 +73,8 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Unity has no UDIM tiles: one material a tile.",
     },
     "godot": {
-        "mesh": "Put {file} into the project. Its material has normal, albedo and ORM maps "
-        "already; tangents are those of the file.",
+        "mesh": "Put {file} into the project. Tangents are those of the file.",
+        "held": "Its material has normal, albedo and ORM maps already.",
         "usd": "Godot reads no USD; export again as glb.",
         "obj": "Put {file} into the project. It has no material; make one of the maps below.",
         "normal": "{file}: Import > Compress > Normal Map: Enable. StandardMaterial3D > Normal Map "
@@ -85,24 +88,25 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Godot has no UDIM tiles: one surface and material a tile.",
     },
     "threejs": {
-        "mesh": "new GLTFLoader().loadAsync('{file}'). Normal, color and ORM maps are in it.",
+        "mesh": "new GLTFLoader().loadAsync('{file}').",
+        "held": "Normal, color and ORM maps are in it.",
         "usd": "new USDLoader().loadAsync('{file}'); the .glb keeps more.",
         "obj": "new OBJLoader().loadAsync('{file}'). It has no material: take the maps by hand.",
-        "normal": "{file}: in the GLB already. By hand: texture.flipY = false, colorSpace = "
+        "normal": "{file}: {held}texture.flipY = {flip}, colorSpace = "
         "NoColorSpace; material.normalMap, normalScale (1, 1), geometry with tangents.",
-        "orm": "{file}: in the GLB already. By hand: flipY = false, NoColorSpace; aoMap, "
+        "orm": "{file}: {held}flipY = {flip}, NoColorSpace; aoMap, "
         "roughnessMap and metalnessMap are all this texture, roughness and metalness 1.",
-        "displacement": "{file}: flipY = false, NoColorSpace; material.displacementMap, "
+        "displacement": "{file}: flipY = {flip}, NoColorSpace; material.displacementMap, "
         "displacementScale = {m:.9g}, displacementBias = {bias:.9g}. Browsers keep 8 bits of it; "
         "it moves vertices alone, so give the mesh enough of them.",
-        "base-color": "{file}: in the GLB already. By hand: flipY = false, SRGBColorSpace; map.",
-        "emissive": "{file}: in the GLB already. By hand: flipY = false, SRGBColorSpace; "
-        "emissiveMap, emissive white.",
-        "opacity": "{file}: flipY = false, NoColorSpace; material.alphaMap, alphaTest 0.5.",
+        "base-color": "{file}: {held}flipY = {flip}, SRGBColorSpace; map.",
+        "emissive": "{file}: {held}flipY = {flip}, SRGBColorSpace; emissiveMap, emissive white.",
+        "opacity": "{file}: flipY = {flip}, NoColorSpace; material.alphaMap, alphaTest 0.5.",
         "tiles": "three.js has no UDIM tiles: one material a tile.",
     },
 }
 _MESHOPT = "It is compressed: loader.setMeshoptDecoder(MeshoptDecoder) before it is loaded."
+_HELD = "in the GLB already. By hand: "
 _OTHER = "{file}: data, sRGB off; no place of its own in the material."
 
 
@@ -133,6 +137,8 @@ def settings_text(
         What was taken for granted.
     """
     steps = _STEPS[target_name]
+    is_glb = mesh_file.suffix == ".glb"
+    holds = is_glb and target.embeds and not any(written.tile for written in maps)
     lines = [
         f"{mesh_file.stem} for {target.title}",
         "",
@@ -143,6 +149,8 @@ def settings_text(
         "Mesh",
         f"  {_mesh_step(steps, mesh_file)}",
     ]
+    if holds and maps and "held" in steps:
+        lines.append(f"  {steps['held']}")
     if is_compressed:
         lines.append(f"  {_MESHOPT}")
     if n_levels > 1:
@@ -151,7 +159,8 @@ def settings_text(
             "shows the finest."
         )
     lines += ["", "Maps"] if maps else []
-    lines += [f"  {_map_step(steps, written)}" for written in maps]
+    words = {"held": _HELD if holds else "", "flip": "false" if is_glb else "true"}
+    lines += [f"  {_map_step(steps, written, words)}" for written in maps]
     if any(written.tile for written in maps):
         lines.append(f"  UDIM: {steps['tiles']}")
     if notes:
@@ -172,11 +181,12 @@ def _mesh_step(steps: dict[str, str], mesh_file: Path) -> str:
     return steps.get(kind, steps["mesh"]).format(file=mesh_file.name)
 
 
-def _map_step(steps: dict[str, str], written: WrittenMap) -> str:
+def _map_step(steps: dict[str, str], written: WrittenMap, words: dict[str, str]) -> str:
     return steps.get(written.kind, _OTHER).format(
         file=written.path.name,
         mid=written.mid,
         m=written.scale,
         cm=100.0 * written.scale,
         bias=-written.mid * written.scale,
+        **words,
     )

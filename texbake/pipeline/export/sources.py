@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +28,9 @@ _ALIASES = {
     "rough": "roughness", "nor": "normal", "normals": "normal",
 }  # fmt: skip
 SUFFIXES = (".exr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff")
-_TILE = re.compile(r"^(?P<name>.*?)(?:[._:](?P<tile>1\d{3}))?$")
+_NUMBER = re.compile(r"^(?P<name>.*?)(?:(?P<mark>[._:])(?P<number>[1-9]\d{2,3}))?$")
+# Numbers after `_` or `.` that are a size in pixels; one of them is also that of a UDIM tile.
+_SIZES = ("512", "1024", "2048", "4096", "8192")
 
 
 @dataclass(frozen=True, order=True)
@@ -40,16 +42,41 @@ class SourceMap:
     path: Path
 
 
-def kind_of(name: str) -> tuple[str, str]:
-    """Kind and tile of a map's name.
+def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
+    """Kind and UDIM tile of a map's name.
+
+    Parameters
+    ----------
+    name
+        Maybe with a tile, 1001 and up, or a size in pixels at its end. 1024 is both: it is a size
+        unless it stands after a colon, or other names have tiles.
+    others
+        Names beside it.
 
     >>> kind_of("Albedo"), kind_of("normal_1002"), kind_of("ao:1001")
     (('base-color', ''), ('normal', '1002'), ('ao', '1001'))
+    >>> kind_of("normal_1024"), kind_of("normal_1024", ["normal_1001"]), kind_of("normal_2048")
+    (('normal', ''), ('normal', '1024'), ('normal', ''))
     """
-    found = _TILE.match(name)
+    kind, mark, number = _divided(name)
+    is_tile = _is_tile(number)
+    if is_tile and number in _SIZES and mark != ":":
+        is_tile = any(_is_tile(n) and n not in _SIZES for _, _, n in map(_divided, others))
+    if not is_tile and (number not in _SIZES or mark == ":"):
+        kind = name
+    kind = kind.lower()
+    return _ALIASES.get(kind, kind), number if is_tile else ""
+
+
+def _divided(name: str) -> tuple[str, str, str]:
+    """A name, and the mark and the number at its end, which may be empty."""
+    found = _NUMBER.match(name)
     assert found is not None  # it matches anything
-    kind = found["name"].lower()
-    return _ALIASES.get(kind, kind), found["tile"] or ""
+    return found["name"], found["mark"] or "", found["number"] or ""
+
+
+def _is_tile(number: str) -> bool:
+    return len(number) == 4 and number[0] == "1" and number != "1000"
 
 
 def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
@@ -62,7 +89,7 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
     """
     sources: dict[tuple[str, str], SourceMap] = {}
     for name, path in maps.items():
-        kind, tile = kind_of(name)
+        kind, tile = kind_of(name, maps)
         if not kind:
             raise OptionError(f"{path}: {name!r} is no name of a map; give one such as normal")
         if (kind, tile) in sources:
@@ -75,8 +102,9 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
 def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> dict[str, PathLike]:
     """Images of a folder whose names are, or end in, that of a map; and those that are named.
 
-    ``normal.png``, ``rock_normal.png`` and ``rock_normal_1002.png`` are normal maps; an image whose
-    name ends in none is left out.
+    ``normal.png``, ``rock_normal.png``, ``rock_normal_1002.png`` of a tile and
+    ``rock_normal_2048.png`` of a size are normal maps. An image whose name ends in none is left
+    out.
 
     Parameters
     ----------
@@ -96,11 +124,11 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
         raise FileError(f"{folder}: there is no such folder; give the one that bake wrote")
     known = (*KINDS, *MAP_NAMES, *_ALIASES)
     found: dict[str, Path] = {}
-    taken = {kind_of(name) for name in named or {}}
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in SUFFIXES:
-            continue
-        name, tile = kind_of(path.stem)
+    taken = {kind_of(name, named or ()) for name in named or {}}
+    images = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    stems = [path.stem for path in images]
+    for path in images:
+        name, tile = kind_of(path.stem, stems)
         fits = [word for word in known if name == word or name.endswith(("_" + word, "." + word))]
         if not fits:
             continue

@@ -14,6 +14,9 @@ from texbake.pipeline.building.step import InputRole, Job, Settings, Sizes, Step
 from texbake.pipeline.building.steps.figures import stage_seconds, steady
 from texbake.pipeline.building.steps.formats import IMAGE_FORMATS, check_format
 
+# Maps that are made of the dense mesh's materials.
+OF_MATERIALS = frozenset({"texture", "material-id"})
+
 
 @dataclass(frozen=True, kw_only=True)
 class BakeStep(BakeOptions):
@@ -43,6 +46,7 @@ def _run(job: Job) -> dict[str, Any]:
     from texbake.bake.bake import bake
     from texbake.bake.maps import map_kinds
     from texbake.mesh.files import read_mesh
+    from texbake.mesh.materials import Materials, read_materials
     from texbake.pipeline.report import write_report
     from texbake.texture.image import write_image
 
@@ -52,7 +56,12 @@ def _run(job: Job) -> dict[str, Any]:
     whole = any(kind.needs != "hits" for kind in map_kinds(job.settings["maps"]))
     limit = None if whole else job.most_memory
     options = BAKE.made(job.settings, threads=job.threads, max_memory=limit)
-    result = bake(high, low, options, cage=None if cage is None else read_mesh(cage))
+    materials, image = None, job.input("high_texture")
+    if not OF_MATERIALS.isdisjoint(options.maps):
+        path = job.file("high")
+        materials = read_materials(path, high) if image is None else Materials.of_image(high, image)
+    cage_mesh = None if cage is None else read_mesh(cage)
+    result = bake(high, low, options, cage=cage_mesh, materials=materials)
     written = {name: result.maps[name].write(job.outputs[name]) for name in options.maps}
     report = result.report
     coded = {
@@ -98,9 +107,10 @@ BAKE = StepKind(
         InputRole(name="high"),
         InputRole(name="low"),
         InputRole(name="cage", required=False),
+        InputRole(name="high_texture", required=False),
     ),
     outputs=_outputs,
     run=_run,
     memory=_memory,
-    revision=2,
+    revision=3,
 )

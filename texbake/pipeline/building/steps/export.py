@@ -50,6 +50,7 @@ EXPORT = StepKind(
     ),
     outputs=lambda settings: {"folder": "export"},
     run=_run,
+    revision=2,
     memory=_memory,
     names_asset=True,
 )
