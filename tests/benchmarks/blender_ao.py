@@ -10,26 +10,7 @@ import time
 
 import bpy
 import numpy as np
-
-
-def imported(path):
-    bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z")
-    thing = bpy.context.selected_objects[0]
-    thing.data.shade_smooth()
-    return thing
-
-
-def bake_target(light, size):
-    """Give the light mesh a material whose active image takes the bake."""
-    image = bpy.data.images.new("map", size, size, float_buffer=True, is_data=True)
-    material = bpy.data.materials.new("baked")
-    material.use_nodes = True
-    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
-    material.node_tree.nodes.active = texture
-    light.data.materials.clear()
-    light.data.materials.append(material)
-    return image
+from blender_bake import bake_target, imported  # beside this script
 
 
 def main(dense_path, light_path, out, size, samples, distance):

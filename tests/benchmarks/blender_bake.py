@@ -63,4 +63,5 @@ def main(dense_path, light_path, out, size, distance, margin):
     print(json.dumps({"import": seconds[0], "bake": seconds[1], "save": seconds[2], "peak": peak}))
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -193,7 +193,7 @@ def test_a_light_at_a_surface(kind, shadow):
                 ),
                 lighting=Lighting(lights=(light,)),
             )
-            finite_picture(scene)
+            assert finite_picture(scene).coverage.max() == 1.0
 
 
 @pytest.mark.parametrize("size", [1e9, 1e-9, 1e30])
@@ -248,7 +248,7 @@ def test_buffers_of_degenerate_meshes(buffer):
     mesh = Mesh(positions=positions, faces=faces, uvs=np.zeros((40, 2)), uv_faces=faces)
     options = RenderOptions(width=32, height=24, buffer=buffer, back_faces="show")
     for scene in all_materials(mesh):
-        finite_picture(scene, options=options, keep=())
+        assert finite_picture(scene, options=options, keep=()).coverage.max() > 0.0
 
 
 def test_degenerate_meshes_under_every_material_and_light():
@@ -263,7 +263,7 @@ def test_degenerate_meshes_under_every_material_and_light():
     )  # fmt: skip
     options = RenderOptions(width=32, height=24, back_faces="show")
     for scene in all_materials(mesh):
-        finite_picture(scene, options=options)
+        assert finite_picture(scene, options=options).coverage.max() > 0.0
 
 
 def test_a_normal_map_with_gaps_and_of_no_length():
@@ -274,12 +274,11 @@ def test_a_normal_map_with_gaps_and_of_no_length():
         texture = ImageTexture(image=texels, filter=filter_name)
         material = Material(normal_map=NormalMap(texture=texture), metalness=1.0, roughness=0.1)
         scene = Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
-        finite_picture(scene)
+        assert finite_picture(scene).coverage.max() == 1.0
     coded = Image(np.zeros((2, 2, 3), np.float32), {"texbake:space": "object"}, name="coded")
     material = Material(normal_map=NormalMap(texture=ImageTexture(image=coded)))
-    finite_picture(
-        Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
-    )
+    scene = Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
+    assert finite_picture(scene).coverage.max() == 1.0
 
 
 def test_a_cycle_of_mirrors_around_a_camera_ends():
@@ -295,7 +294,8 @@ def test_a_cycle_of_mirrors_around_a_camera_ends():
     )  # fmt: skip
     camera = Camera.looking_at((0, 0.2, 0), (1, 0, 0.3), fov=1.5, near=1e-3)
     scene = Scene(objects=items, lighting=EVERYTHING)
-    finite_picture(scene, camera, RenderOptions(width=24, height=16, supersampling=1, bounces=2))
+    options = RenderOptions(width=24, height=16, supersampling=1, bounces=2)
+    assert finite_picture(scene, camera, options).coverage.max() == 1.0
 
 
 @pytest.mark.parametrize(
@@ -355,6 +355,5 @@ def test_light_that_float32_does_not_hold_is_bounded(shading, brightness):
         for z in (1.0 + 1e-4, 3.0)
     )
     lighting = Lighting(lights=lights, environment=Environment(color=color, size=8, lighting=True))
-    finite_picture(
-        Scene(objects=(SceneObject(mesh=uv_sphere(), material=material),), lighting=lighting)
-    )
+    scene = Scene(objects=(SceneObject(mesh=uv_sphere(), material=material),), lighting=lighting)
+    assert finite_picture(scene).color.max() > 1.0  # bright, and bounded all the same

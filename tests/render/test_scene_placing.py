@@ -63,8 +63,10 @@ def test_what_is_no_transform(matrix, message):
 
 def test_small_and_large_transforms_are_not_singular():
     for size in 1e-200, 1e-9, 1e9, 1e100:
-        SceneObject(mesh=cube(), transform=transform_matrix(scale=size))
-    SceneObject(mesh=cube(), transform=transform_matrix(scale=(1e-6, 1e6, 1.0)))
+        item = SceneObject(mesh=cube(), transform=transform_matrix(scale=size))
+        assert placed(item).diagonal == pytest.approx(size * cube().diagonal)
+    item = SceneObject(mesh=cube(), transform=transform_matrix(scale=(1e-6, 1e6, 1.0)))
+    assert placed(item).diagonal == pytest.approx(1e6 * np.ptp(cube().positions[:, 1]))
 
 
 @pytest.mark.parametrize("up", ["y", "z"])

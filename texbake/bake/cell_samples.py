@@ -13,9 +13,8 @@ from texbake.bake.coverage import (
     FaceBins,
     covers,
     owner_at,
-    write_weights_at,
 )
-from texbake.bake.texels import NO_FACE, Samples
+from texbake.bake.texels import NO_FACE, Samples, write_weights
 from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
@@ -126,4 +125,4 @@ def _samples_kernel(bins, coverage, size, cells, owners, weights):  # type: igno
             x, y = x - unit, y - unit
             owners[i] = owner_at(bins, x, y)
         if owners[i] != NO_FACE:
-            write_weights_at(bins[0], owners[i], x, y, weights[i])
+            write_weights(bins[0], owners[i], x, y, weights[i])

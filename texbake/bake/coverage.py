@@ -175,18 +175,6 @@ def _side(px, py, qx, qy, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def write_weights_at(corners, face, x, y, weights):  # type: ignore[no-untyped-def]
-    """Write the weights of a face's second and third corner at a point in units."""
-    ax, ay = corners[face, 0, 0], corners[face, 0, 1]
-    bx, by = corners[face, 1, 0] - ax, corners[face, 1, 1] - ay
-    cx, cy = corners[face, 2, 0] - ax, corners[face, 2, 1] - ay
-    px, py = x - ax, y - ay
-    area = float(bx * cy - by * cx)
-    weights[0] = (px * cy - py * cx) / area
-    weights[1] = (bx * py - by * px) / area
-
-
-@kernel
 def _bin_kernel(corners, size, firsts, faces):  # type: ignore[no-untyped-def]
     """Count the faces of each bin in `firsts`, or list them from there on."""
     n_rows, n_columns, is_list = size

@@ -42,11 +42,8 @@ if TYPE_CHECKING:
 Arrays = dict[str, Any]  # of arrays
 
 _VERSION = 1
-# What numpy and zipfile raise of bytes that are none of theirs: also a flipped bit may say that an
-# entry is encrypted, or packed in a way that is not known.
-_DAMAGES = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error,
-            NotImplementedError, RuntimeError)  # fmt: skip
-# What numpy, zipfile and json raise where a file is damaged; headers of arrays are read as Python.
+# What numpy, zipfile and json raise where a file is damaged; headers of arrays are read as Python,
+# and a flipped bit may say that an entry is encrypted, or packed in a way that is not known.
 _DAMAGE = (
     ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
     UserWarning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,

@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.coverage import TEXEL, FaceBins, owner_at, write_weights_at
+from texbake.bake.coverage import TEXEL, FaceBins, owner_at
 from texbake.bake.hits import NO_HIT, Hits
 from texbake.bake.inputs import BakeInputs
 from texbake.bake.maps.kind import MapKind
-from texbake.bake.texels import NO_FACE, Samples
+from texbake.bake.texels import NO_FACE, Samples, write_weights
 from texbake.bake.trace import Casts
 from texbake.kernels import kernel
 
@@ -116,5 +116,5 @@ def _samples_kernel(bins, width, texels, owners, weights):  # type: ignore[no-un
             y = (texel // width) * TEXEL + (2 * down + 1) * TEXEL // (2 * N_SAMPLES)
             owners[i] = owner_at(bins, x, y)
             if owners[i] != NO_FACE:
-                write_weights_at(bins[0], owners[i], x, y, weights[i])
+                write_weights(bins[0], owners[i], x, y, weights[i])
             i += 1

@@ -284,14 +284,14 @@ def _list_tiles_kernel(  # type: ignore[no-untyped-def]
                     continue
                 texel_ids[n] = (row // per_side) * width + column // per_side
                 faces[n] = face
-                write_weights(corners, face, row, column, barycentrics[n])
+                x, y = column * UNIT + UNIT // 2, row * UNIT + UNIT // 2
+                write_weights(corners, face, x, y, barycentrics[n])
                 n += 1
 
 
 @kernel
-def write_weights(corners, face, row, column, weights):  # type: ignore[no-untyped-def]
-    """Write the weights of a face's second and third corner at the center of a sample."""
-    x, y = column * UNIT + UNIT // 2, row * UNIT + UNIT // 2
+def write_weights(corners, face, x, y, weights):  # type: ignore[no-untyped-def]
+    """Write the weights of a face's second and third corner at a point in units."""
     ax, ay = corners[face, 0, 0], corners[face, 0, 1]
     bx, by = corners[face, 1, 0] - ax, corners[face, 1, 1] - ay
     cx, cy = corners[face, 2, 0] - ax, corners[face, 2, 1] - ay

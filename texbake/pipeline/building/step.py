@@ -13,9 +13,6 @@ from texbake.render.scene.file.faults import fault, shown
 from texbake.render.scene.file.tables import Table, table
 from texbake.render.scene.file.values import Text
 
-# Keys that every step has beside its own.
-COMMON_KEYS = ("do", "after", "output")
-
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]
 

@@ -18,7 +18,6 @@ from texbake.kernels import kernel
 from texbake.render.fragments import Fragments
 from texbake.render.picture import Picture
 from texbake.render.plan.effect import Effect, Target, only_when_needed
-from texbake.render.plan.question import Question
 
 
 @kernel
@@ -91,10 +90,6 @@ def _find_uvs(fragments: Fragments, picture: Picture) -> None:
 def _require_uvs(picture: Picture, target: Target) -> None:
     assert target is not None
     picture.drawn(target).mesh.corner_uvs()  # raises where there are none
-
-
-def _coordinates(question: Question, target: Target) -> tuple[str, ...]:
-    return ("texture coordinates",)
 
 
 POSITIONS = Effect(
