@@ -1,0 +1,243 @@
+"""Checksums of what the program writes: the demo, the samples, the gallery, a pipeline, every command.
+
+    python tests/goldens/record.py                   # write goldens.json anew
+    python tests/goldens/record.py commands out      # leave one group's files in a folder
+
+A change that is meant to alter no result leaves goldens.json as it is; one that alters results
+records it anew and says why. Meshes, images and traces count byte by byte. What is written for people
+to read (pages, reports, tables, notes) counts by its name alone, because its words may change.
+
+NumPy's AVX-512 loops round a few functions differently, so they are switched off here: the checksums
+are then those of every x86-64 machine with AVX2.
+"""
+
+import hashlib
+import json
+import os
+import runpy
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+HERE = Path(__file__).parent
+GOLDENS = HERE / "goldens.json"
+SAMPLES = HERE.parents[1] / "samples"
+FOR_PEOPLE = {".json", ".html", ".csv", ".txt", ".md", ".log"}
+ENVIRONMENT = {
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL",
+    "PYTHONWARNINGS": "ignore",
+}
+
+# Command lines, run in this order in one folder; later ones read what earlier ones wrote.
+COMMANDS = """
+make sphere -o high.ply --resolution 256x128
+make torus -o high.obj --resolution 160x80
+make height-field -o field.obj --image picture.png
+make sphere -o sphere.obj --resolution 24x12
+make torus -o torus.obj --resolution 24x12
+make cylinder -o prism.obj --sides 6 --caps --height 3
+make mobius -o strip.glb --resolution 96x12 --twists 3
+make plane -o plane.stl --resolution 4x4
+simplify high.obj -o low.obj --faces 300
+simplify high.obj -o best.ply --faces 300 --quality best
+unwrap low.obj -o low_uv.obj --size 256 --padding 2 --layout layout.png --heat --checker checker.png
+unwrap low.obj -o fast.glb --size 256 --quality fast --layout layout.svg
+unwrap prism.obj sphere.obj -o tiles --tiles 2 --size 256 --by-group
+unwrap sphere.obj -o planar.obj --method planar --fit pca --sides
+unwrap sphere.obj -o cylindrical.off --method cylindrical --caps --warp twirl
+unwrap torus.obj -o box.obj --method box --overlap --rotate 30 --scale 2
+unwrap torus.obj -o two_part.obj --method two-part --surface sphere --via object-normal
+unwrap torus.obj -o projector.obj --method projector --camera 20,10
+unwrap torus.obj -o parametric.obj --method parametric --linear 2,0,0,0,2,0
+cage high.obj low_uv.obj -o cage.obj
+bake high.obj low_uv.obj -o plain --size 256 --maps normal,displacement,vector-displacement,position,\
+world-position,curvature,convexity,concavity,object-id,material-id,opacity --hits hits.npz \
+--miss-map misses.png
+bake colored.ply low_uv.obj -o colors --size 128 --maps vertex-color,texture --high-texture picture.png
+bake high.obj low_uv.obj -o occlusion --size 128 --maps ao,bent-normal,thickness --secondary-rays 16
+bake high.obj low_uv.obj -o caged --size 128 --samples 4 --cage cage.obj --fill push-pull --format tif
+bake high.obj low_uv.obj -o faces --size 128 --rays face --space object --high-shading flat --bits 8
+bake high.obj low_uv.obj -o vertex --size 128 --rays vertex --convention directx --hit-back-faces
+bake high.obj low_uv.obj -o chunks --size 128 --max-memory 20M
+bake high.obj low_uv.obj -o error --size 128 --maps normal,displacement --max-error 0.5deg,0.01%
+bake high.obj low_uv.obj -o adaptive --size 128 --samples adaptive --format exr
+bake high.obj low_uv.obj -o masked --size 128 --skew-mask checker.png --offset-map layout.png
+bake high.obj low_uv.obj -o udim --size 128 --name-pattern {asset}_{map}.{udim}.{ext}
+bake high.ply tiles/sphere.obj --high high.obj --low low_uv.obj -o several --size 128 --texture-sets groups
+bake-normals high.obj low_uv.obj -o normal.png --size 256 --samples 4
+bake-displacement high.obj low_uv.obj -o height.exr --size 256
+bake-displacement high.obj low_uv.obj -o height.png --size 256 --scale 0.2 --mid 0.4
+remap hits.npz -o remapped --maps normal,curvature,position --format exr --space world
+bake-texture low_uv.obj -o marble.png --procedure marble --size 128 --param amount=5
+bake-texture low_uv.obj -o granite.png --procedure granite --size 128 --samples 1
+pack-textures marble.png normal.png --mesh low_uv.obj --mesh fast.glb -o atlas.png --meshes-to packed
+height-to-normal height.exr -o slopes.png --width 2 --derivative scharr
+normal-to-height slopes.png -o heights.exr
+normal-to-height slopes.png -o waves.exr --method frankot-chellappa --wrap clamp
+mipmap marble.png -o levels
+mipmap normal.png -o normals.png --kind normal --filter kaiser --roughness rough
+bake-texture sphere.obj -o pano.png --procedure fractal --size 256x128
+cubemap pano.png -o faces_of_cube --size 64
+cubemap faces_of_cube -o cross.exr --layout cross --size 32
+preview low_uv.obj --normal-map normal.png --displacement height.exr -o preview.png --size 320x200
+preview low_uv.obj --albedo marble.png -o filters.png --filter nearest,bilinear,ewa --size 200x150
+preview low_uv.obj --albedo marble.png -o adaptive.png --max-error 2/255 --size 200x150
+preview strip.glb -o turn --view turntable:3 --size 120x90 --back-faces show
+compare high.obj low_uv.obj --normal-map normal.png --displacement height.exr -o compare.png --size 320x200
+check high.obj low_uv.obj --layout found.png --sides sides.png --fail-on never
+export low_uv.obj --to unreal --maps plain -o unreal
+export low_uv.obj --to blender --maps plain -o blender --layers
+export low_uv.obj --to unity --maps plain -o unity --mesh-format usda
+export low_uv.obj --to godot --maps plain -o godot --textures dds
+export low_uv.obj --to threejs --maps plain --level fast.glb -o threejs --compress
+run high.obj -o whole --faces 300 --size 256
+"""
+
+
+def command_lines() -> list[list[str]]:
+    """Words of each command line, with continued lines joined."""
+    return [line.split() for line in COMMANDS.replace("\\\n", "").strip().splitlines()]
+
+
+def run_commands() -> None:
+    """Run every command line in the current folder, on a picture and a colored mesh made here."""
+    import numpy as np
+
+    import texbake
+
+    rows, columns = np.mgrid[0:32, 0:48] / 48
+    picture = np.stack([columns, rows, 0.5 + 0.5 * np.sin(20 * rows * columns)], axis=-1)
+    texbake.write_image(picture, "picture.png", color=True, bits=8)
+    torus = texbake.make("torus", resolution=(160, 80))
+    colors = 0.5 + 0.5 * np.sin(3 * torus.positions)
+    texbake.write_mesh(torus.replace(colors=colors), "colored.ply")
+    for words in command_lines():
+        started = time.perf_counter()
+        run_command(*words)
+        print(f"{time.perf_counter() - started:6.2f} s  texbake {' '.join(words)}")
+
+
+def run_command(*words: str) -> None:
+    """Run one command line in this process."""
+    from texbake_cli.main import texbake
+
+    try:
+        texbake([*words, "--quiet"], prog_name="texbake")
+    except SystemExit as stop:
+        if stop.code:
+            raise RuntimeError(f"texbake {' '.join(words)}: exit code {stop.code}") from None
+
+
+def run_demo() -> None:
+    """Run the demo, on fewer triangles and texels than it has by default."""
+    run_command("demo", "-o", "demo", "--triangles", "100000", "--size", "512")
+
+
+def run_sample(name: str, *arguments: str) -> Callable[[], None]:
+    """Return a function that runs a Python script of samples/ as its reader would."""
+
+    def run() -> None:
+        sys.argv = [name, *arguments]
+        sys.path.insert(0, str(SAMPLES))
+        try:
+            runpy.run_path(str(SAMPLES / name), run_name="__main__")
+        except SystemExit:  # asset_folder.py has one broken mesh on purpose
+            pass
+
+    return run
+
+
+def run_gallery() -> None:
+    """Draw the gallery's sources and pictures, in small."""
+    sys.path.insert(0, str(SAMPLES))
+    import gallery
+    import gallery_sources
+
+    import texbake
+
+    gallery.SCENES = Path("scenes").resolve()
+    shutil.copytree(SAMPLES / "scenes", gallery.SCENES)
+    gallery_sources.main(gallery.SCENES)
+    for shot in gallery.shots():
+        scene, ways = gallery.opened(shot, width=160, height=100)
+        for i, (_, options) in enumerate(ways):
+            color = texbake.render_scene(scene, options).color[:, :, :3]
+            texbake.write_image(color, f"{shot.name}_{i}.png", color=True, bits=16)
+
+
+def run_pipeline() -> None:
+    """Build samples/pipeline.toml; the store keeps the same files under their keys."""
+    run_command("build", str(SAMPLES / "pipeline.toml"), "-o", "built")
+
+
+GROUPS: dict[str, Callable[[], None]] = {
+    "demo": run_demo,
+    "python_api": run_sample("python_api.py", "vase"),
+    "asset_folder": run_sample("asset_folder.py"),
+    "mappings": run_sample("mappings.py", "mappings.png"),
+    "gallery": run_gallery,
+    "pipeline": run_pipeline,
+    "commands": run_commands,
+}
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """Checksum of every file below a folder; empty where only the name counts."""
+    sums = {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        name = path.relative_to(folder).as_posix()
+        if any(part.startswith(".") for part in name.split("/")):
+            continue  # a store of results, whose names are keys
+        sums[name] = "" if path.suffix in FOR_PEOPLE else checksum(path)
+    return sums
+
+
+def checksum(path: Path) -> str:
+    """Checksum of a file's bytes; of a trace, of its arrays without the header."""
+    digest = hashlib.sha256()
+    if path.suffix == ".npz":
+        with zipfile.ZipFile(path) as trace:
+            for name in sorted(set(trace.namelist()) - {"header.npy"}):
+                digest.update(name.encode() + trace.read(name))
+    else:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def record(group: str) -> dict[str, str]:
+    """Run a group in a process of its own and return the checksums of what it wrote."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, __file__, group, folder],
+            env=os.environ | ENVIRONMENT,
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode:
+            raise RuntimeError(f"{group}: {done.stdout}{done.stderr}")
+        return checksums(Path(folder))
+
+
+def main(arguments: list[str]) -> None:
+    """Run one group in a folder, or record all of them."""
+    if arguments:
+        group, folder = arguments
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        os.chdir(folder)
+        GROUPS[group]()
+        return
+    goldens = {}
+    for group in GROUPS:
+        started = time.perf_counter()
+        goldens[group] = record(group)
+        print(f"{group}: {len(goldens[group])} files, {time.perf_counter() - started:.1f} s")
+    GOLDENS.write_text(json.dumps(goldens, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
