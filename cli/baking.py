@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from texbake.bake.options import BakeOptions
+from texbake.baking.options import BakeOptions
 from texbake.files import check_folder, check_writable, make_folder
 from texbake.progress import Stages
 
@@ -62,9 +62,9 @@ def bake_to_files(
     check_distinct(outputs, [high, low, cage, high_texture, skew_mask, offset_map])
     _check_outputs(files, folder, miss_map, (report, html, hits), options)
     import texbake
-    from texbake.bake.hits_file import write_hits
+    from texbake.baking.hits_file import write_hits
+    from texbake.jobs.report import write_report
     from texbake.pages.page_maps import as_asked, page_options
-    from texbake.pipeline.report import write_report
 
     with terminal.progress() as progress:
         stages = Stages(progress)
@@ -170,8 +170,8 @@ def _check_outputs(
 
 def check_map_files(files: Mapping[str, Path], options: BakeOptions) -> None:
     """Raise if maps could not be written as files of these names."""
-    from texbake.bake.codings import file_bits
-    from texbake.bake.maps import MAPS
+    from texbake.baking.codings import file_bits
+    from texbake.baking.maps import MAPS
 
     for name, path in files.items():
         file_bits(MAPS[name], path, options.bits)

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import click
 
-from texbake.pipeline.building.options import BuildOptions
+from texbake.building.options import BuildOptions
 
 from .options import Command, Decorator, number_option, output_folder
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from texbake.pipeline.building.progress import BuildEvent
+    from texbake.building.progress import BuildEvent
 
 
 class BuildTable:

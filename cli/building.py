@@ -13,8 +13,8 @@ import click
 from .terminal import Terminal
 
 if TYPE_CHECKING:
-    from texbake.pipeline.building.progress import BuildEvent, Listener
-    from texbake.pipeline.building.report import BuildResult
+    from texbake.building.progress import BuildEvent, Listener
+    from texbake.building.report import BuildResult
 
 _MOST_TOLD = 20  # failures, before only their number is told
 

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from texbake.bake.options import BakeOptions
+from texbake.baking.options import BakeOptions
 from texbake.files import check_folder, make_folder
 from texbake.progress import Stages
 
@@ -15,8 +15,8 @@ from .outputs import check_distinct
 from .terminal import Terminal
 
 if TYPE_CHECKING:
-    from texbake.pipeline.light_map import LightMaps
-    from texbake.render.scene.scene import Scene
+    from texbake.jobs.light_map import LightMaps
+    from texbake.rendering.scene.scene import Scene
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
@@ -40,8 +40,8 @@ def bake_light_to_files(
 
     check_image_format(folder / f"map.{suffix}", options.bits, color=True, channels=3)
     check_folder(folder)
-    from texbake.pipeline.light_map import bake_light_maps
-    from texbake.render.scene.read import read_scene
+    from texbake.jobs.light_map import bake_light_maps
+    from texbake.rendering.scene.read import read_scene
 
     with terminal.progress() as progress:
         stages = Stages(progress)

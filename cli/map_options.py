@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
-from texbake.bake.file_names import DEFAULT_PATTERN, map_file_names
-from texbake.bake.options import VERTEX_COLORS, BakeOptions
+from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
+from texbake.baking.options import VERTEX_COLORS, BakeOptions
 
 from .options import choice_option, image_option, number_option
 from .types import FileOf

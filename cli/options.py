@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 import click
 from click.core import ParameterSource
 
-from texbake.bake.options import (
+from texbake.baking.options import (
     CONVENTIONS,
     FILLS,
     RAYS,
@@ -18,8 +18,8 @@ from texbake.bake.options import (
     SPACES,
     BakeOptions,
 )
-from texbake.pipeline.options import DEFAULT_SAMPLES
-from texbake.render.options import BACK_FACES, UPS, RenderOptions
+from texbake.jobs.options import DEFAULT_SAMPLES
+from texbake.rendering.options import BACK_FACES, UPS, RenderOptions
 
 from .types import FileOf, Size, View
 

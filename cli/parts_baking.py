@@ -8,8 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from texbake.bake.file_names import DEFAULT_PATTERN, map_file_names
-from texbake.bake.options import BakeOptions
+from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
+from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.files import check_folder, make_folder
 from texbake.progress import Stages
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from texbake import Mesh
-    from texbake.bake.parts.light import Canvas
-    from texbake.bake.parts.matching import Matching
-    from texbake.bake.parts.result import PartsResult
-    from texbake.bake.parts.work import RayMapsOf
+    from texbake.baking.parts.light import Canvas
+    from texbake.baking.parts.matching import Matching
+    from texbake.baking.parts.result import PartsResult
+    from texbake.baking.parts.work import RayMapsOf
     from texbake.mesh.materials import Materials
 
 # Of the files that a bake of one mesh can write as well.
@@ -73,7 +73,7 @@ def bake_parts_to_files(
     check_picture(miss_map)
     check_report(report)
     import texbake
-    from texbake.bake.parts.bake_parts import bake_parts
+    from texbake.baking.parts.bake_parts import bake_parts
 
     # Where open files cannot be removed, the system clears its own folder for them.
     done_maps = TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True)
@@ -109,7 +109,7 @@ def bake_parts_to_files(
             for canvas, path in misses.items():
                 texbake.write_image(result.canvases[canvas].miss_map(), path)
     if report is not None:
-        from texbake.pipeline.report import write_report
+        from texbake.jobs.report import write_report
 
         coded = [asdict(file) for file in written]
         write_report(report, {**result.report.to_json(), "bake": asdict(options), "files": coded})
@@ -142,7 +142,7 @@ def _namer(
         )
         return {name: folder / file for name, file in names.items()}
 
-    from texbake.bake.parts.light import Canvas
+    from texbake.baking.parts.light import Canvas
 
     files(Canvas("", 1001))  # what is wrong with a pattern is told before the work
     return files
@@ -162,9 +162,9 @@ def _tell_matching(
     asked: Asked, high: list[Mesh], low: list[Mesh], report: Path | None, terminal: Terminal
 ) -> None:
     """Print who would be baked from whom; a report has it as JSON."""
-    from texbake.bake.parts.bake_parts import match_parts
-    from texbake.bake.parts.matching import Match, Matching
-    from texbake.pipeline.report import write_report
+    from texbake.baking.parts.bake_parts import match_parts
+    from texbake.baking.parts.matching import Match, Matching
+    from texbake.jobs.report import write_report
 
     matching: Matching
     if asked.options.match_by_name:
@@ -200,7 +200,7 @@ def _low_materials(asked: Asked, meshes: list[Mesh]) -> list[Materials | None] |
 
 def _ray_maps(skew_mask: Path | None, offset_map: Path | None, asset: str) -> RayMapsOf:
     """What gives the images of a set of maps; `{set}` and `{udim}` in their names are filled in."""
-    from texbake.bake.ray_maps import RayMaps
+    from texbake.baking.ray_maps import RayMaps
 
     read = lru_cache(maxsize=2)(ray_image)
 

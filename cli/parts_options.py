@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from texbake.bake.parts.options import OCCLUDERS, TEXTURE_SETS, PartsOptions
+from texbake.baking.parts.options import OCCLUDERS, TEXTURE_SETS, PartsOptions
 from texbake.errors import FileError
 
 from .options import MESH_SUFFIXES, choice_option
@@ -110,8 +110,8 @@ class Asked:
     def _has_tiles(self) -> bool:
         """Whether the light mesh reaches beyond the first tile."""
         import texbake
-        from texbake.bake.file_names import FIRST_TILE
-        from texbake.bake.parts.tiles import Tiles
+        from texbake.baking.file_names import FIRST_TILE
+        from texbake.baking.parts.tiles import Tiles
 
         mesh = texbake.read_mesh(self.low[0])
         return mesh.uvs is not None and Tiles.of(mesh.corner_uvs()).numbers != [FIRST_TILE]

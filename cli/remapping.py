@@ -39,9 +39,9 @@ def remap_to_files(
     """
     check_folder(folder)
     check_report(report)
-    from texbake.bake.bake import remap_hits
-    from texbake.bake.hits_file import read_hits
-    from texbake.pipeline.report import write_report
+    from texbake.baking.bake import remap_hits
+    from texbake.baking.hits_file import read_hits
+    from texbake.jobs.report import write_report
 
     with terminal.progress() as progress:
         stages = Stages(progress)

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.bake.texture.camera import PhotoCamera
-from texbake.bake.texture.options import PhotoOptions, SolidOptions
-from texbake.bake.texture.photo import Photo
-from texbake.bake.texture.photos import bake_photos
-from texbake.bake.texture.solid import bake_solid
-from texbake.pipeline.light_map import bake_light_maps
+from texbake.baking.texture.camera import PhotoCamera
+from texbake.baking.texture.options import PhotoOptions, SolidOptions
+from texbake.baking.texture.photo import Photo
+from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.solid import bake_solid
+from texbake.jobs.light_map import bake_light_maps
 from texbake.texture.height_options import HeightToNormalOptions
 from texbake.texture.height_to_normal import height_to_normal
 from texbake.texture.procedures import evaluate

@@ -54,10 +54,10 @@ def test_type_checkers_see_the_same_names() -> None:
 def test_functions_are_not_hidden_by_rooms_of_their_name() -> None:
     # The import system would put the subpackages in the functions' places.
     code = (
-        "import texbake.bake.options, texbake.render.options\n"
+        "import texbake.baking.options, texbake.rendering.options\n"
         "import texbake\n"
         "print(type(texbake.bake).__name__, type(texbake.render).__name__)\n"
-        "import texbake.bake.texels, texbake.render.camera\n"
+        "import texbake.baking.texels, texbake.rendering.camera\n"
         "print(type(texbake.bake).__name__, type(texbake.render).__name__)\n"
     )
     done = subprocess.run(

@@ -20,28 +20,32 @@ from texbake.public_names import NAMES as _NAMES
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from texbake.bake.bake import bake, remap, remap_hits
-    from texbake.bake.baked_map import BakedMap, WrittenMap
-    from texbake.bake.cage.fit import Cage, fit_cage
-    from texbake.bake.hits_file import read_hits, write_hits
-    from texbake.bake.options import BakeOptions
-    from texbake.bake.parts.bake_parts import bake_parts, match_parts
-    from texbake.bake.parts.light import Canvas
-    from texbake.bake.parts.options import PartsOptions
-    from texbake.bake.parts.result import PartsResult
-    from texbake.bake.ray_maps import RayMaps
-    from texbake.bake.report import BakeReport
-    from texbake.bake.result import BakeResult
-    from texbake.bake.texture.camera import PhotoCamera
-    from texbake.bake.texture.options import PhotoOptions, SolidOptions
-    from texbake.bake.texture.photo import Photo
-    from texbake.bake.texture.photos import bake_photos
-    from texbake.bake.texture.result import TextureBake, TextureReport
-    from texbake.bake.texture.solid import bake_solid
-    from texbake.check.check import check, check_files
-    from texbake.check.finding import Finding
-    from texbake.check.options import CheckOptions
-    from texbake.check.report import CheckReport
+    from texbake.baking.bake import bake, remap, remap_hits
+    from texbake.baking.baked_map import BakedMap, WrittenMap
+    from texbake.baking.cage.fit import Cage, fit_cage
+    from texbake.baking.hits_file import read_hits, write_hits
+    from texbake.baking.options import BakeOptions
+    from texbake.baking.parts.bake_parts import bake_parts, match_parts
+    from texbake.baking.parts.light import Canvas
+    from texbake.baking.parts.options import PartsOptions
+    from texbake.baking.parts.result import PartsResult
+    from texbake.baking.ray_maps import RayMaps
+    from texbake.baking.report import BakeReport
+    from texbake.baking.result import BakeResult
+    from texbake.baking.texture.camera import PhotoCamera
+    from texbake.baking.texture.options import PhotoOptions, SolidOptions
+    from texbake.baking.texture.photo import Photo
+    from texbake.baking.texture.photos import bake_photos
+    from texbake.baking.texture.result import TextureBake, TextureReport
+    from texbake.baking.texture.solid import bake_solid
+    from texbake.building.build import build, plan_build
+    from texbake.building.options import BuildOptions
+    from texbake.building.report import BuildResult
+    from texbake.building.watch import watch
+    from texbake.checks.check import check, check_files
+    from texbake.checks.finding import Finding
+    from texbake.checks.options import CheckOptions
+    from texbake.checks.report import CheckReport
     from texbake.errors import (
         CageError,
         DependencyError,
@@ -54,6 +58,15 @@ if TYPE_CHECKING:
         UnwrapError,
         UvError,
     )
+    from texbake.jobs.check_picture import render_findings
+    from texbake.jobs.checker import render_checker
+    from texbake.jobs.demo import demo
+    from texbake.jobs.export.export import ExportResult, export_asset
+    from texbake.jobs.export.options import ExportOptions
+    from texbake.jobs.layout import write_layout
+    from texbake.jobs.light_map import LightMaps, bake_light_maps
+    from texbake.jobs.options import DemoOptions, RunOptions
+    from texbake.jobs.run import RunResult, run
     from texbake.mapping.distortion import Distortion, distortion
     from texbake.mapping.layout import draw_layout
     from texbake.mapping.layout_svg import layout_svg
@@ -71,27 +84,14 @@ if TYPE_CHECKING:
     from texbake.mesh.simplify import SimplifyReport, simplify, simplify_with_report
     from texbake.mesh.tangents import corner_tangents
     from texbake.pages.bake_page import write_bake_page
-    from texbake.pipeline.building.build import build, plan_build
-    from texbake.pipeline.building.options import BuildOptions
-    from texbake.pipeline.building.report import BuildResult
-    from texbake.pipeline.building.watch import watch
-    from texbake.pipeline.check_picture import render_findings
-    from texbake.pipeline.checker import render_checker
-    from texbake.pipeline.demo import demo
-    from texbake.pipeline.export.export import ExportResult, export_asset
-    from texbake.pipeline.export.options import ExportOptions
-    from texbake.pipeline.layout import write_layout
-    from texbake.pipeline.light_map import LightMaps, bake_light_maps
-    from texbake.pipeline.options import DemoOptions, RunOptions
-    from texbake.pipeline.run import RunResult, run
-    from texbake.render.camera import Camera
-    from texbake.render.compare import Closeness, Comparison, compare
-    from texbake.render.options import RenderOptions
-    from texbake.render.picture_report import PictureBudget, PictureSampling
-    from texbake.render.plan.plan import Plan
-    from texbake.render.render import plan_scene, render, render_scene
-    from texbake.render.resolve import Frame
-    from texbake.render.scene.lights import (
+    from texbake.rendering.camera import Camera
+    from texbake.rendering.compare import Closeness, Comparison, compare
+    from texbake.rendering.options import RenderOptions
+    from texbake.rendering.picture_report import PictureBudget, PictureSampling
+    from texbake.rendering.plan.plan import Plan
+    from texbake.rendering.render import plan_scene, render, render_scene
+    from texbake.rendering.resolve import Frame
+    from texbake.rendering.scene.lights import (
         Ambient,
         AmbientOcclusion,
         Environment,
@@ -100,7 +100,7 @@ if TYPE_CHECKING:
         Lighting,
         Shadow,
     )
-    from texbake.render.scene.material import (
+    from texbake.rendering.scene.material import (
         BumpMap,
         Displacement,
         Material,
@@ -110,9 +110,9 @@ if TYPE_CHECKING:
         Reflection,
         Refraction,
     )
-    from texbake.render.scene.read import read_scene
-    from texbake.render.scene.scene import Scene, SceneObject, View
-    from texbake.render.scene.textures import ImageTexture, ProcedureTexture
+    from texbake.rendering.scene.read import read_scene
+    from texbake.rendering.scene.scene import Scene, SceneObject, View
+    from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
     from texbake.study.options import StudyOptions
     from texbake.study.result import StudyResult
     from texbake.study.study import study

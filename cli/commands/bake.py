@@ -8,8 +8,8 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from texbake.bake.map_names import MAP_NAMES
-from texbake.bake.options import BakeOptions
+from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.options import BakeOptions
 
 from ..baking import bake_to_files
 from ..html import html_option

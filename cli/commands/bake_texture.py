@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from texbake.bake.options import FILLS
-from texbake.bake.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
+from texbake.baking.options import FILLS
+from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
 from texbake.errors import OptionError
 from texbake.files import check_writable
 from texbake.texture.procedures.options import PROCEDURE_NAMES
@@ -159,7 +159,7 @@ def bake_texture(
     check_picture(unseen_map)
     check_report(report)
     import texbake
-    from texbake.pipeline.report import write_report
+    from texbake.jobs.report import write_report
     from texbake.texture.image_formats import check_image_format
 
     check_image_format(output, bits, color=not data)
@@ -210,7 +210,7 @@ def _bake(
     progress: Any,
 ) -> TextureBake:
     import texbake
-    from texbake.bake.texture.camera import read_camera
+    from texbake.baking.texture.camera import read_camera
 
     target = texbake.read_mesh(mesh, progress=progress)
     if isinstance(options, SolidOptions):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from texbake.pipeline.building.options import BuildOptions
+from texbake.building.options import BuildOptions
 
 from ..build_options import build_options
 from ..building import shown, tell_result
@@ -17,7 +17,7 @@ from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake.pipeline.building.build import PlannedStep
+    from texbake.building.build import PlannedStep
 
 
 @click.command(
@@ -67,18 +67,18 @@ def build(
     folder says what came of each. Exits with 1 if any failed.
     """
     if plan:
-        from texbake.pipeline.building.build import plan_build
+        from texbake.building.build import plan_build
 
         _tell_plan(plan_build(pipeline, options), terminal)
         return
     check_page(html)
-    from texbake.pipeline.building.build import build as run_build
+    from texbake.building.build import build as run_build
 
     with shown(terminal) as listener:
         result = run_build(pipeline, options, listener=listener)
     tell_result(result, terminal)
     if html is not None:
-        from texbake.pipeline.building.overview import write_overview
+        from texbake.building.overview import write_overview
 
         write_overview(html, result, command=command_line())
         terminal.wrote([html])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from texbake.check.options import SEVERITIES, CheckOptions
+from texbake.checks.options import SEVERITIES, CheckOptions
 
 from ..options import (
     MESH_SUFFIXES,
@@ -27,8 +27,8 @@ from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake.check.finding import Finding
-    from texbake.check.report import CheckReport
+    from texbake.checks.finding import Finding
+    from texbake.checks.report import CheckReport
     from texbake.progress import ProgressSink
 
 _NEVER = "never"
@@ -99,8 +99,8 @@ def check(
     check_picture(layout)
     check_picture(sides)
     check_report(report)
-    from texbake.check.check import check_files
-    from texbake.pipeline.report import write_report
+    from texbake.checks.check import check_files
+    from texbake.jobs.report import write_report
 
     with terminal.progress() as progress:
         checked = check_files(mesh, low, options, progress=progress)
@@ -137,7 +137,7 @@ def _draw(
         if not any(len(finding.faces) for finding in checked.findings):
             terminal.warn(f"{sides}: not drawn; nothing was found at any face")
         else:
-            from texbake.pipeline.check_picture import render_findings
+            from texbake.jobs.check_picture import render_findings
 
             threads = checked.options.threads
             picture = render_findings(checked, threads=threads, progress=progress)

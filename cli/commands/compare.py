@@ -73,8 +73,8 @@ def compare(
     check_report(report)
     check_page(html)
     import texbake
+    from texbake.jobs.report import comparison_report, comparison_table, write_report
     from texbake.pages.asset_page import AssetPage, write_asset_page
-    from texbake.pipeline.report import comparison_report, comparison_table, write_report
 
     with terminal.progress() as progress:
         meshes = [texbake.read_mesh(path, progress=progress) for path in (high, low)]

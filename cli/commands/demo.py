@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from texbake.files import check_folder
-from texbake.pipeline.options import DEMO_FOLDER, DemoOptions
+from texbake.jobs.options import DEMO_FOLDER, DemoOptions
 
 from ..options import number_option, output_folder, size_option, threads_option
 from ..terminal import Terminal, terminal_options

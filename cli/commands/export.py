@@ -9,7 +9,7 @@ import click
 
 from texbake.errors import OptionError
 from texbake.files import check_folder
-from texbake.pipeline.export.options import (
+from texbake.jobs.export.options import (
     CONVENTIONS,
     MESH_FORMATS,
     TARGETS,
@@ -114,8 +114,8 @@ def export(
     check_folder(output)
     given = _named_maps(named)
     import texbake
-    from texbake.pipeline.export.export import export_asset
-    from texbake.pipeline.export.sources import find_maps
+    from texbake.jobs.export.export import export_asset
+    from texbake.jobs.export.sources import find_maps
 
     maps = given if folder is None else find_maps(folder, given)
     with terminal.progress() as progress:

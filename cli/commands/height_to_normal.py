@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from texbake.bake.options import CONVENTIONS, BakeOptions
+from texbake.baking.options import CONVENTIONS, BakeOptions
 from texbake.files import check_writable
 from texbake.texture.height_options import (
     DEFAULT_SCALE,

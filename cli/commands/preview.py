@@ -10,8 +10,13 @@ import click
 from click.core import ParameterSource
 
 from texbake.files import check_folder
-from texbake.render.options import BUFFERS, EDGES, INTERPOLATIONS, RenderOptions
-from texbake.render.scene.textures import FILTERS
+from texbake.rendering.options import (
+    BUFFERS,
+    EDGES,
+    INTERPOLATIONS,
+    RenderOptions,
+)
+from texbake.rendering.scene.textures import FILTERS
 
 from ..options import (
     IMAGE_SUFFIXES,
@@ -29,10 +34,10 @@ from ..types import FileOf, Names, Turntable
 
 if TYPE_CHECKING:
     from texbake.progress import ProgressSink
-    from texbake.render.picture import Costs
-    from texbake.render.plan.plan import Plan
-    from texbake.render.resolve import Frame
-    from texbake.render.scene.scene import Scene
+    from texbake.rendering.picture import Costs
+    from texbake.rendering.plan.plan import Plan
+    from texbake.rendering.resolve import Frame
+    from texbake.rendering.scene.scene import Scene
 
 _TARGETS = ("max_error", "time_budget")
 # The two that `--affine-vs-perspective` lays side by side.
@@ -153,7 +158,7 @@ def preview(
         _check_one_way(choices)
     _check_outputs(output, report, inputs, turn=turn, plan_only=choices["plan_only"])
     import texbake
-    from texbake.pipeline.preview import open_preview
+    from texbake.jobs.preview import open_preview
 
     _take_targets(picture, choices, turn)
     with terminal.progress() as progress:
@@ -247,14 +252,14 @@ def _check_outputs(
 
 def _pictures(output: Path | None, turn: Turntable | None) -> list[Path | None]:
     """Return the files that are going to be written."""
-    from texbake.pipeline.preview import turntable_files
+    from texbake.jobs.preview import turntable_files
 
     return [output] if turn is None or output is None else [*turntable_files(output, turn.n_views)]
 
 
 def _ways(options: RenderOptions, choices: dict[str, Any]) -> list[tuple[str, RenderOptions]]:
     """Options of each picture, with its caption; several are laid side by side."""
-    from texbake.pipeline.preview import side_by_side_options
+    from texbake.jobs.preview import side_by_side_options
 
     interpolations = choices["interpolations"]
     if choices["affine_vs_perspective"]:
@@ -278,7 +283,7 @@ def _write_picture(
 ) -> Frame:
     """Write one picture, or several side by side; return the first."""
     import texbake
-    from texbake.pipeline.preview import render_side_by_side
+    from texbake.jobs.preview import render_side_by_side
 
     if len(ways) == 1:
         frame = texbake.render_scene(scene, ways[0][1], threads=threads, progress=progress)
@@ -298,7 +303,7 @@ def _write_turn(
     progress: ProgressSink | None,
 ) -> Frame:
     """Write the pictures of a turn into a folder; return the last."""
-    from texbake.pipeline.preview import write_turntable
+    from texbake.jobs.preview import write_turntable
 
     return write_turntable(scene, options, n_views, output, threads=threads, progress=progress)
 
@@ -311,11 +316,11 @@ def _tell(
     frame: Frame | None = None,
 ) -> None:
     """Print the plan, and write it as JSON with what samples reached, where it is asked for."""
-    from texbake.render.plan.explain import plan_report, plan_table
+    from texbake.rendering.plan.explain import plan_report, plan_table
 
     told = plan_report(plan, costs) | ({} if frame is None else frame.sampling_report())
     if report is not None:
-        from texbake.pipeline.report import write_report
+        from texbake.jobs.report import write_report
 
         write_report(report, told)
     if form == "json":

@@ -7,8 +7,14 @@ from typing import Any
 
 import click
 
-from texbake.bake.map_names import MAP_NAMES
-from texbake.bake.options import CONVENTIONS, FILLS, SHADINGS, SPACES, VERTEX_COLORS
+from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.options import (
+    CONVENTIONS,
+    FILLS,
+    SHADINGS,
+    SPACES,
+    VERTEX_COLORS,
+)
 
 from ..map_options import FORMATS, HITS_SUFFIXES, name_pattern_option
 from ..options import Decorator, output_folder, report_option, threads_option

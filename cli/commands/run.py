@@ -7,11 +7,11 @@ from typing import Any
 
 import click
 
-from texbake.bake.options import CONVENTIONS
+from texbake.baking.options import CONVENTIONS
 from texbake.files import check_folder
+from texbake.jobs.options import RunOptions
 from texbake.mesh.simplify_options import QUALITIES
-from texbake.pipeline.options import RunOptions
-from texbake.render.options import UPS
+from texbake.rendering.options import UPS
 
 from ..html import command_line, html_option
 from ..options import (

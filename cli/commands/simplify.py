@@ -63,7 +63,7 @@ def simplify(
     check_mesh(output)
     check_report(report)
     import texbake
-    from texbake.pipeline.report import write_report
+    from texbake.jobs.report import write_report
 
     with terminal.progress() as progress:
         lighter, figures = texbake.simplify_with_report(

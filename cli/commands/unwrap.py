@@ -81,8 +81,8 @@ def unwrap(
     check_picture(checker)
     check_report(report)
     import texbake
-    from texbake.pipeline.layout import check_layout
-    from texbake.pipeline.report import write_report
+    from texbake.jobs.layout import check_layout
+    from texbake.jobs.report import write_report
 
     if layout is not None:
         check_layout(layout)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from texbake.pipeline.building.options import BuildOptions
+from texbake.building.options import BuildOptions
 
 from ..build_options import build_options
 from ..building import shown, tell_result
@@ -15,8 +15,8 @@ from ..terminal import Terminal, say, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
+    from texbake.building.report import BuildResult
     from texbake.errors import TexbakeError
-    from texbake.pipeline.building.report import BuildResult
 
 
 @click.command(
@@ -35,8 +35,8 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
 
     Looks at the pipeline file and at every file that it reads twice a second.
     """
+    from texbake.building.watch import watch as run_watch
     from texbake.errors import TexbakeError
-    from texbake.pipeline.building.watch import watch as run_watch
 
     def built(result: BuildResult | TexbakeError) -> None:
         if isinstance(result, TexbakeError):

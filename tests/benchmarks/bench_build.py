@@ -24,12 +24,12 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from texbake.building.build import build
+from texbake.building.options import BuildOptions
+from texbake.building.report import BuildResult
 from texbake.mesh.files import write_mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import grid_sphere
-from texbake.pipeline.building.build import build
-from texbake.pipeline.building.options import BuildOptions
-from texbake.pipeline.building.report import BuildResult
 
 PIPELINE = """
 [[assets]]

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from texbake import BakeOptions, read_mesh
-from texbake.bake.bake import bake
-from texbake.bake.memory import bake_memory
+from texbake.baking.bake import bake
+from texbake.baking.memory import bake_memory
 from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere

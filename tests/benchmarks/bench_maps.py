@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.bake.bake import bake
-from texbake.bake.maps import MAPS
+from texbake.baking.bake import bake
+from texbake.baking.maps import MAPS
 from texbake.mesh.materials import Materials
 
 DATA = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[3] / "shared" / "data"))

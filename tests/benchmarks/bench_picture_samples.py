@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.pipeline.preview import with_light
+from texbake.jobs.preview import with_light
 from texbake.progress import Stages
-from texbake.render.draw import laid_out, prepare
-from texbake.render.pixel_samples import PixelSampler, Sides
-from texbake.render.pixel_sums import PixelSums
-from texbake.render.plan.question import Question
-from texbake.render.scene.view import camera_of
+from texbake.rendering.draw import laid_out, prepare
+from texbake.rendering.pixel_samples import PixelSampler, Sides
+from texbake.rendering.pixel_sums import PixelSums
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.view import camera_of
 from texbake.texture.encoding import encode_srgb
 
 SCENES = Path(__file__).parents[2] / "samples" / "scenes"

@@ -18,13 +18,18 @@ import time
 from collections.abc import Sequence
 
 from texbake.mesh.shapes import uv_sphere
-from texbake.render.camera import Camera
-from texbake.render.draw import Prepared, draw, plan_of, prepare
-from texbake.render.effects import EFFECTS
-from texbake.render.options import RenderOptions
-from texbake.render.plan.effect import Effect
-from texbake.render.scene.material import Material
-from texbake.render.scene.scene import Scene, SceneObject
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import (
+    Prepared,
+    draw,
+    plan_of,
+    prepare,
+)
+from texbake.rendering.effects import EFFECTS
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.plan.effect import Effect
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.scene import Scene, SceneObject
 
 
 def timed(prepared: Prepared, camera: Camera) -> float:

@@ -32,13 +32,13 @@ from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 from texbake.mesh.weld import weld_rows
-from texbake.render.camera import Camera
-from texbake.render.draw import draw, prepare
-from texbake.render.options import RenderOptions
-from texbake.render.scene.lights import Ambient, Light, Lighting
-from texbake.render.scene.material import Material, NormalMap
-from texbake.render.scene.scene import Scene, SceneObject
-from texbake.render.scene.textures import ImageTexture
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Ambient, Light, Lighting
+from texbake.rendering.scene.material import Material, NormalMap
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 
 TO_LIGHT = (0.6, 0.64, 0.48)

@@ -13,7 +13,7 @@ from texbake.progress import peak_memory_bytes
 
 def main(dense_path, light_path, out, size, distance, padding):
     # What both programs have loaded before their clock starts: their own code.
-    import texbake.bake.bake
+    import texbake.baking.bake
     import texbake.mesh.files
 
     options = texbake.BakeOptions(

@@ -121,7 +121,7 @@ def test_the_live_table_says_what_runs_and_how_long_it_takes() -> None:
     from rich.console import Console
     from texbake_cli.build_table import BuildTable
 
-    from texbake.pipeline.building.progress import BuildEvent
+    from texbake.building.progress import BuildEvent
 
     console = Console(width=100, record=True, force_terminal=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
     table = BuildTable(console)

@@ -8,7 +8,7 @@ import pytest
 from click.testing import Result
 
 from texbake import read_image, read_mesh, write_mesh
-from texbake.check.check import check_files
+from texbake.checks.check import check_files
 
 Invoke = Callable[..., Result]
 

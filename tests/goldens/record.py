@@ -1,16 +1,18 @@
-"""Checksums of what the program writes: the demo, the samples, the gallery, a pipeline, every command.
+"""Checksums of what the program writes: the demo, the samples, a pipeline, every command.
 
     python tests/goldens/record.py                   # write goldens.json anew
     python tests/goldens/record.py commands out      # leave one group's files in a folder
 
 A change that is meant to alter no result leaves goldens.json as it is; one that alters results
-records it anew and says why. Meshes, images and traces count byte by byte. What is written for people
+records it anew and says why. Meshes, images and traces count byte by byte. What is written for
+people
 to read (pages, reports, tables, notes) counts by its name alone, because its words may change.
 
-NumPy's AVX-512 loops round a few functions differently, so they are switched off here: the checksums
-are then those of every x86-64 machine with AVX2.
+NumPy's AVX-512 loops round a few functions differently, so they are switched off here: the
+checksums are then those of every x86-64 machine with AVX2.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -55,27 +57,33 @@ unwrap torus.obj -o two_part.obj --method two-part --surface sphere --via object
 unwrap torus.obj -o projector.obj --method projector --camera 20,10
 unwrap torus.obj -o parametric.obj --method parametric --linear 2,0,0,0,2,0
 cage high.obj low_uv.obj -o cage.obj
-bake high.obj low_uv.obj -o plain --size 256 --maps normal,displacement,vector-displacement,position,\
-world-position,curvature,convexity,concavity,object-id,material-id,opacity --hits hits.npz \
---miss-map misses.png
-bake colored.ply low_uv.obj -o colors --size 128 --maps vertex-color,texture --high-texture picture.png
-bake high.obj low_uv.obj -o occlusion --size 128 --maps ao,bent-normal,thickness --secondary-rays 16
-bake high.obj low_uv.obj -o caged --size 128 --samples 4 --cage cage.obj --fill push-pull --format tif
-bake high.obj low_uv.obj -o faces --size 128 --rays face --space object --high-shading flat --bits 8
+bake high.obj low_uv.obj -o plain --size 256 --maps normal,displacement,vector-displacement,\
+position,world-position,curvature,convexity,concavity,object-id,material-id,opacity \
+--hits hits.npz --miss-map misses.png
+bake colored.ply low_uv.obj -o colors --size 128 --maps vertex-color,texture \
+--high-texture picture.png
+bake high.obj low_uv.obj -o occlusion --size 128 --maps ao,bent-normal,thickness \
+--secondary-rays 16
+bake high.obj low_uv.obj -o caged --size 128 --samples 4 --cage cage.obj \
+--fill push-pull --format tif
+bake high.obj low_uv.obj -o faces --size 128 --rays face --space object \
+--high-shading flat --bits 8
 bake high.obj low_uv.obj -o vertex --size 128 --rays vertex --convention directx --hit-back-faces
 bake high.obj low_uv.obj -o chunks --size 128 --max-memory 20M
 bake high.obj low_uv.obj -o error --size 128 --maps normal,displacement --max-error 0.5deg,0.01%
 bake high.obj low_uv.obj -o adaptive --size 128 --samples adaptive --format exr
 bake high.obj low_uv.obj -o masked --size 128 --skew-mask checker.png --offset-map layout.png
 bake high.obj low_uv.obj -o udim --size 128 --name-pattern {asset}_{map}.{udim}.{ext}
-bake high.ply tiles/sphere.obj --high high.obj --low low_uv.obj -o several --size 128 --texture-sets groups
+bake high.ply tiles/sphere.obj --high high.obj --low low_uv.obj \
+-o several --size 128 --texture-sets groups
 bake-normals high.obj low_uv.obj -o normal.png --size 256 --samples 4
 bake-displacement high.obj low_uv.obj -o height.exr --size 256
 bake-displacement high.obj low_uv.obj -o height.png --size 256 --scale 0.2 --mid 0.4
 remap hits.npz -o remapped --maps normal,curvature,position --format exr --space world
 bake-texture low_uv.obj -o marble.png --procedure marble --size 128 --param amount=5
 bake-texture low_uv.obj -o granite.png --procedure granite --size 128 --samples 1
-pack-textures marble.png normal.png --mesh low_uv.obj --mesh fast.glb -o atlas.png --meshes-to packed
+pack-textures marble.png normal.png --mesh low_uv.obj --mesh fast.glb \
+-o atlas.png --meshes-to packed
 height-to-normal height.exr -o slopes.png --width 2 --derivative scharr
 normal-to-height slopes.png -o heights.exr
 normal-to-height slopes.png -o waves.exr --method frankot-chellappa --wrap clamp
@@ -88,7 +96,8 @@ preview low_uv.obj --normal-map normal.png --displacement height.exr -o preview.
 preview low_uv.obj --albedo marble.png -o filters.png --filter nearest,bilinear,ewa --size 200x150
 preview low_uv.obj --albedo marble.png -o adaptive.png --max-error 2/255 --size 200x150
 preview strip.glb -o turn --view turntable:3 --size 120x90 --back-faces show
-compare high.obj low_uv.obj --normal-map normal.png --displacement height.exr -o compare.png --size 320x200
+compare high.obj low_uv.obj --normal-map normal.png --displacement height.exr \
+-o compare.png --size 320x200
 check high.obj low_uv.obj --layout found.png --sides sides.png --fail-on never
 export low_uv.obj --to unreal --maps plain -o unreal
 export low_uv.obj --to blender --maps plain -o blender --layers
@@ -144,10 +153,8 @@ def run_sample(name: str, *arguments: str) -> Callable[[], None]:
     def run() -> None:
         sys.argv = [name, *arguments]
         sys.path.insert(0, str(SAMPLES))
-        try:
+        with contextlib.suppress(SystemExit):  # asset_folder.py has one broken mesh on purpose
             runpy.run_path(str(SAMPLES / name), run_name="__main__")
-        except SystemExit:  # asset_folder.py has one broken mesh on purpose
-            pass
 
     return run
 

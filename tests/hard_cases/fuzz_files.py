@@ -99,12 +99,12 @@ def _image_seed(channels: int, bits: int) -> Maker:
 
 
 def _hits_seed(path: Path) -> None:
-    from texbake import BakeOptions, bake
-    from texbake.bake.hits_file import write_hits
+    from texbake import BakeOptions, baking
+    from texbake.baking.hits_file import write_hits
     from texbake.mesh.shapes import uv_sphere
 
     ball = uv_sphere(4, 6)
-    write_hits(bake(ball, ball, BakeOptions(size=8, keep_hits=True)), path)
+    write_hits(baking(ball, ball, BakeOptions(size=8, keep_hits=True)), path)
 
 
 def _text_seed(text: str) -> Maker:
@@ -228,15 +228,15 @@ def _read_patches(path: Path) -> Any:
 
 def _read_hits(path: Path) -> Any:
     from texbake import BakeOptions
-    from texbake.bake.bake import remap_hits
-    from texbake.bake.hits_file import read_hits
+    from texbake.baking.bake import remap_hits
+    from texbake.baking.hits_file import read_hits
 
     # What was let in must not lead kernels astray either.
     return remap_hits(read_hits(path), BakeOptions(maps=("normal", "displacement")))
 
 
 def _read_pipeline(path: Path) -> Any:
-    from texbake.pipeline.building.file import read_pipeline
+    from texbake.building.file import read_pipeline
 
     return read_pipeline(path)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.bake.cast import open_caster
-from texbake.bake.hits import NO_HIT
-from texbake.bake.rays import Rays
-from texbake.bake.watertight import retry_watertight
+from texbake.baking.cast import open_caster
+from texbake.baking.hits import NO_HIT
+from texbake.baking.rays import Rays
+from texbake.baking.watertight import retry_watertight
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.normals import face_normals, vertex_normals
 from texbake.mesh.shapes import icosphere

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake.bake.texels import NO_FACE, UNIT, SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import (
+    NO_FACE,
+    UNIT,
+    SampleGrid,
+    rasterize_uv,
+    snap_uvs,
+)
 from texbake.mesh.shapes import plane, uv_sphere
 
 

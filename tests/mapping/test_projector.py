@@ -10,8 +10,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.render.camera import Camera
-from texbake.render.options import RenderOptions
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
 
 # Light along -z onto the unit square; r grows with the distance from the light.
 DOWN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))

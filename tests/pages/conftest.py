@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
-from texbake.bake.result import BakeResult
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.result import BakeResult
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.pages.bake_page import write_bake_page

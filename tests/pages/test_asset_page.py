@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
-from texbake.bake.result import BakeResult
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.result import BakeResult
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.pages import viewer
 from texbake.pages.asset_page import AssetPage, write_asset_page
 from texbake.pages.bake_page import write_bake_page
-from texbake.render.panels import colored_angles
+from texbake.rendering.panels import colored_angles
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import write_image
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
 from texbake.errors import DependencyError
 from texbake.mesh.shapes import plane
 from texbake.pages import map_pictures

@@ -9,11 +9,11 @@ import pytest
 from PIL import Image
 
 import texbake
-from texbake.pipeline.preview import open_preview
-from texbake.render.effects import EFFECTS
-from texbake.render.options import BUFFERS
-from texbake.render.scene.material import SHADINGS
-from texbake.render.scene.textures import ImageTexture, ProcedureTexture
+from texbake.jobs.preview import open_preview
+from texbake.rendering.effects import EFFECTS
+from texbake.rendering.options import BUFFERS
+from texbake.rendering.scene.material import SHADINGS
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 
 SAMPLES = Path(__file__).parents[2] / "samples"

@@ -148,9 +148,9 @@ def test_a_users_scene_is_drawn_where_it_has_what_a_knob_turns():
 
 def test_filters_are_studied_on_a_scene_with_an_image():
     from texbake.mesh.shapes import plane
-    from texbake.render.scene.material import Material
-    from texbake.render.scene.scene import Scene, SceneObject
-    from texbake.render.scene.textures import ImageTexture
+    from texbake.rendering.scene.material import Material
+    from texbake.rendering.scene.scene import Scene, SceneObject
+    from texbake.rendering.scene.textures import ImageTexture
     from texbake.texture.checker import checker_image
 
     material = Material(shading="unlit", base_color=ImageTexture(image=checker_image(512, 8)))

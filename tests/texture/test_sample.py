@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.render.scene import textures
+from texbake.rendering.scene import textures
 from texbake.texture.lookup import WRAPS, lookup, texel_coordinates
 from texbake.texture.mipmaps import mip_chain, single_level
 from texbake.texture.sample import (

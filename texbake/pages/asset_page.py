@@ -9,8 +9,13 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.result import BakeResult, read_misses
-from texbake.bake.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.result import BakeResult, read_misses
+from texbake.baking.texels import (
+    NO_FACE,
+    SampleGrid,
+    rasterize_uv,
+    snap_uvs,
+)
 from texbake.files import PathLike
 from texbake.mesh.mesh import Mesh
 from texbake.pages.histogram import histogram_svg
@@ -30,9 +35,9 @@ from texbake.pages.three_js import three_js
 from texbake.pages.viewer import Maps, View
 from texbake.pages.words import duration, number
 from texbake.progress import StageRecord
-from texbake.render.compare import Comparison
-from texbake.render.maps import heights_from
-from texbake.render.options import RenderOptions
+from texbake.rendering.compare import Comparison
+from texbake.rendering.maps import heights_from
+from texbake.rendering.options import RenderOptions
 
 _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from texbake.bake.result import BakeResult
+from texbake.baking.result import BakeResult
 from texbake.files import PathLike
 from texbake.mesh.mesh import Mesh
 from texbake.metadata import SPACE
 from texbake.pages.asset_page import AssetPage, write_asset_page
 from texbake.progress import ProgressSink, StageRecord
-from texbake.render.compare import Comparison, compare
-from texbake.render.options import RenderOptions
+from texbake.rendering.compare import Comparison, compare
+from texbake.rendering.options import RenderOptions
 from texbake.texture.image import Image
 
 _PICTURE_PX = 560

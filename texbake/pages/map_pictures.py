@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.result import BakeResult
+from texbake.baking.result import BakeResult
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.pages.pictures import data_uri, png_of_codes

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from texbake.bake.options import BakeOptions
-from texbake.bake.result import BakeResult
+from texbake.baking.options import BakeOptions
+from texbake.baking.result import BakeResult
 
 # What a page shows of any bake: the view needs normals, the histogram needs heights.
 PAGE_MAPS = ("normal", "displacement")

@@ -10,8 +10,8 @@ import numpy as np
 from texbake.pages.pictures import data_uri, picture_codes, png_of
 from texbake.pages.words import duration, memory
 from texbake.progress import StageRecord
-from texbake.render.compare import Comparison
-from texbake.render.panels import MAX_ANGLE_DEG, colored_angles
+from texbake.rendering.compare import Comparison
+from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
 
 Rows = Sequence[tuple[str, str]]
 

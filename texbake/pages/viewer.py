@@ -16,9 +16,9 @@ from texbake.pages.map_pictures import MapPicture, miss_picture
 from texbake.pages.packing import packed_mesh
 from texbake.pages.sections import angle_colors, legend, section
 from texbake.pages.shell import as_json
-from texbake.render.camera import Camera
-from texbake.render.options import RenderOptions
-from texbake.render.panels import MAX_ANGLE_DEG
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.panels import MAX_ANGLE_DEG
 
 MOST_TRIANGLES = 300_000  # of a mesh in a page: two to three MB
 

@@ -17,7 +17,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
 from texbake.mesh.topology import degenerate_faces
-from texbake.render.scene.scene import Scene
+from texbake.rendering.scene.scene import Scene
 from texbake.study.truth.radial import RadialSurface, orange_surface, rippled_surface
 
 _ORANGE_TRIANGLES = 500_000

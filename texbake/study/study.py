@@ -9,11 +9,11 @@ import time
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
+from texbake.jobs.preview import with_light
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import resolve_threads
-from texbake.pipeline.preview import with_light
 from texbake.progress import ProgressSink, Stages
-from texbake.render.scene.scene import Scene
+from texbake.rendering.scene.scene import Scene
 from texbake.study.case import Case
 from texbake.study.knob import Unfit
 from texbake.study.knobs import knob_named

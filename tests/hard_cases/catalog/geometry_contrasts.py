@@ -9,11 +9,11 @@ from catalog.contrast import Contrast, degrees_between, not_finite
 from catalog.geometry import mesh_of, moved, with_faces
 
 from texbake import Mesh
-from texbake.bake.cast import open_caster
-from texbake.bake.embreex_caster import EmbreexCaster
-from texbake.bake.hits import NO_HIT
-from texbake.bake.rays import Rays
-from texbake.bake.watertight import retry_watertight
+from texbake.baking.cast import open_caster
+from texbake.baking.embreex_caster import EmbreexCaster
+from texbake.baking.hits import NO_HIT
+from texbake.baking.rays import Rays
+from texbake.baking.watertight import retry_watertight
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.normals import face_normals, smooth_normals, vertex_normals
 from texbake.mesh.shapes import cube, icosphere

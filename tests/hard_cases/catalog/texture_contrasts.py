@@ -10,7 +10,7 @@ from catalog.geometry import mesh_of
 
 import texbake
 from texbake import Mesh
-from texbake.bake.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.encoding import decode_normals, encode_normals, quantize_unsigned
 from texbake.texture.padding import push_pull

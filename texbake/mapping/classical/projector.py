@@ -4,7 +4,8 @@ With q = 1 everywhere the light is parallel and M P itself gives (s, t). Only wh
 should carry the picture: faces turned away from the projector, hidden by others or behind it are
 told apart.
 
-The convention of the camera is that of previews (`texbake.render.camera`), so that what a preview
+The convention of the camera is that of previews (`texbake.rendering.camera`), so that what a
+preview
 shows is where a picture of it is cast: +y is up; the projector looks at the middle of the bounding
 box; azimuth 0 looks at the front, from +z, and grows counter-clockwise seen from above; the
 distance, where none is given, is 1.03 R / sin(fov / 2), which has the sphere of radius R about that

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
 from texbake.mapping.distortion import distortion
 from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap

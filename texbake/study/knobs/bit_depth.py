@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import close_up

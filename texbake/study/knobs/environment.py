@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.render.camera import Camera
-from texbake.render.draw import draw, prepare
-from texbake.render.options import RenderOptions
-from texbake.render.scene.lights import Environment, Lighting
-from texbake.render.scene.material import Material, Reflection
-from texbake.render.scene.scene import Scene, SceneObject
-from texbake.render.scene.textures import ImageTexture
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Environment, Lighting
+from texbake.rendering.scene.material import Material, Reflection
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import crop, picture_error

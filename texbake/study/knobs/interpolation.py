@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
-from texbake.render.draw import draw, prepare
-from texbake.render.options import RenderOptions
-from texbake.render.scene.material import Material
-from texbake.render.scene.scene import Scene, SceneObject
-from texbake.render.scene.textures import ImageTexture
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.floor import Floor

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
-from texbake.bake.result import BakeResult
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.result import BakeResult
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals
-from texbake.render.compare import compare
-from texbake.render.options import RenderOptions
+from texbake.rendering.compare import compare
+from texbake.rendering.options import RenderOptions
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import close_up

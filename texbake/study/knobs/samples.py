@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.bake.bake import bake
-from texbake.bake.options import ADAPTIVE, SAMPLES, BakeOptions
-from texbake.bake.result import BakeResult
+from texbake.baking.bake import bake
+from texbake.baking.options import ADAPTIVE, SAMPLES, BakeOptions
+from texbake.baking.result import BakeResult
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import close_up

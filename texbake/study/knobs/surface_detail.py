@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
-from texbake.render.camera import Camera
-from texbake.render.options import RenderOptions
-from texbake.render.render import render
-from texbake.render.resolve import Frame
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import render
+from texbake.rendering.resolve import Frame
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import crop, picture_error

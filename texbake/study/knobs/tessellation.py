@@ -8,14 +8,14 @@ import numpy as np
 
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.shapes import plane
-from texbake.render.camera import Camera
-from texbake.render.draw import draw, prepare
-from texbake.render.options import RenderOptions
-from texbake.render.resolve import Frame
-from texbake.render.scene.lights import Ambient, Light, Lighting
-from texbake.render.scene.material import Displacement, Material
-from texbake.render.scene.scene import Scene, SceneObject
-from texbake.render.scene.textures import ImageTexture
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.lights import Ambient, Light, Lighting
+from texbake.rendering.scene.material import Displacement, Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import crop

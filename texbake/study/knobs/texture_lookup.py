@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.render.options import RenderOptions
-from texbake.render.render import render_scene
-from texbake.render.scene.scene import Scene
-from texbake.render.scene.view import camera_of
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import render_scene
+from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.view import camera_of
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.floor import Floor

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.bake.bake import bake
-from texbake.bake.options import BakeOptions
-from texbake.bake.result import BakeResult
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.result import BakeResult
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import close_up

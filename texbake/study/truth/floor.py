@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray
-from texbake.render.camera import Camera
+from texbake.rendering.camera import Camera
 from texbake.study.truth.sight import sight_rays
 
 _EYE = (0.0, 0.35, 0.0)

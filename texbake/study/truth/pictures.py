@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import Mesh
-from texbake.render.camera import Camera
-from texbake.render.maps import MapSource
-from texbake.render.options import RenderOptions
-from texbake.render.render import render
+from texbake.rendering.camera import Camera
+from texbake.rendering.maps import MapSource
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import render
 from texbake.texture.encoding import encode_srgb
 
 FloatImage = npt.NDArray[np.float32]

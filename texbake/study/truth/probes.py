@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.cast import open_caster
-from texbake.bake.distances import measure_reach
-from texbake.bake.hits import NO_HIT
-from texbake.bake.rays import RayField
-from texbake.bake.texels import Samples
+from texbake.baking.cast import open_caster
+from texbake.baking.distances import measure_reach
+from texbake.baking.hits import NO_HIT
+from texbake.baking.rays import RayField
+from texbake.baking.texels import Samples
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh

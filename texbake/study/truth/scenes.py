@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
-from texbake.render.options import RenderOptions
-from texbake.render.scene.lights import Shadow
-from texbake.render.scene.scene import Scene
-from texbake.render.scene.textures import ImageTexture
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Shadow
+from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.textures import ImageTexture
 
 
 def with_width(options: RenderOptions, width: int) -> RenderOptions:

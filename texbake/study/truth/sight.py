@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.mesh.mesh import FloatArray
-from texbake.render.camera import Camera
+from texbake.rendering.camera import Camera
 
 
 def sight_rays(

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.bake.hits import NO_HIT, Hits
-from texbake.bake.inputs import BakeInputs
-from texbake.bake.maps import MAPS
-from texbake.bake.options import BakeOptions
-from texbake.bake.trace import Trace
+from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps import MAPS
+from texbake.baking.options import BakeOptions
+from texbake.baking.trace import Trace
 from texbake.mesh.mesh import FloatArray
 from texbake.progress import Stages
 from texbake.study.case import Pair

@@ -1,0 +1,164 @@
+"""The cage holds the dense surface, and no vertex of it could go in by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from texbake.baking.bake import bake
+from texbake.baking.cage.fit import fit_cage
+from texbake.baking.options import BakeOptions
+from texbake.errors import OptionError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, orange, plane, uv_sphere
+from texbake.mesh.simplify import simplify
+
+
+@pytest.fixture(scope="module")
+def peel() -> tuple[Mesh, Mesh]:
+    """A made dense mesh with dents and bumps, and a light one."""
+    high = orange(6_000)
+    return high, simplify(high, 300)
+
+
+def _outside(points: np.ndarray, cage: Mesh) -> int:
+    """How many points the closed cage does not wind around.
+
+    Based on: A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", 1983.
+    """
+    angles = np.zeros(len(points))
+    for face in cage.faces:
+        a, b, c = (cage.positions[vertex] - points for vertex in face)
+        la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+        volume = np.einsum("nx,nx->n", a, np.cross(b, c))
+        whole = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+        angles += 2.0 * np.arctan2(volume, whole)
+    return int(np.count_nonzero(angles / (4.0 * np.pi) < 0.5))
+
+
+def test_a_surface_at_one_height_gives_that_height() -> None:
+    """A plane lifted by 0.25: every vertex moves by 0.25, to the rounding of the ray tree."""
+    low = plane(3, 2)
+    high = plane(17, 11)
+    high = high.replace(positions=high.positions + np.array([0.0, 0.0, 0.25]))
+    cage = fit_cage(high, low, margin=0.0)
+    np.testing.assert_allclose(cage.distances, 0.25, atol=1e-6)
+    np.testing.assert_array_equal(cage.mesh.faces, low.faces)
+    np.testing.assert_array_equal(cage.mesh.uvs, low.uvs)
+
+
+def test_one_peak_is_held_by_the_face_under_it_alone() -> None:
+    """A tent over the middle of one of two faces: the far vertex stays, the others touch it."""
+    low = plane()
+    middle = low.positions[low.faces[0]].mean(axis=0)
+    peak = middle + np.array([0.0, 0.0, 0.3])
+    corners = low.positions[low.faces[0]]
+    high = Mesh(
+        positions=np.vstack([corners, peak]),
+        faces=np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32),
+    )
+    cage = fit_cage(high, low, margin=0.0)
+    lone = np.setdiff1d(low.faces[1], low.faces[0])[0]
+    assert cage.distances[lone] == 0.0
+    # The plane through the three moved corners passes through the peak.
+    assert cage.distances[low.faces[0]].mean() == pytest.approx(0.3, abs=1e-7)
+    assert cage.n_beside == 0
+
+
+def test_no_dense_vertex_lies_outside(peel: tuple[Mesh, Mesh]) -> None:
+    high, low = peel
+    cage = fit_cage(high, low)
+    assert cage.greatest_outside == 0.0
+    assert _outside(high.positions, cage.mesh) == 0
+    assert _outside(high.positions, low) > 200  # so that the cage was needed
+
+
+def test_no_vertex_could_go_in_by_itself(peel: tuple[Mesh, Mesh]) -> None:
+    """Each vertex that was moved out, moved in by a twentieth of that, lets something through."""
+    high, low = peel
+    cage = fit_cage(high, low, margin=0.0)
+    moved = np.flatnonzero(cage.distances > 0.002 * high.diagonal)
+    assert len(moved) > 20
+    directions = cage.mesh.positions - low.positions
+    # Points of the dense faces too: what holds a vertex out may lie over an edge of the cage.
+    points = np.vstack([high.positions, high.positions[high.faces].mean(axis=1)])
+    loose = 0
+    for vertex in moved[:: max(len(moved) // 12, 1)]:
+        positions = cage.mesh.positions.copy()
+        positions[vertex] -= 0.05 * directions[vertex]
+        near = np.linalg.norm(points - cage.mesh.positions[vertex], axis=1) < 0.4 * high.diagonal
+        loose += _outside(points[near], cage.mesh.replace(positions=positions)) == 0
+    assert loose <= 2
+
+
+def test_rays_from_it_miss_nothing_and_reach_less_far(peel: tuple[Mesh, Mesh]) -> None:
+    high, _ = peel
+    low = uv_sphere(8, 12)
+    options = BakeOptions(size=64)
+    cage = fit_cage(high, low)
+    result = bake(high, low, options, cage=cage.mesh)
+    assert result.report.texels_missed == 0
+    front = bake(high, low, options).report.front
+    assert front is not None
+    assert np.median(cage.distances) < front
+
+
+def test_vertices_of_one_position_move_together() -> None:
+    """A mesh whose faces share no vertices stays closed."""
+    low = icosphere(1)
+    split = low.replace(
+        positions=low.positions[low.faces].reshape(-1, 3),
+        faces=np.arange(3 * low.n_faces, dtype=np.int32).reshape(-1, 3),
+        uvs=None,
+        uv_faces=None,
+        normals=None,
+        normal_faces=None,
+    )
+    high = icosphere(4)
+    cage = fit_cage(high, split).mesh
+    assert len(np.unique(cage.positions, axis=0)) == low.n_vertices
+
+
+def test_size_and_place_do_not_matter(peel: tuple[Mesh, Mesh]) -> None:
+    """The same pair a million times smaller and away from the origin: distances in proportion."""
+    high, low = peel
+    cage = fit_cage(high, low)
+    small = [
+        m.replace(positions=m.positions * 2.0**-20 + 2.0**-10, normals=None, normal_faces=None)
+        for m in peel
+    ]
+    again = fit_cage(*small)
+    # Positions lose 10 bits by the move, of 52.
+    np.testing.assert_allclose(
+        again.distances * 2.0**20, cage.distances, rtol=1e-4, atol=1e-6 * high.diagonal
+    )
+
+
+def test_any_number_of_threads(peel: tuple[Mesh, Mesh]) -> None:
+    one, three = (fit_cage(*peel, threads=threads).mesh.positions for threads in (1, 3))
+    assert one.tobytes() == three.tobytes()
+
+
+def test_what_lies_beside_the_border_is_told() -> None:
+    """A dense plane wider than the light one."""
+    high = plane(9, 9)
+    high = high.replace(positions=high.positions * 2.0 + np.array([0.0, 0.0, 0.1]))
+    cage = fit_cage(high, plane(2, 2))
+    assert cage.n_beside > 0
+    assert any("border" in warning for warning in cage.warnings)
+
+
+def test_vertices_without_a_normal_stay_and_are_told() -> None:
+    low = plane(2, 2)
+    line = low.replace(positions=low.positions * [1.0, 0.0, 0.0])
+    cage = fit_cage(plane(4, 4), line)
+    assert np.array_equal(cage.mesh.positions, line.positions)
+    assert cage.n_still == line.n_vertices
+    assert any("no face around them has an area" in warning for warning in cage.warnings)
+    assert fit_cage(plane(4, 4), low).n_still == 0
+
+
+@pytest.mark.parametrize("margin", [-1.0, float("nan"), float("inf")])
+def test_a_margin_that_is_none(margin: float) -> None:
+    with pytest.raises(OptionError, match="margin"):
+        fit_cage(plane(), plane(), margin=margin)

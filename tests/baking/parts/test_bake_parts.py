@@ -1,0 +1,417 @@
+"""Parts put together are what the parts are alone."""
+
+import numpy as np
+import pytest
+
+from texbake import read_mesh
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.parts.bake_parts import bake_parts
+from texbake.baking.parts.light import Canvas
+from texbake.baking.parts.options import PartsOptions
+from texbake.baking.ray_maps import RayMaps
+from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
+from texbake.mesh.join import join_meshes
+from texbake.mesh.materials import Materials
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.tangents import corner_tangents
+
+MATCH = PartsOptions(match_by_name=True, occluders="match")
+ONLY = Canvas("", 1001)
+MAPS = ("normal", "displacement", "position", "opacity", "curvature", "ao", "thickness")
+
+
+def wavy(theta, phi):
+    return 1 + 0.02 * np.sin(7 * theta) * np.cos(9 * phi)
+
+
+def ball(name: str, x: float, *, dense: bool = False, u: float = 0.0) -> Mesh:
+    """A sphere at x; light ones lie in the half of the texture that begins at u."""
+    mesh = uv_sphere(40, 80, wavy) if dense else uv_sphere(12, 24)
+    uvs = mesh.uvs * [0.46, 0.92] + np.array([u + 0.02, 0.04])
+    return mesh.replace(positions=mesh.positions + np.array([x, 0, 0]), uvs=uvs, name=name)
+
+
+# So close that rays of one would hit the other: the distance of the middles is not 2.
+LOWS = [ball("left_low", 0.0), ball("Right_low", 1.9, u=0.5)]
+HIGHS = [ball("LEFT_high", 0.0, dense=True), ball("right_high_01", 1.9, dense=True)]
+HIGH, LOW = join_meshes(HIGHS), join_meshes(LOWS)
+
+
+def options(**changes) -> BakeOptions:
+    return BakeOptions(**{"size": 96, "maps": MAPS, "secondary_rays": 16, **changes})
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("as_files", [False, True], ids=["groups", "files"])
+def test_each_part_is_what_it_is_alone(samples, as_files):
+    high, low = (HIGHS, LOWS) if as_files else ([HIGH], [LOW])
+    whole = bake_parts(high, low, options(samples=samples), MATCH).canvases[ONLY]
+    alone = [
+        bake(dense, light, options(samples=samples, padding=0))
+        for dense, light in zip(HIGHS, LOWS, strict=True)
+    ]
+    covered = [one.texel_faces >= 0 for one in alone]
+    assert not (covered[0] & covered[1]).any()
+    assert np.array_equal(whole.texel_faces >= 0, covered[0] | covered[1])
+    for one, mine in zip(alone, covered, strict=True):
+        assert np.array_equal(whole.has_data[mine], one.has_data[mine])
+        for name in MAPS:
+            expected = one.maps[name].values[mine]
+            assert np.array_equal(whole.maps[name].values[mine], expected), name
+
+
+def test_adaptive_samples_of_each_part_are_those_that_it_has_alone():
+    chosen = {"maps": ("normal",), "samples": "adaptive"}
+    whole = bake_parts([HIGH], [LOW], options(**chosen), MATCH).canvases[ONLY]
+    for dense, light in zip(HIGHS, LOWS, strict=True):
+        alone = bake(dense, light, options(padding=0, **chosen))
+        mine = alone.texel_faces >= 0
+        assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
+
+
+def test_without_names_rays_see_everything():
+    chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
+    plain = bake_parts([HIGH], [LOW], chosen).canvases[ONLY]
+    matched = bake_parts([HIGH], [LOW], chosen, MATCH).canvases[ONLY]
+    assert not np.array_equal(plain.maps["normal"].values, matched.maps["normal"].values)
+
+
+@pytest.mark.parametrize("samples", [1, 4, "adaptive"])
+def test_one_of_each_is_a_plain_bake(samples):
+    maps = ("normal", "displacement") if samples == "adaptive" else MAPS
+    chosen = options(samples=samples, maps=maps, fill="push-pull")
+    plain = bake(HIGH, LOW, chosen)
+    for parts in (PartsOptions(), PartsOptions(udim=True)):
+        result = bake_parts([HIGH], [LOW], chosen, parts)
+        assert list(result.canvases) == [ONLY]
+        found = result.canvases[ONLY]
+        assert np.array_equal(found.texel_faces, plain.texel_faces)
+        for name in maps:
+            assert np.array_equal(found.maps[name].values, plain.maps[name].values), name
+        same = ("texels_covered", "texels_missed", "faces_without_texel", "padding_meets",
+                "distance_percentiles", "counts")  # fmt: skip
+        for field in same:
+            assert getattr(found.report, field) == getattr(plain.report, field), field
+
+
+def test_occluders_are_all_or_the_match():
+    """A lid over a plate darkens it, unless it sees its match alone; the plate is found either way.
+
+    In the middle of a unit square under another at height h, the lid is seen under the form factor
+    of four rectangles that meet above the point: 4 (2 / 2 pi) a atan(a), a = s / sqrt(1 + s^2),
+    s = 1 / (2 h) (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3).
+    """
+    low = plane(4, 4).replace(name="plate_low")
+    plate = plane(4, 4).replace(name="plate_high")
+    height = 0.5
+    lid = plane().replace(name="lid_high", positions=plane().positions + np.array([0, 0, height]))
+    chosen = BakeOptions(size=33, maps=("ao", "normal"), secondary_rays=4096, padding=0)
+    found = {
+        occluders: bake_parts(
+            [plate, lid], [low], chosen, PartsOptions(match_by_name=True, occluders=occluders)
+        ).canvases[ONLY]
+        for occluders in ("all", "match")
+    }
+    assert (found["match"].maps["ao"].values == 1.0).all()
+    s = 0.5 / height
+    a = s / np.sqrt(1 + s * s)
+    middle = found["all"].maps["ao"].values[16, 16, 0]
+    # 4096 rays of a scrambled net: noise well below 1 / sqrt(4096).
+    assert middle == pytest.approx(1 - 4 / np.pi * a * np.arctan(a), abs=1 / 64)
+    for result in found.values():
+        assert (result.maps["normal"].values == [0, 0, 1]).all()
+
+
+def test_what_is_ignored_hides_nothing():
+    low = plane(4, 4).replace(name="plate_low")
+    plate = plane(4, 4).replace(name="plate_high")
+    lid = plane().replace(name="lid_ignore", positions=plane().positions + np.array([0, 0, 0.5]))
+    chosen = BakeOptions(size=8, maps=("ao",))
+    parts = PartsOptions(match_by_name=True)
+    assert (
+        bake_parts([plate, lid], [low], chosen, parts).canvases[ONLY].maps["ao"].values == 1
+    ).all()
+
+
+@pytest.mark.parametrize("samples", [1, 16])
+@pytest.mark.parametrize("tile", [(1, 0), (3, 2)])
+def test_tiles_are_shifted_bakes(samples, tile):
+    """A tile is, byte for byte, what a bake of the mesh moved by hand makes of the unit square.
+
+    Its tangents are those of the mesh where it lies: that is what a renderer computes them from, in
+    float32, and far from the origin they are a little coarser.
+    """
+    column, row = tile
+    lows = [LOWS[0], LOWS[1].replace(uvs=LOWS[1].uvs + tile)]
+    low = join_meshes(lows)
+    chosen = options(samples=samples, maps=("normal", "displacement", "ao"), fill="push-pull")
+    result = bake_parts([HIGH], [low], chosen, PartsOptions(udim=True))
+    number = 1001 + column + 10 * row
+    assert list(result.canvases) == [ONLY, Canvas("", number)]
+    assert result.report.n_crossing == 0
+    for udim, shift in ((1001, (0, 0)), (number, tile)):
+        moved = low.replace(uvs=low.uvs - np.array(shift), tangents=corner_tangents(low))
+        alone = bake(HIGH, moved, chosen)
+        for name in chosen.maps:
+            ours = result.canvases[Canvas("", udim)].maps[name].values
+            assert np.array_equal(ours, alone.maps[name].values), (udim, name)
+
+
+def test_groups_are_sets_and_together_cover_what_one_set_does():
+    chosen = options(maps=("normal",), padding=0)
+    plain = bake(HIGH, LOW, chosen)
+    result = bake_parts([HIGH], [LOW], chosen, PartsOptions(texture_sets="groups"))
+    assert [canvas.texture_set for canvas in result.canvases] == ["left_low", "Right_low"]
+    left, right = result.canvases.values()
+    assert not ((left.texel_faces >= 0) & (right.texel_faces >= 0)).any()
+    for one in (left, right):
+        mine = one.texel_faces >= 0
+        assert np.array_equal(one.maps["normal"].values[mine], plain.maps["normal"].values[mine])
+    assert np.array_equal(np.maximum(left.texel_faces, right.texel_faces), plain.texel_faces)
+    named = bake_parts(
+        [HIGH], [LOW], chosen, PartsOptions(texture_sets="groups", match_by_name=True)
+    )
+    assert [canvas.texture_set for canvas in named.canvases] == ["left", "Right"]
+
+
+def test_sets_of_materials_may_overlap():
+    """Two materials over the whole square each, as many meshes have them."""
+    low = join_meshes(
+        [plane(2, 2), plane(2, 2).replace(positions=plane(2, 2).positions + np.array([0, 0, 1]))]
+    )
+    high = low.replace(positions=low.positions + np.array([0, 0, 0.1]))
+    materials = Materials(
+        face_materials=low.face_groups, names=("skin", "cloth"), base_colors=(None, None)
+    )
+    chosen = BakeOptions(size=16, maps=("displacement",), front=0.2, back=0.2)
+    result = bake_parts(
+        [high], [low], chosen, PartsOptions(texture_sets="materials"), low_materials=[materials]
+    )
+    assert [canvas.texture_set for canvas in result.canvases] == ["skin", "cloth"]
+    assert not result.report.warnings
+    for found in result.canvases.values():
+        assert found.report.texels_covered == 256
+        np.testing.assert_allclose(found.maps["displacement"].values, 0.1, rtol=1e-6)
+    with pytest.raises(MeshError, match="no materials"):
+        bake_parts([high], [low], chosen, PartsOptions(texture_sets="materials"))
+
+
+def test_rays_at_the_border_of_a_set_are_those_of_the_whole():
+    """A sphere divided through the middle has no seam in its rays or tangents."""
+    low = ball("low", 0.0)
+    middles = low.positions[low.faces].mean(axis=1)[:, 2]
+    low = low.replace(face_groups=(middles > 0).astype(int), group_names=("down", "up"))
+    high = ball("high", 0.0, dense=True)
+    chosen = options(maps=("normal",), padding=0, samples=1)
+    plain = bake(high, low, chosen).maps["normal"].values
+    result = bake_parts([high], [low], chosen, PartsOptions(texture_sets="groups"))
+    for found in result.canvases.values():
+        mine = found.texel_faces >= 0
+        assert np.array_equal(found.maps["normal"].values[mine], plain[mine])
+
+
+def test_meshes_that_share_an_atlas_count_what_overlaps():
+    left = plane(2, 2).replace(name="a.obj", uvs=plane(2, 2).uvs * [0.5, 1])
+    other = plane(2, 2).replace(
+        name="b.obj", uvs=plane(2, 2).uvs * [0.75, 1] + np.array([0.25, 0]),
+        positions=plane(2, 2).positions + np.array([2, 0, 0]),
+    )  # fmt: skip
+    dense = [
+        mesh.replace(positions=mesh.positions + np.array([0, 0, height]))
+        for mesh, height in ((left, 0.1), (other, 0.2))
+    ]
+    chosen = BakeOptions(size=32, maps=("displacement",), front=0.3, back=0.3)
+    result = bake_parts(dense, [left, other], chosen)
+    heights = result.canvases[ONLY].maps["displacement"].values[:, :, 0]
+    np.testing.assert_allclose(heights[:, :16], 0.1, rtol=1e-6)
+    np.testing.assert_allclose(heights[:, 16:], 0.2, rtol=1e-6)
+    assert result.report.n_overlapping == 8 * 32
+    assert any("256 texels are covered by more than one part" in w for w in result.report.warnings)
+    assert result.canvases[ONLY].report.texels_covered == 32 * 32
+
+
+def test_a_miss_does_not_stand_in_the_way_of_what_another_part_found():
+    first = plane().replace(name="a_low")
+    second = plane().replace(name="b_low", positions=plane().positions + np.array([3, 0, 0]))
+    far = plane().replace(name="a_high", positions=plane().positions + np.array([0, 9, 0]))
+    near = second.replace(name="b_high")
+    chosen = BakeOptions(size=8, front=0.1, back=0.1)
+    result = bake_parts([far, near], [first, second], chosen, MATCH)
+    assert result.canvases[ONLY].has_data.all()
+    assert result.report.n_overlapping == 64
+
+
+def test_numbers_of_objects_are_the_same_for_all_parts():
+    found = bake_parts([HIGH], [LOW], options(maps=("object-id",), padding=0), MATCH).canvases[ONLY]
+    baked = found.maps["object-id"]
+    assert baked.legend == ("LEFT_high", "right_high_01")
+    middle = baked.values.shape[1] // 2
+    assert set(np.unique(baked.values[:, :middle])) == {0, 1}
+    assert set(np.unique(baked.values[:, middle:])) == {0, 2}
+
+
+def test_integer_files_of_tiles_share_one_scale(tmp_path):
+    low = join_meshes([plane(), plane().replace(positions=plane().positions + np.array([2, 0, 0]),
+                                                uvs=plane().uvs + np.array([1, 0]))])  # fmt: skip
+    lift = np.repeat([0.1, 0.4], 4)[:, np.newaxis] * [0, 0, 1]
+    high = low.replace(positions=low.positions + lift)
+    chosen = BakeOptions(size=8, maps=("displacement",))
+    result = bake_parts([high], [low], chosen, PartsOptions(udim=True), folder=tmp_path)
+    files = {
+        canvas: {"displacement": tmp_path / f"{canvas.udim}.png"} for canvas in result.canvases
+    }
+    written = result.write(files)
+    assert [file.path.name for file in written] == ["1001.png", "1002.png"]
+    assert written[0].metadata == written[1].metadata
+    exr = {canvas: {"displacement": tmp_path / f"{canvas.udim}.exr"} for canvas in result.canvases}
+    alone = [baked.maps["displacement"].values for baked in result.canvases.values()]
+    assert [float(values.max()) for values in alone] == pytest.approx([0.1, 0.4])
+    assert all(file.metadata["texbake:displacement_scale"] == 1.0 for file in result.write(exr))
+
+
+def test_maps_that_wait_in_files_are_the_same(tmp_path):
+    low = join_meshes([LOWS[0], LOWS[1].replace(uvs=LOWS[1].uvs + np.array([1, 0]))])
+    chosen, parts = options(maps=("normal", "displacement")), PartsOptions(udim=True)
+    kept = bake_parts([HIGH], [low], chosen, parts)
+    waiting = bake_parts([HIGH], [low], chosen, parts, folder=tmp_path)
+    assert len(list(tmp_path.rglob("*.npy"))) == 4
+    for canvas, found in waiting.canvases.items():
+        for name, baked in found.maps.items():
+            assert np.array_equal(baked.values, kept.canvases[canvas].maps[name].values)
+
+
+def test_images_for_rays_are_asked_for_by_set():
+    low = join_meshes([LOWS[0], LOWS[1].replace(uvs=LOWS[1].uvs + np.array([1, 0]))])
+    chosen = options(maps=("normal",), front=0.1, back=0.1)
+    masks = {1001: np.zeros((2, 2)), 1002: np.ones((2, 2))}
+    result = bake_parts(
+        [HIGH], [low], chosen, PartsOptions(udim=True),
+        ray_maps=lambda canvas: RayMaps.of(skew_mask=masks[canvas.udim]),
+    )  # fmt: skip
+    kinds = {}
+    for kind in ("smooth", "face"):
+        changed = options(maps=("normal",), front=0.1, back=0.1, rays=kind)
+        kinds[kind] = bake_parts([HIGH], [low], changed, PartsOptions(udim=True)).canvases
+    for udim, kind in ((1001, "smooth"), (1002, "face")):
+        canvas = Canvas("", udim)
+        ours, theirs = (
+            found[canvas].maps["normal"].values for found in (result.canvases, kinds[kind])
+        )
+        assert np.array_equal(ours, theirs)
+
+
+def test_a_cage_is_divided_as_its_mesh():
+    """Of a cage that is the light mesh grown about each middle, the parts are those cages alone."""
+    middles = np.repeat([[0.0, 0, 0], [1.9, 0, 0]], LOWS[0].n_vertices, axis=0)
+    cage = LOW.replace(positions=(LOW.positions - middles) * 1.1 + middles)
+    chosen = options(maps=("normal",), back=0.1, padding=0)
+    whole = bake_parts([HIGH], [LOW], chosen, MATCH, cage=cage).canvases[ONLY]
+    for i, (dense, light) in enumerate(zip(HIGHS, LOWS, strict=True)):
+        n = light.n_vertices
+        alone = bake(
+            dense, light, chosen, cage=light.replace(positions=cage.positions[i * n : (i + 1) * n])
+        )
+        mine = alone.texel_faces >= 0
+        assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
+
+
+def test_bytes_do_not_depend_on_threads():
+    one, three = (
+        bake_parts([HIGH], [LOW], options(threads=n), MATCH).canvases[ONLY] for n in (1, 3)
+    )
+    for name in MAPS:
+        assert np.array_equal(one.maps[name].values, three.maps[name].values)
+
+
+BARE = LOWS[0].replace(uvs=None, uv_faces=None)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "changes", "error", "message"),
+    [
+        (([], [LOW]), {}, OptionError, "no dense"),
+        (([HIGH], [LOW]), {"options": BakeOptions(time_budget="1s")}, OptionError, "time-budget"),
+        (([HIGH], [LOW]), {"options": BakeOptions(keep_hits=True)}, OptionError, "hits"),
+        (([HIGH], [BARE]), {}, UvError, "no texture coordinates"),
+        (([HIGH], [LOW, LOW]), {"cage": LOW}, OptionError, "cage: is for one"),
+        (([HIGH], [LOW]), {"cage": HIGH}, CageError, "a cage has the faces"),
+        (([HIGHS[1]], [LOWS[0]]), {"parts": MATCH}, MeshError, "no light part"),
+        (
+            (HIGHS, LOWS),
+            {"parts": MATCH, "options": BakeOptions(maps=("vertex-color",))},
+            MeshError,
+            "LEFT_high: it has no vertex colors",
+        ),
+        (
+            ([HIGHS[1].replace(name="left_high")], [LOWS[0]]),
+            {"parts": MATCH, "options": BakeOptions(size=16, front=0.01, back=0.01,
+                                                    fail_on_miss=1.0)},
+            MissError, "left_low: .* found no surface of left_high",
+        ),
+    ],
+)  # fmt: skip
+def test_wrong_input_is_one_line(arguments, changes, error, message):
+    with pytest.raises(error, match=message):
+        bake_parts(*arguments, **changes)
+
+
+def test_colors_of_two_meanings_are_not_joined():
+    colored = [
+        mesh.replace(colors=np.ones((mesh.n_vertices, 3)), name=name)
+        for mesh, name in zip(HIGHS, ("a.glb", "b.ply"), strict=True)
+    ]
+    chosen = options(maps=("vertex-color",))
+    with pytest.raises(OptionError, match="--vertex-colors"):
+        bake_parts(colored, LOWS, chosen)
+    told = options(maps=("vertex-color",), vertex_colors="linear")
+    values = bake_parts(colored, LOWS, told).canvases[ONLY]
+    assert (values.maps["vertex-color"].values[values.has_data] == 1.0).all()
+
+
+def test_primitives_of_one_object_are_one_part():
+    """glTF has a primitive for each material of an object; they are told as NAME 0, NAME 1."""
+    half = np.arange(LOWS[0].n_faces) % 2
+    cut = LOWS[0].replace(
+        name="asset.glb", face_groups=half, group_names=("left_low 0", "left_low 1")
+    )
+    chosen = options(maps=("normal",))
+    result = bake_parts([HIGHS[0]], [cut], chosen, MATCH)
+    assert [part.low for part in result.report.parts] == ["left_low"]
+    plain = bake(HIGHS[0], LOWS[0], chosen)
+    assert np.array_equal(result.canvases[ONLY].maps["normal"].values, plain.maps["normal"].values)
+    # Elsewhere a number makes another name, which is not one of a light part.
+    with pytest.raises(MeshError, match="no light part"):
+        bake_parts([HIGHS[0]], [cut.replace(name="asset.obj")], chosen, MATCH)
+
+
+def test_groups_of_one_name_are_one_set():
+    low = LOW.replace(group_names=("body", "body"))
+    result = bake_parts(
+        [HIGH], [low], options(maps=("normal",)), PartsOptions(texture_sets="groups")
+    )
+    plain = bake(HIGH, LOW, options(maps=("normal",)))
+    assert list(result.canvases) == [Canvas("body", 1001)]
+    (found,) = result.canvases.values()
+    assert np.array_equal(found.maps["normal"].values, plain.maps["normal"].values)
+
+
+def test_real_pairs_baked_together_are_what_they_are_alone(data_dir):
+    """Two scans of one asset, as sets of maps of their own, to the last byte of padding."""
+    pairs = {
+        name: [
+            read_mesh(data_dir / "pairs" / name / f"{side}.obj").replace(name=f"{name}_{end}.obj")
+            for side, end in (("high", "HIGH"), ("low_uv", "low"))
+        ]
+        for name in ("spot", "penguin")
+    }
+    chosen = BakeOptions(size=256, maps=("normal", "displacement"), fill="push-pull")
+    parts = PartsOptions(match_by_name=True, texture_sets="groups")
+    highs, lows = zip(*pairs.values(), strict=True)
+    result = bake_parts(highs, lows, chosen, parts)
+    assert [canvas.texture_set for canvas in result.canvases] == list(pairs)
+    for found, (high, low) in zip(result.canvases.values(), pairs.values(), strict=True):
+        alone = bake(high, low, chosen)
+        for name in chosen.maps:
+            assert np.array_equal(found.maps[name].values, alone.maps[name].values), name

@@ -1,0 +1,113 @@
+"""Who is baked from whom, by name alone."""
+
+import string
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from texbake.baking.parts.matching import base_of, match_names
+from texbake.baking.parts.options import PartsOptions
+from texbake.errors import MeshError, OptionError
+
+OPTIONS = PartsOptions(match_by_name=True)
+
+
+def told(high, low, options=OPTIONS):
+    return match_names(high, low, options).to_json()
+
+
+def test_numbers_may_follow_and_letters_may_not():
+    found = told(
+        ["body_high", "Body_HIGH_01", "body_high.002", "body_high3", "body_highlight"],
+        ["BODY_low"],
+    )
+    assert found["matches"] == [
+        {
+            "base": "BODY",
+            "low": "BODY_low",
+            "high": ["body_high", "Body_HIGH_01", "body_high.002", "body_high3"],
+        }
+    ]
+    assert found["high_left_over"] == ["body_highlight"]
+
+
+def test_a_name_that_begins_with_another_is_not_it():
+    found = told(["arm_high", "arm_left_high"], ["arm_low", "arm_left_low"])
+    assert [match["high"] for match in found["matches"]] == [["arm_high"], ["arm_left_high"]]
+
+
+def test_what_is_ignored_takes_no_part():
+    found = told(["a_high", "a_high_ignore", "b_high_ignored"], ["a_low", "c_low_ignore", "d"])
+    assert found["matches"] == [{"base": "a", "low": "a_low", "high": ["a_high"]}]
+    assert found["high_ignored"] == ["a_high_ignore"]
+    assert found["low_ignored"] == ["c_low_ignore"]
+    assert found["low_left_over"] == ["d"]
+    # `_ignored` goes on with a letter, and so is a part of b.
+    assert [m["base"] for m in told(["b_high_ignored"], ["b_low"])["matches"]] == ["b"]
+
+
+def test_left_overs_are_warned_about():
+    first, second = match_names(["a_high", "x_high"], ["a_low", "y_low"], OPTIONS).warnings
+    assert "y_low" in first and "not baked" in first
+    assert "x_high" in second and "not used" in second
+
+
+def test_other_suffixes_may_hold_what_patterns_mean():
+    options = PartsOptions(match_by_name=True, high_suffix=".hp+", low_suffix="(lp)")
+    assert told(["a.hp+2"], ["A(LP)"], options)["matches"][0]["base"] == "A"
+
+
+@pytest.mark.parametrize(
+    ("high", "low", "message"),
+    [
+        (["a_high"], ["a_low", "A_LOW"], "a_low, A_LOW: two light parts are of one name"),
+        (["a_high"], ["b_low"], "no light part .* has a dense one"),
+        ([], [], "no light part"),
+    ],
+)
+def test_what_cannot_be_matched_is_one_line(high, low, message):
+    with pytest.raises(MeshError, match=message) as caught:
+        match_names(high, low, OPTIONS)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"occluders": "some"},
+        {"texture_sets": "colors"},
+        {"match_by_name": True, "high_suffix": ""},
+        {"match_by_name": True, "high_suffix": "_LOW"},
+    ],
+)
+def test_options_are_checked(wrong):
+    with pytest.raises(OptionError):
+        PartsOptions(**wrong)
+
+
+BASES = st.text(string.ascii_lowercase, min_size=1, max_size=6)
+
+
+@given(st.lists(BASES, min_size=1, unique=True), st.randoms())
+def test_every_part_is_matched_left_over_or_ignored_once(bases, random):
+    high = [f"{base}_high_{k}" for base in bases for k in range(random.randint(0, 3))]
+    high.append(f"{bases[0]}_high")
+    random.shuffle(high)
+    low = [f"{base}_low" for base in bases]
+    found = match_names(high, low, OPTIONS)
+    used = [i for match in found.matches for i in match.highs]
+    assert sorted([*used, *found.high_left, *found.high_ignored]) == list(range(len(high)))
+    lows = [match.low for match in found.matches]
+    assert sorted([*lows, *found.low_left, *found.low_ignored]) == list(range(len(low)))
+    for match in found.matches:
+        assert {base_of(high[i], "_high") for i in match.highs} == {match.base}
+
+
+@pytest.mark.parametrize(
+    "choice", [{"high_suffix": "_hp"}, {"low_suffix": "_lp"}, {"occluders": "match"}]
+)
+def test_what_is_for_matching_is_not_left_out_silently(choice: dict[str, str]) -> None:
+    with pytest.raises(OptionError, match="match_by_name"):
+        PartsOptions(**choice)
+    PartsOptions(match_by_name=True, **choice)

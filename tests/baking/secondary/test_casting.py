@@ -1,0 +1,298 @@
+"""Fans of rays against closed forms, and the two ways to cast them against each other."""
+
+import numpy as np
+import pytest
+
+from texbake.baking.embreex_caster import EmbreexCaster
+from texbake.baking.hits import Hits
+from texbake.baking.native_caster import NativeCaster
+from texbake.baking.secondary import (
+    DEPTH,
+    N_COLUMNS,
+    OPEN,
+    OPEN_DIRECTION,
+)
+from texbake.baking.secondary.directions import direction_sets
+from texbake.baking.secondary.fans import fans_of, start_offset
+from texbake.baking.secondary.reach import Reach
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.join import join_meshes
+from texbake.mesh.mesh import Mesh, frozen
+from texbake.mesh.normals import flat_normals, shading_normals
+from texbake.mesh.shapes import cube, icosphere, uv_sphere
+
+CASTERS = [NativeCaster, EmbreexCaster]
+
+
+def hits_on(mesh, faces, *, seed=0, weights=None):
+    """Random points of faces, or the points that have the given weights of three corners."""
+    n = len(faces)
+    if weights is None:
+        weights = np.random.default_rng(seed).dirichlet([1, 1, 1], n)
+    weights = np.ascontiguousarray(np.asarray(weights)[:, 1:], dtype=np.float32)
+    faces = np.asarray(faces, dtype=np.int32)
+    nothing = np.zeros((n, 3), dtype=np.float32)
+    return Hits(np.arange(n, dtype=np.int32), faces, weights, faces, weights, nothing)
+
+
+def fans_on(mesh, hits, frame, *, flat=True, **extra):
+    normals, corners = (flat_normals if flat else shading_normals)(mesh)
+    normals = frozen(normals.astype(np.float32))
+    return fans_of(hits, mesh, (normals, frozen(corners)), frame, **extra)
+
+
+def look(mesh, hits, *, caster=NativeCaster, n_rays=64, outer=np.inf, inner=None, flat=True):
+    """What the rays of hits meet; all lengths are model units."""
+    frame = LocalFrame.around(mesh)
+    inner = mesh.diagonal if inner is None else inner
+    reach = Reach(start_offset(mesh, frame), outer * frame.scale, inner * frame.scale)
+    fans = fans_on(mesh, hits, frame, flat=flat)
+    met = caster(mesh, frame).cast_fans(fans, direction_sets(n_rays), reach)
+    met[:, DEPTH] /= frame.scale
+    return met
+
+
+def random_faces(mesh, n, *, chosen=None, seed=1):
+    """Faces drawn by their areas."""
+    corners = mesh.positions[mesh.faces]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    if chosen is not None:
+        areas = np.where(chosen, areas, 0.0)
+    return np.random.default_rng(seed).choice(mesh.n_faces, n, p=areas / areas.sum())
+
+
+def turned_inside_out(mesh):
+    return mesh.replace(faces=mesh.faces[:, ::-1], uvs=None, uv_faces=None)
+
+
+def sheet(center, a, b):
+    """Parallelogram about a center that spans it with plus or minus a and b; faces a x b."""
+    center, a, b = (np.asarray(v, dtype=float) for v in (center, a, b))
+    corners = np.stack([center - a - b, center + a - b, center + a + b, center - a + b])
+    return Mesh(positions=corners, faces=[[0, 1, 2], [0, 2, 3]])
+
+
+def disk(height, n=512):
+    """Unit disk at a height, as triangles about its middle."""
+    angles = np.arange(n) * 2 * np.pi / n
+    positions = np.full((n + 1, 3), float(height))
+    positions[0, :2] = 0.0
+    positions[1:, :2] = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    k = np.arange(n)
+    return Mesh(
+        positions=positions, faces=np.stack([np.zeros(n), 1 + k, 1 + (k + 1) % n], 1).astype(int)
+    )
+
+
+def spots(points):
+    """Tiny triangles on the ground, facing up, one about each of the points (x, y)."""
+    triangle = 1e-3 * np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0]])
+    points = np.column_stack([points, np.zeros(len(points))])
+    positions = (points[:, np.newaxis] + triangle).reshape(-1, 3)
+    return Mesh(positions=positions, faces=np.arange(3 * len(points)).reshape(-1, 3))
+
+
+@pytest.fixture(scope="module")
+def bowl():
+    sphere = uv_sphere(192, 384)
+    low = sphere.positions[sphere.faces].mean(axis=1)[:, 2] < 0
+    return turned_inside_out(sphere.replace(faces=sphere.faces[low], uvs=None, uv_faces=None))
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_a_hemispherical_bowl_is_half_open_everywhere(bowl, caster):
+    # Seen from a sphere's inside, the open part of it covers its share of the sphere's area.
+    hits = hits_on(bowl, random_faces(bowl, 3000))
+    open_share = look(bowl, hits, caster=caster)[:, OPEN]
+    # Within a standard error of 64 rays by chance, and much closer than that.
+    assert open_share.std() < 0.4 * np.sqrt(0.25 / 64)
+    # 5 standard errors, and a facet of 1/384 turn that lies that much below the sphere
+    assert abs(open_share.mean() - 0.5) < 5 * open_share.std() / np.sqrt(3000) + 2e-4
+
+
+def test_many_rays_come_closer_to_the_closed_form_at_every_point(bowl):
+    hits = hits_on(bowl, random_faces(bowl, 200))
+    errors = [np.abs(look(bowl, hits, n_rays=n)[:, OPEN] - 0.5).mean() for n in (16, 256, 4096)]
+    # 16 times the rays leave an eighth of the noise; a quarter leaves room for chance.
+    assert errors[1] < errors[0] / 4
+    assert errors[2] < errors[1] / 4
+
+
+def below_a_disk(distance, height):
+    """Open share of the ground at a distance from the axis of a unit disk above it."""
+    h2, d2 = height**2, distance**2
+    return 0.5 + (h2 + d2 - 1) / (2 * np.sqrt((h2 + d2 + 1) ** 2 - 4 * d2))
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+@pytest.mark.parametrize("height", [0.3, 1.0])
+def test_a_plane_under_a_disk(height, caster):
+    distances = np.linspace(0, 3, 40)
+    ground = spots(np.column_stack([distances, 0 * distances]))
+    mesh = join_meshes([ground, disk(height)])
+    hits = hits_on(mesh, np.arange(40), weights=np.full((40, 3), 1 / 3))
+    open_share = look(mesh, hits, caster=caster, n_rays=4096)[:, OPEN]
+    # 4,096 points of a net: noise of 4096^-3/4 times what an edge of the disk crosses; and the
+    # points lie 1/3 of a thousandth beside the places.
+    np.testing.assert_allclose(open_share, below_a_disk(distances, height), atol=6e-3)
+    assert np.abs(open_share - below_a_disk(distances, height)).mean() < 1.5e-3
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_what_lies_beyond_the_distance_hides_nothing(caster):
+    # A ceiling at height 1 is met within d where cos > 1 / d: open is the share 1 / d^2.
+    mesh = join_meshes([spots([[0, 0]]), sheet([0, 0, 1], [50, 0, 0], [0, -50, 0])])
+    hits = hits_on(mesh, [0], weights=[[1 / 3] * 3])
+    for distance, share in ((0.9, 1.0), (1.25, 0.64), (2.0, 0.25), (4.0, 1 / 16)):
+        met = look(mesh, hits, caster=caster, n_rays=4096, outer=distance)
+        assert abs(met[0, OPEN] - share) < 5e-3  # as under the disk
+
+
+def test_light_bends_away_from_a_wall():
+    # Half of the hemisphere is open: its mean direction is (2 / 3 pi, 0, 1 / 3), to the far side.
+    wall = sheet([-1e-2, 0, 0], [0, 500, 0], [0, 0, 500])
+    mesh = join_meshes([spots([[0, 0]]), wall])
+    met = look(mesh, hits_on(mesh, [0], weights=[[1 / 3] * 3]), n_rays=4096)[0]
+    assert abs(met[OPEN] - 0.5) < 2e-3
+    np.testing.assert_allclose(met[OPEN_DIRECTION], [2 / (3 * np.pi), 0, 1 / 3], atol=2e-3)
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_in_a_closed_room_nothing_is_open_and_light_comes_along_the_normal(caster):
+    room = turned_inside_out(cube())
+    met = look(room, hits_on(room, random_faces(room, 500)), caster=caster)
+    assert (met[:, OPEN] == 0).all()
+    normals, corners = flat_normals(room)
+    faces = random_faces(room, 500)
+    np.testing.assert_array_equal(met[:, OPEN_DIRECTION], normals[corners[faces, 0]])
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+@pytest.mark.parametrize("flat", [True, False])
+@pytest.mark.parametrize("shape", [cube, lambda: icosphere(2), lambda: uv_sphere(6, 9)])
+def test_convex_shapes_are_open_all_around_to_the_last_ray(shape, flat, caster):
+    # Turned, so that no coordinate is exact, small, and far away; smooth normals lean over faces.
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    mesh = shape()
+    mesh = mesh.replace(positions=1e-3 * mesh.positions @ turn.T + 10.0, uvs=None, uv_faces=None)
+    hits = hits_on(mesh, random_faces(mesh, 4000))
+    met = look(mesh, hits, caster=caster, flat=flat)
+    assert (met[:, OPEN] == 1).all()
+    # No ray into the surface ends where it starts: the least way is that of a grazing one.
+    assert (met[:, DEPTH] > 1e-2 * mesh.diagonal / np.sqrt(64)).all()
+
+
+def test_a_large_plain_of_small_and_slender_triangles_does_not_hide_itself():
+    rng = np.random.default_rng(4)
+    x = np.sort(np.concatenate([[0, 1], rng.uniform(0, 1, 60) ** 8]))
+    columns, rows = np.meshgrid(x, np.linspace(0, 1, 5))
+    flat = np.stack([columns, rows, np.zeros_like(rows)], axis=-1).reshape(-1, 3)
+    tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    n = len(x)
+    corner = (np.arange(4)[:, np.newaxis] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + 1, corner + n + 1], axis=1),
+            np.stack([corner, corner + n + 1, corner + n], axis=1),
+        ]
+    )
+    plain = Mesh(positions=flat @ tilt.T + 3.0, faces=faces)
+    met = look(plain, hits_on(plain, np.repeat(np.arange(len(faces)), 20)))
+    assert (met[:, OPEN] == 1).all()
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_a_ball_is_four_thirds_of_its_radius_thick(caster):
+    ball = icosphere(5)
+    met = look(ball, hits_on(ball, random_faces(ball, 2000)), caster=caster)
+    # Chords 2 r cos over the cosine lobe; facets are within 1e-3 of the ball.
+    np.testing.assert_allclose(met[:, DEPTH].mean(), 4 / 3, rtol=2e-3)
+    np.testing.assert_allclose(met[:, DEPTH], 4 / 3, rtol=0.03)  # 64 rays, a smooth integrand
+
+
+def test_mean_thickness_of_a_convex_body_is_four_volumes_by_its_surface():
+    box = cube().replace(positions=cube().positions * [1.0, 2.0, 0.5])
+    met = look(box, hits_on(box, random_faces(box, 20000)))
+    volume, surface = 1.0, 2 * (2 + 0.5 + 1)
+    standard_error = met[:, DEPTH].std() / np.sqrt(20000)
+    assert abs(met[:, DEPTH].mean() - 4 * volume / surface) < 5 * standard_error
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_a_ray_that_meets_no_far_side_counts_as_long_as_it_goes(caster):
+    # A slab of thickness 1 and rays of length L: 2 - 1 / L. One of its sides alone: L.
+    top = sheet([0, 0, 0], [50, 0, 0], [0, 50, 0])
+    slab = join_meshes([top, sheet([0, 0, -1], [50, 0, 0], [0, -50, 0])])
+    weights = np.tile([0.5, 0.1, 0.4], (64, 1))  # near the middle
+    weights += np.linspace(0, 0.05, 64)[:, np.newaxis] * [1, 0, -1]
+    for length in (0.5, 2.0, 8.0):
+        hits = hits_on(slab, [0] * 64, weights=weights)
+        found = look(slab, hits, caster=caster, inner=length, n_rays=1024)
+        expected = 2 - 1 / length if length > 1 else length
+        # Smooth but for a kink: the error of a net falls faster than 1 / sqrt(1024), 3 %.
+        np.testing.assert_allclose(found[:, DEPTH], expected, rtol=0.01)
+        alone = look(top, hits, caster=caster, inner=length)
+        np.testing.assert_allclose(alone[:, DEPTH], length, rtol=1e-6)
+
+
+def test_both_casters_agree_but_for_rays_that_graze_an_edge():
+    mesh = join_meshes([icosphere(3), disk(1.2)])
+    hits = hits_on(mesh, random_faces(mesh, 1000))
+    native, plain = (look(mesh, hits, caster=caster, flat=False) for caster in CASTERS)
+    same = np.isclose(native, plain, atol=1e-5).all(axis=1)
+    assert same.mean() > 0.99
+    assert np.abs(native - plain)[:, OPEN].max() <= 2 / 64
+
+
+def test_threads_and_the_order_of_hits_change_nothing():
+    mesh = join_meshes([icosphere(3), disk(1.2)])
+    frame = LocalFrame.around(mesh)
+    hits = hits_on(mesh, random_faces(mesh, 5000))
+    reach, sets = Reach(start_offset(mesh, frame), np.inf, 1.0), direction_sets(16)
+    results = []
+    for threads in (1, 3):
+        fans = fans_on(mesh, hits, frame, threads=threads)
+        caster = NativeCaster(mesh, frame, threads=threads)
+        results.append(caster.cast_fans(fans, sets, reach).tobytes())
+    assert results[0] == results[1]
+    odd = np.arange(5000) % 2 == 1
+    apart = fans_on(mesh, hits.where(odd), frame)
+    np.testing.assert_array_equal(apart.set_ids, fans.where(odd).set_ids)
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_what_is_not_asked_for_is_not_cast(caster):
+    mesh = icosphere(1)
+    frame = LocalFrame.around(mesh)
+    fans = fans_on(mesh, hits_on(mesh, [0, 1, 2]), frame)
+    for reach, missing in (
+        (Reach(1e-7, 1.0, 0.0), [DEPTH]),
+        (Reach(1e-7, 0.0, 1.0), [OPEN, 1, 2, 3]),
+    ):
+        met = caster(mesh, frame).cast_fans(fans, direction_sets(16), reach)
+        assert met.shape == (3, N_COLUMNS)
+        assert np.flatnonzero(np.isnan(met).all(axis=0)).tolist() == missing
+        assert np.isnan(met).any(axis=0).sum() == len(missing)
+
+
+def test_a_fan_stands_on_the_side_of_the_shading_normal():
+    # A face wound the wrong way with a normal that is right, and one that has no area.
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        faces=[[0, 2, 1], [0, 1, 1]],
+        normals=[[0.6, 0, 0.8]],
+        normal_faces=[[0, 0, 0], [0, 0, 0]],
+    )
+    frame = LocalFrame.around(mesh)
+    fans = fans_on(mesh, hits_on(mesh, [0, 1]), frame, flat=False)
+    np.testing.assert_allclose(fans.axes, [[0.6, 0, 0.8]] * 2, rtol=1e-6)
+    np.testing.assert_allclose(fans.planes, [[0, 0, 1], [0.6, 0, 0.8]], rtol=1e-6)
+
+
+def test_rays_start_within_a_millionth_of_the_meshes_size():
+    for mesh in (cube(), icosphere(6)):
+        frame = LocalFrame.around(mesh)
+        assert 2.0**-25 < start_offset(mesh, frame) < 8e-7

@@ -1,0 +1,152 @@
+"""A sphere with a closed-form displacement, baked onto 512 triangles, against its own formula.
+
+r(theta, phi) = 1 + 0.02 sin(40 theta) sin(40 phi), with z along theta = 0, as a grid of 3,996,000
+triangles in float32. What the light sphere's maps say, decoded and turned back, is held against the
+formula at the very point that each texel's ray hits.
+"""
+
+import numpy as np
+import pytest
+
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.mesh.files import read_mesh
+from texbake.mesh.normals import shading_normals, smooth_normals
+from texbake.mesh.shapes import grid_sphere, uv_sphere
+from texbake.mesh.tangents import corner_tangents
+from texbake.texture.encoding import decode_normals, encode_normals
+
+AMPLITUDE, WAVES = 0.02, 40
+SIZE = 1024
+
+
+def radius(theta, phi):
+    return 1 + AMPLITUDE * np.sin(WAVES * theta) * np.sin(WAVES * phi)
+
+
+def angles_of(points):
+    x, y, z = points.T
+    return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
+
+
+def analytic_normals(points):
+    """Normals of the surface r(theta, phi) at points given in its directions."""
+    theta, phi = angles_of(points)
+    zero = np.zeros_like(theta)
+    r = radius(theta, phi)
+    by_theta = AMPLITUDE * WAVES * np.cos(WAVES * theta) * np.sin(WAVES * phi)
+    by_phi = AMPLITUDE * WAVES * np.sin(WAVES * theta) * np.cos(WAVES * phi)
+    sin, cos = np.sin(theta), np.cos(theta)
+    outward = np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=1)
+    along_theta = np.stack([cos * np.cos(phi), cos * np.sin(phi), -sin], axis=1)
+    along_phi = np.stack([-np.sin(phi), np.cos(phi), zero], axis=1)
+    # The gradient of (distance from the center) - r.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normals = (
+            outward * r[:, None]
+            - along_theta * by_theta[:, None]
+            - along_phi * (by_phi / sin)[:, None]
+        )
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@pytest.fixture(scope="module")
+def dense():
+    mesh = grid_sphere(1000, 2000, radius)
+    assert mesh.n_faces == 3_996_000
+    return mesh.replace(positions=mesh.positions.astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def light():
+    mesh = uv_sphere(17, 16)
+    assert mesh.n_faces == 512
+    return mesh
+
+
+def mean_angle(dense, light, space):
+    """Mean angle in degrees between the decoded 16-bit map and the formula."""
+    options = BakeOptions(
+        size=SIZE, space=space, front=0.1, back=0.1, rays="vertex", padding=0, keep_hits=True
+    )
+    result = bake(dense, light, options)
+    assert result.report.texels_missed == 0
+    codes = encode_normals(result.maps["normal"].values, bits=16)
+    hits = result.hits
+    values = decode_normals(codes).reshape(-1, 3)[hits.texel_ids].astype(float)
+    b = hits.low_barycentrics.astype(float)
+    weights = np.column_stack([1 - b.sum(axis=1), b])
+    points = np.einsum("ni,nij->nj", weights, light.positions[light.faces[hits.low_faces]])
+    points += hits.offsets
+    if space == "tangent":
+        values = to_model_space(values, weights, hits.low_faces, light)
+    # Near the poles the grid's triangles are needles; within 2 % of an edge a texel may straddle.
+    counted = (np.sin(angles_of(points)[0]) > 0.15) & (weights.min(axis=1) > 0.02)
+    assert counted.sum() > 500_000
+    chords = np.linalg.norm(values - analytic_normals(points), axis=1)[counted]
+    # A texel counts by the surface it stands for; those of latitude and longitude differ in it.
+    areas = texel_areas(light)[hits.low_faces][counted]
+    return np.average(np.degrees(2 * np.arcsin(chords / 2)), weights=areas)
+
+
+def texel_areas(mesh):
+    """Surface a texel of each face, up to a factor."""
+    corners, uvs = mesh.positions[mesh.faces], mesh.corner_uvs()
+    in_space = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    a, b = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
+    return in_space / np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def to_model_space(values, weights, faces, mesh):
+    """What a renderer does with a tangent-space normal: x T + y B + z N, then normalized."""
+    normals, corners = shading_normals(mesh)
+    tangents = corner_tangents(mesh)[faces].astype(float)
+    n = np.einsum("ni,nij->nj", weights, normals[corners[faces]])
+    t = np.einsum("ni,nij->nj", weights, tangents[:, :, :3])
+    b = np.cross(n, t) * tangents[:, 0, 3:]
+    vectors = values[:, :1] * t + values[:, 1:2] * b + values[:, 2:] * n
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+LIMITS = [("object", 0.247), ("tangent", 0.25)]
+
+
+@pytest.mark.parametrize(("space", "limit"), LIMITS)
+def test_normals_of_the_dense_mesh_itself(dense, light, space, limit):
+    """0.245 degrees is what the dense mesh's own interpolated vertex normals are off by."""
+    assert 0.2 < mean_angle(dense, light, space) <= limit
+
+
+@pytest.mark.parametrize(("space", "limit"), LIMITS)
+def test_normals_on_the_atlas_that_blender_baked(dense, data_dir, space, limit):
+    light = read_mesh(data_dir / "blender" / "sphere_512.obj")
+    assert 0.2 < mean_angle(dense, light, space) <= limit
+
+
+def test_normals_that_the_file_carries(dense, light):
+    """With the formula's normals in the file only their interpolation is left: 0.099 degrees."""
+    exact = dense.replace(normals=analytic_normals(dense.positions), normal_faces=dense.faces)
+    assert 0.05 < mean_angle(exact, light, "object") <= 0.102
+
+
+def test_displacement_of_the_sphere(dense, light):
+    """Displaced points lie on the formula's surface within 1e-3 of the diagonal, and far nearer."""
+    options = BakeOptions(
+        size=512, maps=("displacement",), front=0.1, back=0.1, padding=0, keep_hits=True
+    )
+    result = bake(dense, light, options)
+    hits = result.hits
+    heights = result.maps["displacement"].values.reshape(-1)[hits.texel_ids].astype(float)
+    b = hits.low_barycentrics.astype(float)
+    weights = np.column_stack([1 - b.sum(axis=1), b])
+    faces = light.faces[hits.low_faces]
+    points = np.einsum("ni,nij->nj", weights, light.positions[faces])
+    directions = np.einsum("ni,nij->nj", weights, smooth_normals(light)[faces])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    displaced = points + heights[:, None] * directions
+    away = np.abs(np.linalg.norm(displaced, axis=1) - radius(*angles_of(displaced)))
+    # The grid's chords are off by h^2 / 8 of the curvature: 2e-5 of the diagonal of 3.5.
+    assert away.max() < 1e-3 * dense.diagonal
+    assert away.mean() < 2e-5 * dense.diagonal

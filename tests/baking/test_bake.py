@@ -1,0 +1,467 @@
+"""Bakes whose result is known beforehand."""
+
+import json
+
+import numpy as np
+import pytest
+
+import texbake
+from texbake.baking import trace
+from texbake.baking.bake import bake, remap
+from texbake.baking.embreex_caster import EmbreexCaster
+from texbake.baking.options import BakeOptions
+from texbake.errors import CageError, MissError, OptionError, UvError
+from texbake.mesh.distance import surface_distance
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import shading_normals
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.mesh.tangents import corner_tangents
+from texbake.rendering.displace import displace
+from texbake.rendering.maps import heights_from
+from texbake.texture.encoding import encode_normals
+
+
+def box_with_uvs(n_cells=3):
+    """A cube whose faces lie apart in a 3 x 2 grid of the texture, with hard edges."""
+    box = cube()
+    corners = box.positions[box.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axes = np.abs(normals).argmax(axis=1)
+    sides = axes * 2 + (normals[np.arange(len(normals)), axes] > 0)
+    uvs = np.empty((box.n_faces, 3, 2))
+    low, size = box.positions.min(axis=0), np.ptp(box.positions, axis=0)
+    for face in range(box.n_faces):
+        others = [axis for axis in range(3) if axis != axes[face]]
+        flat = ((corners[face] - low) / size)[:, others]
+        cell = np.array([sides[face] % 3, sides[face] // 3])
+        uvs[face] = (cell + 0.05 + 0.9 * flat) / [3, 2]
+    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return box.replace(
+        uvs=uvs.reshape(-1, 2),
+        uv_faces=np.arange(box.n_faces * 3).reshape(-1, 3),
+        normals=unit,
+        normal_faces=np.repeat(np.arange(box.n_faces), 3).reshape(-1, 3),
+        name="box.obj",
+    )
+
+
+SHAPES = {"sphere": uv_sphere(12, 24), "box": box_with_uvs(), "plane": plane(3, 2)}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("samples", [1, 16])
+@pytest.mark.parametrize("convention", ["opengl", "directx"])
+def test_high_equal_to_low_is_flat_everywhere(shape, samples, convention):
+    mesh = SHAPES[shape]
+    options = BakeOptions(
+        size=96,
+        samples=samples,
+        padding=0,
+        maps=("normal", "displacement"),
+        front=0.05 * mesh.diagonal,
+        back=0.05 * mesh.diagonal,
+    )
+    result = bake(mesh, mesh, options)
+    assert result.report.texels_missed == 0
+    normals = result.maps["normal"].values
+    codes = encode_normals(normals, bits=8, convention=convention)
+    assert (codes == [128, 128, 255]).all()
+    # float32 interpolation of unit vectors, and of offsets as long as the rounding of positions
+    np.testing.assert_allclose(normals, np.broadcast_to([0, 0, 1], normals.shape), atol=3e-6)
+    np.testing.assert_allclose(result.maps["displacement"].values, 0, atol=1e-12 * mesh.diagonal)
+
+
+def test_high_equal_to_low_in_object_space_is_the_shading_normal():
+    mesh = SHAPES["sphere"]
+    result = bake(
+        mesh, mesh, BakeOptions(size=64, space="object", front=0.1, back=0.1, keep_hits=True)
+    )
+    normals, corners = shading_normals(mesh)
+    hits = result.hits
+    b = hits.low_barycentrics.astype(float)
+    weights = np.column_stack([1 - b.sum(axis=1), b])
+    expected = np.einsum("ni,nij->nj", weights, normals[corners[hits.low_faces]])
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    values = result.maps["normal"].values.reshape(-1, 3)[hits.texel_ids]
+    np.testing.assert_allclose(values, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("height", [0.03, -0.02])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_displaced_plane_gives_back_its_offset(height, scale):
+    low = plane(2, 3)
+    low = low.replace(positions=low.positions * scale + 5 * scale)
+    high = low.replace(positions=low.positions + np.array([0, 0, height * scale]))
+    options = BakeOptions(size=64, maps=("displacement", "vector-displacement", "normal"))
+    result = bake(high, low, options)
+    assert result.report.texels_missed == 0
+    values = result.maps["displacement"].values
+    # float32 of the height, and the float64 rounding of positions at an offset of 5
+    np.testing.assert_allclose(values, height * scale, rtol=2e-7)
+    vectors = result.maps["vector-displacement"].values
+    np.testing.assert_allclose(vectors[..., 2], height * scale, rtol=1e-6)
+    np.testing.assert_allclose(vectors[..., :2], 0, atol=1e-6 * scale)
+
+
+def test_a_wavy_plane_is_its_own_height_within_one_step_of_16_bits():
+    def waves(x, y):
+        return 0.05 * np.sin(5 * x) * np.cos(4 * y)
+
+    low, high = plane(), plane(500, 500, waves)
+    options = BakeOptions(size=128, maps=("displacement",), front=0.1, back=0.1, padding=0)
+    values = bake(high, low, options).maps["displacement"].values[..., 0]
+    low_corner, high_corner = low.bounds
+    x = low_corner[0] + (np.arange(128) + 0.5) / 128 * (high_corner - low_corner)[0]
+    y = low_corner[1] + (127.5 - np.arange(128)) / 128 * (high_corner - low_corner)[1]
+    expected = waves(x[np.newaxis], y[:, np.newaxis])
+    # One step of the range in 16 bits; the dense grid itself is off by h^2/8 of the curvature.
+    chord = (high_corner - low_corner)[0] ** 2 / 500**2 / 8 * 0.05 * 41
+    assert np.abs(values - expected).max() < 0.1 / 65535 + chord
+
+
+@pytest.mark.parametrize("space", ["tangent", "object", "world"])
+def test_directx_flips_green_alone(space, tmp_path):
+    low = plane()
+    high = plane(40, 40, lambda x, y: 0.02 * np.sin(6 * x + 3 * y))
+    baked = bake(high, low, BakeOptions(size=32, space=space)).maps["normal"]
+    files = {}
+    for convention in "opengl", "directx":
+        path = tmp_path / f"{convention}.png"
+        baked.write(path, bits=8, convention=convention)
+        files[convention] = texbake.read_image(path, color=False).pixels
+    opengl, directx = files["opengl"], files["directx"]
+    np.testing.assert_array_equal(opengl[..., [0, 2]], directx[..., [0, 2]])
+    # Codes c and 255 - c, but for halves, which round up in both: at most one code apart.
+    assert np.abs(opengl[..., 1] + directx[..., 1] - 1).max() <= 1.01 / 255
+    assert opengl[..., 1].std() > 0.01
+
+
+@pytest.mark.parametrize("samples", [1, 4, 64])
+@pytest.mark.parametrize("rays", ["smooth", "vertex", "face"])
+def test_same_bytes_for_any_number_of_threads(samples, rays, tmp_path):
+    high = icosphere(5)
+    low = uv_sphere(8, 12)
+    files = []
+    for threads in 1, 2, 3:
+        options = BakeOptions(
+            size=(70, 41),
+            samples=samples,
+            rays=rays,
+            threads=threads,
+            fill="push-pull",
+            maps=("normal", "displacement"),
+            front=0.2,
+            back=0.2,
+        )
+        folder = tmp_path / str(threads)
+        bake(high, low, options).write(folder)
+        files.append([(path.name, path.read_bytes()) for path in sorted(folder.iterdir())])
+    assert files[0] == files[1] == files[2]
+    assert [name for name, _ in files[0]] == ["displacement.png", "normal.png"]
+
+
+def test_bake_is_independent_of_the_size_and_place_of_the_model():
+    high, low = icosphere(4), uv_sphere(8, 12)
+    options = {"size": 64, "maps": ("normal", "displacement"), "padding": 0}
+    reference = bake(high, low, BakeOptions(**options))
+    for scale, place in ((2.0**-20, 0.0), (2.0**20, 0.0), (1.0, 1024.0)):
+        moved = [mesh.replace(positions=mesh.positions * scale + place) for mesh in (high, low)]
+        result = bake(*moved, BakeOptions(**options))
+        np.testing.assert_array_equal(result.has_data, reference.has_data)
+        # At a place of 1024 positions keep 2^-43 of their size; normals are float32.
+        np.testing.assert_allclose(
+            result.maps["normal"].values, reference.maps["normal"].values, atol=2e-6
+        )
+        np.testing.assert_allclose(
+            result.maps["displacement"].values / scale,
+            reference.maps["displacement"].values,
+            atol=1e-7,
+        )
+
+
+def half_a_plane():
+    """A dense plane without its right half."""
+    whole = plane(8, 8)
+    middle = whole.positions[whole.faces].mean(axis=1)[:, 0]
+    keep = middle < whole.positions[:, 0].mean()
+    return Mesh(positions=whole.positions, faces=whole.faces[keep], name="half.obj")
+
+
+def test_misses_are_told_and_never_filled():
+    low = plane()
+    for fill in ("none", "push-pull"):
+        options = BakeOptions(size=64, front=0.1, back=0.1, fill=fill, space="object")
+        result = bake(half_a_plane(), low, options)
+        report = result.report
+        assert report.texels_covered == 64 * 64
+        assert report.texels_missed == 64 * 32
+        assert report.counts.rays_missed == 64 * 32
+        assert report.miss_percent == 50.0
+        assert any("no dense surface" in warning for warning in report.warnings)
+        values = result.maps["normal"].values
+        np.testing.assert_array_equal(values[:, 32:], 0)
+        np.testing.assert_array_equal(values[:, :32], np.broadcast_to([0, 0, 1], (64, 32, 3)))
+        picture = result.miss_map()
+        assert len(np.unique(picture[:, 32:].reshape(-1, 3), axis=0)) == 1
+        assert (picture[:, 32:] == [255, 40, 60]).all()
+        assert not (picture[:, :32] == [255, 40, 60]).all(axis=2).any()
+
+
+def test_many_misses_are_looked_at_once_more_and_stay_misses():
+    """More rays than one tree of the second look holds, and far longer than the triangles."""
+    low, half = plane(), half_a_plane()
+    options = BakeOptions(size=300, front=1.0, back=1.0)
+    report = bake(half, low, options).report
+    assert report.counts.rays_missed == report.texels_missed == 300 * 150
+    assert report.counts.rays_recovered == 0
+
+
+def test_fail_on_miss():
+    options = BakeOptions(size=16, front=0.1, back=0.1, fail_on_miss=49.9)
+    with pytest.raises(MissError, match=r"50\.000 %"):
+        bake(half_a_plane(), plane(), options)
+    assert bake(
+        half_a_plane(), plane(), BakeOptions(size=16, front=0.1, back=0.1, fail_on_miss=50)
+    ).report.texels_missed
+
+
+def test_supersampled_texels_average_what_hit():
+    """Along a step the texels under it mix two normals, by decoded vectors."""
+    low = plane()
+    left = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 1, 0], [0, 1, 0]])
+    right = np.array([[0.5, 0, 0], [1, 0, -0.5], [1, 1, -0.5], [0.5, 1, 0]])
+    corner, size = low.bounds[0], np.ptp(low.bounds, axis=0)
+    square = np.vstack([left, right]) * [size[0], size[1], size[0]] + corner
+    high = Mesh(positions=square, faces=[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    options = BakeOptions(
+        size=(7, 4), samples=64, front=1, back=2, space="object", high_shading="flat"
+    )
+    values = bake(high, low, options).maps["normal"].values
+    tilted = np.array([1, 0, 1]) / np.sqrt(2)
+    mixed = np.array([0, 0, 1]) + tilted
+    np.testing.assert_allclose(values[:, :3], np.broadcast_to([0, 0, 1], (4, 3, 3)), atol=1e-6)
+    np.testing.assert_allclose(values[:, 4:], np.broadcast_to(tilted, (4, 3, 3)), atol=1e-6)
+    # The middle texel of 7 is half over the fold: 4 of its 8 columns of samples on each side.
+    np.testing.assert_allclose(
+        values[:, 3], np.tile(mixed / np.linalg.norm(mixed), (4, 1)), atol=1e-6
+    )
+
+
+def test_a_cage_and_a_front_distance_contradict_each_other():
+    low = uv_sphere(8, 16)
+    with pytest.raises(OptionError, match="front, cage"):
+        bake(icosphere(3), low, BakeOptions(front=0.1), cage=low)
+
+
+def test_a_bake_through_embreex_is_the_same(monkeypatch):
+    """Where the library beside the wheel is not found, by its public interface."""
+    high, low = icosphere(5), uv_sphere(8, 12)
+    options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
+    native = bake(high, low, options)
+    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame))
+    through_embreex = bake(high, low, options)
+    assert (native.report.caster, through_embreex.report.caster) == ("Embree, packets", "embreex")
+    np.testing.assert_array_equal(native.has_data, through_embreex.has_data)
+    for name in options.maps:
+        # A ray on an edge may take either face: the same point and normal to float32 rounding.
+        np.testing.assert_allclose(
+            native.maps[name].values, through_embreex.maps[name].values, atol=1e-5
+        )
+
+
+def test_tangents_of_the_file_are_used():
+    """Turned by a quarter, they turn the map's x and y by a quarter."""
+    high = plane(40, 40, lambda x, y: 0.02 * np.sin(6 * x + 3 * y))
+    low = plane()
+    tangents = corner_tangents(low)
+    turned = tangents.copy()
+    turned[..., :3] = [0, 1, 0]  # along v, where MikkTSpace has them along u
+    options = BakeOptions(size=32, front=0.1, back=0.1)
+    own = bake(high, low.replace(tangents=turned), options).maps["normal"].values
+    usual = bake(high, low, options).maps["normal"].values
+    np.testing.assert_allclose(own[..., 0], usual[..., 1], atol=1e-6)
+    np.testing.assert_allclose(own[..., 1], -usual[..., 0], atol=1e-6)
+    assert np.abs(usual[..., 0] - usual[..., 1]).max() > 0.05
+
+
+def test_displacing_the_light_mesh_gives_the_dense_surface_back(tmp_path):
+    def bumps(theta, phi):
+        return 1 + 0.04 * np.sin(5 * theta) ** 2 * np.sin(6 * phi)
+
+    high, low = uv_sphere(200, 400, bumps), uv_sphere(12, 24)
+    baked = bake(high, low, BakeOptions(size=512, maps=("displacement",), samples=4))
+    for name in "heights.exr", "heights.png":
+        baked.maps["displacement"].write(tmp_path / name)
+        displaced = displace(low, heights_from(tmp_path / name), edge_texels=1.0)
+        before, after = surface_distance(high, low), surface_distance(high, displaced)
+        # What is left is the size of the pieces, a texel, and heights between texels.
+        assert after.rms < before.rms / 30
+        assert after.max < before.max / 8
+
+
+def test_a_cage_takes_the_place_of_the_front_distance():
+    low = uv_sphere(8, 16)
+    high = low.replace(positions=low.positions * 1.3)
+    cage = low.replace(positions=low.positions * 1.5, name="cage.obj")
+    inside = low.replace(positions=low.positions * 1.1, name="cage.obj")
+    options = BakeOptions(size=64, back=0.05, maps=("displacement",))
+    assert bake(high, low, options, cage=cage).report.texels_missed == 0
+    report = bake(high, low, options, cage=inside).report
+    assert report.texels_missed == report.texels_covered
+    assert report.cage == "cage.obj"
+    assert report.front is None
+    result = bake(high, low, options, cage=cage)
+    # Along the radius of a vertex the surfaces are 0.3 apart; within a face the chord is nearer.
+    values = result.maps["displacement"].values[result.has_data]
+    assert 0.27 < values.min() <= values.max() < 0.3001
+
+
+def test_with_a_cage_the_back_alone_is_measured():
+    low = uv_sphere(8, 16)
+    cage = low.replace(positions=low.positions * 1.5, name="cage.obj")
+    report = bake(low, low, BakeOptions(size=16), cage=cage).report
+    assert report.measured
+    assert report.front is None
+    assert report.back > 0
+    given = bake(low, low, BakeOptions(size=16, back=0.1), cage=cage).report
+    assert not given.measured
+
+
+@pytest.mark.parametrize("other", [uv_sphere(8, 15), icosphere(2)])
+def test_a_cage_with_other_faces_is_an_error(other):
+    low = uv_sphere(8, 16)
+    with pytest.raises(CageError, match=r"has the faces of the light mesh"):
+        bake(icosphere(3), low, cage=other)
+
+
+def test_a_flipped_cage_is_an_error():
+    low = uv_sphere(8, 16)
+    with pytest.raises(CageError):
+        bake(icosphere(3), low, cage=low.replace(faces=low.faces[:, ::-1]))
+
+
+def test_measured_distances_reach_everything_and_not_much_farther():
+    low = uv_sphere(24, 48)
+
+    def bumps(theta, phi):
+        return 1.0 + 0.05 * np.sin(5 * theta) * np.sin(6 * phi)
+
+    high = uv_sphere(200, 400, bumps)
+    report = bake(high, low, BakeOptions(size=128)).report
+    assert report.measured
+    assert report.texels_missed == 0
+    # Bumps reach 0.05 either way, and the light sphere's chords lie up to 0.9 % inside.
+    assert 0.05 < report.front < 0.075
+    assert 0.05 < report.back < 0.075
+
+
+def test_remap_equals_a_bake_of_the_other_maps():
+    high, low = icosphere(4), uv_sphere(10, 20)
+    both = {"size": 64, "front": 0.1, "back": 0.1, "samples": 4}
+    kept = bake(high, low, BakeOptions(**both, keep_hits=True))
+    other = BakeOptions(**both, maps=("displacement", "normal"), space="object", padding=3)
+    again, direct = remap(kept, high, low, other), bake(high, low, other)
+    assert list(again.maps) == ["displacement", "normal"]
+    for name in again.maps:
+        np.testing.assert_array_equal(again.maps[name].values, direct.maps[name].values)
+    with pytest.raises(OptionError, match="keep_hits"):
+        remap(direct, high, low, other)
+    with pytest.raises(OptionError, match="not the meshes that were traced"):
+        remap(kept, icosphere(2), low, other)
+
+
+def test_padding_meets_and_overlaps_are_warned_of():
+    uvs = np.array([[0, 0], [0.5, 0], [0.5, 1], [0, 1]])
+    apart = np.vstack([uvs * [0.96, 1], uvs * [0.96, 1] + [0.52, 0]])
+    mesh = Mesh(
+        positions=np.column_stack([apart, np.zeros(8)]),
+        faces=[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]],
+        uvs=apart,
+        uv_faces=[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]],
+    )
+    result = bake(mesh, mesh, BakeOptions(size=50, padding=2, front=0.1, back=0.1))
+    # A gutter of two texels, 50 high, and each is nearer than 2 to both charts.
+    assert result.report.padding_meets == 100
+    assert any("padding of two charts" in warning for warning in result.report.warnings)
+    stacked = mesh.replace(uvs=np.vstack([uvs, uvs]))
+    overlapping = bake(mesh, stacked, BakeOptions(size=50, front=0.1, back=0.1)).report
+    assert overlapping.texels_overlapping == 25 * 50
+    assert any("overlap" in warning for warning in overlapping.warnings)
+
+
+def test_the_report_is_json_and_tells_the_stages():
+    report = bake(icosphere(3), uv_sphere(8, 12), BakeOptions(size=32)).report
+    values = json.loads(json.dumps(report.to_json()))
+    assert values["texels"] == 1024
+    assert values["options"]["rays"] == "smooth"
+    names = [stage["name"] for stage in values["stages"]]
+    assert names[:2] == ["build ray tree", "measure distances"]
+    assert {"rasterize", "cast rays", "make maps", "pad"} <= set(names)
+    assert values["counts"]["rays_cast"] == report.texels_covered
+    percentiles = list(report.distance_percentiles.values())
+    assert percentiles == sorted(percentiles)
+    assert all(label and figure for label, figure in report.table())
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"size": 0},
+        {"size": 100_000},
+        {"size": (16, 0)},
+        {"size": (16, 16, 16)},
+        {"size": 64.0},
+        {"size": "64"},
+        {"samples": 4.0},
+        {"padding": 16384},
+        {"padding": 1.5},
+        {"samples": 3},
+        {"front": -1.0},
+        {"back": float("nan")},
+        {"front": 0.0, "back": 0.0},
+        {"bits": 12},
+        {"space": "screen"},
+        {"convention": "vulkan"},
+        {"rays": "random"},
+        {"fill": "black"},
+        {"padding": -1},
+        {"fail_on_miss": 101},
+        {"scale": 0.0},
+        {"maps": ()},
+        {"threads": 0},
+    ],
+)
+def test_wrong_options_are_one_clear_error(choice):
+    with pytest.raises(OptionError) as error:
+        BakeOptions(**choice)
+    assert next(iter(choice)).replace("_", "-") in str(error.value).replace("_", "-")
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_map_and_missing_uvs():
+    with pytest.raises(OptionError, match="albedo is not one of normal, displacement"):
+        bake(icosphere(1), plane(), BakeOptions(maps=("albedo",)))
+    with pytest.raises(UvError, match="no texture coordinates"):
+        bake(icosphere(1), icosphere(1))
+
+
+def test_faces_that_own_no_texel_are_told():
+    """A sliver between two rows of centers, and a face beneath another."""
+    low = plane()
+    uvs = np.vstack([low.uvs, [[0.0, 0.5], [1.0, 0.5], [1.0, 0.501]]])
+    positions = np.vstack([low.positions, [[0, 0, 1], [1, 0, 1], [1, 1, 1]]])
+    faces = np.vstack([low.faces, [[4, 5, 6]], low.faces[:1]])
+    uv_faces = np.vstack([low.uv_faces, [[4, 5, 6]], low.uv_faces[:1]])
+    mesh = Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=uv_faces)
+    report = bake(low, mesh, BakeOptions(size=16, front=0.1, back=0.1)).report
+    assert report.faces_without_texel == 2
+    assert any("2 of 4 faces own no texel" in warning for warning in report.warnings)
+
+
+def test_a_mesh_turned_inside_out_misses_everything_and_is_told_why():
+    low = uv_sphere(8, 16)
+    inside_out = low.replace(faces=low.faces[:, ::-1])
+    report = bake(inside_out, low, BakeOptions(size=32, front=0.1, back=0.1)).report
+    assert report.miss_percent == 100.0
+    assert report.counts.rays_past_back_faces == report.counts.rays_cast
+    assert any("inside out" in warning for warning in report.warnings)

@@ -1,0 +1,203 @@
+"""Chunks of a dense mesh against one ray tree over all of it: the same bytes, every one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.baking import cast
+from texbake.baking.bake import bake
+from texbake.baking.chunked_caster import ChunkedCaster
+from texbake.baking.doubtful import drop_doubtful
+from texbake.baking.hits import NO_HIT
+from texbake.baking.memory import MOST_CHUNKS, bake_memory, chunk_faces
+from texbake.baking.native_caster import NativeCaster
+from texbake.baking.options import BakeOptions
+from texbake.baking.quads import pair_faces
+from texbake.baking.rays import Rays
+from texbake.baking.watertight import retry_watertight
+from texbake.errors import DependencyError, OptionError
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, plane, uv_sphere
+
+MAPS = ("normal", "displacement", "vector-displacement", "position", "curvature", "opacity")
+
+
+@pytest.fixture(scope="module")
+def layered() -> Mesh:
+    """A bumpy sphere, some of its faces twice, some turned round, and another sphere through it."""
+    ball = uv_sphere(60, 90, lambda theta, phi: 1 + 0.03 * np.sin(11 * theta) * np.sin(9 * phi))
+    faces = [
+        ball.faces,
+        ball.faces[:1500, ::-1],
+        ball.faces + ball.n_vertices,
+        ball.faces[900:2400],
+    ]
+    other = ball.positions * 1.0001 + np.array([0.004, 0.0, 0.0])
+    return Mesh(positions=np.vstack([ball.positions, other]), faces=np.vstack(faces))
+
+
+@pytest.fixture(scope="module")
+def frame(layered: Mesh) -> LocalFrame:
+    return LocalFrame.around(layered)
+
+
+def rays_at(mesh: Mesh, frame: LocalFrame, n: int, seed: int) -> Rays:
+    """Half of them at vertices and edges, where float32 errs most."""
+    rng = np.random.default_rng(seed)
+    weights = rng.dirichlet([1.0, 1.0, 1.0], n)
+    weights[: n // 4] = [1.0, 0.0, 0.0]
+    weights[n // 4 : n // 2, 2] = 0.0
+    weights /= weights.sum(axis=1, keepdims=True)
+    corners = frame.to_local(mesh.positions).astype(np.float32)[mesh.faces].astype(np.float64)
+    targets = np.einsum("nk,nkx->nx", weights, corners[rng.integers(0, mesh.n_faces, n)])
+    inward = -targets / np.linalg.norm(targets, axis=1, keepdims=True)
+    directions = inward + 0.3 * rng.normal(size=(n, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return Rays(targets - 0.1 * directions, directions, np.full(n, 1.5), np.full(n, 0.1))
+
+
+@pytest.mark.parametrize("n_chunks", [2, 3, 7, 100])
+@pytest.mark.parametrize("cull", [False, True])
+def test_chunks_find_what_one_tree_finds(
+    layered: Mesh, frame: LocalFrame, n_chunks: int, cull: bool
+) -> None:
+    n_rays = 20_000 if n_chunks == 100 else 60_000
+    rays = rays_at(layered, frame, n_rays, seed=n_chunks)
+    size = -(-layered.n_faces // n_chunks)
+    casters = NativeCaster(layered, frame), ChunkedCaster(layered, frame, size, threads=2)
+    whole, parts = (caster.cast(rays, cull_back_faces=cull) for caster in casters)
+    for found in whole, parts:
+        drop_doubtful(found, rays, layered, frame, 1)
+    for one, other in zip(whole.arrays(), parts.arrays(), strict=True):
+        assert np.array_equal(one, other)
+    assert (whole.faces != NO_HIT).mean() > 0.5
+
+
+def test_no_hit_depends_on_the_rays_beside_it(layered: Mesh, frame: LocalFrame) -> None:
+    rays = rays_at(layered, frame, 50_000, seed=0)
+    order = np.random.default_rng(1).permutation(len(rays))
+    caster = NativeCaster(layered, frame)
+    found, mixed = caster.cast(rays), caster.cast(Rays(*(row[order] for row in rays.arrays())))
+    assert np.array_equal(found.faces[order], mixed.faces)
+
+
+def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
+    square = plane()
+    several = Mesh(positions=square.positions, faces=np.vstack([square.faces] * 50))
+    frame = LocalFrame.around(several)
+    rays = rays_at(several, frame, 5000, seed=3)
+    down = np.tile([0.0, 0.0, -1.0], (5000, 1))
+    rays = Rays(rays.origins + 0.1 * (rays.directions - down), down, rays.lengths, rays.fronts)
+    for caster in NativeCaster(several, frame), ChunkedCaster(several, frame, 9):
+        assert set(np.unique(caster.cast(rays).faces)) - {NO_HIT} == {0, 1}
+
+
+def test_doubtful_hits_are_few_and_found_by_the_second_look(
+    layered: Mesh, frame: LocalFrame
+) -> None:
+    """Of rays that are aimed inside faces; what is dropped lies near an edge of its face."""
+    rays = rays_at(layered, frame, 100_000, seed=5)
+    rays = rays.where(slice(50_000, None))
+    found = NativeCaster(layered, frame).cast(rays)
+    before = found.faces.copy()
+    drop_doubtful(found, rays, layered, frame, 2)
+    dropped = (found.faces == NO_HIT) & (before != NO_HIT)
+    assert 0 < dropped.sum() < 50
+    corners = frame.to_local(layered.positions)[layered.faces[before[dropped]]]
+    edges = np.roll(corners, -1, axis=1) - corners
+    seen = rays.where(dropped)
+    moments = np.einsum(
+        "nkx,nkx->nk", seen.origins[:, None] - corners, np.cross(seen.directions[:, None], edges)
+    )
+    # Corners are at most 0.15 away, of which a millionth is doubtful; 1e-7 for their own rounding.
+    passing = np.abs(moments) / np.linalg.norm(edges, axis=2)
+    assert passing.min(axis=1).max() < 0.15e-6 + 1e-7
+    again = retry_watertight(rays.where(dropped), layered, frame, cull_back_faces=True)
+    assert (again.faces != NO_HIT).mean() > 0.9
+
+
+def test_chunks_do_not_cut_pairs_of_faces(layered: Mesh, frame: LocalFrame) -> None:
+    quads, _ = pair_faces(layered.faces)
+    for size in (2, 3, 100, 1001, layered.n_faces):
+        chunks = list(ChunkedCaster(layered, frame, size)._chunks())
+        assert np.array_equal(np.vstack([part for _, part, _ in chunks]), quads)
+        firsts = np.concatenate([first + ends[:-1] for first, _, ends in chunks])
+        assert np.array_equal(firsts, pair_faces(layered.faces)[1][:-1])
+        assert max(ends[-1] for _, _, ends in chunks) <= max(size, 2) + 1
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple[Mesh, Mesh]:
+    high = uv_sphere(100, 160, lambda theta, phi: 1 + 0.02 * np.sin(9 * theta) * np.sin(8 * phi))
+    return high, uv_sphere(10, 16)
+
+
+def limit(pair: tuple[Mesh, Mesh], options: BakeOptions, n_chunks: int) -> int:
+    """Bytes that lead to about so many chunks."""
+    whole = bake_memory(
+        pair[0].n_faces, pair[1].n_faces, options.width_px * options.height_px, len(options.maps)
+    )
+    return next(
+        most
+        for most in range(whole - 1, 0, -1000)
+        if -(-pair[0].n_faces // (chunk_faces(most, whole, pair[0].n_faces) or 1)) == n_chunks
+    )
+
+
+@pytest.mark.parametrize("n_chunks", [2, 3, 7])
+def test_a_bake_has_the_same_bytes(
+    pair: tuple[Mesh, Mesh], n_chunks: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = BakeOptions(maps=MAPS, size=128, samples=4, keep_hits=True, padding=2)
+    whole = bake(*pair, options)
+    made: list[int] = []
+    monkeypatch.setattr(
+        cast, "ChunkedCaster",
+        lambda *given, **more: made.append(given[2]) or ChunkedCaster(*given, **more),
+    )  # fmt: skip
+    most = limit(pair, options, n_chunks)
+    parts = bake(*pair, BakeOptions(**{**vars(options), "max_memory": most}))
+    assert [-(-pair[0].n_faces // size) for size in made] == [n_chunks]
+    assert parts.hits is not None and whole.hits is not None
+    for one, other in zip(whole.hits.arrays(), parts.hits.arrays(), strict=True):
+        assert (one is None and other is None) or np.array_equal(one, other)
+    for name in MAPS:
+        for result, file in ((whole, "whole.png"), (parts, "parts.png")):
+            result.maps[name].write(tmp_path / file)
+        assert (tmp_path / "whole.png").read_bytes() == (tmp_path / "parts.png").read_bytes()
+        assert np.array_equal(whole.maps[name].values, parts.maps[name].values)
+    assert (whole.report.front, whole.report.back) == (parts.report.front, parts.report.back)
+    assert whole.report.counts == parts.report.counts
+
+
+def test_adaptive_samples_in_chunks(pair: tuple[Mesh, Mesh]) -> None:
+    options = BakeOptions(size=64, samples="adaptive", padding=1)
+    whole = bake(*pair, options)
+    parts = bake(*pair, BakeOptions(**{**vars(options), "max_memory": 1}))
+    assert np.array_equal(whole.maps["normal"].values, parts.maps["normal"].values)
+
+
+def test_how_large_chunks_are() -> None:
+    whole = bake_memory(1_000_000, 1000, 1024**2, 2)
+    assert chunk_faces(whole, whole, 1_000_000) is None
+    assert chunk_faces(whole - 1, whole, 1_000_000) == 999_999
+    assert chunk_faces(1, whole, 1_000_000) == 1_000_000 // MOST_CHUNKS
+    assert BakeOptions().chunk_faces(10**8, 10) is None
+    assert BakeOptions(max_memory="1G").chunk_faces(10_000, 10) is None
+    assert BakeOptions(max_memory="1G").chunk_faces(10**8, 10) == 10**8 // MOST_CHUNKS
+
+
+def test_what_cannot_be(pair: tuple[Mesh, Mesh], monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(OptionError, match="max-memory: 'much' is no amount of memory"):
+        BakeOptions(max_memory="much")
+    with pytest.raises(OptionError, match="need all of it at once"):
+        bake(*pair, BakeOptions(maps=("ao",), size=16, max_memory=1))
+
+    def missing() -> None:
+        raise DependencyError("embreex: no Embree library lies beside the package")
+
+    monkeypatch.setattr(cast, "load_library", missing)
+    with pytest.raises(DependencyError, match="no Embree library"):
+        bake(cube(), pair[1], BakeOptions(size=16, max_memory=1))

@@ -1,0 +1,461 @@
+"""Each map without secondary rays against what it must be: closed forms and exact counts."""
+
+from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from texbake.baking.bake import bake
+from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.id_colors import id_colors
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.maps import MAPS
+from texbake.baking.options import BakeOptions
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
+from texbake.metadata import CURVATURE_MID, CURVATURE_SCALE, ID, POSITION_MAX, POSITION_MIN, SPACE
+from texbake.texture.encoding import decode_heights
+from texbake.texture.image import read_image, write_image
+
+N = 64
+CENTERS = (np.arange(N) + 0.5) / N
+
+
+def baked(high, *maps, low=None, materials=None, **options):
+    low = plane() if low is None else low
+    chosen = BakeOptions(**{"size": N, "maps": maps, "padding": 0, **options})
+    return bake(high, low, chosen, materials=materials).maps
+
+
+def halves(**fields_):
+    """A square of 8 x 8 in two groups, left and right of x = 1/2."""
+    mesh = plane(8, 8)
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    groups = (centers[:, 0] > 0.5).astype(np.int32)
+    return mesh.replace(face_groups=groups, group_names=("left", "right"), **fields_)
+
+
+def test_every_map_is_listed_under_its_name():
+    assert tuple(MAPS) == MAP_NAMES
+    assert all(kind.name == name for name, kind in MAPS.items())
+    assert {kind.combine for kind in MAPS.values()} == {"mean", "unit mean", "first"}
+
+
+def test_a_normal_map_computes_nothing_of_the_others():
+    inputs = BakeInputs(halves(), plane(), BakeOptions(size=N))
+    high = halves()
+    options = BakeOptions(size=N, keep_hits=True)
+    kept = bake(high, plane(), options).inputs
+    computed = set(kept.__dict__) - {field.name for field in fields(inputs)}
+    allowed = {"high_normals", "_high_smooth_normals", "low_normals", "low_tangents", "low_charts"}
+    assert computed <= allowed
+
+
+# Position
+
+
+def test_a_flat_position_is_exact():
+    high = plane(5, 5, lambda x, y: 0.125 + 0.0 * x)
+    values = baked(high, "position")["position"].values
+    u, v = np.meshgrid(CENTERS, CENTERS[::-1])
+    # Weights on faces are float32: half a unit in its last place at 1 is 6e-8.
+    np.testing.assert_allclose(values[:, :, 0], u, atol=6e-8)
+    np.testing.assert_allclose(values[:, :, 1], v, atol=6e-8)
+    # The way of the ray is measured in float64 and kept in float32, and 1/8 fits.
+    np.testing.assert_array_equal(values[:, :, 2], np.float32(0.125))
+
+
+def test_positions_on_a_sphere_have_its_radius():
+    high, low = icosphere(5), uv_sphere(8, 16)
+    result = baked(high, "position", low=low, size=128)["position"]
+    lengths = np.linalg.norm(result.values[result.has_data], axis=1)
+    # The middle of the widest face lies under the sphere by (1 - cos) of half its width.
+    edges = high.positions[high.faces] - high.positions[np.roll(high.faces, 1, axis=1)]
+    sag = 1.0 - np.sqrt(1.0 - np.linalg.norm(edges, axis=2).max() ** 2 / 3.0)
+    assert lengths.max() <= 1.0 + 2e-7  # float32
+    assert lengths.min() >= 1.0 - sag - 2e-7
+    assert result.has_data.sum() > 10_000
+
+
+def test_world_positions_are_positions_and_say_so(tmp_path):
+    maps = baked(halves(), "position", "world-position")
+    assert np.array_equal(maps["position"].values, maps["world-position"].values)
+    assert maps["position"].write(tmp_path / "p.exr").metadata[SPACE] == "object"
+    assert maps["world-position"].write(tmp_path / "w.exr").metadata[SPACE] == "world"
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_positions_come_back_from_their_box_within_half_a_step(tmp_path, bits):
+    high = plane(9, 9, lambda x, y: -3.0 + x * y)
+    low = plane().replace(positions=plane().positions - [0.0, 0.0, 2.5])
+    position = baked(high, "position", low=low)["position"]
+    written = position.write(tmp_path / "p.png", bits=bits)
+    least, greatest = (
+        np.array([float(word) for word in written.metadata[key].split()])
+        for key in (POSITION_MIN, POSITION_MAX)
+    )
+    assert least.tolist() == [0.0, 0.0, -3.0]
+    assert greatest.tolist() == [1.0, 1.0, -2.0]
+    stored = read_image(tmp_path / "p.png", color=False)
+    assert stored.metadata == written.metadata
+    decoded = least + stored.pixels * (greatest - least)
+    half_step = (greatest - least) / (2**bits - 1) / 2
+    # 2e-7: float32 of values of about 3.
+    assert (np.abs(decoded - position.values) <= half_step + 2e-7).all()
+
+
+def test_a_float_file_keeps_positions_as_they_are(tmp_path):
+    position = baked(plane(3, 3), "position")["position"]
+    assert position.write(tmp_path / "p.exr").bits == 32
+    stored = read_image(tmp_path / "p.exr", color=False)
+    assert np.array_equal(stored.pixels, position.values)
+
+
+# Curvature
+
+
+def test_a_sphere_bends_by_one_over_its_radius():
+    radius = 4.0
+    high = uv_sphere(96, 192).replace(positions=radius * uv_sphere(96, 192).positions)
+    low = uv_sphere(12, 24).replace(positions=radius * uv_sphere(12, 24).positions)
+    maps = baked(high, "curvature", "convexity", "concavity", low=low, size=128)
+    found = maps["curvature"].values[maps["curvature"].has_data]
+    # The triangles about the poles are off by 1 %; see the tests of the estimate itself.
+    np.testing.assert_allclose(found, 1.0 / radius, rtol=1e-2)
+    assert np.median(found) == pytest.approx(1.0 / radius, rel=1e-3)
+    assert np.array_equal(maps["convexity"].values, maps["curvature"].values)
+    assert not maps["concavity"].values.any()
+
+
+def test_convexity_and_concavity_are_the_halves_of_curvature():
+    high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
+    maps = baked(high, "curvature", "convexity", "concavity")
+    values = {name: item.values for name, item in maps.items()}
+    assert values["curvature"].min() < 0.0 < values["curvature"].max()
+    assert np.array_equal(values["convexity"] - values["concavity"], values["curvature"])
+    assert values["convexity"].min() == values["concavity"].min() == 0.0
+
+
+@pytest.mark.parametrize(("bits", "flat"), [(8, 128), (16, 32768)])
+def test_flat_is_the_middle_code(tmp_path, bits, flat):
+    baked(plane(4, 4), "curvature")["curvature"].write(tmp_path / "c.png", bits=bits)
+    pixels = read_image(tmp_path / "c.png", color=False).pixels
+    assert (np.rint(pixels * (2**bits - 1)) == flat).all()
+
+
+def test_a_curvature_that_is_asked_for_is_white_and_its_file_decodes(tmp_path):
+    high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
+    item = baked(high, "curvature", curvature_scale=100.0)["curvature"]
+    written = item.write(tmp_path / "c.png")
+    mid, scale = written.metadata[CURVATURE_MID], written.metadata[CURVATURE_SCALE]
+    assert (1.0 - mid) * scale == pytest.approx(100.0, rel=1e-15)
+    stored = read_image(tmp_path / "c.png", color=False).pixels
+    decoded = decode_heights(stored, mid=mid, scale=scale)
+    assert np.abs(item.values).max() < 100.0
+    # Levels are read as float32: 3e-8 of the whole range about the middle.
+    np.testing.assert_allclose(decoded, item.values, atol=scale * (0.5 / 65535 + 6e-8))
+
+
+def test_without_a_scale_one_texel_of_a_hundred_may_clip(tmp_path):
+    high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
+    item = baked(high, "convexity")["convexity"]
+    written = item.write(tmp_path / "c.png")
+    assert (written.metadata[CURVATURE_MID], written.n_clipped) == (0.0, 0)
+    share = (item.values > written.metadata[CURVATURE_SCALE]).mean()
+    # The percentile lies between two texels.
+    assert 0.0 < share <= 0.01 + 1.0 / item.values.size
+
+
+# Numbers of things
+
+
+def test_ids_count_exactly_the_texels_of_each_group():
+    values = baked(halves(), "object-id")["object-id"].values[:, :, 0]
+    assert np.array_equal(values[:, : N // 2], np.ones((N, N // 2)))
+    assert np.array_equal(values[:, N // 2 :], np.full((N, N // 2), 2.0))
+
+
+@pytest.mark.parametrize("samples", [4, 16])
+def test_ids_are_never_averaged(samples):
+    low = plane()
+    # The border of the groups, x = 1/2, runs through the middle of texels 10.
+    maps = baked(halves(), "object-id", "displacement", low=low, size=21, samples=samples,
+                 padding=3, fill="push-pull")  # fmt: skip
+    assert set(np.unique(maps["object-id"].values).tolist()) == {1.0, 2.0}
+    # The first sample of a row's texel is its left one; on the diagonal from corner to corner it is
+    # too near an edge of the dense mesh, and is looked at again in the end.
+    first = maps["object-id"].values[:, 10, 0] == 1.0
+    assert first[2:-2].mean() > 0.9
+
+
+def test_nothing_but_padding_stands_around_ids():
+    low = plane().replace(uvs=0.25 + 0.5 * plane().uvs)
+    maps = baked(halves(), "object-id", low=low, padding=4, fill="push-pull")
+    values = maps["object-id"].values[:, :, 0]
+    assert set(np.unique(values).tolist()) == {0.0, 1.0, 2.0}
+    # 32 x 32 texels of the chart, and 4 around it but for what is farther than 4 at the corners.
+    assert 32 * 32 + 4 * 4 * 32 < np.count_nonzero(values) <= 40 * 40
+
+
+@pytest.mark.parametrize(("bits", "top"), [(None, 255), (16, 65535)])
+def test_ids_are_colors_in_integer_files_and_the_file_names_them(tmp_path, bits, top):
+    item = baked(halves(), "object-id")["object-id"]
+    written = item.write(tmp_path / "id.png", bits=bits)
+    stored = read_image(tmp_path / "id.png", color=False)
+    assert stored.metadata == written.metadata
+    table = {key.removeprefix(ID): name for key, name in written.metadata.items()}
+    assert sorted(table.values()) == ["left", "right"]
+    codes = np.rint(stored.pixels * top).astype(int) * 255 // top
+    for column, name in ((0, "left"), (N - 1, "right")):
+        word = "#{:02x}{:02x}{:02x}".format(*codes[3, column])
+        assert table[word] == name
+
+
+def test_float_files_keep_the_numbers(tmp_path):
+    item = baked(halves(), "object-id")["object-id"]
+    written = item.write(tmp_path / "id.exr")
+    assert written.metadata == {f"{ID}1": "left", f"{ID}2": "right"}
+    assert np.array_equal(read_image(tmp_path / "id.exr", color=False).pixels, item.values)
+
+
+def test_more_things_than_half_floats_can_count_are_refused(tmp_path):
+    mesh = plane(40, 40)
+    high = mesh.replace(
+        face_groups=np.arange(3200, dtype=np.int32), group_names=tuple(map(str, range(3200)))
+    )
+    item = baked(high, "object-id")["object-id"]
+    with pytest.raises(OptionError, match="half floats do not hold 3,200"):
+        item.write(tmp_path / "id.exr", bits=16)
+    item.write(tmp_path / "id.exr")
+    ids = read_image(tmp_path / "id.exr", color=False).pixels
+    assert len(np.unique(ids)) == 3200 - np.count_nonzero(
+        ~np.isin(np.arange(1, 3201), np.unique(item.values))
+    )
+
+
+@pytest.mark.parametrize("n", [1, 7, 423, 1024, 5000])
+def test_colors_of_ids_are_all_different(n):
+    colors = id_colors(n)
+    assert colors.shape == (n + 1, 3)
+    assert colors[0].tolist() == [0, 0, 0]
+    assert len(np.unique(colors, axis=0)) == n + 1
+
+
+def test_a_mesh_without_groups_is_one_thing():
+    item = baked(plane(), "object-id")["object-id"]
+    assert item.legend == ("plane",)
+    assert (item.values == 1.0).all()
+
+
+def test_materials_are_told_apart_from_groups():
+    high = halves()
+    ids = (high.positions[high.faces].mean(axis=1)[:, 1] > 0.5).astype(np.int32)
+    materials = Materials(
+        face_materials=ids, names=("below", "above"), base_colors=(None, BaseColor((0.5, 0, 1)))
+    )
+    maps = baked(high, "material-id", "object-id", "texture", materials=materials)
+    assert maps["material-id"].legend == ("below", "above")
+    assert (maps["material-id"].values[: N // 2] == 2.0).all()
+    assert (maps["material-id"].values[N // 2 :] == 1.0).all()
+    assert (maps["texture"].values[: N // 2] == (0.5, 0.0, 1.0)).all()
+    assert (maps["texture"].values[N // 2 :] == 1.0).all()
+    assert np.array_equal(
+        baked(high, "material-id")["material-id"].values, maps["object-id"].values
+    )
+
+
+# Colors
+
+
+def ramp(mesh):
+    """Vertex colors that grow evenly: x, y, and 1/4 everywhere."""
+    x, y, _ = mesh.positions.T
+    return np.stack([x, y, np.full_like(x, 0.25)], axis=1).astype(np.float32)
+
+
+def test_linear_vertex_colors_are_carried_over():
+    high = plane(16, 16).replace(colors=ramp(plane(16, 16)))
+    values = baked(high, "vertex-color", vertex_colors="linear")["vertex-color"].values
+    u, v = np.meshgrid(CENTERS, CENTERS[::-1])
+    # float32 of the weights, the colors and the result, up to 1.
+    np.testing.assert_allclose(values, np.stack([u, v, 0.25 + 0 * u], axis=2), atol=2e-7)
+
+
+def test_vertex_colors_of_scans_come_back_as_the_codes_that_they_were(tmp_path):
+    codes = np.array([[200, 30, 7], [200, 30, 7], [200, 30, 7], [200, 30, 7]], dtype=np.float32)
+    high = plane().replace(colors=codes / 255.0)
+    item = baked(high, "vertex-color")["vertex-color"]
+    assert item.write(tmp_path / "c.png").bits == 8
+    stored = np.rint(read_image(tmp_path / "c.png", color=False).pixels * 255.0)
+    assert (stored == codes[0]).all()
+
+
+@pytest.mark.parametrize(("name", "is_srgb"), [("a.ply", True), ("a.GLB", False)])
+def test_only_gltf_has_linear_vertex_colors(name, is_srgb):
+    assert BakeOptions().colors_are_srgb(name) == is_srgb
+    assert not BakeOptions(vertex_colors="linear").colors_are_srgb(name)
+    assert BakeOptions(vertex_colors="srgb").colors_are_srgb(name)
+
+
+def image_bytes(tmp_path, pixels):
+    write_image(pixels, tmp_path / "image.png", color=True)
+    return (tmp_path / "image.png").read_bytes()
+
+
+def textured(tmp_path, pixels, **changes):
+    mesh = plane(4, 4)
+    color = BaseColor(image=image_bytes(tmp_path, pixels), **changes)
+    return mesh, Materials(
+        face_materials=np.zeros(mesh.n_faces, dtype=np.int32), names=("a",), base_colors=(color,)
+    )
+
+
+def test_an_image_of_the_map_s_own_size_comes_back_code_by_code(tmp_path):
+    codes = np.random.default_rng(5).integers(0, 256, (N, N, 3), dtype=np.uint8)
+    high, materials = textured(tmp_path, codes)
+    item = baked(high, "texture", materials=materials)["texture"]
+    item.write(tmp_path / "t.png")
+    # Samples stand on texel centers to 1e-7 of a texture, 1e-5 of a step between neighbors.
+    stored = np.rint(read_image(tmp_path / "t.png", color=False).pixels * 255.0)
+    assert np.array_equal(stored, codes)
+
+
+def test_a_linear_ramp_is_interpolated_in_linear_light(tmp_path):
+    levels = np.linspace(0.0, 1.0, 9, dtype=np.float32)  # texels 1/9 wide
+    write_image(np.repeat(levels[None, :, None], 3, axis=2), tmp_path / "ramp.exr", bits=32)
+    mesh = plane(4, 4)
+    materials = Materials.of_image(mesh, tmp_path / "ramp.exr")
+    values = baked(mesh, "texture", materials=materials)["texture"].values
+    inside = (CENTERS > 1 / 18) & (CENTERS < 17 / 18)
+    expected = (CENTERS[inside] * 9 - 0.5) / 8
+    np.testing.assert_allclose(values[5, inside, 1], expected, atol=1e-6)
+
+
+def test_a_factor_multiplies_and_a_placing_moves_an_image(tmp_path):
+    pixels = np.zeros((2, 2, 3), dtype=np.float32)
+    pixels[:, 1] = 1.0  # white on the right
+    turned = ((0.0, 1.0, 0.0), (-1.0, 0.0, 1.0))  # u of the image is v of the mesh
+    high, materials = textured(
+        tmp_path, pixels, factor=(0.5, 1.0, 0.25), wrap="clamp", placing=turned
+    )
+    values = baked(high, "texture", materials=materials)["texture"].values
+    np.testing.assert_allclose(values[:16], np.broadcast_to((0.5, 1.0, 0.25), (16, N, 3)))
+    np.testing.assert_allclose(values[-16:], 0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("vertex-color", "no vertex colors"), ("texture", "names no base color")]
+)
+def test_a_mesh_without_colors_is_one_clear_error(name, message):
+    with pytest.raises(MeshError, match=message):
+        baked(plane(), name)
+
+
+def test_an_image_needs_texture_coordinates(tmp_path):
+    high, materials = textured(tmp_path, np.zeros((2, 2, 3), dtype=np.float32))
+    bare = Mesh(positions=high.positions, faces=high.faces)
+    with pytest.raises(MeshError, match="no texture coordinates"):
+        baked(bare, "texture", materials=materials)
+
+
+# Opacity
+
+
+def strip(right):
+    """The part of the unit square left of a line."""
+    return Mesh(
+        positions=[[0, 0, 0], [right, 0, 0], [right, 1, 0], [0, 1, 0]],
+        faces=[[0, 1, 2], [0, 2, 3]],
+    )
+
+
+@pytest.mark.parametrize(("samples", "share"), [(1, 0.0), (4, 0.5), (16, 0.5), (64, 0.375)])
+def test_opacity_is_the_share_of_samples_that_hit(samples, share):
+    # The dense mesh ends 0.4 of the way through texels 10; samples lie at (i + 1/2) / side.
+    high = strip((10 + 0.4) / 32)
+    item = baked(high, "opacity", size=32, samples=samples, front=0.1, back=0.1)["opacity"]
+    assert (item.values[:, :10] == 1.0).all()
+    assert (item.values[:, 10] == share).all()
+    assert (item.values[:, 11:] == 0.0).all()
+
+
+def test_what_only_the_second_look_finds_counts_once():
+    kind, inputs = MAPS["opacity"], BakeInputs(plane(), plane(), BakeOptions(size=N))
+    ball, low = icosphere(4), uv_sphere(16, 32)
+    result = bake(ball, low, BakeOptions(size=128, samples=4, maps=("opacity",), keep_hits=True,
+                                         padding=0))  # fmt: skip
+    assert len(result.hits) == result.report.counts.samples_covered
+    values = result.maps["opacity"].values
+    assert set(np.unique(values).tolist()) <= {0.0, 0.25, 0.5, 0.75, 1.0}
+    n = len(result.hits)
+    assert kind.values(result.hits, inputs).sum() == n - result.report.counts.rays_missed
+
+
+def test_padding_of_opacity_repeats_holes_too():
+    low = plane().replace(uvs=0.25 + 0.5 * plane().uvs)
+    item = baked(strip(0.5), "opacity", low=low, padding=4, front=0.1, back=0.1)["opacity"]
+    # Above the chart: over the strip opaque, over the hole as empty as that.
+    assert (item.values[13:16, 20:30] == 1.0).all()
+    assert (item.values[13:16, 34:44] == 0.0).all()
+
+
+def test_opacity_wants_a_fixed_number_of_samples():
+    with pytest.raises(OptionError, match="opacity counts misses"):
+        baked(plane(), "opacity", "normal", samples="adaptive")
+
+
+def test_a_mask_is_linear_and_not_a_color(tmp_path):
+    item = baked(strip(0.5), "opacity", samples=4, size=33, front=0.1, back=0.1)["opacity"]
+    item.write(tmp_path / "o.png", bits=8)
+    stored = read_image(tmp_path / "o.png", color=False).pixels
+    np.testing.assert_allclose(stored, item.values, atol=0.5 / 255)
+
+
+# All of them
+
+
+def test_all_maps_are_the_same_for_any_number_of_threads():
+    high = halves(colors=ramp(plane(8, 8)))
+    materials = Materials(
+        face_materials=high.face_groups, names=("a", "b"), base_colors=(BaseColor((0, 1, 0)), None)
+    )
+    names = [name for name, kind in MAPS.items() if kind.needs == "hits"]
+    first, second = (
+        baked(high, *names, materials=materials, samples=4, threads=threads, padding=2)
+        for threads in (1, 3)
+    )
+    for name in names:
+        assert first[name].values.tobytes() == second[name].values.tobytes(), name
+
+
+def test_values_ask_the_trace_for_nothing_but_its_rows():
+    hits = Hits(
+        np.array([0, 1], np.int32), np.zeros(2, np.int32), np.full((2, 2), 0.25, np.float32),
+        np.array([0, NO_HIT], np.int32), np.zeros((2, 2), np.float32),
+        np.zeros((2, 3), np.float32),
+    )  # fmt: skip
+    values = MAPS["opacity"].values(hits, SimpleNamespace())
+    assert values.tolist() == [[1.0], [0.0]]
+
+
+def test_the_page_of_the_maps_has_a_row_for_each():
+    page = (Path(__file__).parents[2] / "docs" / "maps.md").read_text(encoding="utf-8")
+    rows = [line.split("`")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert rows == list(MAP_NAMES)
+    channels = [line.split("|")[2].strip() for line in page.splitlines() if line.startswith("| `")]
+    assert channels == [str(kind.channels) for kind in MAPS.values()]
+
+
+def test_adaptive_samples_keep_ids_whole():
+    dents = plane(64, 64, lambda x, y: 0.01 * np.sin(40 * x) * np.sin(40 * y))
+    groups = (dents.positions[dents.faces].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
+    high = dents.replace(face_groups=groups, group_names=("left", "right"))
+    maps = baked(high, "normal", "object-id", size=21, samples="adaptive")
+    assert set(np.unique(maps["object-id"].values).tolist()) == {1.0, 2.0}
+    assert (maps["object-id"].values[:, :10] == 1.0).all()
+    assert (maps["object-id"].values[:, 11:] == 2.0).all()

@@ -1,0 +1,52 @@
+"""Pairs of triangles are the same triangles, each once."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from texbake.baking.quads import pair_faces
+from texbake.mesh.shapes import grid_sphere, icosphere, plane
+
+
+def triangles_of(quads, first_faces):
+    """Each face's vertices, from the quads alone."""
+    faces = {}
+    for quad, first, end in zip(quads.tolist(), first_faces, first_faces[1:], strict=False):
+        v0, v1, v2, v3 = quad
+        both = [(v0, v1, v3), (v2, v3, v1)]
+        assert end - first in (1, 2)
+        if end - first == 1:
+            assert v2 == v3
+        faces.update(zip(range(first, end), both, strict=False))
+    return faces
+
+
+def same_winding(triangle, face):
+    rotations = [(*face[k:], *face[:k]) for k in range(3)]
+    return tuple(triangle) in rotations
+
+
+@pytest.mark.parametrize("mesh", [plane(4, 5), icosphere(2), grid_sphere(6, 8)])
+def test_quads_are_the_faces_of_the_mesh(mesh):
+    quads, first_faces = pair_faces(mesh.faces)
+    triangles = triangles_of(quads, first_faces)
+    assert sorted(triangles) == list(range(mesh.n_faces))
+    assert all(same_winding(triangles[i], mesh.faces[i].tolist()) for i in triangles)
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 5)] * 3), min_size=1, max_size=12))
+def test_any_soup_keeps_its_triangles(soup):
+    """Degenerate, duplicate and flipped faces as well."""
+    faces = np.array(soup, dtype=np.int32)
+    faces.flags.writeable = False
+    quads, first_faces = pair_faces(faces)
+    triangles = triangles_of(quads, first_faces)
+    assert sorted(triangles) == list(range(len(faces)))
+    assert all(same_winding(triangles[i], faces[i].tolist()) for i in triangles)
+
+
+def test_split_quads_pair_up():
+    mesh = plane(10, 10)
+    quads, _ = pair_faces(mesh.faces)
+    assert len(quads) == 100

@@ -1,0 +1,146 @@
+"""Images that change rays: at their ends the rays are those of the options, byte for byte."""
+
+import numpy as np
+import pytest
+
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.ray_maps import RayMaps
+from texbake.baking.rays import RayField
+from texbake.baking.texels import Samples
+from texbake.errors import OptionError
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.shapes import plane, uv_sphere
+
+LOW = uv_sphere(8, 16)
+HIGH = uv_sphere(48, 96, lambda theta, phi: 1 + 0.01 * np.sin(9 * phi) * np.sin(7 * theta))
+REACH = {"front": 0.1, "back": 0.1}
+
+
+def image(value: float) -> np.ndarray:
+    return np.full((5, 7), value, dtype=np.float32)
+
+
+def same(one, other) -> bool:
+    return all(np.array_equal(one.maps[name].values, other.maps[name].values) for name in one.maps)
+
+
+def baked(samples=4, **changes):
+    images = {name: changes.pop(name) for name in ("skew_mask", "offset_map") if name in changes}
+    cage = changes.pop("cage", None)
+    reach = {"back": 0.1} if cage is not None else REACH
+    options = BakeOptions(
+        size=64, samples=samples, maps=("normal", "displacement"), **{**reach, **changes}
+    )
+    return bake(HIGH, LOW, options, cage=cage, **images)
+
+
+@pytest.mark.parametrize("samples", [1, 16, "adaptive"])
+def test_masks_of_0_and_1_are_smooth_and_face_rays(samples):
+    smooth, face = baked(samples), baked(samples, rays="face")
+    assert not same(smooth, face)
+    assert same(baked(samples, skew_mask=image(0.0)), smooth)
+    assert same(baked(samples, skew_mask=image(1.0)), face)
+    half = baked(samples, skew_mask=image(0.5))
+    assert not same(half, smooth) and not same(half, face)
+
+
+def test_a_mask_starts_from_the_rays_that_are_asked_for():
+    assert same(baked(skew_mask=image(0.0), rays="vertex"), baked(rays="vertex"))
+
+
+def test_a_map_of_ones_changes_nothing():
+    assert same(baked(offset_map=image(1.0)), baked())
+    cage = LOW.replace(positions=LOW.positions * 1.2)
+    assert same(baked(offset_map=image(1.0), cage=cage), baked(cage=cage))
+
+
+def test_an_offset_is_a_factor_of_the_front_distance():
+    assert same(baked(offset_map=image(0.5)), baked(front=0.05))
+    assert same(baked(offset_map=image(2.0)), baked(front=0.2))
+
+
+def test_an_offset_scales_a_cage_about_the_surface():
+    """Half as far out along the same directions finds the same points; rays start elsewhere."""
+    samples = Samples(np.zeros(1, np.int32), np.full(1, 40, np.int32), np.full((1, 2), 0.25))
+    frame, cage = LocalFrame.around(LOW), LOW.replace(positions=LOW.positions * 1.5)
+    rays, halves = (
+        RayField(
+            LOW, frame, kind="smooth", front=0.0, back=0.1, cage=cage,
+            maps=RayMaps.of(offset_map=image(factor)),
+        ).rays(samples)
+        for factor in (1.0, 0.5)
+    )  # fmt: skip
+    assert halves.fronts[0] == 0.5 * rays.fronts[0]
+    # The point on the surface is the same, to rounding in the unit cube.
+    through = [r.origins + r.fronts[:, np.newaxis] * r.directions for r in (rays, halves)]
+    np.testing.assert_allclose(through[0], through[1], atol=1e-15)
+
+
+def test_a_blend_lies_between_both_directions():
+    """A quarter of the way: the normalized sum of three parts of one and one of the other."""
+    rng = np.random.default_rng(4)
+    n = 200
+    faces = rng.integers(0, LOW.n_faces, n).astype(np.int32)
+    samples = Samples(np.zeros(n, np.int32), faces, rng.dirichlet([1, 1, 1], n)[:, 1:].copy())
+    frame = LocalFrame.around(LOW)
+
+    def field(kind, maps=None):
+        return RayField(LOW, frame, kind=kind, front=0.2, back=0.1, maps=maps).rays(samples)
+
+    smooth, face = field("smooth"), field("face")
+    blend = field("smooth", RayMaps.of(skew_mask=image(0.25)))
+    expected = 0.75 * smooth.directions + 0.25 * face.directions
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(blend.directions, expected, atol=1e-15)
+
+
+def test_an_image_counts_where_it_lies():
+    """The left half of a mask of 0 and 1 is smooth, its right half straight, apart from between."""
+    mask = np.zeros((1, 64), dtype=np.float32)
+    mask[:, 32:] = 1.0
+    both = baked(1, skew_mask=mask, padding=0).maps["normal"].values
+    smooth = baked(1, padding=0).maps["normal"].values
+    face = baked(1, padding=0, rays="face").maps["normal"].values
+    assert np.array_equal(both[:, :32], smooth[:, :32])
+    assert np.array_equal(both[:, 32:], face[:, 32:])
+
+
+def test_an_offset_says_what_is_too_far_out():
+    """A surface 0.15 above a plane: found from 0.2 above, and not from 0.1."""
+    low = plane()
+    high = low.replace(positions=low.positions + np.array([0, 0, 0.15]))
+    offset = np.ones((1, 16), dtype=np.float32)
+    offset[:, 8:] = 0.5
+    options = BakeOptions(size=16, front=0.2, back=0.01, padding=0)
+    result = bake(high, low, options, offset_map=offset)
+    assert np.array_equal(result.has_data, np.broadcast_to(np.arange(16) < 8, (16, 16)))
+
+
+def test_bytes_do_not_depend_on_threads():
+    masks = {"skew_mask": np.random.default_rng(1).random((9, 9), dtype=np.float32)}
+    assert same(baked(threads=1, **masks), baked(threads=3, **masks))
+
+
+@pytest.mark.parametrize(
+    ("images", "message"),
+    [
+        ({"skew_mask": image(1.5)}, "skew-mask: its values go from 1.5 to 1.5; .* 0 to 1"),
+        ({"skew_mask": image(np.nan)}, "skew-mask"),
+        ({"offset_map": image(-1.0)}, "offset-map: .* 0 or more"),
+        ({"offset_map": np.zeros(3)}, "offset-map: the shape"),
+        ({"offset_map": np.zeros((0, 4))}, "offset-map: the shape"),
+    ],
+)
+def test_images_out_of_range_are_refused(images, message):
+    with pytest.raises(OptionError, match=message):
+        bake(plane(), plane(), BakeOptions(size=8), **images)
+
+
+def test_a_mask_for_rays_of_faces_has_nothing_to_blend():
+    with pytest.raises(OptionError, match="skew-mask, rays"):
+        baked(skew_mask=image(0.5), rays="face")
+    cage = LOW.replace(positions=LOW.positions * 1.2)
+    assert not same(
+        baked(skew_mask=image(1.0), rays="face", cage=cage), baked(rays="face", cage=cage)
+    )

@@ -1,0 +1,220 @@
+"""Ambient occlusion, bent normals and thickness as maps of whole bakes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import texbake
+from texbake.baking import trace
+from texbake.baking.bake import bake, remap
+from texbake.baking.embreex_caster import EmbreexCaster
+from texbake.baking.options import BakeOptions
+from texbake.baking.secondary.options import SecondaryOptions
+from texbake.errors import OptionError
+from texbake.mesh.join import join_meshes
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
+from texbake.metadata import THICKNESS_SCALE
+
+SHORT = {"front": 0.05, "back": 0.05, "padding": 0}
+
+
+@pytest.fixture(scope="module")
+def ground():
+    """A dense unit square under a disk of radius 0.2 at height 0.2 over its middle."""
+    angles = np.arange(256) * 2 * np.pi / 256
+    positions = np.full((257, 3), [0.5, 0.5, 0.2])
+    positions[1:, :2] += 0.2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    k = np.arange(256)
+    disk = Mesh(positions=positions, faces=np.stack([0 * k, 1 + k, 1 + (k + 1) % 256], axis=1))
+    return join_meshes([plane(8, 8).replace(uvs=None, uv_faces=None), disk])
+
+
+def below_the_disk(size):
+    """Open share of the ground in closed form, at the centers of the texels."""
+    at = (np.arange(size) + 0.5) / size
+    d2 = (at - 0.5) ** 2 + (at[:, np.newaxis] - 0.5) ** 2
+    h2, r2 = 0.04, 0.04
+    return 0.5 + (h2 + d2 - r2) / (2 * np.sqrt((h2 + d2 + r2) ** 2 - 4 * d2 * r2))
+
+
+def test_a_map_of_the_ground_under_a_disk_is_the_closed_form(ground):
+    options = BakeOptions(size=64, maps=("ao",), **SHORT)
+    result = bake(ground, plane(), options)
+    errors = result.maps["ao"].values[..., 0] - below_the_disk(64)
+    assert result.has_data.all()
+    # Noise of 64 rays, half of that by chance, and no more of it in the mean than by chance
+    assert errors.std() < 0.5 * np.sqrt(0.25 / 64)
+    assert abs(errors.mean()) < 5 * errors.std() / 64
+    # 16 samples of 64 rays are independent of each other.
+    finer = bake(ground, plane(), dataclasses.replace(options, samples=16))
+    rest = finer.maps["ao"].values[..., 0] - below_the_disk(64)
+    assert rest.std() < 1.2 * errors.std() / 4
+    assert finer.report.counts.secondary_rays == 16 * 64 * 64**2
+
+
+@pytest.mark.parametrize("space", ["tangent", "object"])
+def test_normals_bend_away_from_the_disk(ground, space):
+    options = BakeOptions(size=64, maps=("bent-normal",), space=space, secondary_rays=256, **SHORT)
+    bent = bake(ground, plane(), options).maps["bent-normal"].values
+    np.testing.assert_allclose(np.linalg.norm(bent, axis=2), 1, atol=1e-6)
+    at = (np.arange(64) + 0.5) / 64 - 0.5
+    # The plane's tangent space is its object space: u along x, v along y, which is up the image.
+    outward = bent[..., 0] * at + bent[..., 1] * at[::-1, np.newaxis]
+    radius = np.hypot(at, at[:, np.newaxis])
+    assert (outward[(radius > 0.1) & (radius < 0.3)] > 0).all()
+    # At the middle nothing says which way; far out little does.
+    assert np.abs(bent[31:33, 31:33, :2].mean(axis=(0, 1))).max() < 0.05
+    assert bent[0, 0, 2] > 0.99
+
+
+def test_a_closed_room_is_dark_and_its_bent_normals_are_its_normals():
+    room = uv_sphere(16, 32)
+    inside = room.replace(faces=room.faces[:, ::-1], uv_faces=room.uv_faces[:, ::-1])
+    maps = ("normal", "ao", "bent-normal")
+    result = bake(inside, inside, BakeOptions(size=64, maps=maps, space="object", front=0.1))
+    data = result.has_data
+    assert (result.maps["ao"].values[data] == 0).all()
+    np.testing.assert_allclose(
+        result.maps["bent-normal"].values[data], result.maps["normal"].values[data], atol=1e-6
+    )
+
+
+def test_thickness_is_a_length_and_the_files_say_how_it_is_coded(tmp_path):
+    ball = uv_sphere(96, 192)
+    ball = ball.replace(positions=5 * ball.positions)
+    result = bake(ball, ball, BakeOptions(size=128, maps=("thickness",)))
+    thickness = result.maps["thickness"]
+    values = thickness.values[result.has_data]
+    np.testing.assert_allclose(values.mean(), 20 / 3, rtol=2e-3)  # facets of 1/192 turn
+    written = thickness.write(tmp_path / "thickness.png")
+    scale = written.metadata[THICKNESS_SCALE]
+    assert scale == values.max()
+    codes = texbake.read_image(tmp_path / "thickness.png", color=False).pixels[..., 0]
+    np.testing.assert_allclose(codes[result.has_data] * scale, values[:, 0], atol=scale / 65535)
+    floats = thickness.write(tmp_path / "thickness.exr", bits=32)
+    assert floats.metadata[THICKNESS_SCALE] == 1.0
+    pixels = texbake.read_image(tmp_path / "thickness.exr", color=False).pixels[..., 0]
+    np.testing.assert_array_equal(pixels[result.has_data], values[:, 0])
+
+
+def test_a_thickness_that_is_given_is_white_and_as_far_as_rays_go(tmp_path):
+    ball = icosphere(3)
+    light = uv_sphere(16, 32)
+    options = BakeOptions(size=32, maps=("thickness",), thickness_distance=0.5, front=0.2, back=0.2)
+    result = bake(ball, light, options)
+    assert result.maps["thickness"].values.max() < 0.5  # 2 r cos, cut off at a quarter of it
+    written = result.maps["thickness"].write(tmp_path / "thickness.png")
+    assert written.metadata[THICKNESS_SCALE] == 0.5
+
+
+def test_maps_without_secondary_rays_cast_none(ground):
+    result = bake(ground, plane(), BakeOptions(size=16, keep_hits=True, **SHORT))
+    assert result.report.counts.secondary_rays == 0
+    assert result.hits.secondary is None
+    assert "secondary rays" not in {stage.name for stage in result.report.stages}
+
+
+def test_outer_and_inner_rays_are_cast_once_for_all_maps_that_need_them(ground):
+    for maps, n in ((("ao", "bent-normal"), 1), (("thickness",), 1), (("ao", "thickness"), 2)):
+        counts = bake(ground, plane(), BakeOptions(size=16, maps=maps, **SHORT)).report.counts
+        assert counts.secondary_rays == n * 64 * 16**2
+
+
+@pytest.mark.parametrize("caster", [trace.open_caster, EmbreexCaster])
+def test_where_nothing_is_hit_or_faces_nowhere_there_are_no_rays(caster, monkeypatch):
+    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: caster(high, frame))
+    options = BakeOptions(size=16, maps=("ao", "bent-normal", "thickness"), **SHORT)
+    away = plane().replace(positions=plane().positions + np.array([0, 0, 5]))
+    missed = bake(away, plane(), options)
+    assert missed.report.texels_missed == 256
+    # Two sheets back to back share their vertices, whose normals lie in neither's favor.
+    sheet = plane()
+    both = Mesh(
+        positions=sheet.positions, faces=np.concatenate([sheet.faces, sheet.faces[:, ::-1]])
+    )
+    found = bake(both, plane(), options)
+    assert found.report.texels_missed == 0
+    for result in (missed, found):
+        assert all(np.isfinite(baked.values).all() for baked in result.maps.values())
+    assert missed.report.counts.secondary_rays == 0
+
+
+def test_threads_change_no_byte(ground):
+    maps = ("ao", "bent-normal", "thickness")
+    results = [
+        bake(ground, plane(), BakeOptions(size=48, samples=4, maps=maps, threads=n, **SHORT))
+        for n in (1, 3)
+    ]
+    for name in maps:
+        first, second = (result.maps[name].values.tobytes() for result in results)
+        assert first == second
+
+
+def test_maps_do_not_depend_on_what_else_is_asked_for(ground):
+    alone = bake(ground, plane(), BakeOptions(size=32, maps=("ao",), **SHORT))
+    together = bake(
+        ground, plane(), BakeOptions(size=32, maps=("normal", "thickness", "ao"), **SHORT)
+    )
+    np.testing.assert_array_equal(alone.maps["ao"].values, together.maps["ao"].values)
+
+
+def test_kept_rays_make_the_same_maps_again_and_no_others(ground):
+    options = BakeOptions(size=32, maps=("ao", "bent-normal"), keep_hits=True, **SHORT)
+    result = bake(ground, plane(), options)
+    again = remap(result, ground, plane(), options)
+    for name in options.maps:
+        np.testing.assert_array_equal(again.maps[name].values, result.maps[name].values)
+    with pytest.raises(OptionError, match=r"^thickness: .*; bake with it among the maps$"):
+        remap(result, ground, plane(), dataclasses.replace(options, maps=("thickness",)))
+    plain = bake(ground, plane(), dataclasses.replace(options, maps=("normal",)))
+    with pytest.raises(OptionError, match=r"^ao: "):
+        remap(plain, ground, plane(), options)
+
+
+def test_samples_that_adapt_to_normals_have_secondary_rays_too(ground):
+    options = BakeOptions(
+        size=32, maps=("normal", "ao", "bent-normal"), samples="adaptive", max_error="1deg", **SHORT
+    )
+    result = bake(ground, plane(), options)
+    assert [told.name for told in result.report.sampling.maps] == ["normal"]
+    assert result.report.sampling.unbounded == ["ao", "bent-normal"]
+    assert any("bounds nothing of ao, bent-normal" in told for told in result.report.warnings)
+    # The check of errors casts more rays of the bake, but no secondary ones.
+    covered = result.report.texels_covered
+    assert result.report.counts.secondary_rays == 64 * covered
+    with pytest.raises(OptionError, match=r"^max-error, .* bound nothing of ao"):
+        bake(ground, plane(), dataclasses.replace(options, maps=("ao",)))
+
+
+def test_without_embrees_library_the_maps_are_the_same_to_noise(ground, monkeypatch):
+    options = BakeOptions(size=24, maps=("ao", "thickness"), **SHORT)
+    native = bake(ground, plane(), options)
+    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame))
+    plain = bake(ground, plane(), options)
+    assert plain.report.caster == "embreex"
+    for name in options.maps:
+        # One ray of 64 that grazes the rim of the disk may go either way.
+        np.testing.assert_allclose(
+            native.maps[name].values, plain.maps[name].values, atol=1.01 / 64
+        )
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"secondary_rays": 100}, "secondary_rays: 100 is not a power of two"),
+        ({"secondary_rays": 0}, "secondary_rays: 0 is not"),
+        ({"secondary_rays": 8192}, "secondary_rays: 8192 is not"),
+        ({"secondary_rays": 64.0}, "secondary_rays: 64.0 is not"),
+        ({"occluder_distance": 0.0}, "occluder_distance: 0.0 is no distance"),
+        ({"occluder_distance": float("inf")}, "occluder_distance: inf is no distance"),
+        ({"thickness_distance": -1.0}, "thickness_distance: -1.0 is no distance"),
+        ({"thickness_distance": float("nan")}, "thickness_distance: nan is no distance"),
+    ],
+)
+def test_choices_are_checked(given, message):
+    for options in (SecondaryOptions, BakeOptions):
+        with pytest.raises(OptionError, match=f"^{message}"):
+            options(**given)

@@ -1,0 +1,83 @@
+"""Cameras of photographs: what their matrices see, and their files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.baking.texture.camera import PhotoCamera, read_camera
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.mapping.classical.projector import camera_matrix
+from texbake.mesh.shapes import uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
+
+
+def test_the_picture_is_that_of_a_preview() -> None:
+    """A point that a preview's camera shows in a pixel has that place in the photograph."""
+    options = RenderOptions(width=300, height=200, view=(35.0, -20.0))
+    seen = Camera.framing(uv_sphere(8, 8), options=options)
+    target = seen.eye - seen.axes[2]
+    camera = PhotoCamera(
+        position=tuple(seen.eye.tolist()), target=tuple(target.tolist()), fov=options.fov
+    )
+    np.testing.assert_allclose(camera.axes(), seen.axes, atol=1e-12)
+    points = np.random.default_rng(0).uniform(-1, 1, (50, 3))
+    homogeneous = np.column_stack([points, np.ones(50)])
+    clip = homogeneous @ seen.clip_from_world(1.5).T
+    s, t, _, q = camera.matrix(1.5) @ homogeneous.T
+    np.testing.assert_allclose(s / q, (clip[:, 0] / clip[:, 3] + 1) / 2, atol=1e-12)
+    np.testing.assert_allclose(t / q, (clip[:, 1] / clip[:, 3] + 1) / 2, atol=1e-12)
+
+
+def test_it_is_the_projector_of_unwrap() -> None:
+    mesh = uv_sphere(8, 8)
+    camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0), fov=40.0)
+    expected = camera_matrix(mesh, (0.0, 0.0, 4.0), 40.0)
+    np.testing.assert_allclose(camera.matrix(), expected, atol=1e-12)
+
+
+def test_files_of_both_kinds(tmp_path: Path) -> None:
+    toml = tmp_path / "front.toml"
+    toml.write_text("position = [0, 1, 3]\ntarget = [0, 1, 0]\nup = [0, 0.5, 0]\nfov = 50\n")
+    assert read_camera(toml) == PhotoCamera(
+        position=(0, 1, 3), target=(0, 1, 0), up=(0, 0.5, 0), fov=50
+    )
+    numbers = tmp_path / "front.txt"
+    numbers.write_text("1 0 0 0, 0 1 0 0, 0 0 1 0, 0 0 0 1")
+    np.testing.assert_array_equal(np.array(read_camera(numbers)), np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("position = [0, 0, 1]", "target: it is missing"),
+        ("target = [0, 0, 1]", "position: it is missing"),
+        ("position = [0, 0]\ntarget = [0, 0, 1]", "position: .* is not 3 finite numbers"),
+        ("position = 'x'\ntarget = [0, 0, 1]", "position: 'x' is not 3 finite numbers"),
+        ("position = [0, 0, nan]\ntarget = [0, 0, 1]", "position"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 1]", "target: it is where the camera stands"),
+        ("position = [0, 5, 0]\ntarget = [0, 0, 0]", r"up: .* is along the view"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nup = [0, 0, 0]", "up: .* has no length"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = 180", "fov: 180 degrees"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = true", "fov: True degrees"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\naspect = -1", "aspect: -1"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35", "lens: it is no key of a camera"),
+        ("position = [0,", "it is not TOML"),
+    ],
+)
+def test_a_wrong_file_is_told_with_its_key(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "camera.toml"
+    file.write_text(text)
+    with pytest.raises(FileFormatError, match=rf"camera\.toml: {message}"):
+        read_camera(file)
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"no\.toml: cannot be read"):
+        read_camera(tmp_path / "no.toml")
+
+
+def test_wrong_values_are_told_in_python_too() -> None:
+    with pytest.raises(OptionError, match="fov"):
+        PhotoCamera(position=(0, 0, 1), target=(0, 0, 0), fov=0.0)

@@ -1,0 +1,132 @@
+"""Procedures baked into an atlas, held against the procedures themselves."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from texbake.baking.texels import SampleGrid
+from texbake.baking.texture.coverage import Coverage, greatest_lengths, sample_steps
+from texbake.baking.texture.options import SolidOptions
+from texbake.baking.texture.solid import bake_solid
+from texbake.baking.trace import Trace
+from texbake.errors import OptionError, UvError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane, uv_sphere
+from texbake.progress import Stages
+from texbake.texture.procedures import evaluate
+
+Array = np.ndarray
+
+
+def centers(size: int) -> Array:
+    """Points of the unit square at the centers of texels, as a plane has them in space."""
+    y, x = (np.mgrid[:size, :size] + 0.5) / size
+    return np.stack([x.ravel(), 1.0 - y.ravel(), np.zeros(size * size)], axis=1)
+
+
+@pytest.mark.parametrize("procedure", ["noise", "marble", "wood", "worley"])
+def test_a_texel_has_the_value_at_its_point(procedure: str) -> None:
+    size = 32
+    options = SolidOptions(procedure=procedure, scale=3.0, size=size, samples=1)
+    found = bake_solid(plane(4, 2), options)  # corners at corners of texels: nothing is snapped
+    footprint = np.full(size * size, 3.0 / size, np.float32)
+    expected = evaluate(procedure, centers(size) * 3.0, footprint, parameters={})
+    # Points go through the local frame, and are off by some units of 2^-53.
+    np.testing.assert_allclose(found.values.reshape(expected.shape), expected, atol=2e-6)
+    assert found.report.texels_covered == size * size
+    assert found.report.texels_unseen == 0
+    assert not found.report.warnings
+
+
+def test_a_checker_is_counted_texel_by_texel() -> None:
+    # Cells of 8 texels; a footprint of a quarter texel blurs their edges by half that each way.
+    options = SolidOptions(
+        procedure="checker", parameters={"dimensions": 2}, scale=4.0, size=32, samples=16
+    )
+    values = bake_solid(plane(), options).values[:, :, 0]
+    row, column = np.mgrid[:32, :32]
+    inner = (row % 8 % 7 > 0) & (column % 8 % 7 > 0)
+    odd = (column // 8 + (31 - row) // 8) % 2
+    first = values[31 - 3, 3]
+    assert first in (0.0, 1.0)
+    np.testing.assert_array_equal(values[inner], np.where(odd, 1.0 - first, first)[inner])
+
+
+def test_a_ramp_of_one_color_gives_that_color() -> None:
+    options = SolidOptions(procedure="marble", colors=((0.2, 0.4, 0.6),), size=16)
+    values = bake_solid(uv_sphere(8, 8), options).values
+    np.testing.assert_allclose(values, np.broadcast_to((0.2, 0.4, 0.6), values.shape), atol=1e-6)
+
+
+def test_a_ramp_takes_the_value_of_the_procedure() -> None:
+    plain = SolidOptions(procedure="noise", scale=5.0, size=16, samples=1)
+    colored = dataclasses.replace(plain, colors=((0.0, 1.0, 0.5), (1.0, 0.0, 0.5)))
+    value, color = bake_solid(plane(), plain).values, bake_solid(plane(), colored).values
+    expected = np.concatenate([value, 1 - value, np.full_like(value, 0.5)], axis=2)
+    np.testing.assert_allclose(color, expected, atol=1e-6)
+
+
+def test_size_and_place_change_nothing_by_default() -> None:
+    mesh = uv_sphere(12, 16)
+    options = SolidOptions(procedure="granite", size=64)
+    large = mesh.replace(positions=mesh.positions * 1024.0)
+    one, two = bake_solid(mesh, options), bake_solid(large, options)
+    np.testing.assert_array_equal(one.values, two.values)
+    assert one.report.scale == (1.0, 1.0, 1.0)
+    assert two.report.scale == (2.0**-10,) * 3
+
+
+def test_threads_change_no_byte() -> None:
+    options = SolidOptions(procedure="marble", size=128)
+    one = bake_solid(uv_sphere(12, 16), dataclasses.replace(options, threads=1))
+    three = bake_solid(uv_sphere(12, 16), dataclasses.replace(options, threads=3))
+    assert one.values.tobytes() == three.values.tobytes()
+
+
+def test_far_finer_than_a_texel_it_is_even() -> None:
+    options = SolidOptions(procedure="noise", scale=1e4, size=16, samples=1)
+    assert np.ptp(bake_solid(plane(), options).values) < 1e-3
+
+
+def test_steps_and_widths_are_those_of_a_known_map() -> None:
+    # A plane 6 wide and 2 high on a texture of 3 x 4 samples: 2 and 0.5 a sample.
+    mesh = plane().replace(positions=plane().positions * (6.0, 2.0, 1.0))
+    steps = sample_steps(mesh, mesh.positions[mesh.faces], SampleGrid(3, 4, 1))
+    np.testing.assert_allclose(steps[:, :, 0], [[2, 0, 0]] * 2, atol=1e-12)
+    np.testing.assert_allclose(steps[:, :, 1], [[0, -0.5, 0]] * 2, atol=1e-12)
+    np.testing.assert_allclose(greatest_lengths(steps), 2.0)
+    rng = np.random.default_rng(1)
+    random = rng.standard_normal((20, 3, 2))
+    np.testing.assert_allclose(
+        greatest_lengths(random), [np.linalg.svd(m)[1][0] for m in random], rtol=1e-12
+    )
+
+
+def test_coverage_notes_the_first_face_of_each_texel() -> None:
+    mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16).for_bake
+    coverage = Coverage(mesh, options)
+    n_samples = sum(len(band.samples) for band in coverage.bands(Stages()))
+    trace = Trace(mesh, mesh, options, None, Stages())
+    assert sum(len(hits) for hits in trace.hits()) == n_samples
+    np.testing.assert_array_equal(coverage.texel_faces, trace.texel_faces)
+
+
+def test_wrong_input_is_one_clear_error() -> None:
+    bare = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]], name="a.obj")
+    with pytest.raises(UvError, match=r"a\.obj: it has no texture coordinates"):
+        bake_solid(bare)
+    for wrong in (
+        {"procedure": "plaid"},
+        {"parameters": {"speed": 1}},
+        {"scale": 0.0},
+        {"scale": (1.0, 2.0)},
+        {"colors": ()},
+        {"colors": ((0.0, 1.0),)},
+        {"samples": 3},
+        {"padding": -1},
+        {"fill": "gray"},
+    ):
+        name = next(iter(wrong)).replace("parameters", "speed")
+        with pytest.raises(OptionError, match=name):
+            SolidOptions(**wrong)  # type: ignore[arg-type]

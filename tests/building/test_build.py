@@ -1,0 +1,620 @@
+"""What runs again and what does not; what fails by itself; and that no bit goes wrong unseen."""
+
+import errno
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from texbake import FileError, OptionError
+from texbake.baking import cast
+from texbake.baking.chunked_caster import ChunkedCaster
+from texbake.building import locations
+from texbake.building.build import build, plan_build
+from texbake.building.keys import checksum
+from texbake.building.options import BuildOptions, parse_bytes
+from texbake.building.progress import BuildEvent
+from texbake.building.store import Store
+from texbake.building.task import Outcome, Task, run_task
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.shapes import uv_sphere
+from texbake.texture.image import read_image, write_image
+
+Write = Callable[..., Path]
+Run = Callable[..., Any]
+Contents = Callable[[Path], dict[str, bytes]]
+SCAN = """
+[[assets]]
+inputs.high = "*.ply"
+"""
+SCAN_STEPS = """
+[steps.clean]
+do = "repair"
+mesh = "high"
+output = "{asset}.{ext}"
+[steps.low]
+do = "unwrap"
+mesh = "clean"
+method = "spherical"
+output = "{asset}.{ext}"
+"""
+
+
+def report(path: Path, folder: str = "build") -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((path.parent / folder / "build.json").read_text())
+    return found
+
+
+@pytest.fixture
+def scans(tmp_path: Path, write: Write) -> Path:
+    for number, name in enumerate(["a", "b", "c"]):
+        write_mesh(uv_sphere(4 + number, 8), tmp_path / f"{name}.ply")
+    return write(SCAN, SCAN_STEPS)
+
+
+def test_a_build_makes_everything_and_the_next_nothing(
+    write: Write, run: Run, contents: Contents
+) -> None:
+    path = write()
+    result, steps = run(path)
+    assert result.ok and len(steps) == 6
+    before = contents(path.parent / "build")
+    assert set(before) == {
+        f"{asset}_{rest}"
+        for asset in ("ball", "egg")
+        for rest in ("low.obj", "misses.png", "normal.png", "report.json")
+    }
+    assert read_mesh(path.parent / "build" / "egg_low.obj").diagonal > 4
+    again, steps = run(path)
+    assert again.ok and steps == []
+    assert [asset.state for asset in again.assets] == ["current", "current"]
+    assert contents(path.parent / "build") == before
+
+
+def test_less_memory_gives_the_same_bytes(
+    write: Write, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write()
+    run(path)
+    before = contents(path.parent / "build")
+    made: list[int] = []
+    monkeypatch.setattr(
+        cast, "ChunkedCaster",
+        lambda *given, **more: made.append(given[2]) or ChunkedCaster(*given, **more),
+    )  # fmt: skip
+    again, steps = run(path, folder=path.parent / "small", max_memory="1M")
+    assert again.ok and len(steps) == 6 and len(made) == 2
+    assert contents(path.parent / "small") == before
+    # It is no setting: what is built stays so.
+    assert run(path, max_memory="1M")[1] == []
+
+
+def test_only_what_changed_runs(write: Write, run: Run) -> None:
+    path = write()
+    run(path)
+    path.write_text(path.read_text().replace("padding = 1", "padding = 2"))
+    plan = {(s.asset, s.step): (s.state, s.why) for s in plan_build(path)}
+    assert plan["ball", "maps"] == ("runs", "padding: 1 before, 2 now")
+    assert plan["ball", "low"] == ("current", "")
+    assert run(path)[1] == ["ball.maps", "egg.maps"]
+    path.write_text(path.read_text().replace("radius = 2.0", "radius = 3.0"))
+    plan = {(s.asset, s.step): s.state for s in plan_build(path)}
+    assert [plan["egg", step] for step in ("dense", "low", "maps")] == [
+        "runs",
+        "may run",
+        "may run",
+    ]
+    assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+    # What was built before is still there, and comes back without any work.
+    path.write_text(path.read_text().replace("radius = 3.0", "radius = 2.0"))
+    assert run(path)[1] == []
+
+
+def test_a_step_whose_inputs_come_out_the_same_does_not_run(scans: Path, run: Run) -> None:
+    run(scans)
+    mesh = read_mesh(scans.parent / "a.ply")
+    # The same triangles with a vertex that none uses, which the repair leaves out again.
+    unused = mesh.replace(
+        positions=[*mesh.positions.tolist(), [9.0, 9.0, 9.0]], normals=None, normal_faces=None
+    )
+    write_mesh(mesh.replace(normals=None, normal_faces=None), scans.parent / "a.ply")
+    run(scans)
+    write_mesh(unused, scans.parent / "a.ply")
+    assert run(scans)[1] == ["a.clean"]
+
+
+def test_a_file_that_is_only_touched_is_not_built_again(scans: Path, run: Run) -> None:
+    run(scans)
+    os.utime(scans.parent / "a.ply")
+    assert run(scans)[1] == []
+
+
+def test_a_file_that_changed_with_its_time_set_back_is_seen(scans: Path, run: Run) -> None:
+    run(scans)
+    file = scans.parent / "a.ply"
+    status = file.stat()
+    data = bytearray(file.read_bytes())
+    data[-60] ^= 1  # in a coordinate or an index: the length stays
+    file.write_bytes(data)
+    os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert "a.clean" in run(scans)[1]
+
+
+def test_a_bad_asset_fails_alone(scans: Path, run: Run, contents: Contents) -> None:
+    (scans.parent / "b.ply").write_bytes(b"ply\nnonsense\n")
+    result, _ = run(scans)
+    assert not result.ok
+    (failed,) = result.failed
+    assert failed.name == "b"
+    assert failed.error.startswith("clean: ") and "b.ply" in failed.error
+    assert "\n" not in failed.error
+    states = {asset.name: [step.state for step in asset.steps] for asset in result.assets}
+    assert states == {"a": ["built"] * 2, "b": ["failed", "blocked"], "c": ["built"] * 2}
+    assert set(contents(scans.parent / "build")) == {"a.ply", "a.obj", "c.ply", "c.obj"}
+    written = report(scans)
+    assert (written["ok"], written["counts"]["failed"]) == (False, 1)
+    by_name = {asset["name"]: asset for asset in written["assets"]}
+    assert by_name["b"]["error"] == failed.error
+    assert by_name["b"]["steps"][1]["error"] == "it needs clean, which failed"
+    # Mended, it is built, and nothing else is.
+    write_mesh(uv_sphere(5, 8), scans.parent / "b.ply")
+    assert run(scans)[1] == ["b.clean", "b.low"]
+
+
+def test_an_input_that_vanishes_after_it_was_found(
+    scans: Path, inline: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crew = inline()
+    submit = crew.submit
+
+    def vanish(number: int, task: Any) -> None:
+        (scans.parent / "b.ply").unlink(missing_ok=True)
+        submit(number, task)
+
+    monkeypatch.setattr(crew, "submit", vanish)
+    result = build(scans, workers=crew)
+    (failed,) = result.failed
+    assert failed.name == "b"
+    assert "there is no such file" in failed.error
+
+
+def test_an_input_that_changes_after_it_was_looked_at(scans: Path, inline: Any) -> None:
+    crew = inline(slots=9)
+    submit = crew.submit
+
+    def change(number: int, task: Any) -> None:
+        if task.asset == "c":
+            write_mesh(uv_sphere(9, 9), scans.parent / "c.ply")
+        submit(number, task)
+
+    crew.submit = change
+    result = build(scans, workers=crew)
+    (failed,) = result.failed
+    assert "c.ply: it changed since the build looked at it; build again" in failed.error
+
+
+@pytest.mark.parametrize("step", ["clean", "low"])
+@pytest.mark.parametrize("kind", ["flipped", "cut", "gone", "manifest", "no manifest"])
+def test_a_damaged_store_is_found_and_mended(
+    step: str, kind: str, scans: Path, run: Run, contents: Contents
+) -> None:
+    first, _ = run(scans)
+    before = contents(scans.parent / "build")
+    key = next(s.key for s in first.assets[0].steps if s.step == step)
+    entry = scans.parent / "build" / ".texbake" / "store" / key[:2] / key
+    name = (
+        "manifest.json"
+        if "manifest" in kind
+        else next(path.name for path in entry.iterdir() if path.suffix in (".ply", ".obj"))
+    )
+    file = entry / name
+    status = file.stat()
+    data = bytearray(file.read_bytes())
+    if kind in ("flipped", "manifest"):
+        data[len(data) // 2] ^= 4
+        file.write_bytes(data)
+        os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+    elif kind == "cut":
+        file.write_bytes(data[:-7])
+    else:
+        file.unlink()
+    result, steps = run(scans)
+    assert result.ok
+    assert steps == [f"a.{step}"]
+    if kind != "no manifest":
+        (note,) = [n for s in result.assets[0].steps for n in s.notes]
+        assert "damaged" in note and "made again" in note
+    assert contents(scans.parent / "build") == before
+    assert run(scans)[1] == []
+
+
+def believe(digests: Path, file: Path) -> None:
+    """Make what is remembered of a file that of now, but for its checksum."""
+    known = json.loads(digests.read_text())["files"]
+    known[str(file)][0] = list(locations.file_signature(file) or ())
+    digests.write_text(json.dumps({"checksum": checksum(known), "files": known}))
+
+
+def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
+    scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch, inline: Any
+) -> None:
+    first, _ = run(scans)
+    key = first.assets[0].steps[0].key
+    entry = scans.parent / "build" / ".texbake" / "store" / key[:2] / key
+    (file,) = [path for path in entry.iterdir() if path.suffix == ".ply"]
+    data = bytearray(file.read_bytes())
+    data[-9] ^= 1
+    file.write_bytes(data)
+    # A disk changes bits and tells nobody: the remembered signature is made that of now.
+    digests = scans.parent / "build" / ".texbake" / "digests.json"
+    believe(digests, file)
+    assert run(scans)[1] == []
+    scans.write_text(scans.read_text().replace('"spherical"', '"box"'))
+    result, steps = run(scans)
+    assert result.ok
+    assert steps.count("a.clean") == 1 and steps.count("a.low") == 2  # put off once
+    assert any("damaged" in note for note in result.assets[0].steps[0].notes)
+
+    data = bytearray(file.read_bytes())
+    data[-9] ^= 1
+    file.write_bytes(data)
+    believe(digests, file)
+    assert run(scans)[1] == []
+    assert run(scans, verify=True)[1] == ["a.clean"]
+
+
+FANS = """
+[steps.clean]
+do = "repair"
+mesh = "high"
+""" + "".join(
+    f"""[steps.low{number}]
+do = "simplify"
+mesh = "clean"
+faces = {20 + number}
+output = "{{asset}}_{number}.{{ext}}"
+"""
+    for number in range(5)
+)
+
+
+@pytest.fixture
+def rotten(tmp_path: Path, write: Write, run: Run) -> Path:
+    """Two equal meshes that five steps of each are to be made of anew, their store damaged."""
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        write_mesh(uv_sphere(8, 12), tmp_path / name / "a.ply")
+    path = write('[[assets]]\nname = "{folder}"\ninputs.high = "*/a.ply"\n', FANS)
+    first, _ = run(path)
+    assert first.ok
+    key = first.assets[0].steps[0].key
+    inside = path.parent / "build" / ".texbake"
+    file = inside / "store" / key[:2] / key / "repaired.ply"
+    data = bytearray(file.read_bytes())
+    data[-9] ^= 1
+    file.write_bytes(data)
+    believe(inside / "digests.json", file)
+    path.write_text(path.read_text().replace("faces = 2", "faces = 3"))
+    return path
+
+
+@pytest.mark.parametrize("slots", [1, 2, 3, 9])
+@pytest.mark.parametrize("order", ["first", "last"])
+def test_a_damaged_result_that_many_steps_read_is_made_again_once(
+    rotten: Path, inline: Any, slots: int, order: str
+) -> None:
+    class Eager(inline):  # type: ignore[misc]
+        """Does tasks at once, and tells of them in some order: some damage is told late."""
+
+        def submit(self, number: int, task: Task) -> None:
+            self.tasks.append(task)
+            self._begun.append((number, Outcome(**run_task(task.to_json()))))
+
+        def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+            return [] if timeout == 0.0 else [self._begun.pop(0 if order == "first" else -1)]
+
+    crew = Eager(slots)
+    heard: list[BuildEvent] = []
+    result = build(rotten, workers=crew, listener=heard.append)
+    assert result.ok, [asset.error for asset in result.failed]
+    assert sum(step.endswith(".clean") for step in crew.steps) == 1
+    # Each runs once, and those that read the damage once more.
+    assert len(crew.steps) <= 1 + 5 + slots
+    assert heard[-1].done == heard[-1].total == 12
+    assert heard[-2].seconds_left == 0.0
+    (note,) = result.assets[0].steps[0].notes
+    assert "damaged and made again" in note
+
+
+def test_a_damaged_result_under_real_workers(rotten: Path) -> None:
+    assert build(rotten, BuildOptions(jobs=2)).ok
+
+
+def test_a_damaged_result_that_cannot_be_made_again_blocks_what_reads_it(
+    rotten: Path, inline: Any
+) -> None:
+    crew = inline(slots=2)
+    submit = crew.submit
+
+    def submit_and_lose(number: int, task: Task) -> None:
+        for file in rotten.parent.glob("*/a.ply"):
+            file.write_bytes(b"ply\nnonsense")
+        submit(number, task)
+
+    crew.submit = submit_and_lose
+    result = build(rotten, workers=crew)
+    states = [[step.state for step in asset.steps] for asset in result.assets]
+    assert states == [["failed"] + ["blocked"] * 5] * 2
+
+
+def test_steps_that_are_one_are_expected_once(write: Write, inline: Any) -> None:
+    path = write("".join(f'[[assets]]\nname = "{name}"\n' for name in "abcd"))
+    heard: list[BuildEvent] = []
+    assert build(path, workers=inline(), listener=heard.append).ok
+    left = [event.seconds_left for event in heard if event.seconds_left is not None]
+    assert left[-1] == 0.0
+
+
+def test_steps_that_fail_before_they_run_are_not_expected(scans: Path, inline: Any) -> None:
+    crew = inline()
+    submit = crew.submit
+
+    def vanish(number: int, task: Task) -> None:
+        (scans.parent / "c.ply").unlink(missing_ok=True)
+        submit(number, task)
+
+    crew.submit = vanish
+    heard: list[BuildEvent] = []
+    result = build(scans, workers=crew, listener=heard.append)
+    assert [asset.name for asset in result.failed] == ["c"]
+    assert heard[-2].seconds_left == 0.0
+
+
+def test_outputs_that_were_changed_or_removed_are_put_back(
+    scans: Path, run: Run, contents: Contents
+) -> None:
+    run(scans)
+    folder = scans.parent / "build"
+    before = contents(folder)
+    (folder / "a.obj").unlink()
+    (folder / "b.ply").write_bytes(b"edited")
+    result, steps = run(scans)
+    assert steps == [] and contents(folder) == before
+    notes = [note for asset in result.assets for step in asset.steps for note in step.notes]
+    assert notes == ["1 of its outputs were missing or changed, and put back"] * 2
+
+
+def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
+    path = write('[[assets]]\nname = "a"\n[[assets]]\nname = "b"\n')
+    result, steps = run(path)
+    assert result.ok
+    assert sorted(step.partition(".")[2] for step in steps) == ["dense", "low", "maps"]
+    assert (path.parent / "build" / "a_low.obj").read_bytes() == (
+        path.parent / "build" / "b_low.obj"
+    ).read_bytes()
+
+
+def test_steps_wait_for_a_check(write: Write, run: Run) -> None:
+    steps = """
+[steps.dense]
+do = "make"
+shape = "plane"
+[steps.limits]
+do = "check"
+mesh = "dense"
+max_faces = 1
+fail_on = "never"
+[steps.low]
+do = "repair"
+mesh = "dense"
+after = "limits"
+"""
+    path = write('[[assets]]\nname = "a"\n', steps)
+    result, ran = run(path)
+    assert ran == ["a.dense", "a.limits"]
+    assert "2 triangles are more than max_faces, 1" in result.failed[0].error
+    path.write_text(path.read_text().replace("max_faces = 1", "max_faces = 2"))
+    assert run(path)[1] == ["a.limits", "a.low"]
+
+
+def test_a_full_disk_fails_what_it_hits_and_leaves_nothing_half_written(
+    scans: Path, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(source: Path, target: Path) -> None:
+        target.write_bytes(source.read_bytes()[:100])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(locations, "copy_file", full)
+        result, _ = run(scans)
+    assert len(result.failed) == 3
+    assert "No space left on device" in result.failed[0].error
+    assert contents(scans.parent / "build") == {}
+    result, steps = run(scans)
+    assert result.ok
+    assert steps == ["a.low", "b.low", "c.low"]  # the others were stored before
+
+
+def test_a_store_without_space(scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Store, *arguments: Any) -> None:
+        raise FileError("store: No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "commit", full)
+        result, _ = run(scans)
+    assert len(result.failed) == 3
+    store = scans.parent / "build" / ".texbake" / "store"
+    assert [path for path in store.rglob("*") if path.is_file()] == []
+    assert run(scans)[0].ok
+
+
+def test_what_texbake_itself_gets_wrong_is_told_with_its_trace(
+    scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from texbake.building.steps import repair
+
+    monkeypatch.setattr(repair, "repaired", lambda mesh, options: 1 // 0)
+    result, _ = run(scans)
+    step = result.failed[0].steps[0]
+    assert step.error == (
+        "texbake itself failed: ZeroDivisionError: integer division or modulo by zero"
+    )
+    assert "Traceback" in step.trace
+
+
+def test_an_interrupted_build_says_so_and_goes_on_where_it_was(scans: Path, inline: Any) -> None:
+    crew = inline(slots=1)
+    submit = crew.submit
+
+    def interrupt(number: int, task: Any) -> None:
+        if len(crew.tasks) == 3:
+            raise KeyboardInterrupt
+        submit(number, task)
+
+    crew.submit = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        build(scans, workers=crew)
+    assert report(scans)["state"] == "interrupted"
+    crew = inline()
+    assert build(scans, workers=crew).ok
+    assert len(crew.tasks) == 3
+    assert report(scans)["state"] == "finished"
+
+
+def test_stored_results_that_are_not_used_are_removed_when_asked(write: Write, run: Run) -> None:
+    path = write()
+    run(path)
+    store = path.parent / "build" / ".texbake" / "store"
+    text = path.read_text()
+    path.write_text(text.replace("radius = 2.0", "radius = 3.0"))
+    run(path)
+    assert len(list(store.glob("??/*"))) == 9
+    run(path, prune=True)
+    assert len(list(store.glob("??/*"))) == 6
+    path.write_text(text)
+    assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+
+
+def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(
+    write: Write, inline: Any
+) -> None:
+    path = write(head='store = "common"\n')
+    other = path.with_name("other.toml")
+    text = path.read_text().replace("radius = 2.0", "radius = 3.0")
+    other.write_text('folder = "elsewhere"\n' + text)
+
+    class Nested(inline):  # type: ignore[misc]
+        def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+            if timeout != 0.0 and not other.with_name("elsewhere").exists():
+                with Store(str(path.parent / "common")).folder() as folder:
+                    assert build(other, workers=inline()).ok
+                    assert folder.is_dir()
+            found: list[tuple[int, Outcome]] = super().finished(timeout)
+            return found
+
+    assert build(path, workers=Nested()).ok
+
+
+def test_what_a_kill_left_of_a_removal_is_cleared(write: Write, run: Run) -> None:
+    path = write()
+    run(path)
+    store = path.parent / "build" / ".texbake" / "store"
+    entry = next(store.glob("??/*"))
+    left = entry.with_name(f"{entry.name}.0123abcd")
+    left.mkdir()
+    (left / "file").write_text("x")
+    assert run(path)[1] == []
+    assert not left.exists() and entry.exists()
+
+
+def test_an_output_that_is_taken_away_at_once_is_no_failure(
+    write: Write, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write()
+    put = locations.LocalFolder.put
+
+    def put_and_lose(self: Any, source: Path, name: str) -> None:
+        put(self, source, name)
+        Path(self.path(name)).unlink()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(locations.LocalFolder, "put", put_and_lose)
+        assert run(path)[0].ok
+    assert run(path)[1] == []
+    assert (path.parent / "build" / "ball_low.obj").exists()
+
+
+def test_materials_of_the_dense_mesh_are_baked_and_count(
+    tmp_path: Path, write: Write, run: Run
+) -> None:
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    faces = "usemtl one\nf 1/1 2/2 3/3\nusemtl two\nf 1/1 3/3 4/4\n"
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{square}{faces}")
+    (tmp_path / "a.mtl").write_text("newmtl one\nKd 1 0 0\nnewmtl two\nKd 0 0 1\n")
+    steps = """
+[steps.maps]
+do = "bake"
+high = "high"
+low = "high"
+maps = ["texture", "material-id"]
+size = 16
+padding = 0
+output = "{output}.{ext}"
+"""
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', steps)
+    result, _ = run(path)
+    assert result.ok, result.failed
+
+    def colors() -> tuple[list[int], list[int]]:
+        texture = read_image(path.parent / "build" / "texture.png", color=True).pixels
+        return texture[12, 14].round().tolist(), texture[2, 3].round().tolist()
+
+    assert colors() == ([1, 0, 0], [0, 0, 1])
+    ids = read_image(path.parent / "build" / "material-id.png", color=False).pixels
+    assert not np.array_equal(ids[12, 14], ids[2, 3])
+    (tmp_path / "a.mtl").write_text("newmtl one\nKd 0 1 0\nnewmtl two\nKd 0 0 1\n")
+    assert run(path)[1] == ["a.maps"]
+    assert colors() == ([0, 1, 0], [0, 0, 1])
+    # An image in place of the materials' own colors.
+    write_image(np.ones((4, 4, 3), np.float32), tmp_path / "white.png")
+    path.write_text(path.read_text() + 'high_texture = "./white.png"\n')
+    result, _ = run(path)
+    assert result.ok, result.failed
+    assert colors() == ([1, 1, 1], [1, 1, 1])
+
+
+def test_a_folder_whose_name_has_brackets(tmp_path: Path, inline: Any) -> None:
+    folder = tmp_path / "a[1]"
+    folder.mkdir()
+    write_mesh(uv_sphere(4, 8), folder / "a.ply")
+    (folder / "p.toml").write_text(SCAN + SCAN_STEPS)
+    assert [asset.name for asset in build(folder / "p.toml", workers=inline()).assets] == ["a"]
+
+
+def test_ten_thousand_assets_are_planned_and_found_current(
+    write: Write, tmp_path: Path, inline: Any
+) -> None:
+    (tmp_path / "in").mkdir()
+    write_mesh(uv_sphere(3, 4), tmp_path / "in" / "0.ply")
+    data = (tmp_path / "in" / "0.ply").read_bytes()
+    for number in range(1, 10_000):
+        (tmp_path / "in" / f"{number}.ply").write_bytes(data)
+    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\nformat = "stl"\n'
+    path = write('[[assets]]\ninputs.high = "in/*.ply"\n', steps)
+    # All have the same content but not the same name, which counts; so one alone is built.
+    built = inline()
+    assert build(path, BuildOptions(only=("77",)), workers=built).ok
+    plan = plan_build(path)
+    assert len(plan) == 10_000
+    assert [step.asset for step in plan if step.state == "current"] == ["77"]
+
+
+def test_options_that_cannot_be() -> None:
+    for choice in ({"jobs": 0}, {"threads": -1}, {"max_memory": "much"}, {"scheduler": "there"}):
+        with pytest.raises(OptionError):
+            BuildOptions(**choice)  # type: ignore[arg-type]
+    assert parse_bytes("2 GiB") == 2 * 1024**3

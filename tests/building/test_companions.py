@@ -1,0 +1,190 @@
+"""Files that mesh files name are part of what a step depends on."""
+
+import json
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from texbake.building.build import build
+from texbake.building.companions import companions
+
+OBJ = "mtllib my stuff.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
+MTL = "newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 1 my wood.png\nbump -bm 0.5 gone.png\n"
+STEPS = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
+
+
+def test_those_of_an_obj_file(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    # As one name and as two: which is meant depends on which files there are.
+    found = [path.name for path in companions(tmp_path / "a.obj")]
+    assert found == ["my stuff.mtl", "my", "stuff.mtl"]
+    (tmp_path / "my stuff.mtl").write_text(MTL)
+    (tmp_path / "my wood.png").write_text("x")
+    names = [path.name for path in companions(tmp_path / "my stuff.mtl")]
+    assert {"my wood.png", "wood.png", "gone.png"} < set(names)
+    (tmp_path / "my wood.png").unlink()
+    assert [path.name for path in companions(tmp_path / "my stuff.mtl")] == names
+
+
+def test_those_of_a_gltf_file(tmp_path: Path) -> None:
+    (tmp_path / "a.gltf").write_text(
+        '{"buffers": [{"uri": "a%20b.bin"}, {"uri": "data:;base64,AA"}],'
+        ' "images": [{"uri": "c.png"}]}'
+    )
+    assert [path.name for path in companions(tmp_path / "a.gltf")] == ["a b.bin", "c.png"]
+    (tmp_path / "b.gltf").write_text("{")
+    assert companions(tmp_path / "b.gltf") == []
+    assert companions(tmp_path / "nothing.obj") == []
+
+
+@pytest.mark.parametrize("name", ["my stuff.mtl", "my wood.png", "gone.png"])
+def test_a_change_in_one_builds_again(
+    name: str, tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "my stuff.mtl").write_text(MTL)
+    (tmp_path / "my wood.png").write_text("x")
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    assert run(path)[1] == ["a.r"]
+    assert run(path)[1] == []
+    with (tmp_path / name).open("a") as file:
+        file.write("\n# more")
+    assert run(path)[1] == ["a.r"]
+    assert run(path)[1] == []
+
+
+def test_what_a_changed_material_names_counts_from_then_on(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "my stuff.mtl").write_text("newmtl a\n")
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    time.sleep(0.1)  # beyond a tick of the clock, so that it is remembered
+    run(path)
+    (tmp_path / "my stuff.mtl").write_text(MTL)
+    run(path)
+    (tmp_path / "my wood.png").write_text("new")
+    assert run(path)[1] == ["a.r"]
+
+
+def test_two_libraries_of_one_line_both_count(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    (tmp_path / "a.obj").write_text(OBJ.replace("my stuff.mtl", "one.mtl two.mtl"))
+    for name in ("one.mtl", "two.mtl"):
+        (tmp_path / name).write_text("newmtl a\n")
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    assert run(path)[1] == ["a.r"]
+    for name in ("one.mtl", "two.mtl"):
+        (tmp_path / name).write_text("newmtl a\nKd 1 0 0\n")
+        assert run(path)[1] == ["a.r"]
+        assert run(path)[1] == []
+
+
+def test_an_image_that_comes_later_is_met_though_the_materials_are_as_they_were(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "my stuff.mtl").write_text(MTL)
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    time.sleep(0.1)  # beyond a tick of the clock, so that it is remembered
+    run(path)
+    for content in ("x", "y"):
+        (tmp_path / "my wood.png").write_text(content)
+        assert run(path)[1] == ["a.r"]
+
+
+def test_those_of_a_binary_gltf_file(tmp_path: Path) -> None:
+    document = b'{"images": [{"uri": "c%20d.png"}, {"bufferView": 0}]}   '
+    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(document), len(document), 0x4E4F534A)
+    (tmp_path / "a.glb").write_bytes(head + document)
+    assert [path.name for path in companions(tmp_path / "a.glb")] == ["c d.png"]
+    (tmp_path / "a.glb").write_bytes(head[:11])
+    assert companions(tmp_path / "a.glb") == []
+
+
+def test_those_of_a_usd_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "a.usda").write_text(
+        "#usda 1.0\n( subLayers = [@sub/layer.usda@, @sub/none.usda@] )\n"
+        'def Xform "a" (references = @sub/ref.usda@</X>) {\nasset t = @sub/t.png@\n}\n'
+        'def Xform "b" (payload = @sub/pay.usda@</X>) {\n}\n'
+    )
+    for name in ("layer", "ref", "pay"):
+        text = '#usda 1.0\ndef Xform "X" {\nasset k = @deep.png@\n}\n'
+        (tmp_path / "sub" / f"{name}.usda").write_text(text)
+    for name in ("t.png", "deep.png"):
+        (tmp_path / "sub" / name).write_bytes(b"")
+    found = {path.relative_to(tmp_path).as_posix() for path in companions(tmp_path / "a.usda")}
+    layers = {f"sub/{name}.usda" for name in ("layer", "none", "ref", "pay")}
+    assert found == {*layers, "sub/t.png", "sub/deep.png"}
+    (tmp_path / "b.usda").write_text("#usda 1.0\nno{")
+    assert companions(tmp_path / "b.usda") == []
+    assert "".join(capfd.readouterr()) == ""
+
+
+def test_one_that_changes_after_it_was_looked_at(tmp_path: Path, write: Any, inline: Any) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "my stuff.mtl").write_text(MTL)
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    for name in ("gone.png", "my stuff.mtl"):
+        crew = inline()
+        submit = crew.submit
+
+        def change(number: int, task: Any, name: str = name, submit: Any = submit) -> None:
+            (tmp_path / name).write_text("# another")
+            submit(number, task)
+
+        crew.submit = change
+        (failed,) = build(path, workers=crew).failed
+        assert f"{name}: it changed since the build looked at it" in failed.error
+
+
+def test_one_that_changes_while_it_is_read(
+    tmp_path: Path, write: Any, run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from texbake.building.steps import repair
+
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "my stuff.mtl").write_text(MTL)
+
+    def change(mesh: Any, options: Any) -> Any:
+        (tmp_path / "my stuff.mtl").write_text("# another")
+        return mesh, {}
+
+    monkeypatch.setattr(repair, "repaired", change)
+    result, _ = run(write('[[assets]]\ninputs.high = "a.obj"\n', STEPS))
+    assert "my stuff.mtl: it changed while r read it" in result.failed[0].error
+
+
+def test_those_behind_a_url_are_fetched_and_count(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
+    from texbake.mesh.files import read_mesh, write_mesh
+    from texbake.mesh.shapes import uv_sphere
+
+    fs = fsspec.filesystem("memory")
+    write_mesh(uv_sphere(4, 6), tmp_path / "a.glb")
+    data = (tmp_path / "a.glb").read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    document = json.loads(data[20 : 20 + length])
+    document["buffers"][0]["uri"] = "../bin/a%20b.bin"
+    fs.pipe("/with/in/a.gltf", json.dumps(document).encode())
+    fs.pipe("/with/bin/a b.bin", data[28 + length :])
+    steps = STEPS + 'output = "{asset}.{ext}"\n'
+    path = write('[[assets]]\ninputs.high = "memory://with/in/a.gltf"\n', steps)
+    result, ran = run(path)
+    assert result.ok and ran == ["a.r"], result.failed
+    assert read_mesh(path.parent / "build" / "a.ply").n_faces == uv_sphere(4, 6).n_faces
+    assert run(path)[1] == []
+    fs.pipe("/with/bin/a b.bin", data[28 + length :] + bytes(4))
+    assert run(path)[1] == ["a.r"]
+    fs.rm("/with/bin/a b.bin")
+    (failed,) = run(path)[0].failed
+    assert "b.bin" in failed.error

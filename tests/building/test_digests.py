@@ -1,0 +1,48 @@
+"""What is remembered of files is believed only as long as it is what was written."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from texbake.building.digests import Digests, file_digest
+from texbake.building.locations import file_signature
+from texbake.building.resolve import LastKeys
+
+
+@pytest.fixture
+def mesh(tmp_path: Path) -> Path:
+    path = tmp_path / "a.ply"
+    path.write_text("x")
+    return path
+
+
+@pytest.fixture
+def kept(tmp_path: Path, mesh: Path) -> Path:
+    path = tmp_path / "digests.json"
+    digests = Digests(path)
+    digests.remember(str(mesh), file_signature(mesh), "what was remembered")
+    digests.save()
+    return path
+
+
+def test_what_was_kept_is_believed(mesh: Path, kept: Path) -> None:
+    assert Digests(kept).digest(str(mesh)) == "what was remembered"
+    assert Digests(kept, trusting=False).digest(str(mesh)) == file_digest(mesh)
+
+
+def test_a_flipped_bit_is_not_believed(mesh: Path, kept: Path) -> None:
+    kept.write_text(kept.read_text().replace("was remembered", "was remembereD"))
+    assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "7", "{}", '{"a": 3}', '{"files": 1}', "null"])
+def test_files_of_another_shape_are_as_none(content: str, mesh: Path, kept: Path) -> None:
+    kept.write_text(content)
+    assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
+    assert LastKeys(kept)["a", "b"] is None
+
+
+def test_last_keys_come_back(kept: Path) -> None:
+    kept.write_text(json.dumps({"a": {"b": "key"}}))
+    assert LastKeys(kept)["a", "b"] == "key"

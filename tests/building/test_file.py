@@ -1,0 +1,194 @@
+"""What is wrong with a pipeline file is told with its line, its key, and what was expected."""
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from texbake import FileError, FileFormatError, OptionError
+from texbake.building.build import plan_build
+from texbake.building.options import BuildOptions
+
+Write = Callable[..., Path]
+ASSET = '[[assets]]\nname = "a"\n'
+MAKE = '[steps.dense]\ndo = "make"\nshape = "plane"\n'
+
+
+@pytest.mark.parametrize(
+    ("assets", "steps", "line", "message"),
+    [
+        ("", MAKE, None, "assets: it is missing"),
+        (ASSET, "", None, "steps: it is missing"),
+        ("assets = []\n", MAKE, 1, "assets: it is empty"),
+        ("[[assets]]\n", MAKE, 1, "assets[0]: it has neither inputs nor a name"),
+        (ASSET + "nmae = 3\n", MAKE, 3, "assets[0].nmae: unknown key; did you mean 'name'?"),
+        ("[[assets]]\nname = 3\n", MAKE, 2, "assets[0].name: 3 is no text"),
+        (ASSET + 'steps = ["dens"]\n', MAKE, 3, "no step 'dens'; did you mean 'dense'?"),
+        (ASSET + "options.dens = {}\n", MAKE, 3, "no such step; did you mean 'dense'?"),
+        (ASSET + "options.dense.size = 3\n", MAKE, 3, "assets[0].options.dense.size: unknown key"),
+        (ASSET, '[steps.x]\nshape = "plane"\n', 3, "steps.x.do: it is missing; it is one of make"),
+        (ASSET, '[steps.x]\ndo = "bke"\n', 4, "steps.x.do: 'bke' is no step; did you mean 'bake'?"),
+        (ASSET, '[steps.x]\ndo = "make"\n', 3, "steps.x.shape: it is missing"),
+        (ASSET, MAKE + "radius = 2\n", 6, "steps.dense.radius: the shape plane does not use it"),
+        (ASSET, MAKE + 'width = "wide"\n', 6, "steps.dense.width: 'wide' is no number"),
+        (ASSET, MAKE + "resolution = 0\n", 6, "steps.dense.resolution: 0 is out of range"),
+        (ASSET, MAKE + 'after = "x"\n', 6, "steps.dense.after: no step 'x'"),
+        (ASSET, MAKE + 'output = "{aset}.{ext}"\n', 6, "{aset}, which is not known; did you mean"),
+        (ASSET, MAKE + 'output = "../x.{ext}"\n', 6, "does not lie below the folder of outputs"),
+        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "dens"\n', 8, "did you mean 'dense'?"),
+        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "dense.uv"\n', 8, "makes no 'uv'"),
+        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "z.ply"\n', 8, "nor a file there is"),
+        (ASSET, '[steps."a.b"]\ndo = "make"\n', 3, "'a.b' is no name"),
+        ('[[assets]]\ninputs.high = "*.nothing"\n', MAKE, 2, "matches no file"),
+        ('[[assets]]\ninputs.dense = "p*"\n', MAKE, 2, "a step has the same name"),
+        (ASSET + ASSET, MAKE, 4, "two assets are called 'a'"),
+        ('[[assets]]\nname = "../a"\n', MAKE, 2, "'../a' is no name for files"),
+        ('[[assets]]\nname = "{stm}"\n', MAKE, 2, "{stm}, which is not known"),
+    ],
+)
+def test_bad_files(assets: str, steps: str, line: int | None, message: str, write: Write) -> None:
+    path = write(assets, steps)
+    with pytest.raises(FileFormatError) as caught:
+        plan_build(path)
+    told = str(caught.value)
+    where = f"{path}:{line}: " if line else f"{path}: "
+    assert told.startswith(where), told
+    assert message in told
+    assert "\n" not in told
+
+
+def test_steps_that_wait_for_one_another(write: Write) -> None:
+    steps = """
+[steps.a]
+do = "repair"
+mesh = "c"
+[steps.b]
+do = "repair"
+mesh = "a"
+[steps.c]
+do = "repair"
+mesh = "b"
+"""
+    with pytest.raises(FileFormatError, match="the steps wait for one another") as caught:
+        plan_build(write(ASSET, steps))
+    told = re.findall(r"\b[abc]\b(?= needs|$)", str(caught.value))
+    assert len(told) == 4 and told[0] == told[-1] and set(told) == {"a", "b", "c"}
+    needs = {"a": "c", "b": "a", "c": "b"}
+    assert all(needs[one] == other for one, other in pairwise(told))
+
+
+def test_two_assets_with_one_output(write: Write) -> None:
+    assets = ASSET + '[[assets]]\nname = "b"\n'
+    with pytest.raises(FileFormatError, match=r":8: .*a dense and b dense both write 'x.ply'"):
+        plan_build(write(assets, MAKE + 'output = "x.{ext}"\n'))
+
+
+def test_two_outputs_of_one_step_with_one_name(write: Write) -> None:
+    steps = MAKE + '[steps.l]\ndo = "simplify"\nmesh = "dense"\nfaces = [9, 8]\noutput = "x.obj"\n'
+    with pytest.raises(
+        FileFormatError, match=r"several outputs are called 'x\.obj'; put \{output\}"
+    ):
+        plan_build(write(ASSET, steps))
+
+
+def test_an_output_within_another(write: Write) -> None:
+    steps = (
+        MAKE
+        + 'output = "x.ply"\n[steps.b]\ndo = "repair"\nmesh = "dense"\noutput = "x.ply/y.ply"\n'
+    )
+    with pytest.raises(FileFormatError, match=r"x\.ply/y\.ply would lie in x\.ply, which a dense"):
+        plan_build(write(ASSET, steps))
+
+
+def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "a.ply").write_text("x")
+    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "a.ply"\n'
+    with pytest.raises(FileFormatError, match=r"a\.ply is also an input"):
+        plan_build(write('[[assets]]\ninputs.high = "out/*.ply"\n', steps, 'folder = "out"\n'))
+
+
+@pytest.mark.parametrize(
+    ("output", "told"),
+    [
+        ("p.toml", r"p\.toml is this file itself"),
+        ("raw.ply", r"raw\.ply is also an input"),
+        ("build.json", r"'build.json' is for the build's own files"),
+        (".texbake/x.ply", r"'.texbake/x.ply' is for the build's own files"),
+        ("{asset}.obj", r"'a.obj' ends unlike what it will hold, a .ply file; end it with .{ext}"),
+        ("{asset.{ext}", r"has {asset.{ext}, which is not known|has a brace without its other"),
+        ("{asset", "has a brace without its other"),
+        ("a\\u0000.ply", "has a character that names cannot have"),
+    ],
+)
+def test_outputs_that_would_do_harm(output: str, told: str, write: Write, tmp_path: Path) -> None:
+    (tmp_path / "raw.ply").write_text("x")
+    steps = f'[steps.r]\ndo = "repair"\nmesh = "./raw.ply"\noutput = "{output}"\n'
+    if output in ("p.toml", "build.json"):  # a folder has no suffix to mind
+        steps = steps.replace('"repair"', '"mipmap"').replace("mesh", "image")
+    path = write(ASSET, steps)
+    with pytest.raises(FileFormatError, match=told):
+        plan_build(path.rename(tmp_path / "p.toml"), BuildOptions(folder=tmp_path))
+
+
+def test_only_takes_names_with_brackets_as_they_are(write: Write, tmp_path: Path) -> None:
+    (tmp_path / "a[1].ply").write_text("x")
+    path = write(
+        '[[assets]]\ninputs.dense = "a*.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "dense"\n'
+    )
+    assert [step.asset for step in plan_build(path, BuildOptions(only=("a[1]",)))] == ["a[1]"]
+
+
+def test_a_name_matched_twice(write: Write, tmp_path: Path) -> None:
+    for folder in "one", "two":
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "a.ply").write_text("x")
+    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "{asset}.ply"\n'
+    with pytest.raises(FileFormatError, match=r":2: .*one/a.ply and .*two/a.ply both give .*'a'"):
+        plan_build(write('[[assets]]\ninputs.high = "*/a.ply"\n', steps))
+    assets = '[[assets]]\ninputs.high = "*/a.ply"\nname = "{folder}_{stem}"\n'
+    assert [step.asset for step in plan_build(write(assets, steps))] == ["one_a", "two_a"]
+
+
+@pytest.mark.parametrize("name", ["a b", "größe", 'it\'s "quoted"', "[1]", "a#b", "100%"])
+def test_odd_names(name: str, write: Write, tmp_path: Path) -> None:
+    folder = tmp_path / name
+    folder.mkdir()
+    (folder / f"{name}.ply").write_text("x")
+    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "{asset}.ply"\n'
+    quoted = f"{name}/{name}.ply".replace("\\", "\\\\").replace('"', '\\"')
+    (step,) = plan_build(write(f'[[assets]]\ninputs.high = "{quoted}"\n', steps))
+    assert (step.asset, step.state) == (name, "runs")
+
+
+def test_companions_are_found_by_the_stem(write: Write, tmp_path: Path) -> None:
+    for name in "a_high.ply", "b_high.ply", "a_high_cage.ply":
+        (tmp_path / name).write_text(name)
+    assets = '[[assets]]\ninputs.high = "?_high.ply"\ninputs.cage = "{stem}_cage.ply"\n'
+    steps = '[steps.r]\ndo = "repair"\nmesh = "cage"\n'
+    states = {step.asset: (step.state, step.why) for step in plan_build(write(assets, steps))}
+    assert states["a_high"][0] == "runs"
+    assert states["b_high"][0] == "fails"
+    assert "b_high_cage.ply: there is no such file" in states["b_high"][1]
+
+
+def test_not_toml(write: Write) -> None:
+    with pytest.raises(FileFormatError, match=r"it is not TOML: .*line 1"):
+        plan_build(write("a = \n", ""))
+    with pytest.raises(FileError, match="there is no such file"):
+        plan_build("nowhere.toml")
+
+
+def test_only_names_assets(write: Write) -> None:
+    path = write()
+    steps = plan_build(path, BuildOptions(only=("e*",)))
+    assert {step.asset for step in steps} == {"egg"}
+    with pytest.raises(OptionError, match="no asset is called 'bal'; did you mean 'ball'"):
+        plan_build(path, BuildOptions(only=("bal",)))
+
+
+def test_assets_ask_for_steps_and_get_what_these_need(write: Write) -> None:
+    path = write('[[assets]]\nname = "a"\nsteps = "low"\n')
+    assert [step.step for step in plan_build(path)] == ["dense", "low"]

@@ -1,0 +1,99 @@
+"""What changes a key, and what does not."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from texbake.building.keys import (
+    canonical,
+    checksum,
+    differences,
+    ingredients_of,
+)
+from texbake.building.steps import STEP_KINDS
+from texbake.errors import OptionError
+
+# Inputs that each kind must be given.
+GIVEN: dict[str, dict[str, Any]] = {
+    "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"target": "unity"},
+}  # fmt: skip
+
+
+def key(name: str, given: dict[str, Any], **more: Any) -> str:
+    kind = STEP_KINDS[name]
+    settings = kind.settings({**GIVEN.get(name, {}), **given})
+    inputs = more.get("inputs", {"mesh": [{"called": "a.ply", "sha256": "0"}]})
+    return checksum(ingredients_of(kind, settings, inputs, more.get("asset", "a")))
+
+
+@pytest.mark.parametrize("name", STEP_KINDS)
+def test_defaults_that_are_written_out_change_nothing(name: str) -> None:
+    kind = STEP_KINDS[name]
+    written = {
+        field.name: field.default
+        for field in dataclasses.fields(kind.options)
+        if field.name in kind.choices
+        and field.name not in GIVEN.get(name, {})
+        and field.default is not dataclasses.MISSING
+    }
+    assert key(name, {}) == key(name, written)
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("make", {"shape": "torus"}),
+        ("simplify", {"faces": 10}),
+        ("unwrap", {"padding": 5}),
+        ("bake", {"size": 512}),
+        ("preview", {"width": 99}),
+        ("check", {"fail_on": "warning"}),
+        ("mipmap", {"kind": "normal"}),
+        ("repair", {"winding": False}),
+    ],
+)
+def test_a_setting_changes_the_key(name: str, given: dict[str, Any]) -> None:
+    assert key(name, given) != key(name, {})
+
+
+def test_inputs_change_the_key_and_assets_do_not() -> None:
+    base = key("repair", {})
+    other = {"mesh": [{"called": "a.ply", "sha256": "1"}]}
+    called = {"mesh": [{"called": "b.ply", "sha256": "0"}]}
+    assert len({base, key("repair", {}, inputs=other), key("repair", {}, inputs=called)}) == 3
+    assert key("repair", {}, asset="b") == base
+
+
+def test_threads_are_no_setting() -> None:
+    assert not any("threads" in kind.choices for kind in STEP_KINDS.values())
+
+
+def test_canonical_json_has_one_form() -> None:
+    assert canonical({"b": 1, "a": [1.5, "ö"]}) == '{"a":[1.5,"ö"],"b":1}'.encode()
+
+
+def test_differences_say_what_changed() -> None:
+    kind = STEP_KINDS["unwrap"]
+    files = {"mesh": [{"called": "a.ply", "sha256": "0"}]}
+    before = ingredients_of(kind, kind.settings({}), files, "a")
+    now = ingredients_of(
+        kind, kind.settings({"size": 512}), {"mesh": [{"called": "a.ply", "sha256": "1"}]}, "a"
+    )
+    assert differences(before, before) == []
+    assert differences(before, now) == ["size: 1024 before, 512 now", "mesh changed: a.ply"]
+    assert differences({**before, "texbake": "0.0"}, before)[0].startswith(
+        "the version: 0.0 before"
+    )
+    assert differences(None, now) == ["it has not run before"]
+
+
+def test_settings_are_checked_by_their_classes() -> None:
+    with pytest.raises(OptionError, match="maps: 'nrmal' is not one of normal"):
+        STEP_KINDS["bake"].settings({"maps": ("nrmal",)})
+    with pytest.raises(OptionError, match="format: 'displacement' is none of the maps"):
+        STEP_KINDS["bake"].settings({"format": {"displacement": "exr"}})
+    with pytest.raises(OptionError, match="each level must have fewer"):
+        STEP_KINDS["simplify"].settings({"faces": (9, 9)})
+    with pytest.raises(OptionError, match="max_stretch"):
+        STEP_KINDS["check"].settings({"max_stretch": 0.5})

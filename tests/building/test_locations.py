@@ -1,0 +1,168 @@
+"""Folders and URLs, by the same predicates."""
+
+import errno
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from texbake import FileError
+from texbake.building.locations import location_of, matches
+from texbake.mesh.files import write_mesh
+from texbake.mesh.shapes import uv_sphere
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture(params=["path", "file", "memory"])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    if request.param == "path":
+        return str(tmp_path / "there")
+    fsspec = pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
+    if request.param == "memory":
+        fsspec.filesystem("memory").store.clear()
+        return "memory://there"
+    return f"file://{tmp_path}/there"
+
+
+def test_files_come_back_as_they_were_put(place: str, tmp_path: Path) -> None:
+    location = location_of(place)
+    source = tmp_path / "source"
+    source.write_bytes(b"one")
+    assert location.read("a/b") is None and location.signature("a/b") is None
+    location.put(source, "a/b")
+    before = location.signature("a/b")
+    assert location.read("a/b") == b"one" and before is not None
+    assert location.signature("a/b") == before
+    source.write_bytes(b"two, longer")
+    location.put(source, "a/b")
+    assert location.read("a/b") == b"two, longer"
+    assert location.signature("a/b") != before
+    assert location.fetch("a/b", tmp_path).read_bytes() == b"two, longer"
+
+
+def test_folders_are_moved_whole_and_removed(place: str, tmp_path: Path) -> None:
+    location = location_of(place)
+    for number in range(2):  # the second finds the first there
+        folder = tmp_path / f"folder{number}"
+        (folder / "in").mkdir(parents=True)
+        (folder / "in" / "x").write_bytes(b"x")
+        (folder / "last").write_bytes(b"last")
+        location.put_folder(folder, "ab/abc", "last")
+        assert not folder.exists()
+    assert location.read("ab/abc/in/x") == b"x"
+    location.remove("ab/abc")
+    location.remove("ab/abc")
+    assert location.read("ab/abc/in/x") is None
+
+
+def test_everything_behind_urls(write: Any, run: Run, tmp_path: Path) -> None:
+    fsspec = pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
+    memory = fsspec.filesystem("memory")
+    memory.store.clear()
+    for rings, name in enumerate(["a b", "c"], 4):
+        write_mesh(uv_sphere(rings, 8), tmp_path / "mesh.ply")
+        memory.put_file(str(tmp_path / "mesh.ply"), f"/scans/{name}.ply")
+    head = 'store = "memory://store"\noutputs = "memory://out"\n'
+    steps = """
+[steps.clean]
+do = "repair"
+mesh = "high"
+output = "{asset}/{asset}.{ext}"
+[steps.look]
+do = "preview"
+mesh = "clean"
+width = 32
+height = 32
+[steps.mips]
+do = "mipmap"
+image = "look"
+output = "{asset}/mips"
+"""
+    path = write('[[assets]]\ninputs.high = "memory://scans/*.ply"\n', steps, head)
+    result, ran = run(path)
+    assert result.ok, result.failed
+    assert len(ran) == 6
+    names = memory.find("/out")
+    assert "/out/a b/a b.ply" in names and "/out/c/mips/preview_5.png" in names
+    assert run(path)[1] == []
+    memory.rm_file("/out/c/c.ply")
+    memory.pipe_file("/scans/c.ply", b"ply\nbroken\n")
+    result, ran = run(path)
+    assert ran == ["c.clean"] and len(result.failed) == 1
+
+
+def test_what_cannot_be_reached(tmp_path: Path) -> None:
+    pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
+    with pytest.raises(FileError, match="nowhere://x: cannot be reached"):
+        location_of("nowhere://x")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot be used: Not a directory"):
+        location_of(tmp_path / "file").put(tmp_path / "file", "a/b")
+
+
+def test_patterns(tmp_path: Path) -> None:
+    for name in "a.ply", "b.ply", "[c].ply", "d.txt":
+        (tmp_path / name).write_text("")
+    (tmp_path / "e.ply").mkdir()
+    assert [Path(name).name for name in matches("*.ply", tmp_path)] == ["[c].ply", "a.ply", "b.ply"]
+    assert [Path(name).name for name in matches("[c].ply", tmp_path)] == ["[c].ply"]
+    assert matches("*.obj", tmp_path) == []
+    inside = tmp_path / "a[1]"
+    (inside / "deep").mkdir(parents=True)
+    for name in "x.ply", "deep/y.ply":
+        (inside / name).write_text("")
+    assert matches("*.ply", inside) == [f"{inside}/x.ply"]
+    assert matches("**/*.ply", inside) == [f"{inside}/deep/y.ply", f"{inside}/x.ply"]
+    assert matches("../*.txt", inside) == [f"{inside}/../d.txt"]
+    assert matches(str(tmp_path / "*.txt"), inside) == [str(tmp_path / "d.txt")]
+
+
+def test_a_disk_that_loses_what_is_written_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synchronized: list[str] = []
+    folders_fail = True
+
+    def fsync(descriptor: int) -> None:
+        status = os.fstat(descriptor)
+        paths = [path for path in tmp_path.rglob("*") if os.path.samestat(path.stat(), status)]
+        synchronized.extend(path.relative_to(tmp_path).as_posix() for path in paths)
+        if stat.S_ISDIR(status.st_mode) == folders_fail:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    location = location_of(tmp_path / "store")
+    for number in range(2):
+        folder = tmp_path / f"folder{number}"
+        (folder / "in").mkdir(parents=True)
+        (folder / "in" / "x").write_bytes(b"x")
+        (folder / "last").write_bytes(b"last")
+    location.put_folder(tmp_path / "folder0", "ab/abc", "last")  # no system has to do folders
+    entry = {"folder0", "folder0/in", "folder0/in/x", "folder0/last"}
+    assert {*entry, "store", "store/ab"} <= set(synchronized)
+    folders_fail = False
+    with pytest.raises(FileError, match="Input/output error"):
+        location.put_folder(tmp_path / "folder1", "cd/cde", "last")
+    assert location.read("cd/cde/last") is None
+
+
+def test_errors_of_a_file_system_of_its_own_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    memory = pytest.importorskip("fsspec", reason="fsspec is not installed").filesystem("memory")
+
+    class ClientError(Exception):
+        """As botocore has it."""
+
+    def refuse(*arguments: object, **more: object) -> None:
+        raise ClientError("Access\nDenied")
+
+    location = location_of("memory://there")
+    monkeypatch.setattr(type(memory), "cat_file", refuse)
+    with pytest.raises(FileError, match=r"memory://there/a: .* ClientError: Access Denied;"):
+        location.read("a")
+    monkeypatch.setattr(type(memory), "glob", refuse)
+    with pytest.raises(FileError, match="ClientError"):
+        matches("memory://there/*", Path())

@@ -1,0 +1,123 @@
+"""The page of a build: what it tells of each asset, and that its links lead somewhere."""
+
+import html.parser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from texbake.building.overview import write_overview
+from texbake.building.report import BuildResult
+
+STEPS = """
+[steps.dense]
+do = "make"
+shape = "sphere"
+resolution = [24, 16]
+
+[steps.low]
+do = "unwrap"
+mesh = "dense"
+method = "spherical"
+
+[steps.limits]
+do = "check"
+mesh = "low"
+fail_on = "never"
+
+[steps.maps]
+do = "bake"
+after = "limits"
+high = "dense"
+low = "low"
+size = 32
+padding = 1
+
+[steps.look]
+do = "preview"
+mesh = "low"
+width = 48
+height = 32
+output = "{asset}/look.{ext}"
+
+[steps.page]
+do = "page"
+high = "dense"
+low = "low"
+normal_map = "maps.normal"
+size = 48
+output = "{asset}/{asset}.{ext}"
+"""
+ASSETS = """
+[[assets]]
+name = "big ball"
+
+[[assets]]
+name = "bad <1>"
+options.limits.max_faces = 10
+"""
+
+
+class Table(html.parser.HTMLParser):
+    """Rows of the table: class, texts, links and pictures."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.rows: list[dict[str, Any]] = []
+        self.feed(path.read_text(encoding="utf-8").partition("<tbody>")[2].partition("</tbody>")[0])
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        if tag == "tr":
+            self.rows.append({"status": values["class"], "text": "", "links": [], "pictures": 0})
+        elif tag == "a":
+            self.rows[-1]["links"].append(values["href"])
+        elif tag == "img":
+            self.rows[-1]["pictures"] += 1
+
+    def handle_data(self, data: str) -> None:
+        if self.rows:
+            self.rows[-1]["text"] += data
+
+
+def test_each_asset_has_its_row(
+    write: Callable[..., Path], run: Callable[..., tuple[BuildResult, list[str]]], tmp_path: Path
+) -> None:
+    path = write(ASSETS, STEPS)
+    page = tmp_path / "pages" / "overview.html"
+    page.parent.mkdir()
+    result, _ = run(path)
+    write_overview(page, result, command="texbake build x")
+    good, bad = Table(page).rows
+    assert (good["status"], good["pictures"]) == ("built", 1)
+    (link,) = good["links"]
+    assert (page.parent / unquote(link)).samefile(path.parent / "build/big ball/big ball.html")
+    assert "720" in good["text"] and "0 %" in good["text"] and "°" in good["text"]
+    assert (bad["status"], bad["links"]) == ("failed", [])
+    assert "limits: " in bad["text"] and "more than max_faces, 10" in bad["text"]
+    assert bad["pictures"] == 1  # it looks well, and is refused
+
+    again, _ = run(path)
+    small = sorted((path.parent / "build" / ".texbake" / "thumbnails").iterdir())
+    before = [file.stat().st_mtime_ns for file in small]
+    write_overview(page, again)
+    kept, _ = Table(page).rows
+    assert kept["status"] == "kept" and kept["pictures"] == 1
+    assert [file.stat().st_mtime_ns for file in small] == before
+
+    for file in small:  # as a power cut may leave them
+        file.write_bytes(b"")
+    write_overview(page, again)
+    assert all(file.stat().st_size > 0 for file in small)
+    assert Table(page).rows[0]["pictures"] == 1
+
+
+def test_what_is_not_put_out_is_not_linked(
+    write: Callable[..., Path], run: Callable[..., tuple[BuildResult, list[str]]], tmp_path: Path
+) -> None:
+    steps = STEPS[: STEPS.rindex("output")]
+    result, _ = run(write('[[assets]]\nname = "ball"\n', steps))
+    (tmp_path / "build" / "ball" / "look.png").unlink()  # and what is gone has no picture
+    write_overview(tmp_path / "a.html", result)
+    (row,) = Table(tmp_path / "a.html").rows
+    assert row["links"] == [] and row["pictures"] == 0 and row["status"] == "built"

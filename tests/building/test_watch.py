@@ -1,0 +1,59 @@
+"""What is saved is built again, once it is saved whole."""
+
+from pathlib import Path
+from typing import Any
+
+from texbake.building import watch as module
+from texbake.building.report import BuildResult
+from texbake.building.watch import watch
+from texbake.errors import TexbakeError
+
+
+def test_saved_files_are_built_again(write: Any, inline: Any, monkeypatch: Any) -> None:
+    crew = inline()
+    monkeypatch.setattr(module, "local_workers", lambda options: crew)
+    path: Path = write()
+    text = path.read_text()
+    edits = [
+        text.replace("padding = 1", "padding = 2"),
+        text.replace("padding = 1", "paddng = 2"),  # a slip of the hand, told and waited out
+        text.replace("radius = 2.0", "radius = 2.5"),
+    ]
+    seen: list[Any] = []
+    counts: list[int] = []
+
+    def built(result: BuildResult | TexbakeError) -> None:
+        seen.append(result)
+        counts.append(len(crew.tasks))
+        if edits:
+            path.write_text(edits.pop(0))
+
+    watch(path, built=built, until=lambda: len(seen) == 4, poll_seconds=0.01)
+    assert [isinstance(result, BuildResult) and result.ok for result in seen] == [
+        True, True, False, True,
+    ]  # fmt: skip
+    assert "steps.maps.paddng: unknown key; did you mean 'padding'?" in str(seen[2])
+    assert counts == [6, 8, 8, 11]
+
+
+def test_an_input_that_is_still_being_written_is_waited_for(
+    write: Any, inline: Any, monkeypatch: Any, tmp_path: Path
+) -> None:
+    from texbake.mesh.files import write_mesh
+    from texbake.mesh.shapes import uv_sphere
+
+    crew = inline()
+    monkeypatch.setattr(module, "local_workers", lambda options: crew)
+    write_mesh(uv_sphere(4, 8), tmp_path / "a.ply")
+    whole = (tmp_path / "a.ply").read_bytes()
+    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
+    path = write('[[assets]]\ninputs.high = "*.ply"\n', steps)
+    seen: list[BuildResult | TexbakeError] = []
+    pieces = [whole[:100], whole[:200], whole[:300], whole + b""]
+    monkeypatch.setattr(
+        module.time,
+        "sleep",
+        lambda seconds: pieces and (tmp_path / "a.ply").write_bytes(pieces.pop(0)),
+    )
+    watch(path, built=seen.append, until=lambda: len(seen) == 2)
+    assert all(isinstance(result, BuildResult) and result.ok for result in seen)

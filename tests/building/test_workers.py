@@ -1,0 +1,213 @@
+"""Workers that are killed, and memory that is shared out."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from texbake.baking.memory import TREE_FACE
+from texbake.building.build import build
+from texbake.building.memory import IDLE_WORKER, size_by_length, size_of
+from texbake.building.options import BuildOptions
+from texbake.building.progress import BuildEvent, Outlook
+from texbake.building.steps import STEP_KINDS
+from texbake.building.task import Task, run_task
+from texbake.building.workers import LocalWorkers
+
+Workers = Callable[[int], LocalWorkers]
+# Long enough to be met in the middle by whoever kills.
+SLOW = """
+[steps.slow]
+do = "make"
+shape = "orange"
+triangles = 400_000
+output = "{asset}.ply"
+"""
+
+
+def orange_task(tmp_path: Path, number: int, triangles: int) -> Task:
+    kind = STEP_KINDS["make"]
+    return Task(
+        asset="a",
+        step="make",
+        kind="make",
+        settings=kind.settings({"shape": "orange", "triangles": triangles}),
+        inputs={},
+        outputs={"mesh": "mesh.ply"},
+        key=f"{number:064x}",
+        ingredients={},
+        store=str(tmp_path / "store"),
+        threads=1,
+    )
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_a_killed_worker_is_replaced_and_its_step_done(workers: Workers, write: Any) -> None:
+    crew = workers(2)
+    killed: list[int] = []
+
+    def kill(event: BuildEvent) -> None:
+        if event.state == "running" and event.asset == "a" and not killed:
+            wait_for(lambda: crew.process_ids)
+            time.sleep(0.3)
+            killed.extend(crew.process_ids[:1])
+            os.kill(killed[0], signal.SIGKILL)
+
+    assets = "".join(f'[[assets]]\nname = "{n}"\noptions.slow.triangles = {t}\n'
+                     for n, t in (("a", 300_000), ("b", 40_000), ("c", 20_000)))  # fmt: skip
+    path = write(assets, SLOW)
+    result = build(path, listener=kill, workers=crew)
+    assert result.ok
+    steps = [asset.steps[0] for asset in result.assets]
+    assert sorted(step.attempts for step in steps) == [1, 1, 2]
+    (noted,) = [step for step in steps if step.attempts == 2]
+    assert noted.notes == ("its worker ended, and another did it",)
+    assert killed[0] not in crew.process_ids
+
+
+def test_a_step_whose_workers_are_killed_twice_fails_and_others_go_on(
+    workers: Workers, tmp_path: Path
+) -> None:
+    crew = workers(1)
+    crew.submit(1, orange_task(tmp_path, 1, 5_000_000))
+    crew.submit(2, orange_task(tmp_path, 2, 1_000))
+    killed: set[int] = set()
+    for _ in range(2):
+        wait_for(lambda: set(crew.process_ids) - killed)
+        (worker,) = set(crew.process_ids) - killed
+        os.kill(worker, signal.SIGKILL)
+        killed.add(worker)
+    outcomes = {}
+    while len(outcomes) < 2:
+        outcomes.update(crew.finished(60))
+    assert outcomes[1].status == "failed"
+    assert outcomes[1].error.startswith("its worker ended (SIGKILL), twice; the system may have")
+    assert outcomes[2].status == "done"
+
+
+def test_workers_end_with_their_build(tmp_path: Path) -> None:
+    crew = LocalWorkers(1, 1)
+    crew.submit(1, orange_task(tmp_path, 1, 5_000_000))
+    wait_for(lambda: crew.process_ids)
+    (worker,) = crew.process_ids
+    crew.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+
+
+def test_a_worker_with_another_version_says_so(tmp_path: Path) -> None:
+    task = orange_task(tmp_path, 1, 1000)
+    outcome = run_task({**task.to_json(), "version": "9.9"})
+    assert outcome["status"] == "failed"
+    assert "this build 9.9; install the same there" in outcome["error"]
+
+
+def test_a_task_that_was_done_is_not_done_again(tmp_path: Path) -> None:
+    task = orange_task(tmp_path, 1, 1000)
+    first = run_task(task.to_json())
+    file = next((tmp_path / "store").rglob("mesh.ply"))
+    written = file.stat()
+    again = run_task(task.to_json())
+    assert again["manifest"] == first["manifest"]
+    assert file.stat() == written
+
+
+def test_two_workers_at_one_task_agree(tmp_path: Path) -> None:
+    task = orange_task(tmp_path, 1, 50_000).to_json()
+    outcomes: list[dict[str, Any]] = []
+    threads = [threading.Thread(target=lambda: outcomes.append(run_task(task))) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [outcome["status"] for outcome in outcomes] == ["done"] * 4
+    assert len({str(outcome["manifest"]["outputs"]) for outcome in outcomes}) == 1
+    assert list((tmp_path / "store" / "tmp").iterdir()) == []
+
+
+def test_steps_share_the_memory(write: Any, inline: Any) -> None:
+    assets = "".join(f'[[assets]]\nname = "{n}"\noptions.slow.triangles = {1000 + n}\n'
+                     for n in range(6))  # fmt: skip
+    path = write(assets, SLOW)
+    memory = STEP_KINDS["make"].memory(
+        STEP_KINDS["make"].settings({"shape": "orange", "triangles": 1000}), {}
+    )
+    for budget, most in ((int(2.5 * memory), 2), (memory // 2, 1), (100 * memory, 4)):
+        crew = inline(slots=4)
+        folder = path.parent / str(budget)
+        result = build(path, BuildOptions(max_memory=budget, folder=folder), workers=crew)
+        assert result.ok
+        assert crew.most_at_once == most
+
+
+def test_triangles_are_counted_without_reading_a_mesh(tmp_path: Path) -> None:
+    outcome = run_task(orange_task(tmp_path, 1, 2000).to_json())
+    assert outcome["status"] == "done"
+    size = size_of(next((tmp_path / "store").rglob("mesh.ply")))
+    assert size.n_faces == 2000
+    assert size_by_length("a.stl", 84 + 50 * 1000).n_faces == 1001
+    assert size_of(tmp_path / "nothing.ply").n_faces == 0
+    settings = STEP_KINDS["bake"].settings({"size": 1})
+    assert STEP_KINDS["bake"].memory(settings, {"high": (size,)}) > IDLE_WORKER + 2000 * TREE_FACE
+
+
+def test_the_outlook_counts_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+    monkeypatch.setattr(time, "perf_counter", lambda: now)
+    outlook = Outlook(2)
+    for name in "abcd" * 2:  # said twice, each counts once
+        outlook.expect((name, "b"), "bake")
+    for name in "abc":
+        outlook.expect((name, "u"), "unwrap")
+    outlook.drop(("c", "u"))
+    outlook.drop(("c", "u"))
+    assert outlook.seconds_left() is None
+    outlook.started(("a", "b"), "bake")
+    now = 6.0
+    assert outlook.ended(("a", "b")) == 6.0
+    # Three bakes of 6 s are left, and two steps of a kind of which nothing is known yet.
+    assert outlook.seconds_left() == (3 + 2) * 6.0 / 2
+    outlook.started(("b", "b"), "bake")
+    now = 8.0
+    assert outlook.seconds_left() == ((3 + 2) * 6.0 - 2.0) / 2
+
+
+def test_a_worker_that_cannot_be_started_fails_its_step(
+    tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
+    crew = workers(1)
+    for number in range(2):  # the thread goes on
+        crew.submit(number, orange_task(tmp_path, number, 100))
+        ((answered, outcome),) = crew.finished(20)
+        assert (answered, outcome.status) == (number, "failed")
+        assert "no worker can be started: No such file" in outcome.error
+
+
+def test_an_answer_that_is_none_fails_its_step(
+    tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    babbler = tmp_path / "babbler"
+    babbler.write_text("#!/bin/sh\necho not JSON\nexec sleep 60\n")
+    babbler.chmod(0o755)
+    crew = workers(1)
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "executable", str(babbler))
+        crew.submit(0, orange_task(tmp_path, 0, 100))
+        ((_, outcome),) = crew.finished(20)
+    assert outcome.status == "failed" and "answer is not one: JSONDecodeError" in outcome.error
+    crew.submit(1, orange_task(tmp_path, 1, 100))  # by another
+    ((_, outcome),) = crew.finished(60)
+    assert outcome.status == "done"

@@ -1,0 +1,396 @@
+"""Small meshes with one fault each, and clean ones."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from texbake.checks.options import CheckOptions
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import flat_normals
+from texbake.mesh.shapes import cube, icosphere, plane
+
+
+class Case(NamedTuple):
+    """A mesh, or a dense and a light one; how often its one fault is there; faces it is at."""
+
+    mesh: Mesh
+    low: Mesh | None
+    count: int
+    faces: set[int]
+    options: CheckOptions = CheckOptions(size=128)
+
+
+def flat(mesh: Mesh) -> Mesh:
+    """The mesh with its faces' own normals."""
+    normals, corners = flat_normals(mesh)
+    return mesh.replace(normals=normals, normal_faces=corners)
+
+
+def smooth(mesh: Mesh) -> Mesh:
+    """A sphere about the origin with its normals."""
+    return mesh.replace(normals=mesh.positions, normal_faces=mesh.faces)
+
+
+def soup(points: list, faces: list) -> Mesh:
+    """A dense mesh of some faces."""
+    return flat(Mesh(positions=np.array(points, float), faces=faces))
+
+
+def squares(*places: tuple) -> Mesh:
+    """Upright unit squares ((x, y, z), (u, v), (width, height)), each a chart of two faces."""
+    positions, uvs, faces = [], [], []
+    for (x, y, z), (u, v), (width, height) in places:
+        first = len(positions)
+        for i, j in (0, 0), (1, 0), (1, 1), (0, 1):
+            positions.append((x + i, y + j, z))
+            uvs.append((u + i * width, v + j * height))
+        faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
+    uvs = np.array(uvs, float)
+    return flat(Mesh(positions=np.array(positions), faces=faces, uvs=uvs, uv_faces=faces))
+
+
+def moved(mesh: Mesh, offset: object) -> Mesh:
+    return mesh.replace(positions=mesh.positions + offset)
+
+
+def cuboid(x: float, y: float, z: float) -> Mesh:
+    """A box with six charts of its own, of one texel density."""
+    box = cube()
+    corners = box.positions[box.faces]
+    uvs = np.empty((12, 3, 2))
+    for pair in range(6):
+        rows = [2 * pair, 2 * pair + 1]
+        normal = np.cross(*(corners[rows[0], 1:] - corners[rows[0], 0]))
+        axis = int(np.abs(normal).argmax())
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        sides = np.array([x, y, z])
+        local = (corners[rows][..., [a, b]] + 0.5) * sides[[a, b]]
+        if normal[axis] < 0.0:
+            local = local[..., ::-1]
+        uvs[rows] = local * 0.05 + [0.05 + 0.3 * (pair % 3), 0.05 + 0.45 * (pair // 3)]
+    ids = np.arange(36).reshape(12, 3)
+    return flat(
+        box.replace(positions=box.positions * [x, y, z], uvs=uvs.reshape(-1, 2), uv_faces=ids)
+    )
+
+
+ROOMY = ((0, 0, 0), (0.1, 0.1), (0.2, 0.2))
+SHEET, FINE_SHEET = flat(plane(2, 2)), flat(plane(8, 8))
+FAR_SQUARE = ((2, 0, 0), (0.6, 0.1), (0.2, 0.2))
+
+
+def no_surface() -> Case:
+    return Case(soup([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [[0, 1, 2]]), None, 1, set())
+
+
+def zero_area() -> Case:
+    return Case(soup([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0, 0)], [[0, 1, 2], [1, 0, 3]]),
+                None, 1, {1})  # fmt: skip
+
+
+def duplicate_faces() -> Case:
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]
+    return Case(soup(points, [[0, 1, 2], [1, 3, 2], [2, 0, 1], [1, 2, 0]]), None, 2, {2, 3})
+
+
+def duplicate_vertices() -> Case:
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0)]
+    mesh = soup(points, [[0, 1, 2], [4, 3, 2]])
+    return Case(mesh.replace(normals=[[0, 0, 1]], normal_faces=[[0] * 3] * 2), None, 1, {1})
+
+
+def unused_vertices() -> Case:
+    return Case(soup([(0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)], [[0, 1, 2]]), None, 1, set())
+
+
+def non_manifold() -> Case:
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)]
+    return Case(soup(points, [[0, 1, 2], [1, 0, 3], [0, 1, 4]]), None, 1, {0, 1, 2})
+
+
+def pinched() -> Case:
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)]
+    return Case(soup(points, [[0, 1, 2], [0, 3, 4]]), None, 1, {0, 1})
+
+
+def cracks() -> Case:
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1 + 1e-8, 0, 0), (1, 1, 0), (0, 1 + 1e-8, 0)]
+    return Case(soup(points, [[0, 1, 2], [3, 4, 5]]), None, 4, {0, 1})
+
+
+def through() -> Case:
+    points = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0.5, 0.5, -1), (0.5, 0.5, 1), (3, 3, 0.3)]
+    return Case(soup(points, [[0, 1, 2], [3, 4, 5]]), None, 2, {0, 1})
+
+
+def winding() -> Case:
+    faces = icosphere(0).faces.copy()
+    faces[7] = faces[7][::-1]
+    return Case(flat(icosphere(0).replace(faces=faces)), None, 3, {7})
+
+
+def inside_out() -> Case:
+    return Case(flat(cube().replace(faces=cube().faces[:, ::-1])), None, 1, set(range(12)))
+
+
+def far_from_origin() -> Case:
+    return Case(moved(smooth(icosphere(1)), 1e5), None, 1, set())
+
+
+def extreme_size() -> Case:
+    sphere = smooth(icosphere(1))
+    return Case(sphere.replace(positions=sphere.positions * 1e-7), None, 1, set())
+
+
+def no_normals() -> Case:
+    return Case(icosphere(1), None, 1, set())
+
+
+def zero_normals() -> Case:
+    normals = SHEET.normals.copy()
+    normals[5] = 0.0
+    return Case(SHEET.replace(normals=normals), None, 1, {5})
+
+
+def turned_normals() -> Case:
+    normals = SHEET.normals.copy()
+    normals[2] *= -1.0
+    mesh = SHEET.replace(normals=normals, uvs=None, uv_faces=None)
+    return Case(mesh, None, 1, {2})
+
+
+def hard_edges() -> Case:
+    folded = plane(2, 1)
+    bent = np.where(folded.positions[:, :1] > 0.75, [[0.5, 0, 0.5]], folded.positions)
+    bent[:, 1] = folded.positions[:, 1]
+    mesh = flat(folded.replace(positions=bent))
+    at = {int(i) for i in np.flatnonzero((mesh.faces % 3 == 1).sum(axis=1) == 2)}
+    return Case(mesh, None, 1, at)
+
+
+def no_coordinates() -> Case:
+    return Case(FINE_SHEET, SHEET.replace(uvs=None, uv_faces=None), 1, set())
+
+
+def nothing_covered() -> Case:
+    uvs = SHEET.uvs * 1e-3
+    return Case(SHEET.replace(uvs=uvs), None, 1, set())
+
+
+def outside_tile() -> Case:
+    return Case(squares(ROOMY, ((2, 0, 0), (0.9, 0.1), (0.2, 0.2))), None, 2, {2, 3})
+
+
+def overlapping() -> Case:
+    return Case(squares(ROOMY, ((4, 0, 0), (0.2, 0.2), (0.2, 0.2)), FAR_SQUARE), None, 4,
+                {0, 1, 2, 3})  # fmt: skip
+
+
+def sharing() -> Case:
+    """The second square of a group of its own lies on the first; a third lies apart."""
+    mesh = squares(ROOMY, ((4, 0, 0), (0.2, 0.2), (0.2, 0.2)), FAR_SQUARE)
+    groups = np.array([0, 0, 1, 1, 1, 1], dtype=np.int32)
+    return Case(mesh.replace(face_groups=groups, group_names=("one", "two")), None, 4, {0, 1, 2, 3})
+
+
+def mirrored() -> Case:
+    return Case(squares(ROOMY, ((2, 0, 0), (0.8, 0.1), (-0.2, 0.2))), None, 2, {2, 3})
+
+
+def collapsed() -> Case:
+    return Case(squares(ROOMY, ((2, 0, 0), (0.6, 0.1), (0.2, 0.0))), None, 2, {2, 3})
+
+
+def thin_charts() -> Case:
+    # 3 texels wide, of the density of the other.
+    strip = squares(ROOMY, FAR_SQUARE)
+    positions, uvs = strip.positions.copy(), strip.uvs.copy()
+    positions[4:, 0] = 2 + (positions[4:, 0] - 2) * 3 / 25.6
+    uvs[4:, 0] = 0.6 + (uvs[4:, 0] - 0.6) * 3 / 25.6
+    return Case(strip.replace(positions=positions, uvs=uvs), None, 1, {2, 3})
+
+
+def close_charts() -> Case:
+    gap = 7 / 128  # twice the padding, less a texel
+    side = 24 / 128
+    near = squares(((0, 0, 0), (0.125, 0.125), (side, side)),
+                   ((2, 0, 0), (0.125 + side + gap, 0.125), (side, side)))  # fmt: skip
+    return Case(near, None, 1, {0, 2, 3})  # face 1 is at the other side
+
+
+def without_texel() -> Case:
+    mesh = squares(ROOMY, FAR_SQUARE)
+    positions, uvs = mesh.positions.copy(), mesh.uvs.copy()
+    positions[4:] = [2, 0, 0] + (positions[4:] - [2, 0, 0]) * 0.01
+    uvs[4:] = [80.7 / 128, 12.7 / 128] + (uvs[4:] - [0.6, 0.1]) * 0.01
+    options = CheckOptions(size=128, padding=0)
+    return Case(mesh.replace(positions=positions, uvs=uvs), None, 2, {2, 3}, options)
+
+
+def low_density() -> Case:
+    return Case(squares(ROOMY, ((2, 0, 0), (0.6, 0.1), (0.3, 0.035))), None, 2, {2, 3})
+
+
+def scale() -> Case:
+    box = cuboid(1, 2, 4)
+    return Case(box.replace(positions=box.positions * 100.0), box, 1, set())
+
+
+def place() -> Case:
+    return Case(moved(FINE_SHEET, [0, 0, 3]), SHEET, 1, set())
+
+
+def axes() -> Case:
+    box = cuboid(1, 2, 4)
+    # A quarter turn about x: y becomes z.
+    lying = box.replace(positions=box.positions @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
+    return Case(flat(lying), cuboid(1, 2, 4), 1, set())
+
+
+def far_from_dense() -> Case:
+    low = squares(*(((i, 0, 0), (0.02 + 0.24 * i, 0.1), (0.16, 0.16)) for i in range(3)),
+                  ((3, 0, 2), (0.75, 0.1), (0.16, 0.16)))  # fmt: skip
+    high = flat(plane(6, 2))
+    return Case(high.replace(positions=high.positions * [3, 1, 1]), low, 2, {6, 7})
+
+
+def far_from_light() -> Case:
+    high = squares(ROOMY, ((0, 0, 2), (0, 0), (1, 1)))
+    return Case(high, squares(ROOMY), 2, {2, 3})
+
+
+def sheets(*heights: tuple) -> Mesh:
+    """Unit squares at (x, z), a chart each; those of negative sign face down."""
+    places = []
+    for i, (x, z, sign) in enumerate(heights):
+        u = 0.02 + 0.24 * i + (0.16 if sign < 0 else 0.0)
+        places.append(((x, 0, z), (u, 0.1), (sign * 0.16, 0.16)))
+    mesh = squares(*places)
+    faces = mesh.faces.copy()
+    for i, (_, _, sign) in enumerate(heights):
+        if sign < 0:
+            faces[2 * i : 2 * i + 2] = faces[2 * i : 2 * i + 2, ::-1]
+    return flat(mesh.replace(faces=faces, uv_faces=faces))
+
+
+def thin_walls() -> Case:
+    """A wall of 0.05, beside a face whose dense surface lies 0.1 behind it."""
+    light, dense = (sheets((0, 0, 1), (0, -0.05, -1), (3, z, 1)) for z in (0.0, -0.1))
+    return Case(dense, light, 4, {0, 1, 2, 3})
+
+
+def other_parts() -> Case:
+    """A gap of 0.03 below a slab of 0.02, beside a face whose dense surface lies 0.1 before it."""
+    slab = ((0, 0, 1), (0, 0.03, -1), (0, 0.05, 1))
+    light, dense = (sheets(*slab, (3, z, 1)) for z in (0.0, 0.1))
+    return Case(dense, light, 2, {0, 1})
+
+
+def opposite_sides() -> Case:
+    low = SHEET.replace(faces=SHEET.faces[:, ::-1], uv_faces=SHEET.uv_faces[:, ::-1])
+    low = flat(low.replace(uvs=[1, 0] + low.uvs * [-1, 1]))
+    return Case(FINE_SHEET, low, 8, set(range(8)))
+
+
+def coarser() -> Case:
+    return Case(SHEET, FINE_SHEET, 1, set())
+
+
+def below_texels() -> Case:
+    return Case(flat(plane(50, 50)), SHEET, 1, set(), CheckOptions(size=32))
+
+
+CASES: dict[str, Callable[[], Case]] = {
+    "no-surface": no_surface,
+    "zero-area-faces": zero_area,
+    "duplicate-faces": duplicate_faces,
+    "duplicate-vertices": duplicate_vertices,
+    "unused-vertices": unused_vertices,
+    "non-manifold-edges": non_manifold,
+    "pinched-vertices": pinched,
+    "cracks": cracks,
+    "self-intersections": through,
+    "inconsistent-winding": winding,
+    "inside-out-shells": inside_out,
+    "far-from-origin": far_from_origin,
+    "extreme-size": extreme_size,
+    "no-normals": no_normals,
+    "zero-normals": zero_normals,
+    "turned-normals": turned_normals,
+    "hard-edges-without-seam": hard_edges,
+    "no-coordinates": no_coordinates,
+    "nothing-covered": nothing_covered,
+    "outside-tile": outside_tile,
+    "overlapping-coordinates": overlapping,
+    "shared-coordinates": sharing,
+    "mirrored-coordinates": mirrored,
+    "collapsed-coordinates": collapsed,
+    "thin-charts": thin_charts,
+    "close-charts": close_charts,
+    "faces-without-texel": without_texel,
+    "low-texel-density": low_density,
+    "differing-scale": scale,
+    "differing-place": place,
+    "differing-axes": axes,
+    "far-from-dense": far_from_dense,
+    "far-from-light": far_from_light,
+    "thin-walls": thin_walls,
+    "other-parts": other_parts,
+    "opposite-sides": opposite_sides,
+    "dense-is-coarser": coarser,
+    "detail-below-texels": below_texels,
+}
+
+
+@pytest.fixture(params=sorted(CASES))
+def faulty(request: pytest.FixtureRequest) -> tuple[str, Case]:
+    """Each fault by its name, with the mesh that has it."""
+    return request.param, CASES[request.param]()
+
+
+@pytest.fixture(scope="session")
+def fault_names() -> set[str]:
+    return set(CASES)
+
+
+def hollow() -> Mesh:
+    """A cube with a cubic hole inside, whose wall is wound to face the hole."""
+    outer, inner = cube(), cube()
+    faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + 8])
+    return flat(Mesh(positions=[*outer.positions, *(inner.positions * 0.5)], faces=faces))
+
+
+def solid_in_hollow() -> Mesh:
+    outer, inner = hollow(), cube()
+    faces = np.concatenate([outer.faces, inner.faces + 16])
+    return flat(Mesh(positions=[*outer.positions, *(inner.positions * 0.25)], faces=faces))
+
+
+CLEAN: dict[str, Callable[[], tuple[Mesh, Mesh | None]]] = {
+    "sheet": lambda: (SHEET, None),
+    "pair of sheets": lambda: (FINE_SHEET, SHEET),
+    "sphere": lambda: (smooth(icosphere(3)), None),
+    "cuboid with charts": lambda: (cuboid(1, 2, 4), None),
+    "pair of cuboids": lambda: (cuboid(1, 2, 4), cuboid(1, 2, 4)),
+    "charts twice the padding apart": lambda: (
+        squares(((0, 0, 0), (0.125, 0.125), (0.1875, 0.1875)),
+                ((2, 0, 0), (0.375, 0.125), (0.1875, 0.1875))), None),
+    "hollow": lambda: (hollow(), None),
+    "solid in a hollow": lambda: (solid_in_hollow(), None),
+    "one triangle": lambda: (
+        soup([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [[0, 1, 2]]), None),
+}  # fmt: skip
+
+
+@pytest.fixture(params=sorted(CLEAN))
+def clean(request: pytest.FixtureRequest) -> tuple[Mesh, Mesh | None]:
+    """Meshes without a fault."""
+    return CLEAN[request.param]()
+
+
+@pytest.fixture
+def case_of() -> Callable[[str], Case]:
+    """One fault by its name."""
+    return lambda name: CASES[name]()

@@ -1,0 +1,278 @@
+"""Each fault is found exactly as often as it is there, where it is, and nothing else with it."""
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from texbake.checks.check import check
+from texbake.checks.kinds import KINDS
+from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.errors import OptionError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import flat_normals
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
+
+
+def counts(report) -> dict[str, int]:
+    return {finding.name: finding.count for finding in report.findings}
+
+
+def test_a_fault_is_found_as_often_as_it_is_there_and_no_other(faulty) -> None:
+    name, case = faulty
+    report = check(case.mesh, case.low, case.options)
+    assert counts(report) == {name: case.count}
+    (finding,) = report.findings
+    assert set(finding.faces.tolist()) == case.faces
+    assert len(finding.faces) == len(case.faces)
+    assert finding.severity in SEVERITIES
+    assert "{" not in finding.problem + finding.remedy
+
+
+def test_clean_meshes_have_nothing(clean) -> None:
+    report = check(*clean, CheckOptions(size=128))
+    assert report.findings == ()
+    assert not report.fails("note")
+
+
+def test_every_kind_has_its_case(fault_names: set[str]) -> None:
+    # One takes a file, one a mesh of a million faces: test_files.py, test_crossings.py.
+    assert fault_names | {"unreadable", "undecided-intersections"} == set(KINDS)
+
+
+def test_size_and_place_change_nothing(faulty) -> None:
+    name, case = faulty
+    if name in ("extreme-size", "far-from-origin"):
+        pytest.skip("they are about size and place")
+
+    def changed(mesh: Mesh | None) -> Mesh | None:
+        # Powers of two and a small whole offset: not a bit of the meshes' differences is lost.
+        return mesh and mesh.replace(positions=mesh.positions * 2.0**8 + [64.0, -128.0, 32.0])
+
+    report = check(changed(case.mesh), changed(case.low), case.options)
+    assert counts(report) == {name: case.count}
+
+
+def test_order_of_faces_changes_no_count(faulty) -> None:
+    name, case = faulty
+
+    def turned(mesh: Mesh | None) -> Mesh | None:
+        if mesh is None:
+            return None
+        groups = None if mesh.face_groups is None else mesh.face_groups[::-1]
+        fields = ("faces", "uv_faces", "normal_faces")
+        return mesh.replace(
+            **{f: np.roll(getattr(mesh, f)[::-1], 1, axis=1) for f in fields
+               if getattr(mesh, f) is not None},
+            face_groups=groups,
+        )  # fmt: skip
+
+    report = check(turned(case.mesh), turned(case.low), case.options)
+    assert counts(report) == {name: case.count}
+
+
+def plain_counts(faces: list[tuple[int, int, int]]) -> dict[str, int]:
+    """Topology counted with dictionaries, one face after the other."""
+    seen, kept, n_duplicates = set(), [], 0
+    for face in faces:
+        if len(set(face)) < 3:
+            continue
+        n_duplicates += frozenset(face) in seen
+        if frozenset(face) not in seen:
+            kept.append(face)
+        seen.add(frozenset(face))
+    walks = Counter((f[k], f[(k + 1) % 3]) for f in kept for k in range(3))
+    edges = Counter(tuple(sorted(walk)) for walk in walks.elements())
+    n_pinched = 0
+    for vertex in {v for face in kept for v in face}:
+        groups: list[set[int]] = []  # of the other corners, joined by faces
+        for face in kept:
+            if vertex in face:
+                merged = set(face) - {vertex}
+                for group in [g for g in groups if g & merged]:
+                    groups.remove(group)
+                    merged |= group
+                groups.append(merged)
+        n_pinched += len(groups) > 1
+    return {
+        "duplicate-faces": n_duplicates,
+        "non-manifold-edges": sum(n > 2 for n in edges.values()),
+        "inconsistent-winding": sum(n == 2 and walks[e] != 1 for e, n in edges.items()),
+        "pinched-vertices": n_pinched,
+        "zero-area-faces": sum(len(set(face)) < 3 for face in faces) if kept else 0,
+        "no-surface": not kept,
+    }
+
+
+@settings(deadline=None, max_examples=100)
+@given(hnp.arrays(np.int32, st.tuples(st.integers(1, 30), st.just(3)), elements=st.integers(0, 8)))
+def test_topology_of_soups_against_counting_one_by_one(faces: np.ndarray) -> None:
+    # On a parabola in space no three points lie on one line.
+    t = np.arange(9.0)
+    mesh = Mesh(positions=np.stack([t, t**2, t**3], axis=1), faces=faces)
+    found = defaultdict(int, counts(check(mesh)))
+    expected = plain_counts([tuple(face) for face in faces.tolist()])
+    assert {name: found[name] for name in expected} == expected
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.sets(st.integers(0, 79), min_size=1, max_size=25))
+def test_the_faces_turned_over_are_named(turned: set[int]) -> None:
+    faces = icosphere(1).faces.copy()
+    faces[list(turned)] = faces[list(turned)][:, ::-1]
+    found = check(icosphere(1).replace(faces=faces)).finding("inconsistent-winding")
+    assert found is not None
+    assert set(found.faces.tolist()) == turned
+
+
+def test_a_mobius_strip_is_torn_somewhere() -> None:
+    n = 8
+    quads = [(2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1) for i in range(n - 1)]
+    quads.append((2 * n - 2, 1, 0, 2 * n - 1))  # the ends joined with half a turn
+    angle = np.repeat(np.arange(n), 2) * 2.0 * np.pi / n
+    side = np.tile([-0.3, 0.3], n)
+    radius = 1.0 + side * np.cos(angle / 2)
+    positions = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), side * np.sin(angle / 2)], axis=1
+    )
+    faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    found = check(Mesh(positions=positions, faces=faces)).finding("inconsistent-winding")
+    assert found is not None
+    assert found.count == 1
+    assert len(found.faces) > 0
+
+
+def test_a_shell_inside_out_within_another() -> None:
+    """The wall of a hollow is none, but the wall of a hollow in a hollow turned over is."""
+    sphere = icosphere(1)
+    shells = [sphere.faces, sphere.faces[:, ::-1] + 42, sphere.faces[:, ::-1] + 84]
+    sizes = np.repeat([4.0, 3.0, 2.0], 42)[:, None]
+    positions = np.tile(sphere.positions, (3, 1)) * sizes
+    mesh = Mesh(positions=positions, faces=np.concatenate(shells))
+    found = check(mesh).finding("inside-out-shells")
+    assert found is not None
+    assert found.count == 1
+    assert set(found.faces.tolist()) == set(range(160, 240))
+
+
+def test_threads_change_nothing() -> None:
+    mesh = uv_sphere(40, 40)
+    one, three = (
+        check(mesh.replace(name="low"), mesh, CheckOptions(threads=n)).to_json() for n in (1, 3)
+    )
+    assert one["findings"] == three["findings"]
+
+
+@pytest.mark.parametrize("size", [1e-310, 1e-150, 1e-12, 1e12, 1e150, 1e300])
+@pytest.mark.parametrize("offset", [0.0, 1e7])
+def test_any_size_and_place(size: float, offset: float) -> None:
+    """Nothing overflows, and what is found is what is there."""
+    sphere = uv_sphere(8, 8)
+    mesh = sphere.replace(positions=(sphere.positions + offset) * size)
+    expected = {"extreme-size", "no-normals"} | ({"far-from-origin"} if offset else set())
+    assert set(counts(check(mesh, mesh))) == expected
+
+
+def test_a_mesh_of_one_point() -> None:
+    sphere = uv_sphere(4, 4)
+    report = check(sphere.replace(positions=np.ones_like(sphere.positions)))
+    assert counts(report) == {"no-surface": 1, "no-normals": 1}
+
+
+@pytest.mark.parametrize("far", [1e20, 1e200])
+def test_coordinates_however_far_outside(far: float) -> None:
+    mesh = uv_sphere(4, 4)
+    found = check(mesh.replace(uvs=mesh.uvs + far)).finding("outside-tile")
+    assert found is not None
+    assert found.count == mesh.n_faces
+
+
+def test_the_worst_come_first(case_of: Callable) -> None:
+    heights = np.array([0.0, 0.2, 0.9, 0.4, 0.1])
+    mesh = plane(5, 1)
+    uvs = mesh.uvs.copy()
+    uvs[:, 1] += 1.0 + np.append(heights, 0.0)[np.arange(12) % 6]
+    flat, corners = flat_normals(mesh)
+    found = check(mesh.replace(uvs=uvs, normals=flat, normal_faces=corners)).finding("outside-tile")
+    assert found is not None
+    farthest = np.abs(uvs[mesh.uv_faces][found.faces] - 0.5).max(axis=(1, 2))
+    assert (np.diff(farthest) <= 0.0).all()
+    assert found.worst_faces == found.faces[:10].tolist()
+
+
+def test_report_says_when_a_build_fails(case_of: Callable) -> None:
+    def fails(name: str) -> list[bool]:
+        case = case_of(name)
+        report = check(case.mesh, case.low, case.options)
+        return [report.fails(severity) for severity in SEVERITIES]
+
+    assert fails("overlapping-coordinates") == [True, True, True]
+    assert fails("thin-charts") == [False, True, True]
+    assert fails("unused-vertices") == [False, False, True]
+
+
+def test_report_as_json(case_of: Callable) -> None:
+    case = case_of("far-from-dense")
+    written = json.loads(json.dumps(check(case.mesh, case.low, case.options).to_json()))
+    assert (written["n_errors"], written["n_warnings"], written["n_notes"]) == (0, 1, 0)
+    (finding,) = written["findings"]
+    assert finding["name"] == "far-from-dense"
+    assert finding["mesh"] == "light"
+    assert sorted(finding["worst_faces"]) == [6, 7]
+    assert "2" in finding["problem"]  # model units that the farthest lies away
+    assert written["options"]["size"] == 128
+
+
+def test_a_texel_density_asked_for() -> None:
+    sheet = plane(2, 2)  # 128 texels a unit
+    assert "low-texel-density" in counts(
+        check(sheet, options=CheckOptions(size=128, min_texel_density=129.0))
+    )
+    enough = check(sheet, options=CheckOptions(size=128, min_texel_density=127.0))
+    assert "low-texel-density" not in counts(enough)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"padding": -1}, {"min_texel_density": 0.0}, {"threads": 0}, {"size": 0}]
+)
+def test_options_check_themselves(wrong: dict) -> None:
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        CheckOptions(**wrong)
+
+
+def test_an_unknown_severity_is_an_error() -> None:
+    with pytest.raises(OptionError, match="severity: fatal"):
+        check(icosphere(0)).fails("fatal")
+
+
+@pytest.mark.parametrize(
+    ("turn", "words"),
+    [
+        ([[1, 0, 0], [0, 0, -1], [0, 1, 0]], "y becomes z and z becomes -y"),
+        ([[-1, 0, 0], [0, 1, 0], [0, 0, -1]], "x becomes -x and z becomes -z"),
+    ],
+)
+@pytest.mark.parametrize("moved", [0.0, 0.3])
+def test_turned_axes_are_named_where_the_boxes_do_not_tell(
+    turn: list[list[int]], words: str, moved: float
+) -> None:
+    """A cube that narrows to a ridge beside its middle keeps its box, however it is turned."""
+    ball = icosphere(3)
+    x, y, z = (np.sign(ball.positions) * np.abs(ball.positions) ** 0.3).T
+    width = 0.6 + 0.4 * y
+    low = ball.replace(positions=np.column_stack([x * width + 0.8 * (1 - width), y, z * width]))
+    high = low.replace(positions=low.positions @ np.array(turn).T + moved)
+    found = {item.name: item for item in check(high, low).findings}
+    assert "differing-place" not in found
+    assert words in found["differing-axes"].problem
+
+
+def test_a_mesh_that_is_only_moved_is_not_called_turned() -> None:
+    low = icosphere(3)
+    found = {item.name for item in check(low.replace(positions=low.positions + 1.0), low).findings}
+    assert "differing-place" in found and "differing-axes" not in found

@@ -1,0 +1,53 @@
+"""What is said of walls and gaps is what a bake then does."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.checks import walls
+from texbake.checks.check import check
+from texbake.checks.options import CheckOptions
+from texbake.mesh.mesh import Mesh
+
+
+def heights(high: Mesh, low: Mesh, faces: list[int], **options: object) -> np.ndarray:
+    """Displacements that a bake finds at the texels of some faces of the light mesh."""
+    result = bake(high, low, BakeOptions(size=128, maps=("displacement",), padding=0, **options))
+    there = np.isin(result.texel_faces, faces) & ~result.missed
+    return result.maps["displacement"].values[..., 0][there]
+
+
+def test_the_bake_takes_the_wrong_part_just_where_it_is_said(case_of: Callable) -> None:
+    case = case_of("other-parts")
+    found = check(case.mesh, case.low, case.options).finding("other-parts")
+    assert found is not None
+    # A float32 map of a model 4 units across.
+    np.testing.assert_allclose(heights(case.mesh, case.low, [0, 1]), 0.05, atol=1e-6)
+    np.testing.assert_allclose(heights(case.mesh, case.low, [2, 3, 4, 5]), 0.0, atol=1e-6)
+    # The remedy: the distance of the nearest part is named, and a shorter front is right.
+    assert "0.03 model units" in found.problem
+    np.testing.assert_allclose(heights(case.mesh, case.low, [0, 1], front=0.029), 0.0, atol=1e-6)
+
+
+def test_a_ray_that_misses_its_side_of_a_thin_wall_takes_the_other(case_of: Callable) -> None:
+    case = case_of("thin-walls")
+    found = check(case.mesh, case.low, case.options).finding("thin-walls")
+    assert found is not None
+    assert "0.05 thick" in found.problem
+    torn = case.mesh.replace(
+        faces=case.mesh.faces[2:], uv_faces=case.mesh.uv_faces[2:], normals=None, normal_faces=None
+    )
+    through = heights(torn, case.low, [0, 1], cull_back_faces=False)
+    np.testing.assert_allclose(through, -0.05, atol=1e-6)
+    assert len(heights(torn, case.low, [0, 1])) == 0  # culled, nothing is found
+
+
+def test_faces_beyond_the_number_looked_at_are_told_of(monkeypatch, case_of: Callable) -> None:
+    monkeypatch.setattr(walls, "_MOST_FACES", 4)
+    case = case_of("thin-walls")
+    found = check(case.mesh, case.low, CheckOptions(size=128)).finding("thin-walls")
+    assert found is not None
+    assert found.faces.tolist() == [0, 2]
+    assert "One face in 2 was looked at" in found.problem

@@ -1,0 +1,352 @@
+"""Asset folders for other programs, each by what its files hold."""
+
+import numpy as np
+import pytest
+
+from texbake.errors import FileError, OptionError, UvError
+from texbake.jobs.export.export import SETTINGS, export_asset
+from texbake.jobs.export.options import TARGETS, ExportOptions
+from texbake.jobs.export.sources import find_maps, kind_of, source_maps
+from texbake.jobs.export.targets import PROGRAMS
+from texbake.mesh.files import read_mesh
+from texbake.mesh.files.gltf_document import read_document
+from texbake.mesh.shapes import grid_sphere, uv_sphere
+from texbake.metadata import CONVENTION
+from texbake.texture.image import read_image, write_image
+from texbake.texture.layers import read_layers
+from texbake.texture.map_files import write_heights, write_normals
+
+SIZE = 32
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory):
+    """A map of each kind, with values that no two have in common."""
+    folder = tmp_path_factory.mktemp("maps")
+    rng = np.random.default_rng(0)
+    normals = rng.normal(size=(SIZE, SIZE, 3)).astype(np.float32)
+    normals[..., 2] = np.abs(normals[..., 2]) + 0.2
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    normals[:4] = (0, 0, 1)
+    write_normals(normals, folder / "rock_normal.png")
+    heights = rng.uniform(-0.3, 0.1, (SIZE, SIZE)).astype(np.float32)
+    write_heights(heights, folder / "rock_displacement.exr")
+    for kind in "ao", "roughness", "metalness":
+        codes = rng.integers(0, 256, (SIZE, SIZE, 1), np.uint8)
+        write_image(codes, folder / f"rock_{kind}.png")
+    colors = rng.integers(0, 256, (SIZE, SIZE, 3), np.uint8)
+    write_image(colors, folder / "rock_albedo.png", color=True)
+    write_image(colors, folder / "rock_curvature.png")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return uv_sphere(8, 12).replace(name="rock.obj")
+
+
+@pytest.fixture
+def export(tmp_path, mesh, maps):
+    def run(target, **options):
+        files = find_maps(maps)
+        return export_asset(mesh, files, tmp_path / target, ExportOptions(target=target, **options))
+
+    return run
+
+
+def codes_of(path):
+    image = read_image(path, color=False)
+    return np.rint(image.pixels * (2**image.bits - 1)).astype(int)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_green_points_as_the_program_has_it(export, maps, target):
+    result = export(target)
+    (normal,) = [written.path for written in result.maps if written.kind == "normal"]
+    image, source = (read_image(path, color=False) for path in (normal, maps / "rock_normal.png"))
+    assert image.metadata[CONVENTION] == PROGRAMS[target].convention
+    sign = 1 if PROGRAMS[target].convention == "opengl" else -1
+    # Half a step of either file.
+    found, given = (2.0 * pixels.pixels - 1.0 for pixels in (image, source))
+    assert np.abs(found * [1, sign, 1] - given).max() < 2.0 / (2**image.bits - 1)
+    middle = 2 ** (image.bits - 1)
+    assert (codes_of(normal)[:4] == (middle, middle, 2 * middle - 1)).all()
+
+
+def test_a_directx_map_is_turned_for_an_opengl_program_and_back(tmp_path, mesh, maps):
+    normals = maps / "rock_normal.png"
+    there, back = tmp_path / "there", tmp_path / "back"
+    unreal = export_asset(mesh, {"normal": normals}, there, ExportOptions(target="unreal"))
+    turned = unreal.maps[0].path
+    blender = export_asset(mesh, {"normal": turned}, back, ExportOptions(target="blender"))
+    np.testing.assert_array_equal(codes_of(blender.maps[0].path), codes_of(normals))
+    green = codes_of(turned)[..., 1]
+    given = codes_of(normals)[..., 1]
+    np.testing.assert_array_equal(green[given != 32768], 65535 - given[given != 32768])
+    assert (green[given == 32768] == 32768).all()
+
+
+def test_maps_that_do_not_say_their_convention_are_taken_as_told(tmp_path, mesh):
+    codes = np.full((4, 4, 3), (128, 200, 220), np.uint8)
+    write_image(codes, tmp_path / "n.png")
+    for convention, green in ("opengl", 200), ("directx", 55):
+        options = ExportOptions(target="godot", convention=convention)
+        result = export_asset(mesh, {"normal": tmp_path / "n.png"}, tmp_path / "out", options)
+        assert (codes_of(result.maps[0].path) == (128, green, 220)).all()
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_heights_are_what_the_settings_say(export, maps, target):
+    result = export(target, meters_per_unit=0.01)
+    (written,) = [written for written in result.maps if written.kind == "displacement"]
+    levels = read_image(written.path, color=False).pixels[..., 0].astype(float)
+    meters = (levels - written.mid) * written.scale
+    given = 0.01 * read_image(maps / "rock_displacement.exr", color=False).pixels[..., 0]
+    # Half a step of 16 bits, and the rounding of float32.
+    assert np.abs(meters - given).max() < 0.55 * written.scale / 65535 + 1e-9
+    text = result.settings.read_text(encoding="utf-8")
+    if target == "blender":
+        assert written.path.suffix == ".exr"
+        assert "Midlevel 0, Scale 1" in " ".join(text.split())
+    elif target == "threejs":
+        assert f"displacementScale = {written.scale:.9g}" in " ".join(text.split())
+    else:
+        assert f"{100 * written.scale:.6g}" in text
+
+
+def test_channels_are_packed_as_each_program_reads_them(export, maps):
+    given = {kind: codes_of(maps / f"rock_{kind}.png")[..., 0]
+             for kind in ("ao", "roughness", "metalness")}  # fmt: skip
+    for target in "unreal", "godot", "threejs":
+        (orm,) = [written.path for written in export(target).maps if written.kind == "orm"]
+        expected = np.stack([given["ao"], given["roughness"], given["metalness"]], axis=2)
+        np.testing.assert_array_equal(codes_of(orm), expected)
+    (mask,) = [written.path for written in export("unity").maps if written.kind == "mask-map"]
+    opaque = np.full((SIZE, SIZE), 255)
+    expected = [given["metalness"], given["ao"], opaque, 255 - given["roughness"]]
+    np.testing.assert_array_equal(codes_of(mask), np.stack(expected, axis=2))
+
+
+def test_what_is_not_given_is_constant_and_said(tmp_path, mesh, maps):
+    given = {"roughness": maps / "rock_roughness.png"}
+    result = export_asset(mesh, given, tmp_path, ExportOptions(target="unreal"))
+    assert result.notes == ("T_rock_ORM.png: no ao and no metalness was given; it is constant "
+                            "there",)  # fmt: skip
+    codes = codes_of(result.maps[0].path)
+    assert (codes[..., 0] == 255).all()
+    assert (codes[..., 2] == 0).all()
+    assert result.notes[0] in " ".join(result.settings.read_text(encoding="utf-8").split())
+
+
+NAMES = {
+    "blender": "rock.glb rock_ao.png rock_base-color.png rock_curvature.png rock_displacement.exr "
+    "rock_metalness.png rock_normal.png rock_roughness.png",
+    "unreal": "SM_rock.glb T_rock_BC.png T_rock_H.png T_rock_N.png T_rock_ORM.png "
+    "T_rock_curvature.png",
+    "unity": "rock.obj rock_BaseMap.png rock_Height.png rock_MaskMap.png rock_Normal.png "
+    "rock_curvature.png",
+    "godot": "rock.glb rock_albedo.png rock_curvature.png rock_height.png rock_normal.png "
+    "rock_orm.png",
+    "threejs": "rock.glb rock_base-color.png rock_curvature.png rock_displacement.png "
+    "rock_normal.png rock_orm.png",
+}
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_files_have_the_names_that_the_program_is_used_to(export, target):
+    result = export(target)
+    found = sorted(path.name for path in result.mesh.parent.iterdir())
+    assert found == sorted([*NAMES[target].split(), SETTINGS])
+    assert sorted(path.name for path in result.files) == found
+    text = result.settings.read_text(encoding="utf-8")
+    assert all(name in text for name in NAMES[target].split())
+    assert "{" not in text
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_an_obj_file_is_told_apart_from_gltf(export, target):
+    name = "a-long-name-of-many-words-that-no-line-has-room-for-beside-anything-else"
+    result = export(target, mesh_format="obj", name=name)
+    text = result.settings.read_text(encoding="utf-8")
+    assert all(path.name in text for path in result.files if path != result.settings)
+    of_mesh = text.partition("\nMesh\n")[2].partition("\nMaps\n")[0]
+    assert "gltf" not in of_mesh.lower()
+    assert "already" not in of_mesh
+
+
+def test_the_mesh_is_turned_and_scaled(tmp_path, mesh):
+    options = ExportOptions(target="blender", up="z", meters_per_unit=0.01)
+    result = export_asset(mesh, {}, tmp_path, options, levels=[mesh])
+    x, y, z = mesh.positions.T
+    expected = 0.01 * np.stack([x, z, -y], axis=1)
+    found = read_mesh(result.mesh)
+    order, given = (np.lexsort(points.round(6).T) for points in (found.positions, expected))
+    np.testing.assert_allclose(found.positions[order], expected[given], atol=1e-8)
+
+
+def test_the_files_material_has_the_maps(export):
+    for target, images in (("blender", 3), ("godot", 3), ("threejs", 3), ("unreal", 0)):
+        content = read_document(export(target).mesh).content
+        assert len(content.get("images", ())) == images
+        assert ("normalTexture" in content["materials"][0]) == bool(images)
+
+
+def test_usd_refers_to_images_beside_it(export, maps):
+    result = export("blender", mesh_format="usda")
+    assert len(result.textures) == 3
+    text = result.mesh.read_text(encoding="utf-8")
+    assert all(f"@{path.name}@" in text and path.is_file() for path in result.textures)
+    packed = export("blender", mesh_format="usdz", name="other")
+    assert packed.textures == ()
+    assert packed.mesh.name == "other.usdz"
+
+
+def test_unity_gets_normals_in_the_mesh(tmp_path):
+    ball = uv_sphere(8, 12).replace(normals=None, normal_faces=None)
+    result = export_asset(ball, {}, tmp_path, ExportOptions(target="unity", name="ball"))
+    assert read_mesh(result.mesh).normals is not None
+
+
+def test_dds_textures_have_their_blocks(export):
+    result = export("godot", textures="dds")
+    kinds = {written.kind: written.path.suffix for written in result.maps}
+    assert kinds == {"normal": ".dds", "base-color": ".dds", "orm": ".dds", "displacement": ".png",
+                     "curvature": ".png"}  # fmt: skip
+    with pytest.raises(OptionError, match="Unreal Engine takes png files"):
+        export("unreal", textures="dds")
+
+
+def test_all_maps_come_as_layers_where_asked_for(export, maps):
+    result = export("blender", layers=True)
+    layers = read_layers(result.layers)
+    assert set(layers) == {"normal", "displacement", "ao", "roughness", "metalness", "base-color",
+                           "curvature"}  # fmt: skip
+    for kind, layer in layers.items():
+        name = "albedo" if kind == "base-color" else kind
+        (file,) = maps.glob(f"rock_{name}.*")
+        given = read_image(file, color=kind == "base-color").pixels
+        # A half has 11 bits, one of 8-bit codes more than enough.
+        assert np.abs(layer.pixels - given).max() <= (5e-4 if layer.bits == 16 else 0.0)
+
+
+def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
+    tiles = {f"normal:{tile}": maps / "rock_normal.png" for tile in (1001, 1002)}
+    for target, name in (("unreal", "T_rock_N.1002.png"), ("godot", "rock_normal_1002.png")):
+        result = export_asset(mesh, tiles, tmp_path / target, ExportOptions(target=target))
+        assert (tmp_path / target / name).is_file()
+        assert "UDIM" in result.settings.read_text(encoding="utf-8")
+        assert "images" not in read_document(result.mesh).content
+        assert any("knows no UDIM" in note for note in result.notes) == (target == "godot")
+
+
+def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):
+    contents = []
+    for name in "one", "two":
+        options = ExportOptions(target="blender", layers=True)
+        result = export_asset(mesh, find_maps(maps), tmp_path / name, options, levels=[mesh])
+        contents.append([path.read_bytes() for path in result.files])
+    assert contents[0] == contents[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("normal", ("normal", "")), ("Albedo", ("base-color", "")), ("texture", ("base-color", "")),
+        ("height_1011", ("displacement", "1011")), ("ao:1001", ("ao", "1001")),
+        ("curvature", ("curvature", "")), ("scan1001", ("scan1001", "")),
+        ("rock_normal_1024", ("rock_normal", "")), ("ao.4096", ("ao", "")),
+        ("ao:1024", ("ao", "1024")), ("ao:2048", ("ao:2048", "")), ("ao_1000", ("ao_1000", "")),
+        ("ao_999", ("ao_999", "")),
+    ],
+)  # fmt: skip
+def test_names_of_maps(name, expected):
+    assert kind_of(name) == expected
+
+
+def test_folders_are_searched_by_the_ends_of_names(tmp_path):
+    for name in "a_bent-normal.png", "a_normal.1002.exr", "notes.txt", "a_preview.png", "ao.tif":
+        (tmp_path / name).touch()
+    found = {kind: path.name for kind, path in find_maps(tmp_path).items()}
+    assert found == {"bent-normal": "a_bent-normal.png", "normal:1002": "a_normal.1002.exr",
+                     "ao": "ao.tif"}  # fmt: skip
+    named = find_maps(tmp_path, {"occlusion": "other.png"})
+    assert named["occlusion"] == "other.png"
+    assert "ao" not in named
+    (tmp_path / "b_ao.png").touch()
+    with pytest.raises(OptionError, match=r"ao\.tif and b_ao\.png are both ao"):
+        find_maps(tmp_path)
+    with pytest.raises(FileError, match="no such folder"):
+        find_maps(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(OptionError, match="no image in it is named after a map"):
+        find_maps(tmp_path / "empty")
+
+
+def test_a_number_that_is_a_size_or_a_tile(tmp_path):
+    for name in "rock_normal_1024.png", "rock_ao_512.png":
+        (tmp_path / name).touch()
+    assert set(find_maps(tmp_path)) == {"normal", "ao"}
+    (tmp_path / "rock_normal_1001.png").touch()
+    assert set(find_maps(tmp_path)) == {"normal:1024", "normal:1001", "ao"}
+    assert [source.tile for source in source_maps({"normal_1024": "a", "ao": "b"})] == ["", ""]
+
+
+def settings_of(result):
+    return " ".join(result.settings.read_text(encoding="utf-8").split())
+
+
+@pytest.mark.parametrize("target", ["threejs", "godot", "blender"])
+def test_only_a_glb_without_tiles_is_said_to_hold_maps(target, export, mesh, maps, tmp_path):
+    held = {"threejs": "ORM maps are in it", "godot": "maps already", "blender": "maps already"}
+    assert held[target] in settings_of(export(target))
+    tiled = {f"{kind}:{tile}": maps / f"rock_{kind}.png" for kind in ("normal", "ao")
+             for tile in (1001, 1002)}  # fmt: skip
+    options = ExportOptions(target=target)
+    others = [export_asset(mesh, tiled, tmp_path / "tiled", options)]
+    others += [export(target, mesh_format="obj")]
+    others += [export_asset(mesh, {}, tmp_path / "bare", options)]
+    for result in others:
+        text = settings_of(result)
+        assert held[target] not in text and "in the GLB" not in text
+
+
+def test_rows_of_images_are_turned_where_the_mesh_is_no_gltf_file(export):
+    assert "flipY = true" not in settings_of(export("threejs"))
+    assert "flipY = false" not in settings_of(export("threejs", mesh_format="obj"))
+
+
+def test_one_map_cannot_be_two_files():
+    with pytest.raises(OptionError, match=r"both a\.png and b\.png are this map"):
+        source_maps({"ao": "a.png", "occlusion": "b.png"})
+
+
+def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
+    def fail(error, message, files, options=None, of=mesh, **more):
+        with pytest.raises(error, match=message) as caught:
+            export_asset(of, files, tmp_path, options or ExportOptions(target="godot"), **more)
+        assert "\n" not in str(caught.value)
+
+    write_image(np.zeros((4, 4, 1), np.uint8), tmp_path / "small.png")
+    write_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "object.png",
+                metadata={"texbake:space": "object"})  # fmt: skip
+    fail(FileError, "no.png", {"normal": tmp_path / "no.png"})
+    fail(OptionError, "it is in object space", {"normal": tmp_path / "object.png"})
+    fail(OptionError, "a normal map has three channels", {"normal": tmp_path / "small.png"})
+    sizes = {"ao": tmp_path / "small.png", "roughness": maps / "rock_roughness.png"}
+    fail(OptionError, r"differ in size \(ao 4 x 4, roughness 32 x 32\)", sizes)
+    bare = grid_sphere(4, 6)
+    fail(UvError, "no texture coordinates", {"normal": maps / "rock_normal.png"}, of=bare)
+    compressed = ExportOptions(target="blender", compress=True)
+    fail(OptionError, "Blender does not open compressed", {}, compressed)
+    fail(OptionError, "levels: a obj file has none", {}, ExportOptions(target="unity"),
+         levels=[mesh])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"target": "maya"}, {"textures": "jpg"}, {"up": "x"}, {"meters_per_unit": 0.0},
+     {"mesh_format": "fbx"}, {"name": "a/b"}, {"name": " "}, {"convention": "vulkan"}],
+)  # fmt: skip
+def test_options_are_checked(wrong):
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        ExportOptions(**{"target": "godot", **wrong})

@@ -1,0 +1,80 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError, UvError
+from texbake.jobs.checker import render_checker
+from texbake.mesh.shapes import cube, plane
+from texbake.rendering.options import RenderOptions
+
+# Straight at the plane, which lies in x and y and looks along z.
+FRONT = RenderOptions(width=96, height=96, view=(0.0, 0.0), supersampling=2, background=None)
+
+
+def front_of(picture: np.ndarray) -> np.ndarray:
+    """The middle of the first of the four pictures."""
+    margin = 6  # about each, at this size
+    middle = margin + (picture.shape[1] - 5 * margin) // 8
+    return picture[24:72, middle - 24 : middle + 24]
+
+
+def hues(picture: np.ndarray) -> np.ndarray:
+    """Colors without how strongly they are lit."""
+    return picture / np.maximum(picture.sum(axis=2, keepdims=True), 1e-3)
+
+
+def test_coordinates_outside_the_square_repeat_the_checker() -> None:
+    mesh = plane()
+    assert mesh.uvs is not None
+    here = render_checker(mesh, FRONT)
+    there = render_checker(mesh.replace(uvs=mesh.uvs + np.array([3.0, -2.0])), FRONT)
+    # 1e-3: coordinates lose 2 of their 53 bits.
+    assert np.abs(front_of(here) - front_of(there)).mean() < 1e-3
+    elsewhere = render_checker(mesh.replace(uvs=mesh.uvs + np.array([0.5, 0.0])), FRONT)
+    assert np.abs(front_of(here) - front_of(elsewhere)).mean() > 0.1
+
+
+def test_mirrored_coordinates_show_the_checker_mirrored() -> None:
+    mesh = plane()
+    assert mesh.uvs is not None
+    upright = front_of(render_checker(mesh, FRONT, n_cells=4))
+    mirrored = mesh.replace(uvs=mesh.uvs * np.array([-1.0, 1.0]) + np.array([1.0, 0.0]))
+    turned = front_of(render_checker(mirrored, FRONT, n_cells=4))
+    # 1e-3: the highlight is not in the middle.
+    assert np.abs(hues(upright) - hues(turned)[:, ::-1]).mean() < 1e-3
+    assert np.abs(hues(upright) - hues(turned)).mean() > 0.1
+
+
+def test_four_sides_and_the_same_for_any_number_of_threads() -> None:
+    # An open plane, culled from behind: only the first of its four sides shows it.
+    culled = render_checker(plane(), FRONT, threads=1)
+    both = RenderOptions(
+        width=96, height=96, view=(0.0, 0.0), supersampling=2, background=None, back_faces="show"
+    )
+    shown = render_checker(plane(), both, threads=3)
+    assert culled.shape == shown.shape
+    width = shown.shape[1] // 4
+    changed = [
+        np.abs(culled - shown)[:width, i * width : (i + 1) * width].max() > 0.1 for i in range(4)
+    ]
+    assert changed == [False, False, True, False]
+    assert render_checker(plane(), both, threads=1).tobytes() == shown.tobytes()
+
+
+def test_a_checker_repeated_often_is_drawn_with_fewer_texels() -> None:
+    mesh = plane()
+    assert mesh.uvs is not None
+    often = mesh.replace(uvs=mesh.uvs * 8.0)
+    picture = front_of(render_checker(often, replace(FRONT, supersampling=4), n_cells=2))
+    finer = front_of(render_checker(often, replace(FRONT, supersampling=16), n_cells=2))
+    # What more samples would still change is aliasing. Cells are 4 pixels wide here.
+    assert np.abs(picture - finer).mean() < 0.02
+    assert picture.std() > 0.05  # and the cells are still told apart
+
+
+def test_wrong_input() -> None:
+    with pytest.raises(UvError, match="no texture coordinates"):
+        render_checker(cube())
+    with pytest.raises(OptionError, match="n_cells"):
+        render_checker(plane(), n_cells=99)

@@ -1,0 +1,35 @@
+"""What the whole job asks of its bake."""
+
+import pytest
+
+from texbake.errors import OptionError
+from texbake.jobs.options import DEFAULT_SAMPLES, RunOptions
+
+
+def test_samples_are_the_defaults_where_nothing_is_asked_for():
+    assert RunOptions().bake_options().samples == DEFAULT_SAMPLES
+
+
+@pytest.mark.parametrize("samples", [1, 64, "adaptive"])
+def test_samples_are_passed_on(samples):
+    assert RunOptions(samples=samples).bake_options().samples == samples
+
+
+def test_an_error_and_a_time_are_passed_on():
+    bake = RunOptions(max_error="1deg", time_budget="20s").bake_options()
+    assert (bake.max_error, bake.time_budget, bake.is_adaptive) == ("1deg", "20s", True)
+    assert RunOptions(samples="adaptive", max_error="1deg").bake_options().is_adaptive
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"samples": 4, "max_error": "1deg"}, "leave nothing to choose"),
+        ({"samples": "some"}, "samples: some"),
+        ({"max_error": "small"}, "is no error"),
+        ({"time_budget": "later"}, "is no time"),
+    ],
+)
+def test_what_cannot_be_is_told_before_the_work(options, told):
+    with pytest.raises(OptionError, match=told):
+        RunOptions(**options)

@@ -1,0 +1,175 @@
+"""The whole job: what it leaves in its folder, and what it leaves alone."""
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import texbake.jobs.run as run_module
+from texbake import (
+    FileError,
+    Mesh,
+    OptionError,
+    RunOptions,
+    RunResult,
+    TexbakeError,
+    read_image,
+    read_mesh,
+    run,
+)
+from texbake.mesh.shapes import icosphere
+
+FILES = {
+    "ball_low.obj",
+    "ball_low.glb",
+    "ball_normal.png",
+    "ball_displacement.exr",
+    "ball_preview.png",
+    "ball_compare.png",
+    "ball_report.json",
+}
+OPTIONS = RunOptions(n_faces=200, size=256, padding=2, convention="directx")
+
+
+@pytest.fixture(scope="module")
+def high() -> Mesh:
+    """A ball of 20,480 triangles with waves all over."""
+    ball = icosphere(5)
+    waves = np.sin(9.0 * ball.positions).prod(axis=1, keepdims=True)
+    return ball.replace(positions=ball.positions * (1.0 + 0.03 * waves), name="ball.ply")
+
+
+@pytest.fixture(scope="module")
+def result(high: Mesh, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    return run(high, tmp_path_factory.mktemp("run") / "made" / "for it", OPTIONS)
+
+
+def chunks_of_glb(path: Path) -> tuple[dict, bytes]:
+    """The JSON and the binary chunk of a GLB file."""
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def test_every_file_is_there_and_nothing_else(result: RunResult) -> None:
+    folder = result.files["mesh"].parent
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert set(result.files.values()) == {folder / name for name in FILES}
+
+
+def test_the_light_mesh_is_light_and_has_an_atlas(result: RunResult) -> None:
+    low = read_mesh(result.files["mesh"])
+    assert low.n_faces <= OPTIONS.n_faces
+    assert result.unwrapped.distortion.n_overlapping == 0
+    np.testing.assert_array_equal(low.corner_uvs(), result.low.corner_uvs())
+
+
+def test_padding_fits_between_the_charts(result: RunResult) -> None:
+    assert result.baked.report.padding_meets == 0
+    assert result.baked.report.texels_missed == 0
+
+
+def test_maps_bring_the_dense_mesh_back(result: RunResult) -> None:
+    bare, mapped = result.comparison.bare, result.comparison.mapped
+    assert mapped.mean_deg < 0.2 * bare.mean_deg
+    assert mapped.psnr_db > bare.psnr_db + 10
+    assert mapped.silhouette_mismatch < bare.silhouette_mismatch
+
+
+def test_the_map_in_the_glb_is_opengl(result: RunResult, tmp_path: Path) -> None:
+    document, binary = chunks_of_glb(result.files["glb"])
+    (image,) = document["images"]
+    view = document["bufferViews"][image["bufferView"]]
+    start = view.get("byteOffset", 0)
+    embedded = tmp_path / "embedded.png"
+    embedded.write_bytes(binary[start : start + view["byteLength"]])
+    directx = read_image(result.files["normal"], color=False).pixels
+    opengl = read_image(embedded, color=False).pixels
+    # Half a step of 8 bits and one of 16.
+    tolerance = 0.5 / 255 + 0.5 / 65535 + 1e-7
+    assert np.abs(opengl[..., 1] - (1 - directx[..., 1])).max() <= tolerance
+    assert np.abs(opengl[..., [0, 2]] - directx[..., [0, 2]]).max() <= tolerance
+
+
+def test_the_report_says_what_the_result_says(result: RunResult) -> None:
+    report = json.loads(result.files["report"].read_text())
+    assert report["compare"]["mapped"]["mean_deg"] == result.comparison.mapped.mean_deg
+    assert report["bake"]["texels_covered"] == result.baked.report.texels_covered
+    assert report["simplify"]["n_faces"] == result.low.n_faces
+    assert [stage["name"] for stage in report["stages"]] == [
+        "simplify",
+        "unwrap",
+        "bake",
+        "write maps",
+        "compare",
+    ]
+    assert all(stage["peak_memory_bytes"] > 0 for stage in report["stages"])
+
+
+def test_the_table_is_for_a_person(result: RunResult) -> None:
+    rows = dict(result.table())
+    assert rows["Stages"] == ""
+    assert rows["  total"].endswith(" s")
+    assert "bare" in rows["  PSNR of the picture"]
+
+
+def test_threads_change_no_byte(result: RunResult, high: Mesh, tmp_path: Path) -> None:
+    one = run(
+        high,
+        tmp_path,
+        RunOptions(n_faces=200, size=256, padding=2, convention="directx", threads=1),
+    )
+    for name, path in one.files.items():
+        if name != "report":  # which has seconds in it
+            assert path.read_bytes() == result.files[name].read_bytes(), name
+
+
+def test_what_a_failed_stage_did_not_reach_is_kept(
+    high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in FILES:
+        (tmp_path / name).write_text("earlier")
+
+    def fail(*args: object, **options: object) -> None:
+        raise TexbakeError("ball.ply: it cannot be baked")
+
+    monkeypatch.setattr(run_module, "bake", fail)
+    with pytest.raises(TexbakeError, match="cannot be baked"):
+        run(high, tmp_path, OPTIONS)
+    assert read_mesh(tmp_path / "ball_low.obj").n_faces <= 200  # its stage had succeeded
+    for name in FILES - {"ball_low.obj"}:
+        assert (tmp_path / name).read_text() == "earlier"
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+
+
+def test_a_folder_that_cannot_be_is_told_before_the_work(
+    high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_module, "simplify_with_report", None)  # must not be come to
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="file/folder: the folder cannot be made"):
+        run(high, tmp_path / "file" / "folder")
+    (tmp_path / "ball_compare.png").mkdir()
+    with pytest.raises(FileError, match=r"ball_compare\.png: it is a folder"):
+        run(high, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"n_faces": 3}, "faces: 3"),
+        ({"quality": "worst"}, "quality: worst"),
+        ({"size": 0}, "size: 0"),
+        ({"size": 16, "padding": 8}, "padding: 8"),
+        ({"samples": 2}, "samples: 2"),
+        ({"convention": "vulkan"}, "convention: vulkan"),
+        ({"up": "x"}, "up: x"),
+        ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
+        ({"threads": 0}, "threads: 0"),
+    ],
+)
+def test_wrong_options_are_told_when_they_are_made(wrong: dict, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        RunOptions(**wrong)

@@ -1,0 +1,369 @@
+"""What a scene should not be: each picture is defined, and holds no NaN."""
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import BUFFERS, INTERPOLATIONS, RenderOptions
+from texbake.rendering.scene.lights import (
+    Ambient,
+    AmbientOcclusion,
+    Environment,
+    Fog,
+    Light,
+    Lighting,
+    Shadow,
+)
+from texbake.rendering.scene.material import (
+    Material,
+    NormalMap,
+    Reflection,
+    Refraction,
+)
+from texbake.rendering.scene.placing import transform_matrix
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import (
+    FILTERS,
+    WRAPS,
+    ImageTexture,
+    ProcedureTexture,
+)
+from texbake.texture.image import Image, write_image
+
+SMALL = RenderOptions(width=32, height=24, supersampling=2)
+EVERYTHING = Lighting(
+    lights=(
+        Light(direction=(-1, -2, -3), shadow=Shadow(size=64)),
+        Light(kind="point", position=(1.0, 2.0, 2.0), shadow=Shadow(size=32)),
+        Light(
+            kind="spot", position=(2.0, 2.0, 2.0), direction=(-1, -1, -1), shadow=Shadow(size=64)
+        ),
+    ),
+    ambient=Ambient(color=(0.1, 0.1, 0.1), ground=(0.2, 0.1, 0.0)),
+    environment=Environment(color=(0.5, 0.6, 0.7), lighting=True, size=8),
+    occlusion=AmbientOcclusion(samples=4),
+    fog=Fog(density=0.01),
+)
+TEXELS = np.random.default_rng(1).random((8, 8, 3)).astype(np.float32)
+MATERIALS = (
+    Material(roughness=0.0, metalness=1.0),
+    Material(shading="blinn-phong", base_color=ImageTexture(image=TEXELS)),
+    Material(shading="lambert", opacity=0.5, double_sided=True),
+    Material(reflection=Reflection(fresnel=True), refraction=Refraction(strength=0.5)),
+)
+
+
+def finite_picture(scene, camera=None, options=SMALL, keep=("normals",)):
+    camera = camera or Camera.framing(*(i.mesh for i in scene.objects), options=options)
+    frame = draw(prepare(scene, options), camera, keep=keep)
+    for values in frame.color, frame.coverage, *((frame.normals,) if keep else ()):
+        assert np.isfinite(values).all()
+    assert not np.isnan(frame.depths).any()
+    return frame
+
+
+def all_materials(mesh, **fields):
+    for material in MATERIALS:
+        yield Scene(
+            objects=(SceneObject(mesh=mesh, material=material, **fields),), lighting=EVERYTHING
+        )
+
+
+IMAGES = {
+    "one pixel": np.array([[[0.25, 0.5, 0.75]]], np.float32),
+    "one row": np.array([[[0.25] * 3, [0.5] * 3, [0.75] * 3]], np.float32),
+    "one channel": np.full((4, 4, 1), 0.5, np.float32),
+    "flat": np.full((4, 4), 0.5, np.float32),
+    "two channels": np.full((4, 4, 2), 0.5, np.float32),
+    "nan": np.where(np.arange(16).reshape(4, 4, 1) % 3 == 0, np.nan, np.ones((4, 4, 3))),
+    "infinite": np.full((4, 4, 3), np.inf, np.float32),
+    "float64": np.full((4, 4, 3), 0.5),
+    "bytes": np.full((4, 4, 3), 1, np.uint8),
+}
+
+
+@pytest.mark.parametrize("filter_name", FILTERS)
+@pytest.mark.parametrize("name", IMAGES)
+def test_images_of_odd_shapes_and_values(name, filter_name):
+    image = ImageTexture(image=IMAGES[name], filter=filter_name)
+    material = Material(base_color=image, roughness=image, emission=image, opacity=image)
+    scene = Scene(
+        objects=(SceneObject(mesh=plane(), material=material),),
+        lighting=Lighting(lights=(Light(),)),
+    )
+    frame = finite_picture(scene)
+    unlit = Scene(
+        objects=(SceneObject(mesh=plane(), material=Material(shading="unlit", base_color=image)),)
+    )
+    seen = finite_picture(unlit, keep=())
+    assert (seen.coverage == 1.0).sum() > 100 and frame.plan.has("images")
+    if name in ("one pixel", "one channel", "flat", "float64", "two channels"):
+        first = np.asarray(IMAGES[name], float).reshape(-1)[: 3 if name == "one pixel" else 1]
+        inside = seen.color[seen.coverage == 1.0][:, :3]
+        if name != "two channels":  # whose second is opacity
+            np.testing.assert_allclose(inside, np.broadcast_to(first, inside.shape), rtol=1e-5)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_images_of_8_and_16_bits_and_of_one_channel_hold_their_colors(tmp_path, bits, channels):
+    levels = np.linspace(0, 1, 16 * channels, dtype=np.float32).reshape(4, 4, channels)
+    write_image(levels, tmp_path / "a.png", color=True, bits=bits)
+    texture = ImageTexture(image=tmp_path / "a.png", filter="nearest", wrap="clamp")
+    material = Material(shading="unlit", base_color=texture)
+    scene = Scene(objects=(SceneObject(mesh=plane(), material=material),))
+    options = RenderOptions(width=8, height=8, supersampling=1)
+    # The unit square fills the picture.
+    camera = Camera.looking_at((0.5, 0.5, 2.0), (0.5, 0.5, 0), fov=2 * np.arctan(0.25), near=0.1)
+    found = finite_picture(scene, camera, options).color[..., :3]
+    expected = np.broadcast_to(levels.repeat(2, 0).repeat(2, 1), (8, 8, 3))
+    # Half a code, where sRGB is steepest: 2.3 in linear light.
+    np.testing.assert_allclose(found, expected, atol=2.3 * 0.5 / (2**bits - 1) + 1e-6)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("filter_name", FILTERS)
+def test_coordinates_of_any_size_read_some_texel(filter_name, wrap):
+    for scale in 1e9, 1e300, np.nan:
+        mesh = plane(2, 2)
+        uvs = mesh.uvs.copy()
+        uvs[0] = -abs(scale)
+        if np.isnan(scale):
+            with pytest.raises(Exception, match="finite"):
+                mesh.replace(uvs=uvs)
+            continue
+        uvs[4] = scale
+        image = ImageTexture(image=TEXELS, filter=filter_name, wrap=wrap, border=(0.5,))
+        scene = Scene(
+            objects=(
+                SceneObject(
+                    mesh=mesh.replace(uvs=uvs), material=Material(shading="unlit", base_color=image)
+                ),
+            )
+        )
+        frame = finite_picture(scene, keep=())
+        assert frame.color.max() <= 1.0 + 1e-5 and frame.color.min() >= -0.3  # bicubic overshoots
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_a_camera_inside_a_triangle(interpolation):
+    # The eye lies in the plane of the wall and within it: the wall is seen nowhere, edge-on.
+    options = RenderOptions(width=32, height=24, interpolation=interpolation, back_faces="show")
+    for direction in (1, 0, 0), (0.3, 1, 0), (0, 0, -1), (1, 1, 1e-9), (0.1, 0.2, -1):
+        camera = Camera.looking_at(
+            (0.4, 0.3, 0.0), (0.4 + direction[0], 0.3 + direction[1], direction[2]),
+            up=(0, 0.1, 1) if abs(direction[2]) < 0.5 else (0, 1, 0), fov=1.0, near=1e-3,
+        )  # fmt: skip
+        for scene in all_materials(plane()):
+            frame = finite_picture(scene, camera, options)
+            assert frame.coverage.max() <= 1.0
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_a_triangle_through_the_eye_and_one_behind_it(interpolation):
+    through = Mesh(
+        positions=[[-5, -1, 5], [5, -1, 5], [0, 1, -5], [-1, -1, 8], [1, -1, 8], [0, 1, 8]],
+        faces=[[0, 1, 2], [3, 4, 5]],
+        uvs=[[0, 0], [1, 0], [0, 1]],
+        uv_faces=[[0, 1, 2], [0, 1, 2]],
+    )
+    options = RenderOptions(width=40, height=30, interpolation=interpolation, back_faces="show")
+    camera = Camera.looking_at((0, 0, 0.0), (0, 0, -1.0), fov=1.2, near=1e-3)
+    for scene in all_materials(through):
+        frame = finite_picture(scene, camera, options)
+        assert not (frame.face_ids == 1).any()  # wholly behind
+    # The plane of the first goes right through the eye.
+    assert (frame.face_ids == 0).sum() == 0 or frame.depths[frame.face_ids == 0].min() >= 1e-3
+
+
+def test_a_camera_inside_a_closed_mesh_sees_its_back_or_nothing():
+    camera = Camera.looking_at((0.1, 0, 0), (1, 0, 0.2), fov=1.0, near=1e-4)
+    for scene in all_materials(uv_sphere(8, 16)):
+        finite_picture(scene, camera)
+    culled = next(all_materials(cube()))
+    assert finite_picture(culled, camera).coverage.max() == 0.0
+    shown = RenderOptions(width=32, height=24, back_faces="show")
+    assert finite_picture(culled, camera, shown).coverage.min() == 1.0
+
+
+@pytest.mark.parametrize("kind", ["point", "spot"])
+@pytest.mark.parametrize("shadow", [None, Shadow(size=32)])
+def test_a_light_at_a_surface(kind, shadow):
+    for position in (0.5, 0.5, 0.0), (0.0, 0.0, 0.0), (0.5, 0.5, 1e-12):
+        light = Light(kind=kind, position=position, direction=(0, 0, -1), shadow=shadow)
+        for material in MATERIALS:
+            scene = Scene(
+                objects=(
+                    SceneObject(mesh=plane(), material=material),
+                    SceneObject(mesh=cube(), transform=transform_matrix(scale=0.1)),
+                ),
+                lighting=Lighting(lights=(light,)),
+            )
+            assert finite_picture(scene).coverage.max() == 1.0
+
+
+@pytest.mark.parametrize("size", [1e9, 1e-9, 1e30])
+def test_coordinates_of_a_billion(size):
+    matrix = transform_matrix(scale=size, translate=(size, -3 * size, 2 * size))
+    mesh = uv_sphere(12, 24)
+    options = RenderOptions(width=32, height=24)
+    reference = Mesh(
+        positions=mesh.positions * size + size * np.array((1, -3, 2.0)), faces=mesh.faces
+    )
+    camera = Camera.framing(reference, options=options)
+    plain_camera = Camera.framing(mesh, options=options)
+    for scene, plain in zip(
+        all_materials(mesh, transform=matrix), all_materials(mesh), strict=True
+    ):
+        frame = finite_picture(scene, camera, options)
+        assert (
+            (frame.coverage > 0) != (finite_picture(plain, plain_camera, options).coverage > 0)
+        ).mean() < 0.01
+    # Far from the origin: a unit at 1e9 has 1e-7 left of it.
+    far = transform_matrix(translate=(1e9, 1e9, 1e9))
+    moved = Mesh(positions=mesh.positions + 1e9, faces=mesh.faces)
+    for scene in all_materials(mesh, transform=far):
+        finite_picture(scene, Camera.framing(moved, options=options), options)
+
+
+def test_a_mirrored_transform_shows_the_outside():
+    for scene in all_materials(uv_sphere(8, 16), transform=transform_matrix(scale=(-1, 1, 1))):
+        frame = finite_picture(scene)
+        assert frame.coverage.max() == 1.0
+    mirrored = Scene(
+        objects=(SceneObject(mesh=cube(), transform=transform_matrix(scale=(1, 1, -1))),),
+        lighting=EVERYTHING,
+    )
+    options = RenderOptions(width=33, height=33, supersampling=1, view=(0.0, 0.0))
+    frame = finite_picture(mirrored, Camera.framing(cube(), options=options), options)
+    np.testing.assert_allclose(frame.normals[16, 16], (0, 0, 1), atol=1e-6)
+
+
+def test_singular_transforms_are_errors():
+    for scale in (0, 1, 1), (1e-300, 1, 1), 0:
+        with pytest.raises(OptionError, match="singular"):
+            SceneObject(mesh=cube(), transform=transform_matrix(scale=scale))
+
+
+@pytest.mark.parametrize("buffer", BUFFERS)
+def test_buffers_of_degenerate_meshes(buffer):
+    rng = np.random.default_rng(3)
+    positions = rng.normal(size=(40, 3))
+    positions[10:20] = positions[0]
+    faces = rng.integers(0, 40, (80, 3)).astype(np.int32)
+    mesh = Mesh(positions=positions, faces=faces, uvs=np.zeros((40, 2)), uv_faces=faces)
+    options = RenderOptions(width=32, height=24, buffer=buffer, back_faces="show")
+    for scene in all_materials(mesh):
+        assert finite_picture(scene, options=options, keep=()).coverage.max() > 0.0
+
+
+def test_degenerate_meshes_under_every_material_and_light():
+    rng = np.random.default_rng(4)
+    positions = rng.normal(size=(40, 3))
+    positions[10:20] = positions[0]
+    positions[20:25, 1:] = 0.0
+    faces = rng.integers(0, 40, (80, 3)).astype(np.int32)
+    mesh = Mesh(
+        positions=positions, faces=faces, uvs=rng.normal(size=(40, 2)), uv_faces=faces,
+        normals=np.zeros((1, 3)), normal_faces=np.zeros_like(faces),
+    )  # fmt: skip
+    options = RenderOptions(width=32, height=24, back_faces="show")
+    for scene in all_materials(mesh):
+        assert finite_picture(scene, options=options).coverage.max() > 0.0
+
+
+def test_a_normal_map_with_gaps_and_of_no_length():
+    texels = np.zeros((4, 4, 3), np.float32)
+    texels[0, 0] = np.nan
+    texels[1, 1] = (0, 0, -1)
+    for filter_name in FILTERS:
+        texture = ImageTexture(image=texels, filter=filter_name)
+        material = Material(normal_map=NormalMap(texture=texture), metalness=1.0, roughness=0.1)
+        scene = Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
+        assert finite_picture(scene).coverage.max() == 1.0
+    coded = Image(np.zeros((2, 2, 3), np.float32), {"texbake:space": "object"}, name="coded")
+    material = Material(normal_map=NormalMap(texture=ImageTexture(image=coded)))
+    scene = Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
+    assert finite_picture(scene).coverage.max() == 1.0
+
+
+def test_a_cycle_of_mirrors_around_a_camera_ends():
+    mirror = Material(
+        metalness=1.0, roughness=0.2, reflection=Reflection(environment="rendered", size=8)
+    )
+    items = tuple(
+        SceneObject(
+            mesh=cube(), material=mirror, name=f"{angle}",
+            transform=transform_matrix(translate=(2 * np.cos(angle), 0, 2 * np.sin(angle))),
+        )
+        for angle in (0.0, 2.1, 4.2)
+    )  # fmt: skip
+    camera = Camera.looking_at((0, 0.2, 0), (1, 0, 0.3), fov=1.5, near=1e-3)
+    scene = Scene(objects=items, lighting=EVERYTHING)
+    options = RenderOptions(width=24, height=16, supersampling=1, bounces=2)
+    assert finite_picture(scene, camera, options).coverage.max() == 1.0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda bad: Material(base_color=(bad, 0.0, 0.0)),
+        lambda bad: Material(roughness=bad),
+        lambda bad: Material(shading="blinn-phong", exponent=bad),
+        lambda bad: Material(opacity=bad),
+        lambda bad: Material(emission=(0.0, bad, 0.0)),
+        lambda bad: Reflection(strength=bad),
+        lambda bad: Refraction(index=bad),
+        lambda bad: NormalMap(texture=ImageTexture(image=TEXELS), strength=bad),
+        lambda bad: ImageTexture(image=TEXELS, factor=bad),
+        lambda bad: ImageTexture(image=TEXELS, scale=(1.0, bad)),
+        lambda bad: ProcedureTexture(procedure="noise", scale=bad),
+        lambda bad: ProcedureTexture(procedure="noise", colors=((bad, 0.0, 0.0),)),
+        lambda bad: Ambient(color=(bad, 0.0, 0.0)),
+        lambda bad: Ambient(ground=(bad, 0.0, 0.0)),
+        lambda bad: Environment(color=(0.0, 0.0, bad)),
+        lambda bad: Fog(color=(0.0, bad, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
+    with pytest.raises(OptionError):
+        make(bad)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Refraction(index=0.0), "index: 0.0 is not above 0"),
+        (lambda: Refraction(environment="sky"), "environment: 'sky' is not one of"),
+        (lambda: Reflection(size=0), "size: 0 texels"),
+        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), space="uv"), "space: 'uv'"),
+        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), convention="gl"), "convention"),
+        (lambda: ImageTexture(image=TEXELS, channel=-1), "channel: -1 is below 0"),
+        (lambda: Material(exponent=-1.0), "material.exponent: -1.0 is below 0"),
+    ],
+)
+def test_values_out_of_range_are_named(make, match):
+    with pytest.raises(OptionError, match=match):
+        make()
+
+
+@pytest.mark.parametrize("brightness", [1e20, 1e38, 1e300])
+@pytest.mark.parametrize("shading", ["lambert", "blinn-phong", "metallic-roughness"])
+def test_light_that_float32_does_not_hold_is_bounded(shading, brightness):
+    color = (brightness, 1.0, 0.0)
+    material = Material(
+        shading=shading, base_color=color, specular=color, emission=color, opacity=0.5,
+        reflection=Reflection(strength=brightness), double_sided=True,
+    )  # fmt: skip
+    lights = tuple(
+        Light(kind="point", position=(0.0, 0.0, z), intensity=brightness, shadow=Shadow(size=16))
+        for z in (1.0 + 1e-4, 3.0)
+    )
+    lighting = Lighting(lights=lights, environment=Environment(color=color, size=8, lighting=True))
+    scene = Scene(objects=(SceneObject(mesh=uv_sphere(), material=material),), lighting=lighting)
+    assert finite_picture(scene).color.max() > 1.0  # bright, and bounded all the same

@@ -1,0 +1,320 @@
+"""Bump maps against normals known in closed form, at every pixel of a wall and on spheres."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError, UvError
+from texbake.mesh.shapes import cube, uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.material import BumpMap, Material, NormalMap
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+
+FORMS = ("blinn", "exact")
+N = 1024
+# Heights in the middle of texels, v up.
+U, V = np.meshgrid((np.arange(N) + 0.5) / N, 1 - (np.arange(N) + 0.5) / N)
+
+
+def bump(values, **fields):
+    texture = ImageTexture(image=np.asarray(values, np.float32), filter="bilinear")
+    return Material(shading="lambert", bump_map=BumpMap(texture=texture, **fields))
+
+
+def normals_of(mesh, material, camera, options, transform=None):
+    scene = Scene(objects=(SceneObject(mesh=mesh, material=material, transform=transform),))
+    frame = draw(prepare(scene, options), camera, keep=("normals",))
+    return frame.normals.astype(np.float64), frame.coverage == 1
+
+
+FINE = {"width": 240, "height": 160}
+SOME = slice(5, None, 10)
+
+
+def on_wall(wall, material, mesh=None, transform=None, **options):
+    """Normals at some pixels of a fine picture, or at all of one with other options."""
+    chosen = replace(wall.options, **{**FINE, **options})
+    normals, covered = normals_of(mesh or wall.mesh(), material, wall.camera, chosen, transform)
+    assert covered.all()
+    return normals if "width" in options else normals[SOME, SOME]
+
+
+def points_of(wall):
+    """(16, 24, 3): what lies at those pixels."""
+    origin, right, down = wall.camera.view_rays(*FINE.values())
+    columns, rows = np.meshgrid(np.arange(240) + 0.5, np.arange(160) + 0.5)
+    rays = (origin + columns[..., None] * right + rows[..., None] * down)[SOME, SOME]
+    return wall.camera.eye - wall.camera.eye[2] / rays[..., 2:] * rays
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def tilted(slopes):
+    """Normals of a wall whose height grows by slopes (..., 2) along x and y."""
+    return unit(np.concatenate([-slopes, np.ones((*slopes.shape[:-1], 1))], axis=-1))
+
+
+WAVES = np.sin(2 * np.pi * (3 * U + 2 * V))
+
+
+def wave_slopes(wall, height):
+    """Slopes of `WAVES`, where u and v grow by a tenth of a unit of length."""
+    u, v = np.moveaxis(points_of(wall)[..., :2] / 10 + 0.5, -1, 0)
+    slope = height * 2 * np.pi * np.cos(2 * np.pi * (3 * u + 2 * v)) / 10
+    return np.stack([3 * slope, 2 * slope], axis=-1)
+
+
+# Over a texel the wave turns by 2 pi 3.6 / 1024 = 0.022. A bilinear lookup leaves out up to 1/8 of
+# the square of that, which over a step of about a texel is 0.003 of the slope.
+WAVE_ERROR = 3e-3
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("height", [0.4, -1.5])
+def test_on_a_plane_normals_follow_the_slope(wall, form, height):
+    found = on_wall(wall, bump(WAVES, height=height, form=form))
+    expected = tilted(wave_slopes(wall, height))
+    assert np.ptp(expected[..., 0]) > 0.5
+    np.testing.assert_allclose(found, expected, atol=WAVE_ERROR * abs(height) * 2.3)
+
+
+def test_on_a_plane_both_forms_are_the_same(wall):
+    first, second = (on_wall(wall, bump(WAVES, height=0.7, form=form)) for form in FORMS)
+    # The corners of the wall have one and the same normal, so that N_u and N_v are exactly 0.
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_ramp_has_one_slope_at_any_distance(wall, form):
+    ramp = bump(2.0 * U + V, height=0.5, form=form)
+    found = on_wall(wall, ramp)
+    # float32 heights up to 3, over 1/1024.
+    np.testing.assert_allclose(found, np.broadcast_to(tilted(np.array([0.1, 0.05])), found.shape),
+                               atol=3e-5)  # fmt: skip
+    # Seen over pixels that cover many texels, and through smaller levels of the image.
+    smaller = Material(
+        shading="lambert",
+        bump_map=replace(ramp.bump_map, texture=replace(ramp.bump_map.texture, filter="trilinear")),
+    )
+    coarse = on_wall(wall, smaller, width=6, height=4)
+    np.testing.assert_allclose(coarse, np.broadcast_to(found[0, 0], coarse.shape), atol=3e-5)
+
+
+def test_within_a_texel_the_slope_is_smooth(wall):
+    # A map of 8 x 8: a bilinear lookup alone has one slope along u in each texel. Differences over
+    # a texel are means of two of those, so that no step is left between neighboring pixels.
+    values = np.random.default_rng(1).random((8, 8))
+    found = on_wall(wall, bump(values, height=2.0, form="blinn"), width=480, height=320)
+    steps = np.abs(np.diff(found, axis=1)).max()
+    assert np.ptp(found[..., 0]) > 0.2
+    assert steps < 0.05
+
+
+def test_mirrored_coordinates_change_nothing(wall):
+    mirrored = wall.mesh()
+    mirrored = mirrored.replace(uvs=mirrored.uvs * (-1, 1) + (1, 0))
+    for form in FORMS:
+        found = on_wall(wall, bump(WAVES[:, ::-1], height=0.4, form=form), mirrored)
+        np.testing.assert_allclose(found, on_wall(wall, bump(WAVES, height=0.4, form=form)),
+                                   atol=1e-4)  # fmt: skip
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_heights_are_in_units_of_the_object(wall, mirror):
+    # The same wall, made small and placed large: its hills are large as well.
+    scale = np.diag([mirror * 4.0, 4.0, 4.0, 1.0])
+    mesh = wall.mesh()
+    small = mesh.replace(positions=mesh.positions * (mirror / 4.0, 0.25, 0.25))
+    if mirror < 0:
+        small = small.replace(faces=mesh.faces[:, ::-1], uv_faces=mesh.uv_faces[:, ::-1])
+    found = on_wall(wall, bump(WAVES, height=0.1), small, scale)
+    np.testing.assert_allclose(found, on_wall(wall, bump(WAVES, height=0.4)), atol=1e-6)
+
+
+@pytest.mark.parametrize("space", ["object", "world", "uv"])
+@pytest.mark.parametrize("form", FORMS)
+def test_procedures_have_their_own_slope(wall, space, form):
+    # 1/2 + 1/2 sin(5 x)
+    texture = ProcedureTexture(
+        procedure="marble", parameters={"amount": 0.0, "frequency": 5.0}, space=space,
+        filtered=False,
+    )  # fmt: skip
+    mesh = wall.mesh()
+    if space != "uv":
+        mesh = mesh.replace(uvs=None, uv_faces=None)
+    material = Material(shading="lambert", bump_map=BumpMap(texture=texture, height=0.3, form=form))
+    found = on_wall(wall, material, mesh)
+    x = points_of(wall)[..., 0]
+    turn = 1.0 if space != "uv" else 0.1
+    slope = 0.15 * 5 * turn * np.cos(5 * (x * turn if space != "uv" else x / 10 + 0.5))
+    # A pixel is up to 0.02 wide, over which the sine turns by 0.1 and its slope loses 1/24 of the
+    # square; float32 values, taken 0.001 apart where (u, v) is told.
+    np.testing.assert_allclose(found, tilted(np.stack([slope, 0 * slope], axis=-1)), atol=1e-3)
+
+
+def test_seen_from_behind_hills_are_hollows(wall):
+    mesh = wall.mesh()
+    turned = mesh.replace(faces=mesh.faces[:, ::-1], uv_faces=mesh.uv_faces[:, ::-1])
+    found = on_wall(wall, bump(WAVES, height=0.4), turned, back_faces="show")
+    # Float32 widths of pixels, told from another corner of the triangle.
+    np.testing.assert_allclose(found, on_wall(wall, bump(WAVES, height=-0.4)), atol=1e-5)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("values", [np.full((4, 4), 7.0), WAVES], ids=["flat", "waves"])
+def test_without_texture_area_or_height_normals_stay(wall, form, values):
+    mesh = wall.mesh((0.3, 0.2, 1.0))
+    kept = on_wall(wall, Material(shading="lambert"), mesh)
+    no_area = mesh.replace(uvs=np.full_like(mesh.uvs, 0.3))
+    on_line = mesh.replace(uvs=mesh.uvs * (1.0, 0.0))
+    for changed in no_area, on_line:
+        np.testing.assert_array_equal(on_wall(wall, bump(values, form=form), changed), kept)
+    np.testing.assert_allclose(
+        on_wall(wall, bump(values, height=0.0, form=form), mesh), kept, atol=2e-7
+    )
+
+
+SPHERE = uv_sphere(96, 192)
+CLOSE = RenderOptions(width=160, height=160, supersampling=1)
+FACING = Camera.looking_at((0.0, -3.2, 0.4), (0, 0, 0), up=(0, 0, 1), fov=0.66, near=0.1)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("height", [-0.5, 0.5, 20.0])
+def test_a_constant_height_leaves_the_normals_of_a_sphere(form, height):
+    plain, covered = normals_of(SPHERE, Material(shading="lambert"), FACING, CLOSE)
+    found, _ = normals_of(SPHERE, bump(np.ones((4, 4)), height=height, form=form), FACING, CLOSE)
+    # float32, in the plane across the normal and back.
+    np.testing.assert_allclose(found[covered], plain[covered], atol=3e-7)
+    assert covered.sum() > 10_000
+
+
+def test_the_exact_form_is_the_normal_of_the_displaced_sphere():
+    # P' = (1 + d) r with d = 0.8 + 0.05 sin(2 pi 9 u) on the unit sphere, u = longitude / 2 pi.
+    values = 0.8 + 0.05 * np.sin(2 * np.pi * 9 * U)
+    options = replace(CLOSE, width=400, height=400)
+    plain, covered = normals_of(SPHERE, Material(shading="lambert"), FACING, options)
+    covered &= plain[..., 1] < -0.8  # away from the poles and the limb, where pixels are wide
+    radial = plain[covered]
+    longitude = np.arctan2(radial[:, 1], radial[:, 0])
+    sine = np.hypot(radial[:, 0], radial[:, 1])
+    east = np.stack([-np.sin(longitude), np.cos(longitude), 0 * longitude], axis=1)
+    d = 0.8 + 0.05 * np.sin(9 * longitude)
+    gradient = (0.45 * np.cos(9 * longitude) / sine)[:, None] * east
+    errors = {}
+    for form in FORMS:
+        found, _ = normals_of(SPHERE, bump(values, height=1.0, form=form), FACING, options)
+        for name, expected in (
+            ("exact", unit((1 + d)[:, None] * radial - gradient)),
+            ("blinn", unit(radial - gradient)),
+        ):
+            errors[form, name] = np.abs(found[covered] - expected).max()
+    # The sphere's triangles are 0.03 wide, and their own derivatives differ by that much in turn.
+    assert errors["exact", "exact"] < 0.02
+    assert errors["blinn", "blinn"] < 0.02
+    # d N_u and d N_v matter here: each form is far from the other's normal.
+    assert errors["blinn", "exact"] > 0.1 and errors["exact", "blinn"] > 0.1
+
+
+def test_a_bump_map_tilts_what_a_normal_map_gave(wall):
+    lean = unit(np.array([0.3, 0.0, 1.0]))
+    texels = np.broadcast_to(np.float32(lean), (4, 4, 3))
+    leaning = NormalMap(texture=ImageTexture(image=texels, filter="bilinear"))
+    found = on_wall(wall, replace(bump(V, height=1.0, form="blinn"), normal_map=leaning))
+    # P_v lies across that normal already: N - d_v P_v.
+    expected = unit(lean - (0.0, 0.1, 0.0))
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-4)
+
+
+def lamps(*directions, **fields):
+    return Lighting(lights=tuple(Light(direction=d, **fields) for d in directions))
+
+
+@pytest.mark.parametrize("light", [(-0.6, 0.3, -1.0), (0.8, 0.0, -0.5), (0.0, 0.0, -1.0)])
+@pytest.mark.parametrize("height", [1.0, -2.0])
+def test_embossing_adds_the_slope_along_the_light(wall, light, height):
+    found = wall.light(bump(2.0 * U + V, height=height, form="emboss"), lamps(light))
+    to_light = -unit(np.array(light))
+    facing = to_light[2]
+    # Where the height falls toward the light it is brighter: minus the slope along it.
+    lift = -height * (0.2 * to_light[0] + 0.1 * to_light[1])
+    # float32 heights up to 3, over 1/1024.
+    np.testing.assert_allclose(found, 0.8 * max(facing + lift, 0.0), atol=2e-4)
+    assert abs(lift) > 0.05 or light[0] == 0.0
+
+
+def test_embossing_is_to_first_order_what_the_tilted_normal_gives(wall):
+    lighting = lamps((-0.6, 0.3, -1.0), (0.2, 0.5, -0.9))
+    differences = []
+    for height in 0.05, 0.1:
+        flat, tilted_light, embossed = (
+            wall.light(material, lighting)
+            for material in (
+                Material(shading="lambert"),
+                bump(WAVES, height=height, form="blinn"),
+                bump(WAVES, height=height, form="emboss"),
+            )
+        )
+        assert np.abs(tilted_light - flat).max() > 0.02
+        differences.append(np.abs(embossed - tilted_light).max())
+    # Twice the height, four times the difference.
+    assert 3.0 < differences[1] / differences[0] < 5.0
+    assert differences[0] < 0.01
+
+
+def test_embossing_never_takes_more_light_than_there_is(wall):
+    steep = wall.light(bump(WAVES, height=50.0, form="emboss"), lamps((-1.0, 0.0, -0.2)))
+    assert np.abs(steep.min()) < 1e-8  # what rounding leaves of the light that is taken back
+    assert steep.max() > 1.0
+    # Turned away from the lamp nothing is lit, whatever the slope.
+    behind = lamps((-1.0, 0.0, 0.01))
+    assert not wall.light(bump(WAVES, height=50.0, form="emboss"), behind).any()
+
+
+def test_metals_and_shine_are_not_embossed(wall):
+    lighting = lamps((-0.6, 0.3, -1.0))
+    flat = Material(shading="metallic-roughness", metalness=1.0)
+    embossed = replace(flat, bump_map=bump(WAVES, form="emboss").bump_map)
+    np.testing.assert_array_equal(wall.light(flat, lighting), wall.light(embossed, lighting))
+
+
+def test_a_point_light_embosses_from_where_it_is(wall):
+    position = np.array([1.0, 0.5, 1.5])
+    lighting = Lighting(
+        lights=(Light(kind="point", position=tuple(position), decay=0.0, intensity=1.0),)
+    )
+    found = wall.light(bump(2.0 * U + V, height=0.5, form="emboss"), lighting)[..., 0]
+    to_light = unit(position - wall.points)
+    expected = to_light[..., 2] - 0.5 * (0.2 * to_light[..., 0] + 0.1 * to_light[..., 1])
+    np.testing.assert_allclose(found, 0.8 * np.maximum(expected, 0.0), atol=2e-4)
+
+
+@pytest.mark.parametrize("form", ["blinn", "exact", "emboss"])
+def test_pictures_are_finite_and_the_same_for_any_number_of_threads(form):
+    # Coordinates of the sphere meet in its poles, where triangles have no area on the texture.
+    material = bump(np.random.default_rng(2).random((64, 64)), height=3.0, form=form)
+    scene = Scene(
+        objects=(SceneObject(mesh=uv_sphere(8, 16), material=material),),
+        lighting=lamps((-0.3, 0.8, -0.5)),
+    )
+    frames = [draw(prepare(scene, CLOSE, threads=n), FACING) for n in (1, 3)]
+    assert np.isfinite(frames[0].color).all()
+    assert frames[0].color.tobytes() == frames[1].color.tobytes()
+
+
+def test_what_cannot_be_a_bump_map_is_one_line():
+    with pytest.raises(UvError):
+        normals_of(cube(), bump(WAVES), FACING, CLOSE)
+    for fields, words in (
+        ({"form": "phong"}, "form: 'phong' is not one of blinn, exact, emboss"),
+        ({"height": float("nan")}, "height: nan is not a finite number"),
+    ):
+        with pytest.raises(OptionError, match=words):
+            bump(WAVES, **fields)

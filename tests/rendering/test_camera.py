@@ -1,0 +1,104 @@
+import math
+
+import numpy as np
+import pytest
+
+from texbake.errors import MeshError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, icosphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
+
+
+def ndc(camera, points, aspect):
+    points = np.atleast_2d(points)
+    clip = np.c_[points, np.ones(len(points))] @ camera.clip_from_world(aspect).T
+    return clip[:, :3] / clip[:, 3:]
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("view", [(0, 0), (30, 20), (200, -70), (90, 90), (45, -90)])
+def test_axes_are_a_right_handed_frame_that_looks_at_the_center(view, up):
+    camera = Camera.framing(cube(), options=RenderOptions(view=view, up=up))
+    np.testing.assert_allclose(camera.axes @ camera.axes.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(camera.axes) == pytest.approx(1.0)
+    np.testing.assert_allclose(ndc(camera, [0, 0, 0], 1.5)[0, :2], 0.0, atol=1e-15)
+    # Upright: the world's up axis points up in the picture and not to the side.
+    axis = {"y": 1, "z": 2}[up]
+    assert camera.axes[0, axis] == pytest.approx(0.0, abs=1e-15)
+    assert camera.axes[1, axis] == pytest.approx(math.cos(math.radians(view[1])), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("up", "azimuth", "toward"),
+    [("y", 0, (0, 0, 1)), ("y", 90, (1, 0, 0)), ("z", 0, (0, -1, 0)), ("z", 90, (1, 0, 0))],
+)
+def test_azimuth_goes_counter_clockwise_from_the_front(up, azimuth, toward):
+    camera = Camera.framing(cube(), options=RenderOptions(view=(azimuth, 0), up=up))
+    np.testing.assert_allclose(camera.axes[2], toward, atol=1e-15)
+    np.testing.assert_allclose(
+        camera.eye, np.array(toward) * np.linalg.norm(camera.eye), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("size", [(640, 360), (300, 300), (200, 700)])
+def test_the_bounding_sphere_fills_the_shorter_side(size):
+    width, height = size
+    mesh = icosphere(4).replace(positions=icosphere(4).positions * 3 + (10, -20, 5))
+    camera = Camera.framing(mesh, options=RenderOptions(width=width, height=height))
+    seen = ndc(camera, mesh.positions, width / height)
+    assert np.abs(seen[:, :2]).max() < 1.0
+    # 3 % of room; the sphere's outline is an ellipse that reaches as far on both sides.
+    assert np.abs(seen[:, 0 if width < height else 1]).max() > 0.94
+
+
+def test_meshes_are_framed_together():
+    left = cube()
+    right = left.replace(positions=left.positions + np.array([10.0, 0, 0]))
+    camera = Camera.framing(left, right, options=RenderOptions(view=(0, 0)))
+    np.testing.assert_allclose(camera.eye[:2], [5, 0], atol=1e-12)
+    assert np.abs(ndc(camera, [[-0.5, 0, 0], [10.5, 0, 0]], 16 / 9)[:, :2]).max() < 1.0
+
+
+def test_a_distance_is_kept():
+    camera = Camera.framing(cube(), options=RenderOptions(view=(12, 34, 7.5)))
+    assert np.linalg.norm(camera.eye) == pytest.approx(7.5)
+
+
+def test_depth_is_one_at_the_near_plane_and_falls_to_zero():
+    camera = Camera.framing(cube(), options=RenderOptions(view=(0, 0, 2.0)))
+    z = camera.eye[2] - camera.near * np.array([1.0, 2.0, 1e6])
+    points = np.c_[np.zeros((3, 2)), z]
+    np.testing.assert_allclose(ndc(camera, points, 1.0)[:, 2], [1.0, 0.5, 1e-6], rtol=1e-9)
+
+
+def test_view_rays_go_where_the_clip_matrix_says():
+    camera = Camera.framing(cube(), options=RenderOptions(view=(40, -15)))
+    width, height = 320, 200
+    origin, along, down = camera.view_rays(width, height)
+    for column, row in (0, 0), (320, 0), (17.5, 120.25):
+        point = camera.eye + 3.0 * (origin + column * along + row * down)
+        x, y, _ = ndc(camera, point, width / height)[0]
+        assert (x + 1) / 2 * width == pytest.approx(column, abs=1e-9)
+        assert (1 - y) / 2 * height == pytest.approx(row, abs=1e-9)
+
+
+def test_a_mesh_without_extent_is_looked_at():
+    point = Mesh(positions=[[4, 5, 6]], faces=[[0, 0, 0]])
+    camera = Camera.framing(point)
+    assert np.isfinite(camera.eye).all()
+    assert camera.near > 0
+
+
+def test_vertices_that_no_face_uses_are_not_framed():
+    mesh = cube()
+    more = mesh.replace(positions=np.r_[mesh.positions, [[1e6, 0, 0]]])
+    np.testing.assert_array_equal(Camera.framing(mesh).eye, Camera.framing(more).eye)
+
+
+def test_a_mesh_too_large_to_measure_is_an_error():
+    huge = Mesh(
+        positions=[[0, 0, 0], [1e300, 0, 0], [0, 1e300, 0]], faces=[[0, 1, 2]], name="h.obj"
+    )
+    with pytest.raises(MeshError, match=r"h\.obj: it is too large"):
+        Camera.framing(huge)

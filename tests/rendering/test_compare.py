@@ -1,0 +1,119 @@
+import math
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.rendering.compare import compare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
+
+SMALL = RenderOptions(width=120, height=90)
+FRONT = RenderOptions(width=100, height=100, view=(0.0, 0.0))
+
+
+def test_a_mesh_is_like_itself():
+    mesh = icosphere(3)
+    comparison = compare(mesh, mesh, options=SMALL)
+    for closeness in comparison.mapped, comparison.bare:
+        assert closeness.mean_deg == closeness.median_deg == closeness.p95_deg == 0.0
+        assert closeness.psnr_db == math.inf
+        assert closeness.ssim == 1.0
+        assert closeness.silhouette_mismatch == 0.0
+        assert closeness.n_pixels > 6 * 1000
+    assert len(comparison.views) == 6
+
+
+@pytest.mark.parametrize("angle", [0.5, 10.0, 60.0])
+def test_a_tilted_normal_map_is_off_by_its_tilt(angle):
+    tilt = math.radians(angle)
+    normal_map = np.full((2, 2, 3), (math.sin(tilt), 0, math.cos(tilt)), np.float32)
+    comparison = compare(
+        plane(), plane(), normal_map=normal_map, options=FRONT, views=[(0, 0), (20, 30)]
+    )
+    mapped = comparison.mapped
+    # float32 normals: 6e-8 of an angle in radians.
+    for figure in mapped.mean_deg, mapped.median_deg, mapped.p95_deg:
+        assert figure == pytest.approx(angle, abs=1e-5)
+    assert comparison.bare.mean_deg == 0.0
+    assert mapped.psnr_db < 60
+    assert mapped.ssim < 1
+    seen = np.isfinite(comparison.angles_deg)
+    np.testing.assert_array_equal(seen, comparison.high_frame.coverage > 0)
+    np.testing.assert_allclose(comparison.angles_deg[seen], angle, atol=1e-5)
+
+
+def test_pixels_that_see_one_mesh_alone_are_counted_apart():
+    whole = plane()
+    quarter = whole.replace(positions=(whole.positions - 0.5) * (0.5, 0.5, 0) + (0.5, 0.5, 0))
+    comparison = compare(whole, quarter, options=FRONT, views=[(0, 0)])
+    # Where edges run between the centers of pixels, a row of 70 or so may go either way.
+    assert comparison.bare.silhouette_mismatch == pytest.approx(0.75, abs=0.02)
+    assert comparison.bare.mean_deg == 0.0
+
+
+def test_other_parts_seen_past_an_outline_are_counted_apart():
+    # The second plane stands 0.4 behind the first, where 2 % of the diagonal are 0.03.
+    near = plane()
+    far = near.replace(positions=near.positions - (0, 0, 0.4))
+    comparison = compare(near, far, options=FRONT, views=[(0, 0)])
+    assert comparison.bare.n_pixels == 0
+    assert math.isnan(comparison.bare.mean_deg)
+    assert comparison.bare.silhouette_mismatch == 1.0
+    assert not np.isfinite(comparison.angles_deg).any()
+
+
+def test_displacement_brings_a_mesh_closer():
+    low = uv_sphere(8, 16)
+    high = uv_sphere(48, 96).replace(positions=uv_sphere(48, 96).positions * 1.05)
+    heights = np.full((4, 4), 0.05, np.float32)
+    comparison = compare(high, low, displacement=heights, options=SMALL)
+    assert comparison.mapped.silhouette_mismatch < comparison.bare.silhouette_mismatch
+
+
+def test_the_side_by_side_picture_holds_the_three_pictures():
+    low = uv_sphere(8, 16)
+    comparison = compare(uv_sphere(48, 96), low, options=SMALL)
+    sheet = comparison.side_by_side()
+    assert sheet.dtype == np.float32
+    assert np.isfinite(sheet).all()
+    assert 0.0 <= sheet.min() < sheet.max() <= 1.0
+    # A row of the dense mesh's picture is found in it as it is, but for 8-bit rounding.
+    picture = comparison.high_frame.color[45, 50:70, :3]
+    rows = np.lib.stride_tricks.sliding_window_view(sheet, 20, axis=1)
+    distance = np.abs(np.moveaxis(rows, -1, 2) - picture).max(axis=(2, 3))
+    # Half of the widest step of sRGB in linear light.
+    assert distance.min() < 0.0046
+
+
+def test_no_view_is_an_error():
+    with pytest.raises(OptionError, match="views"):
+        compare(cube(), cube(), views=[])
+
+
+def test_colors_of_angles_grow_brighter_to_the_end_of_the_scale():
+    angles = np.linspace(0, MAX_ANGLE_DEG, 50, dtype=np.float32)[None]
+    luminance = colored_angles(angles)[0] @ (0.2126, 0.7152, 0.0722)
+    assert (np.diff(luminance) > 0).all()
+    ends = colored_angles(np.array([[MAX_ANGLE_DEG, 90.0, np.nan, np.nan]], np.float32))[0]
+    np.testing.assert_array_equal(ends[0], ends[1])
+    np.testing.assert_array_equal(ends[2], ends[3])
+    assert not np.array_equal(ends[1], ends[2])
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["skull", "koala"])
+def test_a_normal_map_of_another_baker_halves_the_error(data_dir, name):
+    from texbake.mesh.files import read_mesh
+
+    folder = data_dir / "pairs" / name
+    comparison = compare(
+        read_mesh(folder / "high.obj"),
+        read_mesh(folder / "low_uv.obj"),
+        normal_map=data_dir / "blender" / f"{name}_normal_1024.png",
+        options=RenderOptions(width=320, height=240),
+    )
+    assert comparison.mapped.mean_deg < comparison.bare.mean_deg / 2
+    assert comparison.mapped.median_deg < comparison.bare.median_deg / 2
+    assert comparison.mapped.ssim > comparison.bare.ssim

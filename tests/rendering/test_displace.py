@@ -1,0 +1,189 @@
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError, UvError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.mesh.weld import weld_rows
+from texbake.rendering.displace import displace
+from texbake.texture.lookup import lookup
+
+
+def edges_of(mesh):
+    """Directed edges by welded position, as (E, 2), without those of length 0."""
+    faces = weld_rows(mesh.positions)[mesh.faces]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return edges[edges[:, 0] != edges[:, 1]]
+
+
+def is_closed(mesh):
+    edges = edges_of(mesh)
+    forward = np.unique(edges, axis=0, return_counts=True)
+    backward = np.unique(edges[:, ::-1], axis=0, return_counts=True)
+    return all(np.array_equal(f, b) for f, b in zip(forward, backward, strict=True))
+
+
+def split_cube():
+    """Cube whose sides are charts of their own, so that every edge between sides is a seam."""
+    mesh = cube()
+    sides = np.repeat(np.arange(6), 2)
+    side_faces = mesh.faces.reshape(6, 6)
+    uvs = np.zeros((6, 8, 2))
+    for side, used in enumerate(side_faces):
+        flat = [a for a in range(3) if np.ptp(mesh.positions[used, a]) > 0]
+        uvs[side] = (mesh.positions[:, flat] + 0.6) / 1.2 / 3 + (side % 3 / 3, side // 3 / 3)
+    return mesh.replace(uvs=uvs.reshape(-1, 2), uv_faces=mesh.faces + 8 * sides[:, None])
+
+
+def without_uvs_to_speak_of(mesh):
+    """The mesh with its faces side by side in texture space, each a right triangle of side 1."""
+    corners = np.array([[0, 0], [1, 0], [0, 1]], float)
+    ids = np.tile(np.arange(3, dtype=np.int32), (mesh.n_faces, 1))
+    return mesh.replace(uvs=corners, uv_faces=ids)
+
+
+@pytest.mark.parametrize("level", [0, 1, 2, 3])
+def test_no_displacement_cuts_and_moves_nothing(level):
+    mesh = without_uvs_to_speak_of(icosphere(1))
+    n = 2**level
+    # Each face spans n texels along its legs and 1.4 n along its third edge.
+    cut = displace(mesh, np.zeros((n, n), np.float32), edge_texels=1.5)
+    assert cut.n_faces == 80 * 4**level
+    # Euler: a closed surface of genus 0 has F / 2 + 2 vertices.
+    assert cut.n_vertices == cut.n_faces // 2 + 2
+    assert is_closed(cut)
+    # The pieces of each face follow one another and are all alike, as it is itself.
+    corners = mesh.positions[mesh.faces]
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    pieces = cut.positions[cut.faces]
+    piece_vectors = np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
+    np.testing.assert_allclose(
+        piece_vectors, np.repeat(vectors, 4**level, axis=0) / 4**level, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("edge_texels", [0.5, 1.0, 3.0])
+def test_no_edge_is_longer_than_asked_and_few_much_shorter(edge_texels):
+    cut = displace(split_cube(), np.zeros((90, 60), np.float32), edge_texels=edge_texels)
+    corners = cut.corner_uvs() * (60, 90)
+    lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1)
+    assert lengths.max() <= edge_texels
+    assert np.median(lengths) > edge_texels / 2
+
+
+def test_a_plane_follows_heights_that_are_linear():
+    # Bilinear lookup of a linear ramp is the ramp itself, but for the half texel at the border,
+    # where it is clamped.
+    size = 32
+    s = (np.arange(size, dtype=np.float32) + 0.5) / size
+    heights = 0.5 + 0.25 * s[None, :] - 0.125 * s[::-1, None]
+    cut = displace(plane(2, 2), heights)
+    x, y, z = cut.positions.T
+    half = 0.5 / size
+    s, t = np.clip(x, half, 1 - half), np.clip(y, half, 1 - half)
+    # float32 heights near 1/2.
+    np.testing.assert_allclose(z, 0.5 + 0.25 * s - 0.125 * t, atol=6e-8)
+    assert len(np.unique(x)) > 2 * size  # diagonals are cut once more
+    np.testing.assert_allclose(cut.uvs[cut.uv_faces], cut.positions[cut.faces][..., :2], atol=1e-15)
+
+
+def test_a_plane_follows_any_heights_exactly():
+    heights = np.random.default_rng(3).uniform(-1, 1, (24, 40)).astype(np.float32)
+    cut = displace(plane(), heights, edge_texels=0.7)
+    x, y, z = cut.positions.T
+    expected = lookup(heights[..., None], np.stack([x, y], axis=1), wrap="clamp")[:, 0]
+    # A point of the diagonal lies in two triangles; both are weighed, to rounding.
+    np.testing.assert_allclose(z, expected, atol=1e-6)
+    assert cut.n_vertices > 2 * 24 * 40
+
+
+def test_a_sphere_grows_by_a_constant_height():
+    mesh = uv_sphere(12, 24)
+    cut = displace(mesh, np.full((24, 24, 1), 0.25, np.float32))
+    flat = displace(mesh, np.zeros((24, 24), np.float32))
+    assert cut.n_faces > 4 * mesh.n_faces
+    moved = cut.positions - flat.positions
+    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), 0.25, rtol=1e-12)
+    # Along the smooth normals: near the radius of the sphere on a mesh this coarse.
+    radial = flat.positions / np.linalg.norm(flat.positions, axis=1, keepdims=True)
+    assert (np.einsum("ij,ij->i", moved, radial) / 0.25).min() > 0.99
+
+
+@pytest.mark.parametrize("edge_texels", [0.6, 1.0, 5.0, 100.0])
+def test_seams_stay_closed_under_noise(edge_texels):
+    mesh = split_cube()
+    heights = np.random.default_rng(7).uniform(-0.05, 0.05, (64, 64)).astype(np.float32)
+    cut = displace(mesh, heights, edge_texels=edge_texels)
+    assert is_closed(cut)
+    assert cut.n_vertices == cut.n_faces // 2 + 2
+    assert np.abs(face_normals(cut)).max() <= 1.0
+
+
+def test_a_seam_that_a_file_split_is_welded():
+    # The same cube with a vertex of its own for each corner of each face, as STL has it.
+    mesh = split_cube()
+    soup = mesh.replace(
+        positions=mesh.positions[mesh.faces].reshape(-1, 3),
+        faces=np.arange(36, dtype=np.int32).reshape(12, 3),
+    )
+    heights = np.random.default_rng(8).uniform(-0.05, 0.05, (64, 64)).astype(np.float32)
+    cut = displace(soup, heights)
+    assert is_closed(cut)
+    whole = displace(mesh, heights)
+    assert cut.n_vertices == whole.n_vertices
+    # Angle-weighted normals and means are summed in another order.
+    np.testing.assert_allclose(cut.positions.sum(axis=0), whole.positions.sum(axis=0), atol=1e-11)
+    np.testing.assert_allclose(
+        np.sort(np.linalg.norm(cut.positions, axis=1)),
+        np.sort(np.linalg.norm(whole.positions, axis=1)),
+        atol=1e-14,
+    )
+
+
+def test_at_a_seam_a_vertex_moves_by_the_mean_of_its_heights():
+    # Two triangles side by side in space, one on the black half of the map, one on the white.
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]],
+        faces=[[0, 1, 2], [2, 1, 3]],
+        uvs=[[0.1, 0.1], [0.4, 0.1], [0.1, 0.4], [0.6, 0.1], [0.9, 0.1], [0.6, 0.4]],
+        uv_faces=[[0, 1, 2], [3, 4, 5]],
+    )
+    heights = np.repeat(np.float32([[0, 0, 0, 0, 1, 1, 1, 1]]), 8, axis=0)
+    cut = displace(mesh, heights, edge_texels=0.5)
+    x, y, z = cut.positions.T
+    np.testing.assert_array_equal(z, np.where(x + y == 1, 0.5, np.where(x + y < 1, 0.0, 1.0)))
+    assert np.count_nonzero(x + y == 1) > 4
+
+
+def test_a_vertex_without_normal_stays():
+    line = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0]],
+        faces=[[0, 1, 2]],
+        uvs=[[0, 0], [0.5, 0], [1, 0]],
+        uv_faces=[[0, 1, 2]],
+    )
+    cut = displace(line, np.ones((4, 4), np.float32))
+    assert cut.n_faces > 1
+    assert not cut.positions[:, 1:].any()
+
+
+def test_pieces_stay_within_their_bound():
+    heights = np.zeros((1000, 1000), np.float32)
+    for bound in 1, 2, 3, 100, 801:
+        cut = displace(plane(), heights, max_triangles=bound)
+        # An edge at the border has one triangle, so that nearly any number can be reached.
+        assert max(2, bound - 1) <= cut.n_faces <= max(2, bound)
+
+
+def test_what_cannot_be_displaced_is_an_error():
+    flat = np.zeros((2, 2), np.float32)
+    with pytest.raises(UvError):
+        displace(cube(), flat)
+    with pytest.raises(OptionError, match="displacement: the shape"):
+        displace(plane(), np.zeros((2, 2, 3), np.float32))
+    with pytest.raises(OptionError, match="displacement: a height is not finite"):
+        displace(plane(), np.full((2, 2), np.nan, np.float32))
+    for edge in 0.0, -1.0, float("nan"):
+        with pytest.raises(OptionError, match="edge_texels"):
+            displace(plane(), flat, edge_texels=edge)

@@ -1,0 +1,152 @@
+"""Samples to fragments, with sets and dictionaries as the second opinion."""
+
+import numpy as np
+import pytest
+
+from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.raster.fragments import fragment_rows, weights_at
+from texbake.rendering.raster.world import World, object_of
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+
+
+def world_of(n_faces, starts):
+    return World(np.zeros((1, 3)), np.zeros((n_faces, 3), np.int32), np.array(starts, np.int64))
+
+
+def random_ids(height, width, n_faces, seed):
+    """Blobs of triangles, so that pixels are plain, split and empty."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.integers(-1, n_faces, (height // 3 + 1, width // 3 + 1))
+    fine = np.repeat(np.repeat(coarse, 3, 0), 3, 1)[:height, :width]
+    noise = rng.random((height, width)) < 0.1
+    return np.where(noise, rng.integers(-1, n_faces, (height, width)), fine).astype(np.int32)
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 4])
+@pytest.mark.parametrize("rows", [(0, 6), (2, 5), (3, 3)])
+def test_fragments_are_those_of_a_count_by_hand(side, rows):
+    starts = [0, 3, 3, 7, 12]
+    ids = random_ids(6 * side, 9 * side, 12, seed=side)
+    found = fragment_rows(ids, world_of(12, starts), rows, side=side, wants_samples=True)
+    expected = {}
+    for j in range(rows[0] * side, rows[1] * side):
+        for i in range(9 * side):
+            if ids[j, i] >= 0:
+                key = (j // side) * 9 + i // side, ids[j, i]
+                expected.setdefault(key, []).append((i, j))
+    assert len(found.faces) == len(expected) == found.starts[-1]
+    keys = list(zip(found.pixels.tolist(), found.faces.tolist(), strict=True))
+    assert set(keys) == set(expected)
+    for k, key in enumerate(keys):
+        places = np.array(expected[key])
+        assert found.counts[k] == len(places)
+        middle = (places.mean(axis=0) + 0.5) / side
+        np.testing.assert_allclose(found.places[k], middle, rtol=1e-6)
+        for i, j in places:
+            assert found.of_samples[j - rows[0] * side, i] == k
+    # Object after object, and within one in the order of pixels.
+    owners = np.searchsorted(starts, found.faces, side="right") - 1
+    np.testing.assert_array_equal(np.bincount(owners, minlength=4), np.diff(found.starts))
+    assert all(
+        (np.diff(found.pixels[a:b]) >= 0).all()
+        for a, b in zip(found.starts[:-1], found.starts[1:], strict=True)
+    )
+    inside = ids[rows[0] * side : rows[1] * side]
+    np.testing.assert_array_equal(found.of_samples < 0, inside < 0)
+    assert found.counts.sum() == (inside >= 0).sum()
+
+
+def test_without_merging_each_sample_is_a_fragment_of_its_own():
+    ids = random_ids(12, 18, 7, seed=4)
+    world = world_of(7, [0, 2, 7])
+    found = fragment_rows(ids, world, (0, 4), side=3, merges=False, wants_samples=True)
+    assert len(found.faces) == (ids >= 0).sum()
+    assert (found.counts == 1.0).all()
+    own = found.of_samples[ids >= 0]
+    assert sorted(own) == list(range(len(own)))  # no two samples share one
+    np.testing.assert_array_equal(found.faces[own], ids[ids >= 0])
+    rows, columns = np.nonzero(ids >= 0)
+    np.testing.assert_allclose(
+        found.places[own], np.stack([columns, rows], 1) / 3 + 1 / 6, rtol=1e-6
+    )
+
+
+def test_a_triangle_seen_again_after_many_others_loses_no_sample():
+    # 16 x 16 samples that see 40 triangles in turn: more than a pixel remembers.
+    ids = (np.arange(256) % 40).reshape(16, 16).astype(np.int32)
+    found = fragment_rows(ids, world_of(40, [0, 40]), (0, 1), side=16, wants_samples=True)
+    assert found.counts.sum() == 256
+    assert found.counts.max() <= 256
+    np.testing.assert_array_equal(found.faces[found.of_samples], ids)
+
+
+@pytest.mark.parametrize("mesh", [plane(3, 3), cube(), uv_sphere(8, 16)])
+def test_multisampling_is_supersampling_where_color_is_flat(mesh):
+    objects = tuple(
+        SceneObject(
+            mesh=mesh.replace(positions=mesh.positions * (1 - 0.2 * i) + (0.6 * i, 0.1 * i, 0)),
+            material=Material(shading="unlit", base_color=color),
+        )
+        for i, color in enumerate([(1.0, 0.5, 0.25), (0.1, 0.2, 0.9)])
+    )
+    scene = Scene(objects=objects)
+    pictures = []
+    for edges in "multisample", "supersample":
+        options = RenderOptions(width=61, height=47, supersampling=4, edges=edges)
+        camera = Camera.framing(*(item.mesh for item in objects), options=options)
+        frame = draw(prepare(scene, options), camera)
+        pictures.append((frame.color, frame.coverage))
+    # Sums of up to 16 float32 values in another order.
+    np.testing.assert_allclose(pictures[0][0], pictures[1][0], atol=1e-6)
+    np.testing.assert_array_equal(pictures[0][1], pictures[1][1])
+    assert 0.0 < (pictures[0][1] % 1.0 > 0).mean() < 0.5
+
+
+def test_weights_are_where_rays_meet_the_triangle():
+    rng = np.random.default_rng(1)
+    corners = rng.normal(size=(30, 3, 3)) * 0.7 - (0, 0, 4)
+    world = World(
+        corners.reshape(-1, 3), np.arange(90, dtype=np.int32).reshape(-1, 3), np.array([0, 30])
+    )
+    camera = Camera(eye=np.zeros(3), axes=np.eye(3), fov=1.0, near=0.1)
+    weights = rng.dirichlet((1, 1, 1), 30)
+    points = np.einsum("fc,fck->fk", weights, corners)
+    focal = 0.5 / np.tan(0.5)
+    on_screen = 48 * focal * points[:, :2] / -points[:, 2:]
+    places = (np.array((32, 24)) + on_screen * (1, -1)).astype(np.float32)
+    found, back, changes = weights_at(
+        world, camera.clip_from_world(64 / 48), 64, 48, np.arange(30, dtype=np.int32), places,
+        wants_changes=True,
+    )  # fmt: skip
+    # Places are float32: 4e-6 of a pixel, through the slope of the weights.
+    slope = np.abs(changes).max(axis=1, keepdims=True)
+    assert (np.abs(found - weights[:, 1:]) <= 1e-5 * slope + 1e-9).all()
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    np.testing.assert_array_equal(back, np.einsum("fk,fk->f", normals, points) > 0)
+    # Changes are derivatives: differences over a small step.
+    step = 1e-3
+    for axis in range(2):
+        moved = places.astype(np.float64)
+        moved[:, axis] += step
+        there, _, none = weights_at(
+            world, camera.clip_from_world(64 / 48), 64, 48, np.arange(30, dtype=np.int32),
+            moved.astype(np.float32),
+        )  # fmt: skip
+        away = moved.astype(np.float32)[:, axis].astype(float) - places[:, axis]
+        inside = (there > 0).all(1) & (there.sum(1) < 1) & (found > 0).all(1)
+        difference = (there - found)[inside] / away[inside, None]
+        scale = np.abs(changes[inside]).max(axis=1, keepdims=True)
+        assert inside.sum() > 20 and len(none) == 0
+        np.testing.assert_allclose(
+            difference / scale, changes[inside, 2 * axis : 2 * axis + 2] / scale, atol=2e-3
+        )
+
+
+def test_a_face_belongs_to_the_object_whose_faces_hold_it():
+    starts = np.array([0, 3, 3, 4, 9, 9], np.int64)  # the second and the last have none
+    found = [object_of.py_func(np.int32(face), starts) for face in range(9)]
+    assert found == [0, 0, 0, 2, 3, 3, 3, 3, 3]

@@ -1,0 +1,438 @@
+"""glTF files as scenes, held against what the specification says."""
+
+import base64
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from texbake.errors import FileError, FileFormatError, MeshError
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.placing import placed
+from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.view import camera_of
+from texbake.texture.image import Image, write_image
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+UVS = np.array([[0, 0], [1, 0], [0, 1]], "<f4")
+
+
+class Asset:
+    """A glTF asset built by hand: one triangle, and whatever a test adds."""
+
+    def __init__(self, **attributes):
+        self.data = b""
+        self.json = {
+            "asset": {"version": "2.0"}, "accessors": [], "bufferViews": [],
+            "meshes": [{"primitives": []}], "nodes": [{"mesh": 0}], "materials": [],
+            "textures": [], "images": [], "samplers": [],
+        }  # fmt: skip
+        self.add(POSITION=CORNERS, TEXCOORD_0=UVS, **attributes)
+
+    def view(self, data):
+        self.data += bytes(-len(self.data) % 4)
+        self.json["bufferViews"].append(
+            {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)}
+        )
+        self.data += data
+        return len(self.json["bufferViews"]) - 1
+
+    def add(self, material=None, **attributes):
+        accessors = {}
+        for name, values in attributes.items():
+            values = np.asarray(values, "<f4")
+            self.json["accessors"].append({
+                "bufferView": self.view(values.tobytes()), "componentType": 5126,
+                "count": len(values), "type": f"VEC{values.shape[1]}",
+            })  # fmt: skip
+            accessors[name] = len(self.json["accessors"]) - 1
+        primitive = {"attributes": accessors}
+        if material is not None:
+            primitive["material"] = material
+        self.json["meshes"][0]["primitives"].append(primitive)
+
+    def material(self, **fields):
+        self.json["materials"].append(fields)
+        self.json["meshes"][0]["primitives"][-1]["material"] = len(self.json["materials"]) - 1
+
+    def texture(self, data, sampler=None, **info):
+        """A textureInfo of an image inside the file, or of a uri."""
+        source = {"uri": data} if isinstance(data, str) else {"bufferView": self.view(data)}
+        self.json["images"].append(source)
+        texture = {"source": len(self.json["images"]) - 1}
+        if sampler is not None:
+            self.json["samplers"].append(sampler)
+            texture["sampler"] = len(self.json["samplers"]) - 1
+        self.json["textures"].append(texture)
+        return {"index": len(self.json["textures"]) - 1, **info}
+
+    def read(self, folder):
+        self.json["buffers"] = [{"byteLength": len(self.data)}]
+        content = {key: value for key, value in self.json.items() if value != []}
+        text = json.dumps(content).encode()
+        text += b" " * (-len(text) % 4)
+        data = self.data + bytes(-len(self.data) % 4)
+        path = folder / "a.glb"
+        path.write_bytes(
+            struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
+            + struct.pack("<I4s", len(text), b"JSON") + text
+            + struct.pack("<I4s", len(data), b"BIN\0") + data
+        )  # fmt: skip
+        return read_scene(path)
+
+
+@pytest.fixture
+def asset():
+    return Asset()
+
+
+@pytest.fixture
+def pixels(tmp_path):
+    """Bytes of a PNG of 2 x 2 pixels with alpha."""
+    codes = np.array([[[0, 64, 128, 255], [255, 0, 0, 128]]] * 2, np.uint8)
+    write_image(codes, tmp_path / "pixels.png", color=True)
+    return (tmp_path / "pixels.png").read_bytes()
+
+
+def only_material(asset, folder):
+    return asset.read(folder).objects[0].material
+
+
+def test_a_primitive_without_a_material_is_as_the_specification_has_it(asset, tmp_path):
+    made = only_material(asset, tmp_path)
+    assert made.shading == "metallic-roughness"
+    assert (made.base_color, made.roughness, made.metalness) == ((1, 1, 1), 1, 1)
+    assert (made.alpha_mode, made.opacity, made.emission) == ("opaque", None, None)
+    assert made.double_sided is False
+    assert not made.vertex_colors
+
+
+def test_factors_are_constants(asset, tmp_path):
+    asset.material(
+        name="red",
+        pbrMetallicRoughness={
+            "baseColorFactor": [1, 0.25, 0, 0.5], "metallicFactor": 0.1, "roughnessFactor": 0.9,
+        },
+        emissiveFactor=[0.5, 0, 1],
+        alphaMode="MASK",
+        alphaCutoff=0.25,
+        doubleSided=True,
+        extensions={
+            "KHR_materials_emissive_strength": {"emissiveStrength": 4},
+            "KHR_materials_ior": {"ior": 1.33},
+        },
+    )  # fmt: skip
+    made = only_material(asset, tmp_path)
+    assert made.name == "red"
+    assert (made.base_color, made.opacity) == ((1, 0.25, 0), 0.5)
+    assert (made.metalness, made.roughness, made.ior) == (0.1, 0.9, 1.33)
+    assert made.emission == (2, 0, 4)
+    assert (made.alpha_mode, made.alpha_cutoff, made.double_sided) == ("mask", 0.25, True)
+
+
+def test_textures_go_to_the_slots_and_channels_of_the_specification(asset, tmp_path, pixels):
+    image = asset.texture(pixels)
+    asset.material(
+        pbrMetallicRoughness={
+            "baseColorTexture": image, "metallicRoughnessTexture": image,
+            "baseColorFactor": [1, 0.5, 0.25, 1], "roughnessFactor": 0.5, "metallicFactor": 0.75,
+        },
+        normalTexture={**image, "scale": -0.5},
+        occlusionTexture={**image, "strength": 0.25},
+        emissiveTexture=image,
+        emissiveFactor=[1, 1, 1],
+    )  # fmt: skip
+    made = only_material(asset, tmp_path)
+    base = made.base_color
+    assert (base.factor, base.channel, base.color) == ((1, 0.5, 0.25), None, True)
+    # sRGB is decoded for colors alone, and opacity never is.
+    linear = ((64 / 255 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(base.image.pixels[0, 0], [0, linear, (128 / 255 + 0.055) ** 2.4
+                               / 1.055**2.4, 1], atol=1e-6)  # fmt: skip
+    assert base.image.pixels[0, 1, 3] == pytest.approx(128 / 255)
+    assert (made.roughness.channel, made.roughness.factor) == (1, 0.5)
+    assert (made.metalness.channel, made.metalness.factor) == (2, 0.75)
+    np.testing.assert_allclose(made.roughness.image.pixels[0, 0, 1], 64 / 255, atol=1e-7)
+    assert made.roughness.image is made.metalness.image is made.normal_map.texture.image
+    assert made.emission.image is base.image
+    normal = made.normal_map
+    assert (normal.space, normal.convention, normal.strength) == ("tangent", "opengl", -0.5)
+    assert (made.occlusion.channel, made.occlusion_strength) == (0, 0.25)
+
+
+def test_unlit_reads_nothing_but_the_base_color(asset, tmp_path, pixels):
+    image = asset.texture(pixels)
+    asset.material(
+        pbrMetallicRoughness={"baseColorTexture": image, "metallicRoughnessTexture": image},
+        normalTexture=image,
+        extensions={"KHR_materials_unlit": {}},
+    )
+    made = only_material(asset, tmp_path)
+    assert made.shading == "unlit"
+    assert isinstance(made.base_color, ImageTexture)
+    assert (made.normal_map, made.roughness) == (None, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("sampler", "name", "wrap"),
+    [
+        (None, "trilinear", "repeat"),
+        ({}, "trilinear", "repeat"),
+        ({"magFilter": 9728, "minFilter": 9987}, "nearest", "repeat"),
+        ({"magFilter": 9729, "minFilter": 9729}, "bilinear", "repeat"),
+        ({"magFilter": 9729, "minFilter": 9986}, "trilinear", "repeat"),
+        ({"wrapS": 33071, "wrapT": 33071}, "trilinear", "clamp"),
+        ({"wrapS": 33648, "wrapT": 33648}, "trilinear", "mirror"),
+    ],
+)
+def test_samplers(asset, tmp_path, pixels, sampler, name, wrap):
+    asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture(pixels, sampler)})
+    texture = only_material(asset, tmp_path).base_color
+    assert (texture.filter, texture.wrap) == (name, wrap)
+
+
+def test_a_sampler_of_two_wraps_is_told(asset, tmp_path, pixels):
+    image = asset.texture(pixels, {"wrapS": 33071})
+    asset.material(pbrMetallicRoughness={"baseColorTexture": image})
+    (note,) = asset.read(tmp_path).notes
+    assert note.startswith("a sampler wraps clamp along s and repeat along t")
+
+
+def gltf_transformed(uvs, offset=(0, 0), rotation=0.0, scale=(1, 1)):
+    """KHR_texture_transform on coordinates with v down, as its own example wants it (see below)."""
+    sine, cosine = math.sin(rotation), math.cos(rotation)
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    return (np.asarray(uvs) * scale) @ turn.T + offset
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        {"offset": [0.25, 0.5]},
+        {"scale": [2, 3]},
+        {"rotation": 0.3},
+        {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]},
+        {"offset": [0, 1], "scale": [1, -1]},
+        {"offset": [0.1, -0.7], "rotation": 2.0, "scale": [1.5, -0.25]},
+    ],
+)
+def test_texture_transforms_are_those_of_the_extension(asset, tmp_path, pixels, transform):
+    image = asset.texture(pixels, extensions={"KHR_texture_transform": transform})
+    asset.material(pbrMetallicRoughness={"baseColorTexture": image})
+    texture = only_material(asset, tmp_path).base_color
+    uvs = np.random.default_rng(1).random((20, 2))
+    angle = math.radians(texture.rotate)
+    turn = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    ours = (uvs * texture.scale) @ np.transpose(turn) + texture.offset
+    theirs = gltf_transformed(uvs * (1, -1) + (0, 1), **transform)
+    np.testing.assert_allclose(ours, theirs * (1, -1) + (0, 1), atol=1e-12)
+
+
+def test_the_example_of_the_extension_uses_the_lower_left_quadrant():
+    corners = [[0, 0], [1, 0], [0, 1], [1, 1]]
+    moved = gltf_transformed(corners, offset=(0, 1), rotation=math.pi / 2, scale=(0.5, 0.5))
+    np.testing.assert_allclose(
+        [moved.min(axis=0), moved.max(axis=0)], [[0, 0.5], [0.5, 1]], atol=1e-12
+    )
+
+
+def test_images_beside_the_file_are_read_later(asset, tmp_path, pixels):
+    asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture("pixels%2Epng")})
+    assert only_material(asset, tmp_path).base_color.image == tmp_path / "pixels.png"
+    (tmp_path / "pixels.png").unlink()
+    with pytest.raises(FileError, match=r"a\.glb: images\[0\]: .*pixels\.png: there is no such"):
+        asset.read(tmp_path)
+
+
+def test_images_in_the_document(asset, tmp_path, pixels):
+    uri = "data:image/png;base64," + base64.b64encode(pixels).decode()
+    asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture(uri)})
+    image = only_material(asset, tmp_path).base_color.image
+    assert isinstance(image, Image)
+    assert image.pixels.shape == (2, 2, 4)
+
+
+def test_a_damaged_image_is_named(asset, tmp_path, pixels):
+    asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture(pixels[:50])})
+    with pytest.raises(FileFormatError, match=r"a\.glb: images\[0\]: "):
+        asset.read(tmp_path)
+
+
+def test_colors_of_vertices_stay_where_they_are(tmp_path):
+    corners = np.concatenate([CORNERS, CORNERS])
+    asset = Asset()
+    asset.json["meshes"][0]["primitives"].clear()
+    colors = np.repeat([[1, 0, 0, 1], [0, 0, 1, 0.5]], 3, axis=0)
+    asset.add(POSITION=corners, COLOR_0=colors)
+    item = asset.read(tmp_path).objects[0]
+    assert item.material.vertex_colors
+    # Both triangles lie on one place; their vertices are not one, because their colors differ.
+    np.testing.assert_array_equal(item.mesh.colors[item.mesh.faces], colors.reshape(2, 3, 4))
+
+
+def test_without_normals_it_is_flat_and_with_normals_tangents_count(tmp_path):
+    bent = [[0, 0.6, 0.8]] * 3
+    tangents = [[1, 0, 0, -1]] * 3
+    item = Asset(TANGENT=tangents).read(tmp_path).objects[0]
+    np.testing.assert_array_equal(item.mesh.normals[item.mesh.normal_faces], [[[0, 0, 1]] * 3])
+    assert item.mesh.tangents is None
+    item = Asset(NORMAL=bent, TANGENT=tangents).read(tmp_path).objects[0]
+    np.testing.assert_allclose(item.mesh.normals[0], bent[0], atol=1e-7)
+    np.testing.assert_array_equal(item.mesh.tangents, [tangents])
+
+
+def test_v_is_turned_up(asset, tmp_path):
+    mesh = asset.read(tmp_path).objects[0].mesh
+    np.testing.assert_array_equal(mesh.corner_uvs()[0], [[0, 1], [1, 1], [0, 0]])
+
+
+def test_each_node_places_each_primitive(asset, tmp_path):
+    asset.add(POSITION=CORNERS + 5)
+    asset.json["nodes"] = [
+        {"mesh": 0, "name": "left"},
+        {"name": "up", "translation": [0, 3, 0], "children": [2]},
+        {"mesh": 0, "name": "mirror", "scale": [-1, 1, 1]},
+        {"mesh": 0, "name": "hidden", "scale": [0, 0, 0]},
+    ]
+    scene = asset.read(tmp_path)
+    assert [item.name for item in scene.objects] == ["left 0", "left 1", "mirror 0", "mirror 1"]
+    assert scene.objects[0].mesh is scene.objects[2].mesh
+    assert scene.objects[0].transform is None
+    mirrored = placed(scene.objects[2])
+    np.testing.assert_array_equal(mirrored.bounds, [[-1, 3, 0], [0, 4, 0]])
+    a, b, c = mirrored.positions[mirrored.faces[0]]
+    assert np.cross(b - a, c - a)[2] > 0  # still seen from the front
+    (note,) = scene.notes
+    assert note == "the node 'hidden' flattens what it holds; it is left out"
+
+
+def test_another_set_of_coordinates(tmp_path, pixels):
+    asset = Asset(TEXCOORD_1=UVS * 0.5)
+    image = asset.texture(pixels)
+    second = {**image, "texCoord": 1}
+    asset.material(
+        pbrMetallicRoughness={"baseColorTexture": second},
+        normalTexture={**image, "extensions": {"KHR_texture_transform": {"texCoord": 1}}},
+    )
+    item = asset.read(tmp_path).objects[0]
+    np.testing.assert_array_equal(item.mesh.corner_uvs()[0], [[0, 1], [0.5, 1], [0, 0.5]])
+    assert item.material.normal_map is not None
+
+    asset.json["materials"][0]["occlusionTexture"] = image
+    scene = asset.read(tmp_path)
+    assert scene.objects[0].material.occlusion is None
+    assert scene.notes == (
+        "occlusionTexture of 'material 0' lies on TEXCOORD_0, others on TEXCOORD_1; it is left out",
+    )
+
+
+def test_lights(asset, tmp_path):
+    asset.json["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "directional", "intensity": math.pi, "color": [1, 0.5, 0]},
+        {"type": "point", "name": "bulb", "intensity": 2 * math.pi},
+        {"type": "spot", "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.4}},
+    ]}}  # fmt: skip
+    half = math.sqrt(0.5)
+    asset.json["nodes"] += [
+        # Turned a quarter about x, -z points down.
+        {"extensions": {"KHR_lights_punctual": {"light": 0}}, "rotation": [-half, 0, 0, half]},
+        {"extensions": {"KHR_lights_punctual": {"light": 1}}, "translation": [1, 2, 3]},
+        {"extensions": {"KHR_lights_punctual": {"light": 2}}, "scale": [2, 2, 2]},
+    ]
+    sun, bulb, spot = asset.read(tmp_path).lighting.lights
+    np.testing.assert_allclose(sun.direction, [0, -1, 0], atol=1e-15)
+    assert (sun.intensity, sun.color) == (pytest.approx(1), (1, 0.5, 0))
+    assert (bulb.name, bulb.position, bulb.intensity) == ("bulb", (1, 2, 3), pytest.approx(2))
+    assert spot.direction == (0, 0, -1)
+    assert math.radians(spot.angle) == pytest.approx(0.8)
+    assert spot.blend == pytest.approx(0.75)
+
+
+def test_the_first_perspective_camera_is_the_view(asset, tmp_path):
+    asset.json["cameras"] = [
+        {"type": "orthographic", "orthographic": {}, "name": "plan"},
+        {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.01}},
+    ]
+    asset.json["nodes"] += [
+        {"camera": 0},
+        {"camera": 1, "translation": [1, 2, 3], "rotation": [0, math.sqrt(0.5), 0, math.sqrt(0.5)]},
+    ]
+    scene = asset.read(tmp_path)
+    camera = camera_of(scene, RenderOptions())
+    np.testing.assert_allclose(camera.eye, [1, 2, 3])
+    # A quarter turn about y: it looks along -x, with -z to the right.
+    np.testing.assert_allclose(camera.axes, [[0, 0, -1], [0, 1, 0], [1, 0, 0]], atol=1e-12)
+    assert camera.fov == pytest.approx(0.5)
+    assert camera.near == 0.01
+    assert scene.notes == ("the camera 'plan' is orthographic; only perspective ones are shown",)
+
+
+def test_extensions(asset, tmp_path):
+    asset.json["extensionsUsed"] = ["KHR_materials_unlit", "KHR_materials_clearcoat"]
+    assert asset.read(tmp_path).notes == (
+        "it asks for KHR_materials_clearcoat, which is not shown",
+    )
+    asset.json["extensionsRequired"] = ["KHR_materials_clearcoat"]
+    with pytest.raises(
+        FileFormatError, match="it needs KHR_materials_clearcoat, which is not shown"
+    ):
+        asset.read(tmp_path)
+    asset.json["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    with pytest.raises(FileFormatError, match="it needs KHR_draco_mesh_compression"):
+        asset.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}}, r"it has no textures\[7\]"),
+        ({"pbrMetallicRoughness": {"roughnessFactor": "x"}}, "'roughnessFactor' is 'x'"),
+        (
+            {"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}},
+            "'baseColorFactor' is not 4 numbers",
+        ),
+        ({"pbrMetallicRoughness": 3}, "'pbrMetallicRoughness' is not an object"),
+        ({"alphaMode": "GLASS"}, "the alphaMode 'GLASS' of 'material 0' is not known"),
+        ({"emissiveFactor": [1, -1, 0]}, "'emissiveFactor' is below 0"),
+    ],
+)
+def test_wrong_materials(asset, tmp_path, change, message):
+    asset.material(**change)
+    with pytest.raises(FileFormatError, match=rf"a\.glb: {message}"):
+        asset.read(tmp_path)
+
+
+def test_a_scene_without_triangles(asset, tmp_path):
+    asset.json["meshes"][0]["primitives"][0]["mode"] = 1
+    with pytest.raises(MeshError, match="it has no faces"):
+        asset.read(tmp_path)
+
+
+def test_textures_without_coordinates_show_one_texel(tmp_path, pixels):
+    asset = Asset()
+    asset.json["meshes"][0]["primitives"].clear()
+    asset.add(POSITION=CORNERS)
+    asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture(pixels)})
+    scene = asset.read(tmp_path)
+    np.testing.assert_array_equal(scene.objects[0].mesh.corner_uvs(), [[[0, 1]] * 3])
+    assert "has textures and no coordinates" in scene.notes[0]
+
+
+@pytest.mark.realdata
+def test_real_assets(data_dir):
+    scene = read_scene(data_dir / "gltf" / "NormalTangentMirrorTest.glb")
+    (item,) = scene.objects
+    assert item.mesh.tangents is not None
+    assert item.material.normal_map.texture.image.pixels.shape[:2] == (2048, 2048)
+    assert scene.notes == ()
+
+    car = read_scene(data_dir / "gltf" / "ToyCar" / "ToyCar.gltf")
+    assert [item.name for item in car.objects] == ["ToyCar", "Fabric", "Glass"]
+    assert car.objects[1].material.base_color.scale == (3, 3)
+    assert car.view.fov == pytest.approx(math.degrees(0.9))
+    assert [note.split()[3][:-1] for note in car.notes] == [
+        "KHR_materials_clearcoat", "KHR_materials_transmission", "KHR_materials_sheen",
+    ]  # fmt: skip

@@ -1,0 +1,219 @@
+"""Images as slots look them up: channels, factors, transforms of coordinates, wraps, filters."""
+
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError, UvError
+from texbake.mesh.shapes import cube
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.effects.images import placed_image, wrap_of
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
+from texbake.texture.encoding import decode_srgb
+from texbake.texture.image import Image, write_image
+
+RNG = np.random.default_rng(7)
+TEXELS = RNG.random((6, 9, 3)).astype(np.float32)
+
+
+def unlit(base_color, **fields):
+    return Material(shading="unlit", base_color=base_color, **fields)
+
+
+def nearest(texels, uvs):
+    """Texels at coordinates, tiled; and which pixels are surely not beside another texel."""
+    height, width = texels.shape[:2]
+    x, y = uvs[..., 0] * width, (1 - uvs[..., 1]) * height
+    sure = np.minimum(np.abs(x - np.round(x)), np.abs(y - np.round(y))) > 1e-4
+    return texels[np.floor(y).astype(int) % height, np.floor(x).astype(int) % width], sure
+
+
+def test_a_texel_is_where_its_coordinates_say(wall):
+    found = wall.light(unlit(ImageTexture(image=TEXELS, filter="nearest")))
+    expected, sure = nearest(TEXELS, wall.uvs)
+    assert sure.mean() > 0.95
+    np.testing.assert_array_equal(found[sure], expected[sure])
+
+
+def test_coordinates_are_scaled_then_turned_then_moved(wall):
+    image = ImageTexture(
+        image=TEXELS, filter="nearest", scale=(2.0, -3.0), rotate=30.0, offset=(0.3, 0.7)
+    )
+    sine, cosine = math.sin(math.radians(30)), math.cos(math.radians(30))
+    scaled = wall.uvs * (2.0, -3.0)
+    turned = scaled @ np.array([[cosine, sine], [-sine, cosine]])  # counter-clockwise
+    expected, sure = nearest(TEXELS, turned + np.array((0.3, 0.7)))
+    np.testing.assert_array_equal(wall.light(unlit(image))[sure], expected[sure])
+
+
+@pytest.mark.parametrize("filter_name", ["trilinear", "ewa"])
+def test_a_transform_of_the_image_is_one_of_the_coordinates_for_its_filter_too(wall, filter_name):
+    # What a pixel covers is scaled and turned as well.
+    large = RNG.random((64, 64, 3)).astype(np.float32)
+    image = ImageTexture(image=large, filter=filter_name, wrap="repeat")
+    angle = math.radians(25)
+    matrix = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    matrix = matrix * (5.0, 1.5)
+    moved = replace(image, scale=(5.0, 1.5), rotate=25.0, offset=(0.2, 0.1))
+    uvs = wall.mesh().uvs @ matrix.T + (0.2, 0.1)
+    np.testing.assert_allclose(
+        wall.light(unlit(moved)), wall.light(unlit(image), uvs=uvs), atol=2e-5
+    )
+
+
+@pytest.mark.parametrize("factor", [0.5, (0.5, 2.0, 0.0)])
+def test_a_factor_multiplies_what_is_looked_up(wall, factor):
+    plain = ImageTexture(image=TEXELS, filter="bilinear")
+    found = wall.light(unlit(replace(plain, factor=factor)))
+    np.testing.assert_allclose(found, wall.light(unlit(plain)) * factor, rtol=1e-6)
+
+
+def test_one_channel_stands_for_a_number_or_for_all_three(wall):
+    for channel in range(3):
+        image = ImageTexture(image=TEXELS, filter="nearest", channel=channel)
+        found = wall.frame(unlit((1.0,) * 3, opacity=image)).color[..., 3]
+        expected, sure = nearest(TEXELS[..., channel], wall.uvs)
+        np.testing.assert_allclose(found[sure], expected[sure], rtol=1e-6)
+        gray = wall.light(unlit(image))
+        np.testing.assert_array_equal(gray[sure], expected[sure][:, None].repeat(3, 1))
+    first = wall.frame(unlit((1.0,) * 3, opacity=ImageTexture(image=TEXELS, filter="nearest")))
+    expected, sure = nearest(TEXELS[..., 0], wall.uvs)
+    np.testing.assert_allclose(first.color[..., 3][sure], expected[sure], rtol=1e-6)
+
+
+def test_wraps_go_on_as_they_say(wall):
+    uvs = wall.mesh().uvs * 3 - 1
+    beyond = wall.uvs * 3 - 1
+    inside = ((beyond > 0) & (beyond < 1)).all(-1)
+    assert 10 < inside.sum() < 350
+    for wrap, where in (
+        ("repeat", beyond % 1),
+        ("clamp", np.clip(beyond, 1e-9, 1 - 1e-9)),
+        ("mirror", 1 - np.abs(beyond % 2 - 1)),
+    ):
+        image = ImageTexture(image=TEXELS, filter="nearest", wrap=wrap)
+        expected, _ = nearest(TEXELS, where)
+        x, y = np.moveaxis(beyond * (9, 6), -1, 0)
+        sure = np.minimum(np.abs(x - np.round(x)), np.abs(y - np.round(y))) > 1e-4
+        found = wall.light(unlit(image), uvs=uvs)
+        np.testing.assert_array_equal(found[sure], expected[sure])
+    image = ImageTexture(image=TEXELS, filter="nearest", wrap="border", border=(0.1, 0.2, 0.3))
+    found = wall.light(unlit(image), uvs=uvs)
+    expected = np.broadcast_to(np.float32((0.1, 0.2, 0.3)), (16, 24, 3))
+    np.testing.assert_array_equal(found[~inside], expected[~inside])
+
+
+def test_an_image_repeats_where_coordinates_leave_the_unit_square_and_else_is_clamped():
+    assert wrap_of(None) == wrap_of(np.empty((0, 2))) == "clamp"
+    assert wrap_of(np.array([[0.0, 1.0], [0.5, 0.2]])) == "clamp"
+    assert wrap_of(np.array([[0.0, 1.0 + 1e-7]])) == "clamp"  # rounding of a file
+    assert wrap_of(np.array([[0.0, 1.1]])) == wrap_of(np.array([[-0.1, 0.0]])) == "repeat"
+
+
+def test_codes_are_decoded_as_the_slot_has_them(wall, tmp_path):
+    codes = RNG.integers(0, 256, (4, 4, 3), np.uint8)
+    write_image(codes, tmp_path / "a.png", color=True)
+    share = codes / 255.0
+    texture = ImageTexture(image=tmp_path / "a.png", filter="nearest")
+    expected, sure = nearest(decode_srgb(share), wall.uvs)
+    np.testing.assert_allclose(wall.light(unlit(texture))[sure], expected[sure], rtol=1e-5)
+    expected, sure = nearest(share, wall.uvs)
+    as_data = wall.light(unlit(replace(texture, color=False)))
+    np.testing.assert_allclose(as_data[sure], expected[sure], rtol=1e-6)
+    as_number = wall.frame(unlit((1.0,) * 3, opacity=texture)).color[..., 3]
+    np.testing.assert_allclose(as_number[sure], expected[sure][:, 0], rtol=1e-6)
+
+
+def test_bilinear_is_the_weighted_mean_of_four(wall):
+    found = wall.light(unlit(ImageTexture(image=TEXELS, filter="bilinear", wrap="repeat")))
+    x, y = wall.uvs[..., 0] * 9 - 0.5, (1 - wall.uvs[..., 1]) * 6 - 0.5
+    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
+    expected = 0.0
+    for dj in (0, 1):
+        for di in (0, 1):
+            weight = np.abs(1 - di - (x - i)) * np.abs(1 - dj - (y - j))
+            expected = expected + weight[..., None] * TEXELS[(j + dj) % 6, (i + di) % 9]
+    np.testing.assert_allclose(found, expected, atol=2e-6)
+
+
+def test_the_filter_of_the_options_goes_before_that_of_the_image(wall):
+    image = ImageTexture(image=TEXELS, filter="nearest")
+    found = wall.light(unlit(image), options=replace(wall.options, filter="bilinear"))
+    other = wall.light(unlit(replace(image, filter="bilinear")))
+    np.testing.assert_array_equal(found, other)
+
+
+def test_an_image_is_read_once_for_all_pictures(wall, monkeypatch):
+    reads = []
+    images = sys.modules["texbake.rendering.effects.images"]
+    real = images.colors_from
+    monkeypatch.setattr(images, "colors_from", lambda *a, **k: (reads.append(1), real(*a, **k))[1])
+    scene = Scene(
+        objects=(SceneObject(mesh=wall.mesh(), material=unlit(ImageTexture(image=TEXELS))),)
+    )
+    prepared = prepare(scene, wall.options)
+    first = draw(prepared, wall.camera)
+    second = draw(prepared, wall.camera)
+    assert len(reads) == 1
+    assert first.color.tobytes() == second.color.tobytes()
+    assert second.costs.by_name["mip maps"].n_bytes == 0 < first.costs.by_name["mip maps"].n_bytes
+
+
+def test_an_image_of_several_objects_and_slots_is_read_once_for_each_use(wall, monkeypatch):
+    images = sys.modules["texbake.rendering.effects.images"]
+    calls = []
+    for name in "colors_from", "channel_of", "mip_chain":
+        real = getattr(images, name)
+        monkeypatch.setattr(
+            images, name, lambda *a, n=name, f=real, **k: (calls.append(n), f(*a, **k))[1]
+        )
+    material = unlit(
+        ImageTexture(image=TEXELS), emission=ImageTexture(image=TEXELS), opacity=texture_of(0)
+    )
+    items = [SceneObject(mesh=wall.mesh(), material=material) for _ in range(3)]
+    frame = draw(prepare(Scene(objects=tuple(items)), wall.options), wall.camera)
+    assert sorted(calls) == ["channel_of", "colors_from", "mip_chain", "mip_chain"]
+    n_texels = 6 * 9 * (3 + 1)
+    assert frame.costs.by_name["images"].n_bytes == 4 * n_texels
+
+
+def texture_of(channel):
+    return ImageTexture(image=TEXELS, channel=channel)
+
+
+def test_what_does_not_fit_is_one_error(wall):
+    def fails(texture, match, error=OptionError):
+        with pytest.raises(error, match=match):
+            wall.light(unlit(texture))
+
+    fails(ImageTexture(image=np.zeros((4, 4, 0), np.float32)), "shape")
+    fails(ImageTexture(image=np.zeros((0, 4, 3), np.float32)), "shape")
+    fails(ImageTexture(image=TEXELS, factor=(1.0, 2.0)), "base_color.factor")
+    fails(ImageTexture(image=TEXELS, border=(1.0, 2.0), wrap="border"), "base_color.border")
+    scene = Scene(objects=(SceneObject(mesh=cube(), material=unlit(ImageTexture(image=TEXELS))),))
+    camera = Camera.framing(cube(), options=wall.options)
+    with pytest.raises(UvError, match="cube: it has no texture coordinates"):
+        draw(prepare(scene, wall.options), camera)
+
+
+def test_images_with_their_own_metadata_are_read_too(wall):
+    image = Image(TEXELS, {}, name="memory")
+    found = wall.light(unlit(ImageTexture(image=image, filter="nearest")))
+    expected, sure = nearest(TEXELS, wall.uvs)
+    np.testing.assert_array_equal(found[sure], expected[sure])
+
+
+def test_limits_of_an_image_are_those_of_each_channel():
+    image = placed_image(
+        ImageTexture(image=TEXELS), TEXELS, kind="color", filter_name="bicubic", uvs=None, name="t"
+    )
+    low, high = image.limits
+    np.testing.assert_array_equal(low, TEXELS.min(axis=(0, 1)))
+    np.testing.assert_array_equal(high, TEXELS.max(axis=(0, 1)))
+    assert image.limits[0] is low

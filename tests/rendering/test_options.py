@@ -1,0 +1,54 @@
+import math
+import subprocess
+import sys
+
+import pytest
+
+from texbake.errors import OptionError
+from texbake.rendering.options import RenderOptions
+
+
+def test_the_defaults_are_valid_and_distance_is_to_be_found():
+    assert RenderOptions().distance is None
+    assert RenderOptions(view=(1.0, 2.0, None)).distance is None
+    assert RenderOptions(view=(1.0, 2.0, 3.0)).distance == 3.0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"width": 0},
+        {"height": 16385},
+        {"width": 2.5},
+        {"supersampling": 0},
+        {"supersampling": 17},
+        {"width": 16384, "height": 16384, "supersampling": 2},
+        {"view": (1.0,)},
+        {"view": (math.nan, 0.0)},
+        {"view": (None, 0.0)},
+        {"view": (0.0, 0.0, 0.0)},
+        {"view": (0.0, 0.0, -1.0)},
+        {"view": (0.0, 0.0, math.inf)},
+        {"fov": 0.0},
+        {"fov": 180.0},
+        {"fov": math.nan},
+        {"background": (0.0, 0.0, 1.1)},
+        {"background": (0.0, 0.0)},
+        {"base_color": None},
+        {"base_color": (math.nan, 0.0, 0.0)},
+        {"back_faces": "hide"},
+        {"up": "x"},
+        {"max_triangles": 0},
+    ],
+)
+def test_a_wrong_option_is_named(wrong):
+    with pytest.raises(OptionError) as caught:
+        RenderOptions(**wrong)
+    message = str(caught.value)
+    assert message.split(":")[0] in wrong
+    assert "\n" not in message
+
+
+def test_options_load_no_numpy():
+    code = "import sys, texbake.rendering.options; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

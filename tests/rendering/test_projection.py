@@ -1,0 +1,213 @@
+"""Slides in spots and pictures thrown onto surfaces: where they fall, against closed forms."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from texbake.errors import OptionError
+from texbake.mesh.shapes import plane
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, plan_of, prepare
+from texbake.rendering.effects.projection import load_slide, thrown
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.material import Material, ProjectedTexture
+from texbake.rendering.scene.placing import transform_matrix
+from texbake.rendering.scene.projecting import projector_matrix
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
+
+OPTIONS = RenderOptions(width=120, height=120, supersampling=1, background=None)
+ABOVE = Camera.looking_at((0, 6, 0), (0, 0, 0), up=(0, 0, -1), fov=math.radians(50), near=0.01)
+WHITE = Material(shading="lambert", base_color=(1.0, 1.0, 1.0))
+GRAY = Material(shading="unlit", base_color=(0.5, 0.5, 0.5))
+# Red, green over blue, yellow.
+QUARTERS = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32)
+
+
+def drawn(material: Material, *lights: Light, camera: Camera = ABOVE) -> np.ndarray:
+    """(H, W, 3): a level floor about the origin."""
+    matrix = transform_matrix(scale=6, rotate=(-90, 0, 0), translate=(-3, 0, 3))
+    item = SceneObject(mesh=plane(3, 3), material=material, transform=matrix)
+    scene = Scene(objects=(item,), lighting=Lighting(lights=lights))
+    return draw(prepare(scene, OPTIONS), camera).color[..., :3]
+
+
+def floor_points(camera: Camera = ABOVE) -> np.ndarray:
+    """(H, W, 2): x and z where the middles of pixels see the floor's plane."""
+    rays = camera.view_rays(120, 120)
+    x, y = np.meshgrid(np.arange(120) + 0.5, np.arange(120) + 0.5)
+    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    return np.asarray((camera.eye - camera.eye[1] / rays[..., 1:2] * rays)[..., [0, 2]])
+
+
+def spot(slide: np.ndarray | None, height: float = 4.0, **more: object) -> Light:
+    profile = None if slide is None else ImageTexture(image=slide, filter="nearest")
+    return Light(
+        kind="spot", position=(0, height, 0), direction=(0, -2, 0), up=(0, 0, -1), angle=50.0,
+        blend=0.0, decay=0.0, profile=profile, **more,
+    )  # fmt: skip
+
+
+def test_a_slide_colors_the_light_of_a_spot() -> None:
+    bare, colored = (drawn(WHITE, spot(slide)) for slide in (None, QUARTERS))
+    at = floor_points()
+    lit = bare[..., 0] > 0.0
+    # The cone's foot: 4 tan 25 degrees about the spot, and nothing outside.
+    radius = np.hypot(at[..., 0], at[..., 1])
+    assert (lit == (radius < 4.0 * math.tan(math.radians(25)))).mean() > 0.999
+    # Upright along -z, seen from the lamp with +x to the right.
+    expected = QUARTERS[(at[..., 1] > 0.0).astype(int), (at[..., 0] > 0.0).astype(int)]
+    inside = lit & (np.abs(at) > 1e-9).all(axis=-1)
+    assert inside.sum() > 2000
+    np.testing.assert_array_equal(colored[inside], bare[inside] * expected[inside])
+    assert (colored[~lit] == 0.0).all()
+
+
+def test_a_slide_reaches_to_the_rim_of_the_cone() -> None:
+    # A ramp over the slide: the value at the rim is 1, whatever the distance.
+    ramp = np.repeat((np.arange(64, dtype=np.float32) + 0.5)[None, :, None] / 64, 3, axis=2)
+    texture = ImageTexture(image=ramp, filter="bilinear")
+    colored = drawn(WHITE, replace(spot(None), profile=texture))
+    bare = drawn(WHITE, spot(None))
+    lit = bare[..., 0] > 0.0
+    s = 0.5 + 0.5 * floor_points()[..., 0] / (4.0 * math.tan(math.radians(25)))
+    # Half a texel at either border has no second texel to be mixed with.
+    lit &= (s > 0.5 / 64) & (s < 1 - 0.5 / 64)
+    # float32 of values up to 1, rounded some times
+    np.testing.assert_allclose(colored[lit][:, 0] / bare[lit][:, 0], s[lit], atol=1e-6)
+
+
+def test_light_profiles_are_left_out_where_nothing_asks() -> None:
+    item = SceneObject(mesh=plane(), material=WHITE)
+
+    def why(*lights: Light) -> list[str]:
+        scene = Scene(objects=(item,), lighting=Lighting(lights=lights))
+        camera = Camera.framing(item.mesh)
+        left_out = plan_of(prepare(scene, OPTIONS), camera).left_out
+        return [entry.why for entry in left_out if entry.name == "light profiles"]
+
+    slide = ImageTexture(image=QUARTERS)
+    assert why(Light(kind="point")) == ["no light has a slide"]
+    assert why(Light(profile=slide)) == ["only a spot holds a slide, and it is directional"]
+    assert why(spot(QUARTERS, intensity=0.0)) == ["it is dark"]
+    assert why(spot(QUARTERS)) == []
+
+
+def texture_of(pixels: np.ndarray, **more: object) -> ImageTexture:
+    return ImageTexture(image=pixels.astype(np.float32), filter="nearest", **more)  # type: ignore[arg-type]
+
+
+SLANTED = projector_matrix(position=(2, 3, 1), target=(0.2, 0, 0.1), fov=30, aspect=1.5)
+
+
+def places(matrix: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """s/q, t/q and q of places on the floor."""
+    x, z = at[..., 0], at[..., 1]
+    s, t, _, q = (row[0] * x + row[2] * z + row[3] for row in matrix)
+    return s / q, t / q, q
+
+
+def test_a_picture_replaces_the_base_color_inside_its_square() -> None:
+    found = drawn(
+        replace(GRAY, projected=(ProjectedTexture(texture=texture_of(QUARTERS), matrix=SLANTED),))
+    )
+    s, t, q = places(SLANTED, floor_points())
+    inside = (s > 0) & (s < 1) & (t > 0) & (t < 1) & (q > 0)
+    expected = np.full((120, 120, 3), 0.5, np.float32)
+    expected[inside] = QUARTERS[(t < 0.5).astype(int), (s > 0.5).astype(int)][inside]
+    on_floor = (np.abs(floor_points()) < 2.99).all(axis=-1)
+    # Within rounding of a border either side is right.
+    far = np.min([np.abs(v - edge) for v in (s, t) for edge in (0.0, 0.5, 1.0)], axis=0) > 1e-9
+    assert (inside & on_floor).sum() > 800
+    np.testing.assert_array_equal(found[on_floor & far], expected[on_floor & far])
+
+
+def test_opacity_and_strength_mix_pictures_over_one_another() -> None:
+    clear = np.zeros((1, 1, 4))
+    half = np.array([[[0.0, 1.0, 0.0, 0.5]]])
+    full = np.array([[[1.0, 0.0, 0.0]]])
+    matrix = projector_matrix(position=(0, 5, 0), target=(0, 0, 0), up=(0, 0, -1), fov=100)
+    pictures = [
+        ProjectedTexture(texture=texture_of(pixels), matrix=matrix, strength=strength)
+        for pixels, strength in ((full, 0.25), (clear, 1.0), (half, 0.5))
+    ]
+    found = drawn(replace(GRAY, projected=tuple(pictures)))[60, 60]
+    first = 0.75 * np.array([0.5, 0.5, 0.5]) + 0.25 * np.array([1.0, 0.0, 0.0])
+    expected = 0.75 * first + 0.25 * np.array([0.0, 1.0, 0.0])
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_nothing_is_thrown_behind_the_projector() -> None:
+    # Below the floor and looking down: the floor lies behind, at mirrored (s/q, t/q) inside [0, 1].
+    matrix = projector_matrix(position=(0, -3, 0), target=(0, -9, 0), up=(0, 0, -1), fov=90)
+    s, t, q = places(matrix, floor_points())
+    assert ((s > 0) & (s < 1) & (t > 0) & (t < 1) & (q < 0)).any()
+    pictures = (ProjectedTexture(texture=texture_of(QUARTERS), matrix=matrix),)
+    np.testing.assert_array_equal(drawn(replace(GRAY, projected=pictures)), drawn(GRAY))
+
+
+def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite() -> None:
+    image = load_slide(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="slide")
+    points = np.array([[2.0, 3.0, 1.0], [1e300, -1e300, 0.0], [0.0, 0.0, 0.0]])
+    steps = np.full((3, 2, 3), np.inf)
+    values, coverage = thrown(image, SLANTED, points, steps)
+    assert np.isfinite(values).all() and np.isfinite(coverage).all()
+    assert coverage[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "camera", [ABOVE, Camera.looking_at((1, 4, 4), (0, 0, 0), fov=0.9, near=0.1)]
+)
+def test_a_border_is_as_smooth_as_the_pixels_are_wide(camera: Camera) -> None:
+    # With a filter over the pixel the border is the share of the pixel's width inside the square.
+    # That width is what the derivatives say; here it is measured between neighboring pixels.
+    texture = ImageTexture(image=np.ones((1, 1, 3), np.float32), filter="trilinear")
+    black = Material(
+        shading="unlit",
+        base_color=(0.0, 0.0, 0.0),
+        projected=(ProjectedTexture(texture=texture, matrix=SLANTED),),
+    )
+    found = drawn(black, camera=camera)[..., 0]
+    s, t, q = places(SLANTED, floor_points(camera))
+    expected = np.where(q > 0, 1.0, 0.0)
+    for value in s, t:
+        down, right = np.gradient(value)
+        width = np.abs(right) + np.abs(down)
+        inside = np.minimum(value + width / 2, 1.0) - np.maximum(value - width / 2, 0.0)
+        expected *= np.clip(inside / width, 0.0, 1.0)
+    on_floor = (np.abs(floor_points(camera)) < 2.9).all(axis=-1)
+    soft = on_floor & (expected > 0.0) & (expected < 1.0)
+    assert soft.sum() > 50
+    # np.gradient is a mean over two pixels; s/q and t/q bend by less than 2 % of that there.
+    np.testing.assert_allclose(found[on_floor], expected[on_floor], atol=0.02)
+
+
+def test_a_fine_picture_far_away_is_its_mean() -> None:
+    # Stripes much finer than a pixel: without derivatives they would be black or white.
+    stripes = np.zeros((1024, 1024, 3), np.float32)
+    stripes[:, ::2] = 1.0
+    matrix = projector_matrix(position=(0, 3, 0), target=(0, 0, 0), up=(0, 0, -1), fov=20)
+
+    def spread(kind: str) -> np.ndarray:
+        picture = ProjectedTexture(texture=ImageTexture(image=stripes, filter=kind), matrix=matrix)
+        found = drawn(replace(GRAY, projected=(picture,)))
+        s, t, _ = places(matrix, floor_points())
+        return found[(np.abs(s - 0.5) < 0.4) & (np.abs(t - 0.5) < 0.4)][:, 0]
+
+    assert np.abs(spread("trilinear") - 0.5).max() < 0.01
+    assert np.abs(spread("nearest") - 0.5).min() == 0.5
+
+
+def test_factors_and_their_faults() -> None:
+    matrix = projector_matrix(position=(0, 5, 0), target=(0, 0, 0), up=(0, 0, -1), fov=100)
+    white = np.ones((1, 1, 3))
+    texture = texture_of(white, factor=(0.5, 0.25, 1.0))
+    pictures = (ProjectedTexture(texture=texture, matrix=matrix),)
+    found = drawn(replace(GRAY, projected=pictures))[60, 60]
+    np.testing.assert_array_equal(found, np.array([0.5, 0.25, 1.0], np.float32))
+    broken = replace(spot(None), profile=ImageTexture(image=np.ones((4, 4, 2, 2), np.float32)))
+    with pytest.raises(OptionError, match="shape"):
+        drawn(WHITE, broken)

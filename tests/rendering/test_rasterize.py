@@ -1,0 +1,285 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from texbake.mesh.shapes import grid_sphere, icosphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.raster.clip import SUBPIXELS
+from texbake.rendering.raster.rasterize import BAND_ROWS, rasterize
+from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.raster.world import (
+    CULL_BACK,
+    SHOW_BACK,
+    SKIP,
+    joined,
+)
+
+# Clip space is (x, y) of the positions as they are, in front of the camera, z the depth itself.
+FLAT = np.eye(4)
+
+
+def drawn(positions, faces, matrix, width, height, back_faces="cull", **options):
+    """What is seen of one object."""
+    world = joined([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
+    modes = np.array([SHOW_BACK if back_faces == "show" else CULL_BACK], np.uint8)
+    return rasterize(world, matrix, width, height, modes=modes, **options)
+
+
+def from_grid(points, width, height, depth=0.5):
+    """Positions that FLAT brings to these columns and rows in 1/256 of a sample, exactly."""
+    columns, rows = np.asarray(points, np.float64).T / SUBPIXELS
+    z = np.broadcast_to(depth, columns.shape)
+    # Exact where width and height are powers of two.
+    return np.stack([2 * columns / width - 1, 1 - 2 * rows / height, z], axis=1)
+
+
+def owned(points, width, height):
+    """Which samples lie in a triangle on the grid, in Python integers.
+
+    Independent of edge biases: the sample is moved right by an infinitesimal and down by an
+    infinitesimally smaller one, then it lies on no edge; what then is inside is just what the
+    top-left rule owns.
+    """
+    a, b, c = (tuple(int(x) for x in point) for point in points)
+    turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    inside = np.zeros((height, width), bool)
+    if turn == 0:
+        return inside
+    if turn < 0:
+        b, c = c, b
+    for row in range(height):
+        for column in range(width):
+            x, y = column * SUBPIXELS + SUBPIXELS // 2, row * SUBPIXELS + SUBPIXELS // 2
+            inside[row, column] = all(
+                (
+                    (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]),
+                    -(q[1] - p[1]),
+                    q[0] - p[0],
+                )
+                > (0, 0, 0)
+                for p, q in ((a, b), (b, c), (c, a))
+            )
+    return inside
+
+
+def flat_visibility(points, faces, width, height, **options):
+    return drawn(
+        from_grid(points, width, height),
+        np.asarray(faces, np.int32),
+        FLAT,
+        width,
+        height,
+        back_faces="show",
+        **options,
+    )
+
+
+def count_owners(positions, faces, matrix, width, height):
+    """How many of the faces, each drawn alone, own each sample."""
+    counts = np.zeros((height, width), int)
+    for face in np.asarray(faces, np.int32):
+        alone = drawn(positions, face[None], matrix, width, height, back_faces="show")
+        counts += alone.face_ids == 0
+    return counts
+
+
+# Half sample steps, so that many corners and edges run through samples; off the screen too; wide
+# and narrow triangles, for both ways of finding the samples of a row.
+half_samples = st.integers(-40, 104).map(lambda i: i * SUBPIXELS // 2)
+anywhere = st.integers(-10 * SUBPIXELS, 42 * SUBPIXELS)
+corner = st.tuples(half_samples | anywhere, half_samples | anywhere)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.tuples(corner, corner, corner))
+def test_a_triangle_owns_the_samples_of_the_top_left_rule(points):
+    visibility = flat_visibility(points, [[0, 1, 2]], 32, 32)
+    np.testing.assert_array_equal(visibility.face_ids == 0, owned(points, 32, 32))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_triangulation_of_the_screen_owns_each_sample_once(seed):
+    rng = np.random.default_rng(seed)
+    n, size = 6, 64
+    step = size * SUBPIXELS // n // 2 * 2
+    columns, rows = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
+    points = np.stack([columns, rows], axis=-1) * step
+    # Up to a third of a cell keeps every cell convex enough for both diagonals not to fold.
+    jitter = rng.integers(-step // 6, step // 6 + 1, (n - 1, n - 1, 2))
+    snapped = rng.random((n - 1, n - 1)) < 0.5
+    jitter[snapped] = jitter[snapped] // SUBPIXELS * SUBPIXELS + SUBPIXELS // 2
+    points[1:-1, 1:-1] += jitter
+    index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = (
+        quad.ravel() for quad in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
+    )
+    rising = rng.random(n * n) < 0.5
+    first = np.where(rising, [a, b, d], [a, b, c]).T
+    second = np.where(rising, [b, c, d], [a, c, d]).T
+    faces = np.concatenate([first, second])
+    counts = count_owners(from_grid(points.reshape(-1, 2), size, size), faces, FLAT, size, size)
+    # The grid ends within a sample of the screen's edge, beyond the last sample's center.
+    assert size * SUBPIXELS - SUBPIXELS // 2 < n * step <= size * SUBPIXELS
+    assert (counts == 1).all()
+
+
+@pytest.mark.parametrize("faces", [[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
+def test_a_split_quad_owns_each_sample_once(faces):
+    # Diagonal through the samples' centers, edges along the screen's.
+    side = 2 * BAND_ROWS
+    points = np.array([[0, 0], [0, side], [side, side], [side, 0]]) * SUBPIXELS
+    positions = from_grid(points, side, side)
+    assert (count_owners(positions, faces, FLAT, side, side) == 1).all()
+
+
+@pytest.mark.parametrize("direction", range(7))
+def test_a_closed_mesh_shows_front_and_back_alike(direction):
+    # A ray that enters a closed surface leaves it, and coverage is exact: with culling or without,
+    # and from inside out, the same samples are covered.
+    mesh = icosphere(3)
+    options = RenderOptions(view=(51.0 * direction, -80.0 + 26.0 * direction))
+    matrix = Camera.framing(mesh, options=options).clip_from_world(1.5)
+    front, both, back = (
+        drawn(mesh.positions, faces, matrix, 300, 200, back_faces=back_faces).face_ids >= 0
+        for faces, back_faces in (
+            (mesh.faces, "cull"),
+            (mesh.faces, "show"),
+            (np.ascontiguousarray(mesh.faces[:, ::-1]), "cull"),
+        )
+    )
+    assert front.sum() > 10_000
+    np.testing.assert_array_equal(front, both)
+    np.testing.assert_array_equal(front, back)
+    # Convex: every row is one run without a hole.
+    assert (np.count_nonzero(np.diff(front.astype(int), axis=1), axis=1) <= 2).all()
+
+
+def test_the_nearest_triangle_is_seen():
+    points = np.tile([[0, 0], [0, 64], [64, 0]], (3, 1)) * SUBPIXELS
+    positions = from_grid(points, 32, 32, depth=np.repeat([0.2, 0.7, 0.4], 3))
+    faces = np.arange(9, dtype=np.int32).reshape(3, 3)
+    visibility = drawn(positions, faces, FLAT, 32, 32)
+    assert (visibility.face_ids == 1).all()
+    np.testing.assert_array_equal(visibility.depths, np.float32(0.7))
+
+
+def test_two_planes_that_cross_are_parted_where_they_cross():
+    # Depths 0.25 + 0.5 s and 0.5 along the columns: equal in the middle of the screen.
+    points = np.array([[0, 0], [0, 64], [64, 0], [64, 64]] * 2) * SUBPIXELS
+    positions = from_grid(points, 64, 64, depth=np.array([0.25, 0.25, 0.75, 0.75] + [0.5] * 4))
+    faces = np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 5, 7]], np.int32)
+    ids = drawn(positions, faces, FLAT, 64, 64).face_ids
+    assert (ids[:, :32] >= 2).all()
+    assert (ids[:, 32:] < 2).all()
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]])
+def test_of_equal_depths_the_lower_index_is_seen(order):
+    mesh = icosphere(2)
+    matrix = Camera.framing(mesh).clip_from_world(1.0)
+    # Four copies of each face, side by side in one list and mixed in another.
+    copies = np.concatenate([np.roll(mesh.faces, 3 * k, axis=0) for k in order])
+    visibility = drawn(mesh.positions, copies, matrix, 128, 128)
+    alone = drawn(mesh.positions, copies[: mesh.n_faces], matrix, 128, 128)
+    np.testing.assert_array_equal(visibility.face_ids, alone.face_ids)
+    np.testing.assert_array_equal(visibility.depths, alone.depths)
+
+
+def test_every_number_of_threads_gives_the_same_bytes():
+    # More faces than a chunk, more rows than a band, and a camera inside: clipping as well.
+    mesh = grid_sphere(200, 200)
+    options = RenderOptions(view=(10.0, 20.0, 0.9))
+    matrix = Camera.framing(mesh, options=options).clip_from_world(1.0)
+    shown = [
+        drawn(mesh.positions, mesh.faces, matrix, 150, 150, back_faces="show", threads=threads)
+        for threads in (1, 2, 5)
+    ]
+    assert (shown[0].face_ids >= 0).mean() > 0.9
+    for name in "face_ids", "depths":
+        first, *others = (getattr(visibility, name).tobytes() for visibility in shown)
+        assert all(other == first for other in others), name
+
+
+def test_triangles_without_area_are_not_seen():
+    points = np.array([[0, 0], [0, 32], [32, 32], [32, 0], [16, 16], [16, 16]]) * SUBPIXELS
+    faces = [[0, 0, 0], [0, 1, 1], [0, 4, 2], [4, 5, 1], [0, 2, 4], [3, 1, 4]]
+    visibility = flat_visibility(points, faces, 32, 32)
+    assert (visibility.face_ids == -1).all()
+    assert not visibility.depths.any()
+
+
+def test_back_faces_are_culled_or_marked():
+    points = np.array([[0, 0], [64, 0], [0, 64]]) * SUBPIXELS  # clockwise as seen
+    positions, faces = from_grid(points, 32, 32), np.array([[0, 1, 2]], np.int32)
+    culled = drawn(positions, faces, FLAT, 32, 32)
+    assert (culled.face_ids == -1).all()
+    shown = drawn(positions, faces, FLAT, 32, 32, back_faces="show")
+    assert (shown.face_ids == 0).all()
+    turned = drawn(positions, faces[:, ::-1].copy(), FLAT, 32, 32)
+    assert (turned.face_ids == 0).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 2 * BAND_ROWS + 1)])
+def test_screens_of_any_shape(size):
+    width, height = size
+    positions = np.array([[-1, -1, 0.5], [3, -1, 0.5], [-1, 3, 0.5]], np.float64)
+    visibility = drawn(positions, np.array([[0, 1, 2]], np.int32), FLAT, width, height)
+    assert visibility.face_ids.shape == (height, width)
+    assert (visibility.face_ids == 0).all()
+
+
+def test_each_object_is_skipped_culled_or_shown_whole():
+    # Three sheets one behind the other, each of two triangles, wound one way and the other.
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
+    sheets = [np.concatenate([square, np.full((4, 1), depth)], axis=1) for depth in (0.8, 0.6, 0.4)]
+    faces = np.array([[0, 1, 2], [0, 3, 2]], np.int32)
+    world = joined([(sheet, faces) for sheet in sheets])
+    np.testing.assert_array_equal(world.starts, [0, 2, 4, 6])
+
+    def nearest(*modes):
+        visibility = rasterize(world, FLAT, 16, 16, modes=np.array(modes, np.uint8))
+        return set(np.unique(visibility.face_ids).tolist())
+
+    assert nearest(SHOW_BACK, SHOW_BACK, SHOW_BACK) == {0, 1}
+    assert nearest(SKIP, SHOW_BACK, SHOW_BACK) == {2, 3}
+    # Half of the first sheet faces away; what is behind it shows there.
+    assert nearest(CULL_BACK, SKIP, SHOW_BACK) == {0, 5}
+    assert nearest(SKIP, SKIP, CULL_BACK) == {-1, 4}
+    assert nearest(SKIP, SKIP, SKIP) == {-1}
+
+
+def test_layers_are_peeled_from_front_to_back():
+    mesh = icosphere(2)
+    options = RenderOptions(view=(10.0, 20.0))
+    matrix = Camera.framing(mesh, options=options).clip_from_world(1.0)
+    shown = {"modes": np.array([SHOW_BACK], np.uint8)}
+    world = joined([(mesh.positions, mesh.faces)])
+    nothing = drawn(mesh.positions, mesh.faces[:1, [0, 0, 0]], matrix, 64, 64)
+    first = rasterize(world, matrix, 64, 64, **shown)
+    second = rasterize(world, matrix, 64, 64, behind=first, before=nothing, **shown)
+    third = rasterize(world, matrix, 64, 64, behind=second, before=nothing, **shown)
+    front = drawn(mesh.positions, mesh.faces, matrix, 64, 64)
+    back = drawn(mesh.positions, mesh.faces[:, ::-1], matrix, 64, 64)
+    # A closed convex surface has two layers: its near and its far side.
+    np.testing.assert_array_equal(first.face_ids, front.face_ids)
+    np.testing.assert_array_equal(second.face_ids, back.face_ids)
+    assert (third.face_ids == -1).all()
+    # Of two in the same place the lower index comes first, then the other; none is lost.
+    twice = joined([(mesh.positions, np.concatenate([mesh.faces, mesh.faces]))])
+    near = rasterize(twice, matrix, 64, 64, **shown)
+    again = rasterize(twice, matrix, 64, 64, behind=near, before=nothing, **shown)
+    covered = front.face_ids >= 0
+    np.testing.assert_array_equal(again.face_ids[covered], near.face_ids[covered] + mesh.n_faces)
+    # And nothing behind a last surface.
+    assert (
+        rasterize(world, matrix, 64, 64, behind=nothing_near(first), before=first, **shown).face_ids
+        == -1
+    ).all()
+
+
+def nothing_near(visibility):
+    """A layer before everything: nearer than the near plane."""
+    return Visibility(np.full_like(visibility.face_ids, -1), np.full_like(visibility.depths, 2.0))

@@ -1,0 +1,280 @@
+import numpy as np
+import pytest
+
+from texbake.errors import FileError, OptionError, UvError
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import render
+from texbake.texture.encoding import decode_srgb
+from texbake.texture.image import Image, read_image, write_image
+
+SMALL = RenderOptions(width=160, height=120, supersampling=1)
+# Straight onto a plane that faces +z.
+FRONT = RenderOptions(width=96, height=96, supersampling=1, view=(0.0, 0.0))
+
+
+def flat(*normal):
+    return np.full((4, 4, 3), np.array(normal) / np.linalg.norm(normal), np.float32)
+
+
+def everything_of(frame):
+    return [
+        np.asarray(getattr(frame, name)).tobytes()
+        for name in ("color", "normals", "coverage", "face_ids", "depths")
+    ]
+
+
+def test_the_normals_of_a_sphere_are_those_of_the_closed_form():
+    mesh = icosphere(6)
+    camera = Camera.framing(mesh, options=SMALL)
+    frame = render(mesh, options=SMALL, camera=camera)
+    origin, along, down = camera.view_rays(SMALL.width, SMALL.height)
+    columns, rows = np.meshgrid(np.arange(160) + 0.5, np.arange(120) + 0.5)
+    rays = origin + columns[..., None] * along + rows[..., None] * down
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    # |eye + t ray| = 1, the nearer t.
+    half = rays @ camera.eye
+    root = half**2 - (camera.eye @ camera.eye - 1.0)
+    met = camera.eye + (-half - np.sqrt(np.maximum(root, 0.0)))[..., None] * rays
+    facing = (root > 0) & (-np.einsum("hwk,hwk->hw", met, rays) > 0.3)
+    assert facing.sum() > 5000
+    # Edges of this icosphere span 0.02 rad: its faces lie up to 0.02^2 / 8 = 5e-5 under the
+    # sphere, which a ray at cos 0.3 turns into 1.7e-4 beside the point; its vertex normals are
+    # off by less.
+    assert np.abs(frame.normals - met)[facing].max() < 3e-4
+
+
+@pytest.mark.parametrize("mesh", [plane(), uv_sphere(12, 24)])
+def test_a_flat_normal_map_changes_nothing(mesh):
+    options = RenderOptions(width=160, height=120)
+    bare = render(mesh, options=options)
+    mapped = render(mesh, normal_map=flat(0, 0, 1), options=options)
+    assert bare.coverage.max() == 1.0
+    assert everything_of(mapped) == everything_of(bare)
+
+
+@pytest.mark.parametrize(
+    ("mirror", "metadata", "expected"),
+    [
+        (False, {}, (0.6, 0.48, 0.64)),
+        (False, {"texbake:convention": "directx"}, (0.6, -0.48, 0.64)),
+        (True, {}, (-0.6, 0.48, 0.64)),
+        (True, {"texbake:space": "object"}, (0.6, 0.48, 0.64)),
+        (True, {"texbake:space": "world"}, (0.6, 0.48, 0.64)),
+    ],
+)
+def test_a_normal_map_bends_normals_in_its_space(mirror, metadata, expected):
+    # On a plane with u along x and v along y, tangent space is world space; mirrored in u, x turns.
+    mesh = plane(2, 2)
+    if mirror:
+        mesh = mesh.replace(uvs=mesh.uvs * (-1, 1) + (1, 0))
+    pixels = np.full((4, 4, 3), (np.array((0.6, 0.48, 0.64)) + 1) / 2, np.float32)
+    frame = render(mesh, normal_map=Image(pixels, metadata), options=FRONT)
+    seen = frame.coverage == 1
+    assert seen.sum() > 1000
+    # float32 colors, halved and doubled again.
+    np.testing.assert_allclose(frame.normals[seen] - expected, 0.0, atol=3e-7)
+
+
+def test_tangents_of_the_file_are_used():
+    mesh = plane()
+    turned = np.tile(np.array([0, 1, 0, 1], np.float32), (2, 3, 1))  # T is +y, so B is -x
+    frame = render(mesh.replace(tangents=turned), normal_map=flat(3, 4, 12), options=FRONT)
+    seen = frame.coverage == 1
+    np.testing.assert_allclose(frame.normals[seen] - np.array((-4, 3, 12)) / 13, 0.0, atol=3e-7)
+
+
+def test_a_texture_lies_in_perspective_where_rays_meet_the_plane():
+    # Color is linear in the albedo: a ramp between the pictures for black and white is u itself.
+    size = 64
+    options = RenderOptions(
+        width=200, height=150, supersampling=1, view=(50.0, 25.0), filter="bilinear"
+    )
+    mesh = plane()
+    camera = Camera.framing(mesh, options=options)
+    ramp = ((np.arange(size, dtype=np.float32) + 0.5) / size)[None, :, None]
+    albedos = [np.broadcast_to(a, (size, size, 3)) for a in (np.float32(0), np.float32(1), ramp)]
+    black, white, ramped = (
+        render(mesh, albedo=albedo, options=options, camera=camera).color[..., 0].astype(float)
+        for albedo in albedos
+    )
+    seen = white > black + 0.02  # the background is the same in both
+    u = (ramped - black)[seen] / (white - black)[seen]
+    origin, along, down = camera.view_rays(options.width, options.height)
+    rows, columns = np.nonzero(seen)
+    rays = origin + (columns[:, None] + 0.5) * along + (rows[:, None] + 0.5) * down
+    met = camera.eye - camera.eye[2] / rays[:, 2:] * rays
+    expected = np.clip(met[:, 0], 0.5 / size, 1 - 0.5 / size)  # clamped within half a texel
+    assert seen.sum() > 5000
+    # Light is at least 0.02 here and float32, and differences are taken of it.
+    np.testing.assert_allclose(u, expected, atol=2e-5)
+
+
+def test_an_albedo_of_the_base_color_is_the_base_color():
+    mesh = uv_sphere(12, 24)
+    albedo = np.full((3, 5, 3), decode_srgb(SMALL.base_color), np.float32)
+    assert everything_of(render(mesh, albedo=albedo, options=SMALL)) == everything_of(
+        render(mesh, options=SMALL)
+    )
+
+
+def test_maps_come_from_files(tmp_path):
+    mesh = uv_sphere(12, 24)
+    colors = np.random.default_rng(2).integers(0, 256, (8, 8, 3), np.uint8)
+    heights = np.random.default_rng(3).uniform(0, 0.1, (8, 8)).astype(np.float32)
+    write_image(colors, tmp_path / "color.png", color=True)
+    metadata = {"texbake:displacement_mid": 0.25, "texbake:displacement_scale": 2.0}
+    write_image(heights / 2 + np.float32(0.25), tmp_path / "height.exr", bits=32, metadata=metadata)
+    from_files = render(
+        mesh, albedo=tmp_path / "color.png", displacement=tmp_path / "height.exr", options=SMALL
+    )
+    albedo = read_image(tmp_path / "color.png", color=True).pixels
+    from_arrays = render(mesh, albedo=albedo, displacement=heights, options=SMALL)
+    # Coded heights are rounded to float32 once more.
+    differing = (from_files.face_ids != from_arrays.face_ids).mean()
+    assert differing < 1e-3
+    np.testing.assert_allclose(from_files.color, from_arrays.color, atol=2e-3)
+
+
+def test_a_displaced_sphere_is_a_larger_sphere():
+    mesh = uv_sphere(64, 128)
+    camera = Camera.framing(mesh, options=RenderOptions(width=200, height=200, view=(0, 0, 5.0)))
+    options = RenderOptions(width=200, height=200, supersampling=1)
+    grown = render(
+        mesh, displacement=np.full((4, 4), 0.3, np.float32), options=options, camera=camera
+    )
+    scaled = render(mesh.replace(positions=mesh.positions * 1.3), options=options, camera=camera)
+    # Smooth normals of a mesh are not quite radial: a row of pixels at the outline may differ.
+    assert ((grown.coverage != scaled.coverage).sum()) < 40
+    both = (grown.coverage == 1) & (scaled.coverage == 1)
+    assert both.sum() > 10_000
+    np.testing.assert_allclose(grown.depths[both], scaled.depths[both], rtol=2e-3)
+
+
+def test_displacement_carries_the_frame_of_the_base_along():
+    # Without heights, the mapped normals must be those of the mesh that was not displaced.
+    mesh = uv_sphere(8, 16)
+    normal_map = flat(0.3, -0.2, 0.9)
+    plain = render(mesh, normal_map=normal_map, options=SMALL)
+    cut = render(
+        mesh, normal_map=normal_map, displacement=np.zeros((32, 32), np.float32), options=SMALL
+    )
+    # Vertices on edges are snapped by themselves, so that the outline may move by 1/256 sample.
+    both = (plain.coverage == 1) & (cut.coverage == 1)
+    assert ((plain.coverage == 1) != both).sum() < 10
+    # float32 weights, twice; but for the few samples that see another face at an edge, where
+    # tangents may jump.
+    apart = np.abs(plain.normals - cut.normals)[both].max(axis=1)
+    assert np.count_nonzero(apart > 1e-6) < 0.002 * len(apart)
+
+
+def test_every_number_of_threads_gives_the_same_frame():
+    mesh = uv_sphere(32, 64)
+    rng = np.random.default_rng(4)
+    maps = {
+        "normal_map": rng.normal(size=(16, 16, 3)).astype(np.float32),
+        "displacement": rng.uniform(0, 0.05, (16, 16)).astype(np.float32),
+        "albedo": rng.random((16, 16, 3)).astype(np.float32),
+    }
+    one, two = (render(mesh, **maps, options=SMALL, threads=threads) for threads in (1, 2))
+    assert everything_of(one) == everything_of(two)
+
+
+def test_nothing_in_a_frame_is_not_a_number():
+    rng = np.random.default_rng(5)
+    positions = rng.normal(size=(60, 3))
+    positions[10:20] = positions[0]  # faces without area, vertices without normal
+    faces = rng.integers(0, 60, (200, 3)).astype(np.int32)
+    normals = np.where(rng.random((60, 1)) < 0.5, 0.0, rng.normal(size=(60, 3)))
+    mesh = Mesh(
+        positions=positions,
+        faces=faces,
+        normals=normals,
+        normal_faces=faces,
+        uvs=rng.normal(size=(60, 2)) * (rng.random((60, 1)) < 0.7),
+        uv_faces=faces,
+    )
+    normal_map = rng.normal(size=(8, 8, 3)).astype(np.float32)
+    normal_map[::2] = 0.0
+    for back_faces in "cull", "show":
+        for distance in 0.2, 5.0:
+            options = RenderOptions(
+                width=64, height=64, view=(10, 20, distance), back_faces=back_faces
+            )
+            frame = render(mesh, normal_map=normal_map, options=options)
+            assert (frame.face_ids >= 0).any()
+            for values in frame.color, frame.normals, frame.coverage:
+                assert np.isfinite(values).all()
+            assert not np.isnan(frame.depths).any()
+            lengths = np.linalg.norm(frame.normals, axis=-1)
+            # Unit, but where samples of a pixel may cancel to any length; float32.
+            assert np.isclose(lengths[frame.coverage == 1], 1.0, atol=1e-6).all()
+
+
+def test_a_back_face_is_shown_with_its_normal_turned():
+    options = RenderOptions(width=64, height=64, view=(180.0, 0.0), back_faces="show")
+    frame = render(plane(), options=options)
+    np.testing.assert_array_equal(frame.normals[32, 32], [0, 0, -1])
+    assert render(plane(), options=RenderOptions(view=(180.0, 0.0))).coverage.max() == 0
+
+
+def test_without_background_the_opacity_is_the_coverage(tmp_path):
+    options = RenderOptions(width=80, height=60, supersampling=4, background=None)
+    frame = render(icosphere(3), options=options)
+    np.testing.assert_array_equal(frame.color[..., 3], frame.coverage)
+    assert ((frame.coverage > 0) & (frame.coverage < 1)).any()
+    opaque = render(icosphere(3), options=RenderOptions(width=80, height=60, supersampling=4))
+    np.testing.assert_array_equal(opaque.color[..., 3], 1.0)
+    # Laying it over the background gives the picture with that background.
+    behind = decode_srgb(RenderOptions().background).astype(np.float32)
+    alpha = frame.color[..., 3:]
+    np.testing.assert_allclose(
+        frame.color[..., :3] * alpha + behind * (1 - alpha), opaque.color[..., :3], atol=1e-6
+    )
+    frame.write(tmp_path / "clear.png")
+    assert read_image(tmp_path / "clear.png", color=True).pixels.shape == (60, 80, 4)
+    opaque.write(tmp_path / "opaque.png")
+    written = read_image(tmp_path / "opaque.png", color=True).pixels
+    # A step of sRGB is at most 1/255 * 2.3 wide in linear light; half of it for rounding.
+    np.testing.assert_allclose(written, opaque.color[..., :3].clip(0, 1), atol=0.0046)
+
+
+def test_a_frame_tells_depth_and_face():
+    options = RenderOptions(width=64, height=64, view=(0.0, 0.0, 3.0))
+    frame = render(cube(), options=options)
+    front = [
+        i for i, face in enumerate(cube().faces) if (cube().positions[face][:, 2] == 0.5).all()
+    ]
+    assert frame.face_ids[32, 32] in front
+    assert frame.depths[32, 32] == pytest.approx(2.5, rel=1e-6)
+    assert frame.face_ids[0, 0] == -1
+    assert frame.depths[0, 0] == np.inf
+    assert not frame.normals[0, 0].any()
+
+
+def test_maps_that_do_not_fit_are_errors(tmp_path):
+    with pytest.raises(UvError, match="cube: it has no texture coordinates"):
+        render(cube(), normal_map=flat(0, 0, 1))
+    with pytest.raises(OptionError, match="normal map: the shape"):
+        render(plane(), normal_map=np.zeros((4, 4, 2), np.float32))
+    with pytest.raises(OptionError, match="displacement: a height is not finite"):
+        render(plane(), displacement=np.full((4, 4), np.nan, np.float32))
+    with pytest.raises(FileError):
+        render(plane(), albedo=tmp_path / "absent.png")
+
+
+def test_progress_tells_the_stages():
+    told = []
+
+    class Sink:
+        def started(self, stage, total, unit):
+            told.append(stage)
+
+        def advanced(self, stage, done): ...
+
+        def finished(self, stage, seconds): ...
+
+    render(plane(), options=SMALL, progress=Sink())
+    assert told == ["place", "rasterize", "prepare light and textures", "shade"]

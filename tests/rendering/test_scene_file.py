@@ -1,0 +1,434 @@
+"""Scene files: what is written is what is there, and what is wrong is told in one line."""
+
+import numpy as np
+import pytest
+
+from texbake.errors import FileError, FileFormatError
+from texbake.mesh.files import write_mesh
+from texbake.mesh.shapes import cube, uv_sphere
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.texture.image import write_image
+
+BALL = '[[objects]]\nshape = "sphere"\nresolution = [8, 4]\n'
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_image(np.full((2, 4, 3), 128, np.uint8), tmp_path / "gray.png")
+    write_mesh(uv_sphere(4, 6), tmp_path / "ball.obj")
+    (tmp_path / "matrix.txt").write_text("1 0 0 5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    return tmp_path
+
+
+def read(folder, text):
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_scene(path)
+
+
+def material(folder, text):
+    return read(folder, f"{BALL}material = {{{text}}}").objects[0].material
+
+
+def test_everything_that_a_file_says_is_there(folder):
+    scene = read(folder, '''
+        name = "all of it"
+        [camera]
+        position = [1, 2, 3]
+        target = [0, 0, 0]
+        fov = 50
+        [render]
+        width = 64
+        height = 32
+        background = "transparent"
+        supersampling = 3
+        [ambient]
+        color = "#ffffff"
+        ground = [0.1, 0.2, 0.3]
+        [environment]
+        image = "gray.png"
+        lighting = true
+        [fog]
+        mode = "linear"
+        end = 20
+        [ambient_occlusion]
+        samples = 8
+        [[lights]]
+        kind = "directional"
+        shadow = true
+        [[lights]]
+        kind = "spot"
+        name = "lamp"
+        position = [0, 3, 0]
+        target = [1, 1, 0]
+        shadow = {size = 256}
+        profile = "gray.png"
+        [materials.red]
+        base_color = "#f00"
+        [[objects]]
+        mesh = "ball.obj"
+        material = "red"
+        casts_shadows = false
+    ''')  # fmt: skip
+    assert scene.name == "all of it"
+    assert scene.view.position == (1, 2, 3)
+    assert scene.view.fov == 50
+    assert scene.options() == RenderOptions(width=64, height=32, background=None, supersampling=3)
+    assert scene.options(width=8).width == 8
+    lighting = scene.lighting
+    assert lighting.ambient.color == pytest.approx((1, 1, 1))
+    assert lighting.ambient.ground == (0.1, 0.2, 0.3)
+    assert lighting.environment.image == folder / "gray.png"
+    assert lighting.environment.lighting
+    assert (lighting.fog.mode, lighting.fog.end) == ("linear", 20)
+    assert lighting.occlusion.samples == 8
+    sun, lamp = lighting.lights
+    assert (sun.name, sun.shadow.size, lamp.name, lamp.shadow.size) == (
+        "directional 1", 1024, "lamp", 256,
+    )  # fmt: skip
+    assert lamp.direction == (1, -2, 0)
+    assert lamp.profile.image == folder / "gray.png"
+    (ball,) = scene.objects
+    assert (ball.name, ball.material.name, ball.casts_shadows) == ("ball", "red", False)
+    assert ball.material.base_color == (1, 0, 0)
+    assert ball.mesh.n_faces == uv_sphere(4, 6).n_faces
+
+
+def test_hexadecimal_colors_are_srgb_and_lists_are_linear(folder):
+    # 0x80 / 255 by the formula of IEC 61966-2-1.
+    half = ((128 / 255 + 0.055) / 1.055) ** 2.4
+    assert material(folder, 'base_color = "#808080"').base_color == pytest.approx((half,) * 3)
+    assert material(folder, "base_color = [0.5, 0.25, 2]").base_color == (0.5, 0.25, 2)
+    background = read(folder, BALL + '[render]\nbackground = "#204080"').options().background
+    assert background == pytest.approx((32 / 255, 64 / 255, 128 / 255), abs=1e-6)
+
+
+def test_slots_hold_constants_images_and_procedures(folder):
+    made = material(
+        folder,
+        'roughness = {image = "gray.png", channel = "g", filter = "ewa", scale = 3},'
+        'base_color = {procedure = "marble", seed = 4, scale = 2, colors = ["#000", "#fff"]},'
+        'normal_map = "gray.png", metalness = 1, exponent = 1e4, reflection = 0.25,'
+        'bump_map = {texture = {procedure = "noise"}, height = 0.1}',
+    )
+    image = made.roughness
+    assert isinstance(image, ImageTexture)
+    assert (image.channel, image.filter, image.scale) == (1, "ewa", (3, 3))
+    marble = made.base_color
+    assert isinstance(marble, ProcedureTexture)
+    assert marble.parameters == {"seed": 4}
+    assert marble.scale == (2, 2, 2)
+    assert marble.colors == ((0, 0, 0), (1, 1, 1))
+    assert made.normal_map.texture.image == folder / "gray.png"
+    assert made.normal_map.strength == 1
+    assert made.bump_map.texture.procedure == "noise"
+    assert made.reflection.strength == (0.25, 0.25, 0.25)
+    assert (made.metalness, made.exponent) == (1, 1e4)
+
+
+def test_what_is_not_written_is_as_the_classes_have_it(folder):
+    from texbake.rendering.scene.lights import Ambient, Lighting
+    from texbake.rendering.scene.material import Material
+
+    scene = read(folder, BALL)
+    assert scene.view is None
+    assert scene.options() == RenderOptions()
+    assert scene.lighting.ambient == Ambient()
+    assert (scene.lighting.lights, scene.lighting.fog) == (Lighting().lights, None)
+    assert vars(scene.objects[0].material) == vars(Material(name="sphere"))
+    assert scene.objects[0].transform is None
+
+
+def test_transforms(folder):
+    def transform(text):
+        return read(folder, BALL + text).objects[0].transform
+
+    # Turned about x first, then y, then z: (0, 0, 1) goes to (0, -1, 0), stays, goes to (1, 0, 0).
+    turned = transform("rotate = [90, 0, 90]") @ [0, 0, 1, 1]
+    np.testing.assert_array_equal(turned, [1, 0, 0, 1])
+    everything = transform("scale = [2, 3, 4]\nrotate = [0, 0, 90]\ntranslate = [10, 20, 30]")
+    np.testing.assert_array_equal(everything @ [1, 1, 1, 1], [7, 22, 34, 1])
+    rows = "1, 0, 0, 5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1"
+    for matrix in f"[{rows}]", '"matrix.txt"':
+        np.testing.assert_array_equal(transform(f"matrix = {matrix}") @ [0, 0, 0, 1], [5, 0, 0, 1])
+    far = transform("translate = [1e9, -1e9, 1e9]")
+    np.testing.assert_array_equal(far[:3, 3], [1e9, -1e9, 1e9])
+
+
+def test_a_mapping_gives_coordinates(folder):
+    box = '[[objects]]\nshape = "cube"\n'
+    assert read(folder, box).objects[0].mesh.uvs is None
+    mapped = read(folder, f'{box}mapping = {{method = "planar", axis = "y", scale = [2, 3]}}')
+    uvs = mapped.objects[0].mesh.uvs
+    np.testing.assert_allclose(uvs.max(axis=0) - uvs.min(axis=0), [2, 3], atol=1e-12)
+    assert read(folder, f'{box}mapping = "spherical"').objects[0].mesh.uvs is not None
+
+
+def test_shapes(folder):
+    def mesh(text):
+        return read(folder, f"[[objects]]\n{text}").objects[0].mesh
+
+    assert mesh('shape = "cube"').n_faces == cube().n_faces
+    assert mesh('shape = "icosphere"\nlevel = 2').n_faces == 20 * 4**2
+    assert mesh('shape = "torus"\nresolution = [8, 6]\nminor_radius = 0.3').n_faces == 96
+    # A picture of 4 x 2 pixels: a vertex each.
+    assert mesh('shape = "height-field"\nimage = "gray.png"').n_vertices == 8
+
+
+def test_a_cube_has_flat_sides(folder):
+    (item,) = read(folder, "[[objects]]\nshape = 'cube'").objects
+    corners = item.mesh.positions[item.mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = item.mesh.normals[item.mesh.normal_faces]
+    assert np.array_equal(normals, np.repeat(across[:, None], 3, axis=1))
+
+
+def test_the_studio_is_an_environment_without_a_file(folder):
+    text = "[environment]\nimage = 'studio'\n[[objects]]\nshape = 'cube'"
+    assert read(folder, text).lighting.environment.image == "studio"
+
+
+def test_a_mesh_of_two_objects_is_read_once_and_names_differ(folder):
+    scene = read(folder, '[[objects]]\nmesh = "ball.obj"\n' * 2)
+    first, second = scene.objects
+    assert first.mesh is second.mesh
+    assert (first.name, second.name) == ("ball", "ball 2")
+
+
+def test_projectors(folder):
+    text = (
+        'projected = [{texture = "gray.png", position = [0, 0, 4], target = [0, 0, 0], fov = 90},'
+        '{texture = "gray.png", matrix = "matrix.txt", strength = 0.5}]'
+    )
+    slide, other = material(folder, text).projected
+    # 90 degrees high at distance 4: from -4 to 4; the picture is twice as wide as high.
+    for point, place in ((0, 0), (0.5, 0.5)), ((8, 4), (1, 1)), ((-8, -4), (0, 0)):
+        s, t, _, q = slide.matrix @ [*point, 0, 1]
+        np.testing.assert_allclose([s / q, t / q], place, atol=1e-12)
+    assert (slide.matrix @ [0, 0, 5, 1])[3] == pytest.approx(-1)  # behind it
+    assert other.matrix[0, 3] == 5
+    assert other.strength == 0.5
+
+
+def test_a_gltf_file_brings_its_own_materials(folder):
+    write_mesh(uv_sphere(4, 6), folder / "box.glb", base_color=folder / "gray.png")
+    moved = read(folder, '[[objects]]\nmesh = "box.glb"\ntranslate = [0, 5, 0]\nvisible = false')
+    (item,) = moved.objects
+    np.testing.assert_array_equal(item.transform[:3, 3], [0, 5, 0])
+    assert isinstance(item.material.base_color, ImageTexture)
+    assert not item.visible
+    other = read(folder, '[[objects]]\nmesh = "box.glb"\nmaterial = {roughness = 1}').objects[0]
+    assert other.material.base_color == (0.8, 0.8, 0.8)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = ", "it is not TOML: Invalid value (at end of document)"),
+        ("[camra]\nfov = 3\n" + BALL, "camra: unknown key; did you mean 'camera'?"),
+        (BALL + "[bloom]", "bloom: unknown key; known: name, camera, render, ambient, "
+         "environment, fog, ambient_occlusion, lights, materials, objects"),
+        ("objects = []", "objects: it is empty; a scene needs at least one object"),
+        ("objects = 3", "objects: 3 is no list; give one in brackets"),
+        ("[camera]\nfov = 30", "objects: it is missing; it must be given"),
+        (BALL + "material = 3", "objects[0].material: 3 is no table; its keys are shading"),
+    ],
+)  # fmt: skip
+def test_wrong_files(folder, text, message):
+    with pytest.raises(FileFormatError) as caught:
+        read(folder, text)
+    assert str(caught.value).startswith(f"{folder / 'scene.toml'}: {message}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[camera]\nfov = 'wide'", "camera.fov: 'wide' is no number; give one such as 0.5"),
+        ("[camera]\nfov = 0", "camera.fov: 0 degrees show nothing; above 0 and below 180 do"),
+        ("[camera]\nfov = 180", "camera.fov: 180 degrees show nothing; above 0 and below 180 do"),
+        ("[camera]\nposition = [0, 0, 1]",
+         "camera: position and target belong together; give both or neither"),
+        ("[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]",
+         "camera.position: it is that of the target; move one of them"),
+        ("[camera]\nposition = [0, 4, 0]\ntarget = [0, 0, 0]",
+         "camera.up: the view goes along it; give another direction"),
+        ("[camera]\nposition = [0, 4, 0]\ntarget = [0, 0]",
+         "camera.target: [0, 0] is not a list of three numbers"),
+        ("[camera]\nview = [1]",
+         "camera.view: [1] is not [azimuth, elevation] nor with a distance as third"),
+        ("[camera]\nview = [1, 2, 0]",
+         "camera.view: [1, 2, 0] has a distance that is not above 0"),
+        ("[camera]\nnear = 1",
+         "camera.near: it belongs to a camera with a position; give that too"),
+        ("[render]\nwidth = 0", "render.width: 0 is out of range; it must be a whole 1 to 16384"),
+        ("[render]\nwidth = 1.5", "render.width: 1.5 is no whole number; give one such as 4"),
+        ("[render]\nup = 'x'", "render.up: x is not one of y, z"),
+        ("[render]\nview = [0, 0]", "render.view: unknown key; known: width, height, up, "
+         "supersampling, background, back_faces, edges, interpolation, filter, buffer, bounces, "
+         "max_triangles"),
+        ("[render]\nbackground = 'blue'", "render.background: 'blue' is no color; write '#rrggbb', "
+         "or a list of three linear numbers"),
+        ("[fog]\nmode = 'lineal'",
+         "fog.mode: 'lineal' is not one of linear, exp, exp2; did you mean 'linear'?"),
+        ("[fog]\nend = -1", "fog.end: -1.0 is not beyond the start, 0.0"),
+        ("[ambient]\ncolor = [-1, 0, 0]",
+         "ambient.color: [-1, 0, 0] is no color; its numbers must be 0 or more"),
+        ("[ambient_occlusion]\nradius = 0", "ambient_occlusion.radius: 0.0 is not above 0"),
+        ("[environment]\nfaces = ['a']",
+         "environment.faces: ['a'] is not a list of six files: +x, -x, +y, -y, +z, -z"),
+        ("[materials]\nred = {roughnes = 1}",
+         "materials.red.roughnes: unknown key; did you mean 'roughness'?"),
+    ],
+)  # fmt: skip
+def test_wrong_tables(folder, text, message):
+    with pytest.raises(FileFormatError) as caught:
+        read(folder, BALL + text)
+    assert str(caught.value) == f"{folder / 'scene.toml'}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("kind = 'lamp'", "kind: 'lamp' is not one of directional, point, spot"),
+        ("intensity = 1", "kind: it is missing; it must be given"),
+        ("kind = 'point'", "position: it is missing; a point light stands somewhere"),
+        ("kind = 'point'\nposition = [0, 1, 0]\nangle = 3",
+         "angle: a point light does not use it; leave it out"),
+        ("kind = 'directional'\nposition = [0, 1, 0]",
+         "position: a directional light does not use it; leave it out"),
+        ("kind = 'spot'\nposition = [0, 1, 0]\ntarget = [0, 1, 0]",
+         "direction: (0.0, 0.0, 0.0) points nowhere"),
+        ("kind = 'spot'\nposition = [0, 1, 0]\nangle = 180",
+         "angle: 180.0 is not above 0 and below 180"),
+        ("kind = 'directional'\nintensity = true",
+         "intensity: true is no number; give one such as 0.5"),
+        ("kind = 'directional'\nintensity = -1", "intensity: -1.0 is not 0 or more"),
+        ("kind = 'directional'\nshadow = {size = 0}",
+         "shadow.size: 0 is out of range; it must be 1 to 16384"),
+    ],
+)  # fmt: skip
+def test_wrong_lights(folder, text, message):
+    with pytest.raises(FileFormatError) as caught:
+        read(folder, f"{BALL}[[lights]]\n{text}")
+    assert str(caught.value) == f"{folder / 'scene.toml'}: lights[0].{message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("roughness = 'shiny'", "roughness: 'shiny' is no number; give one from 0 to 1, "
+         "an image or a procedure"),
+        ("roughness = 2", "roughness: 2 is out of range; give one from 0 to 1, "
+         "an image or a procedure"),
+        ("opacity = nan",
+         "opacity: nan is no number; give one from 0 to 1, an image or a procedure"),
+        ("base_color = 'none.png'",
+         "base_color.image: {folder}/none.png: there is no such file; check its name"),
+        ("base_color = {image = 'gray.png', filter = 'cubic'}", "base_color.filter: 'cubic' is not "
+         "one of nearest, bilinear, bicubic, trilinear, ewa, supersampled; did you mean "
+         "'bicubic'?"),
+        ("base_color = {image = 'gray.png', scael = 2}",
+         "base_color.scael: unknown key; did you mean 'scale'?"),
+        ("base_color = {filter = 'ewa'}", "base_color.image: it is missing; it must be given"),
+        ("base_color = [1, 2]", "base_color: [1, 2] is no color; give a number, [r, g, b] "
+         "(linear), '#rrggbb' (sRGB), an image or a procedure"),
+        ("base_color = '#12'",
+         "base_color: '#12' is no color; write '#rrggbb', or a list of three linear numbers"),
+        ("base_color = {procedure = 'marbel'}", "base_color.procedure: 'marbel' is not one of "
+         "checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley; "
+         "did you mean 'marble'?"),
+        ("base_color = {procedure = 'marble', sed = 1}",
+         "base_color.sed: unknown key of marble; did you mean 'seed'?"),
+        ("base_color = {procedure = 'marble', seed = 'x'}",
+         "base_color.seed: 'x' is no whole number; give one such as 7"),
+        ("base_color = {procedure = 'marble', space = 'eye'}",
+         "base_color.space: 'eye' is not one of object, world, uv"),
+        ("normal_map = {texture = 'gray.png', convention = 'gl'}",
+         "normal_map.convention: 'gl' is not one of opengl, directx"),
+        ("bump_map = {texture = {procedure = 'noise'}, form = 'blin'}",
+         "bump_map.form: 'blin' is not one of blinn, exact, emboss; did you mean 'blinn'?"),
+        ("reflection = {environment = 'room'}",
+         "reflection.environment: 'room' is not one of scene, rendered"),
+        ("shading = 'phong'", "shading: 'phong' is not one of unlit, lambert, blinn-phong, "
+         "metallic-roughness; did you mean 'blinn-phong'?"),
+        ("projected = [{texture = 'gray.png'}]",
+         "projected[0].position: it is missing; give position and target, or a matrix"),
+        ("projected = [{texture = 'gray.png', position = [0, 0, 0], target = [0, 0, 0]}]",
+         "projected[0].position: it is that of the target; move one of them"),
+        ("projected = [{texture = 'gray.png', position = [0, 0, 1], target = [0, 0, 0], fov = 0}]",
+         "projected[0].fov: 0 degrees show nothing; it must be above 0 and below 180"),
+        ("projected = [{texture = 'gray.png', matrix = 'matrix.txt', fov = 3}]",
+         "projected[0].fov: the matrix says it already; give one of them"),
+    ],
+)  # fmt: skip
+def test_wrong_materials(folder, text, message):
+    with pytest.raises(FileFormatError) as caught:
+        material(folder, text)
+    line = message.replace("{folder}", str(folder))
+    assert str(caught.value) == f"{folder / 'scene.toml'}: objects[0].material.{line}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name = 'x'", "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"),
+        ("mesh = 'no.obj'", "mesh: {folder}/no.obj: there is no such file; check its name"),
+        ("mesh = 'gray.png'", "mesh: {folder}/gray.png: '.png' is no suffix of a mesh file; "
+         "the known ones are .obj, .ply, .stl, .off, .glb, .gltf, .usd, .usda, .usdc, .usdz"),
+        ("mesh = 'ball.obj'\nshape = 'cube'", "shape: the mesh says it already; give one of them"),
+        ("mesh = 'ball.obj'\nradius = 2",
+         "radius: it belongs to a shape, and this object has a mesh"),
+        ("shape = 'spere'", "shape: 'spere' is not one of plane, cylinder, cone, sphere, torus, "
+         "mobius, revolution, bezier, height-field, cube, icosphere, orange; did you mean "
+         "'sphere'?"),
+        ("shape = 'sphere'\nminor_radius = 3", "minor_radius: the shape sphere does not use it"),
+        ("shape = 'sphere'\nlevel = 3", "level: the shape sphere does not use it"),
+        ("shape = 'cube'\nradius = 1", "radius: the shape cube does not use it"),
+        ("shape = 'revolution'", "profile: the shape revolution needs it"),
+        ("shape = 'cube'\nmapping = 'sperical'", "mapping.method: 'sperical' is not one of atlas, "
+         "planar, cylindrical, spherical, box, two-part, parametric, projector; "
+         "did you mean 'spherical'?"),
+        ("shape = 'cube'\nmapping = {method = 'spherical', padding = 1}",
+         "mapping.padding: the method spherical does not use it"),
+        ("shape = 'cube'\nmapping = {axis = 'y'}",
+         "mapping.method: it is missing; it must be given"),
+        ("shape = 'cube'\nscale = 0",
+         "scale: it is singular and flattens the object; stretch none by 0"),
+        ("shape = 'cube'\nscale = [1, 1, 0]",
+         "scale: it is singular and flattens the object; stretch none by 0"),
+        ("shape = 'cube'\nmatrix = [1, 2]",
+         "matrix: [1, 2] is not 16 numbers, row by row, nor the name of a file of them"),
+        ("shape = 'cube'\nmatrix = [1, 2, 3, 0, 4, 5, 6, 0, 7, 8, 9, 0, 0, 0, 0, 1]",
+         "matrix: it is singular and flattens the object; stretch none by 0"),
+        ("shape = 'cube'\nmatrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1]",
+         "matrix: its last row is not 0, 0, 0, 1; only affine maps place objects"),
+        ("shape = 'cube'\nmatrix = 'matrix.txt'\nscale = 2",
+         "scale: the matrix says it already; give one of them"),
+        ("shape = 'cube'\ntranslate = 'up'", "translate: 'up' is not a list of three numbers"),
+        ("shape = 'cube'\nmaterial = 'red'",
+         "material: there is no 'red'; the file has no [materials.NAME]"),
+        ("shape = 'cube'\nmaterial = 'rde'\n[materials.red]",
+         "material: there is no 'rde'; did you mean 'red'?"),
+        ("shape = 'cube'\ncasts_shadows = 1", "casts_shadows: 1 is neither true nor false"),
+    ],
+)  # fmt: skip
+def test_wrong_objects(folder, text, message):
+    with pytest.raises(FileFormatError) as caught:
+        read(folder, f"[[objects]]\n{text}")
+    line = message.replace("{folder}", str(folder))
+    assert str(caught.value) == f"{folder / 'scene.toml'}: objects[0].{line}"
+
+
+def test_a_file_that_is_no_scene(tmp_path):
+    with pytest.raises(FileError, match="there is no such file"):
+        read_scene(tmp_path / "none.toml")
+    path = tmp_path / "scene.yaml"
+    path.write_text("a: 1")
+    with pytest.raises(FileFormatError, match=r"'\.yaml' is no suffix of a scene file"):
+        read_scene(path)
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileFormatError, match="it is not text in UTF-8"):
+        read_scene(path)

@@ -1,0 +1,309 @@
+"""A trace in a file, with all that maps are made from: other maps need no dense mesh and no rays.
+
+The file is an uncompressed .npz. It has 40 bytes a sample (texel, face and weights on both meshes,
+and the way between them; 20 more where secondary rays were asked for), the light mesh, and of the
+dense mesh the faces that were hit, with their normals, curvatures, coordinates, colors, groups and
+materials: the more samples meet in a face, the less that is. Images of materials are there as the
+bytes of their files.
+"""
+
+from __future__ import annotations
+
+import json
+import tokenize
+import warnings
+import zipfile
+import zlib
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.report import BakeReport
+from texbake.baking.result import BakeResult
+from texbake.baking.secondary import N_COLUMNS
+from texbake.baking.texels import NO_FACE
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.files import PathLike, replacing
+from texbake.mesh.excerpt import used_rows
+from texbake.mesh.files.source import require_file
+from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import shading_normals
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+Arrays = dict[str, Any]  # of arrays
+
+_VERSION = 1
+# What numpy, zipfile and json raise where a file is damaged; headers of arrays are read as Python,
+# and a flipped bit may say that an entry is encrypted, or packed in a way that is not known.
+_DAMAGE = (
+    ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
+    UserWarning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+)  # fmt: skip
+_MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents",
+                "colors", "face_groups")  # fmt: skip
+
+
+def write_hits(result: BakeResult, path: PathLike) -> None:
+    """Write the trace of a bake, whole or not at all.
+
+    Parameters
+    ----------
+    result
+        Of a bake with `BakeOptions.keep_hits`.
+    path
+        Of a .npz file. The same result gives the same bytes; of two bakes the reports differ in
+        their times, and nothing else does.
+
+    Raises
+    ------
+    OptionError
+        The bake kept no hits.
+    FileError
+        The file cannot be written.
+    """
+    if result.hits is None or result.inputs is None:
+        raise OptionError("hits: the bake kept none; bake with BakeOptions(keep_hits=True)")
+    hits, high = _of_hit_faces(result.hits, result.inputs)
+    arrays: Arrays = {
+        field.name: column
+        for field in fields(Hits)
+        if (column := getattr(hits, field.name)) is not None
+    }
+    arrays["texel_faces"] = result.texel_faces
+    arrays["bounds"] = result.inputs.bounds
+    arrays["curvatures"] = high.high_curvatures
+    header: dict[str, Any] = {
+        "version": _VERSION,
+        "report": json.loads(_report_type().dump_json(result.report)),
+    }
+    for part, mesh in (("high", high.high), ("low", high.low)):
+        header[part] = {"name": mesh.name, "group_names": mesh.group_names}
+        for name in _MESH_ARRAYS:
+            if (array := getattr(mesh, name)) is not None:
+                arrays[f"{part}_mesh_{name}"] = array
+    if high.materials is not None:
+        header["materials"] = _put_materials(high.materials, arrays)
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def read_hits(path: PathLike) -> BakeResult:
+    """Read a trace that `write_hits` wrote, as a bake without maps.
+
+    Returns
+    -------
+    BakeResult
+        For `remap`; the dense mesh of its `inputs` has only the faces that were hit.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is no file of hits, of another version, or damaged.
+    """
+    require_file(path)
+    try:
+        arrays = _loaded(path)
+        header = json.loads(arrays["header"].tobytes())
+        if header["version"] != _VERSION:
+            raise FileFormatError(
+                f"{path}: it is of version {header['version']}, and this texbake reads "
+                f"{_VERSION}; bake it again"
+            )
+        return _unpacked(header, arrays)
+    except (FileFormatError, MemoryError):
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except _DAMAGE as error:
+        raise FileFormatError(
+            f"{path}: it is no file of hits, or damaged; write it again with --hits"
+        ) from error
+
+
+def _loaded(path: PathLike) -> Arrays:
+    """Arrays of an archive by their names; raises any of `_DAMAGE`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)  # of headers that numpy mends
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays: Arrays = {name: archive[name] for name in archive.files}
+    if not all(isinstance(array, np.ndarray) for array in arrays.values()):
+        raise ValueError("an entry is no array, and given as bytes")
+    return arrays
+
+
+def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
+    """Hits on, and inputs of, the part of the dense mesh that was hit (one face if none was)."""
+    high = inputs.high
+    used = np.zeros(high.n_faces, dtype=np.bool_)
+    used[hits.high_faces[hits.high_faces != NO_HIT]] = True
+    used[0] |= not used.any()
+    chosen = np.flatnonzero(used)
+    numbers = np.append(np.cumsum(used, dtype=np.int32) - 1, NO_HIT)
+    columns = {field.name: getattr(hits, field.name) for field in fields(Hits)}
+    columns["high_faces"] = numbers[hits.high_faces].astype(np.int32)  # NO_HIT is the last
+    vertices, faces = used_rows(high.faces[chosen], high.n_vertices)
+    normals, normal_faces = shading_normals(high, threads=inputs.options.threads)
+    normal_rows, normal_faces = used_rows(normal_faces[chosen], len(normals))
+    part: dict[str, Any] = {
+        "positions": high.positions[vertices],
+        "faces": faces,
+        "normals": normals[normal_rows],
+        "normal_faces": normal_faces,
+        "group_names": high.group_names,
+        "name": high.name,
+    }
+    if high.uvs is not None and high.uv_faces is not None:
+        rows, part["uv_faces"] = used_rows(high.uv_faces[chosen], len(high.uvs))
+        part["uvs"] = high.uvs[rows]
+    if high.colors is not None:
+        part["colors"] = high.colors[vertices]
+    if high.face_groups is not None:
+        part["face_groups"] = high.face_groups[chosen]
+    materials = inputs.materials
+    if materials is not None:
+        materials = Materials(
+            face_materials=materials.face_materials[chosen],
+            names=materials.names,
+            base_colors=materials.base_colors,
+        )
+    curvatures = inputs.high_curvatures[vertices]
+    reduced = BakeInputs(
+        Mesh(**part), inputs.low, inputs.options, materials, curvatures, inputs.bounds
+    )
+    return Hits(**columns), reduced
+
+
+def _put_materials(materials: Materials, arrays: Arrays) -> dict[str, Any]:
+    """Add the arrays of materials; return what the header says of them."""
+    arrays["face_materials"] = materials.face_materials
+    colors = []
+    for i, color in enumerate(materials.base_colors):
+        if color is not None and color.image is not None:
+            arrays[f"image_{i}"] = np.frombuffer(color.image, dtype=np.uint8)
+        colors.append(
+            None if color is None else [color.factor, color.image_name, color.wrap, color.placing]
+        )
+    return {"names": materials.names, "colors": colors}
+
+
+def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
+    report = _report_type().validate_python(header["report"])
+    high, low = (
+        Mesh(
+            **{
+                name: arrays[f"{part}_mesh_{name}"]
+                for name in _MESH_ARRAYS
+                if f"{part}_mesh_{name}" in arrays
+            },
+            group_names=tuple(header[part]["group_names"]),
+            name=header[part]["name"],
+        )
+        for part in ("high", "low")
+    )
+    columns: Arrays = {field.name: arrays.get(field.name) for field in fields(Hits)}
+    hits = Hits(**columns)
+    texel_faces = arrays["texel_faces"]
+    options = report.options
+    _check(hits, texel_faces, high, low, (options.height_px, options.width_px))
+    _check_shapes(hits, high, arrays)
+    has_data = np.zeros(texel_faces.size, dtype=np.bool_)
+    has_data[hits.texel_ids[hits.high_faces != NO_HIT]] = True
+    inputs = BakeInputs(
+        high,
+        low,
+        options,
+        _taken_materials(header, arrays),
+        arrays["curvatures"],
+        arrays["bounds"],
+    )
+    return BakeResult({}, report, hits, texel_faces, has_data.reshape(texel_faces.shape), inputs)
+
+
+def _taken_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None:
+    if "materials" not in header:
+        return None
+    colors: list[BaseColor | None] = []
+    for i, stored in enumerate(header["materials"]["colors"]):
+        if stored is None:
+            colors.append(None)
+            continue
+        factor, name, wrap, (first, second) = stored
+        image = arrays.get(f"image_{i}")
+        colors.append(
+            BaseColor(
+                factor=tuple(factor),
+                image=None if image is None else image.tobytes(),
+                image_name=name,
+                wrap=wrap,
+                placing=(tuple(first), tuple(second)),
+            )
+        )
+    return Materials(
+        face_materials=arrays["face_materials"],
+        names=tuple(header["materials"]["names"]),
+        base_colors=tuple(colors),
+    )
+
+
+def _check(
+    hits: Hits, texel_faces: npt.NDArray[Any], high: Mesh, low: Mesh, shape: tuple[int, int]
+) -> None:
+    """Raise `ValueError` for what kernels would read beyond an array of."""
+    n = len(hits)
+    if texel_faces.shape != shape or any(len(a) != n for a in hits.arrays() if a is not None):
+        raise ValueError("arrays do not fit together")
+    for values, width in (
+        (hits.low_barycentrics, 2),
+        (hits.high_barycentrics, 2),
+        (hits.offsets, 3),
+    ):
+        if values.dtype != np.float32 or values.shape != (n, width):
+            raise ValueError("an array is of another kind")
+    for ids, least, stop in (
+        (hits.texel_ids, 0, texel_faces.size),
+        (hits.low_faces, 0, low.n_faces),
+        (hits.high_faces, NO_HIT, high.n_faces),
+        (texel_faces, NO_FACE, low.n_faces),
+    ):
+        if ids.dtype != np.int32 or (ids.size and not (ids.min() >= least and ids.max() < stop)):
+            raise ValueError("an index is out of range")
+
+
+def _check_shapes(hits: Hits, high: Mesh, arrays: Arrays) -> None:
+    """Raise `ValueError` for values whose shape or type is not what kernels read."""
+    n = len(hits)
+    expected = {
+        "low_barycentrics": (n, 2),
+        "high_barycentrics": (n, 2),
+        "offsets": (n, 3),
+        "secondary": (n, N_COLUMNS),
+        "curvatures": (high.n_vertices, 1),
+    }
+    for name, shape in expected.items():
+        if name in arrays and (arrays[name].shape != shape or arrays[name].dtype != np.float32):
+            raise ValueError("an array has another shape or type")
+    bounds = arrays["bounds"]
+    if bounds.shape != (2, 3) or bounds.dtype != np.float64:
+        raise ValueError("the bounds are no box")
+    materials = arrays.get("face_materials")
+    if materials is not None and materials.shape != (high.n_faces,):
+        raise ValueError("materials are not those of the faces")
+
+
+@cache
+def _report_type() -> TypeAdapter[BakeReport]:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(BakeReport)

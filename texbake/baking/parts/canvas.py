@@ -1,0 +1,161 @@
+"""Bakes of parts put together on one set of maps, then padded as one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.bake import finished_maps
+from texbake.baking.baked_map import BakedMap
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.kind import MapKind
+from texbake.baking.options import BakeOptions
+from texbake.baking.report import BakeReport
+from texbake.baking.result import BakeResult
+from texbake.baking.texels import NO_FACE
+from texbake.baking.trace import TraceCounts
+from texbake.errors import FileError
+from texbake.mesh.mesh import IntArray
+from texbake.progress import Stages
+
+
+class CanvasMaps:
+    """Collects parts on one set of maps.
+
+    Where two parts cover a texel the first has it, unless it missed there and the other did not.
+
+    Attributes
+    ----------
+    n_overlapping : int
+        Texels that more than one part covers.
+    """
+
+    def __init__(
+        self, kinds: list[MapKind], options: BakeOptions, *, is_tile: bool = False
+    ) -> None:
+        self._is_tile = is_tile
+        self._kinds, self._options = kinds, options
+        shape = (options.height_px, options.width_px)
+        self._values: dict[MapKind, npt.NDArray[np.float32]] = {}
+        self._charts: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
+        self._faces: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
+        self._has_data = np.zeros(shape, dtype=np.bool_)
+        self._n_faces = self._n_charts = 0
+        self._reports: list[BakeReport] = []
+        self.n_overlapping = 0
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no part was taken in."""
+        return not self._reports
+
+    def add(self, result: BakeResult, inputs: BakeInputs, n_faces: int) -> None:
+        """Take in a part that was baked without padding, and has so many faces here."""
+        covered = result.texel_faces != NO_FACE
+        if self._values:
+            taken = self._faces != NO_FACE
+            self.n_overlapping += int(np.count_nonzero(covered & taken))
+            # No miss stands in the way of what another part has found.
+            mine = np.where(taken, result.has_data & ~self._has_data, covered)
+            for kind in self._kinds:
+                np.copyto(
+                    self._values[kind], result.maps[kind.name].values, where=mine[:, :, np.newaxis]
+                )
+        else:
+            mine = covered
+            self._values = {kind: result.maps[kind.name].values for kind in self._kinds}
+        charts = np.append(inputs.low_charts, NO_FACE).astype(np.int32)
+        np.copyto(self._charts, charts[result.texel_faces] + np.int32(self._n_charts), where=mine)
+        np.copyto(self._faces, result.texel_faces + np.int32(self._n_faces), where=mine)
+        np.copyto(self._has_data, result.has_data, where=mine)
+        self._n_faces += inputs.low.n_faces
+        self._n_charts += int(charts.max()) + 1
+        report = result.report
+        n_absent = inputs.low.n_faces - n_faces
+        counts = replace(
+            report.counts,
+            faces_without_uv_area=max(report.counts.faces_without_uv_area - n_absent, 0),
+            # What a face has outside a tile is baked in the next.
+            faces_outside_tile=0 if self._is_tile else report.counts.faces_outside_tile,
+        )
+        self._reports.append(
+            replace(
+                report,
+                n_low_faces=n_faces,
+                faces_without_texel=report.faces_without_texel - n_absent,
+                counts=counts,
+            )
+        )
+
+    def finish(self, inputs: BakeInputs, stages: Stages, folder: Path | None) -> BakeResult:
+        """Pad and fill; with a folder, the values are kept there in files and not in memory."""
+        maps, meets = finished_maps(
+            self._kinds, self._values.pop, self._charts, self._has_data, inputs, stages
+        )
+        if folder is not None:
+            maps = {name: _in_file(baked, folder / f"{name}.npy") for name, baked in maps.items()}
+        n_covered = int(np.count_nonzero(self._faces != NO_FACE))
+        report = replace(
+            joined_reports(self._reports),
+            options=self._options,
+            texels_covered=n_covered,
+            texels_missed=n_covered - int(np.count_nonzero(self._has_data)),
+            padding_meets=meets,
+            stages=stages.records,
+        )
+        return BakeResult(maps, report, None, self._faces, self._has_data)
+
+
+def joined_reports(reports: list[BakeReport]) -> BakeReport:
+    """One report of several: counts are added up, distances the greatest, distances apart the last.
+
+    Whoever bakes them gives all bakes one `DistanceSummary`, so that the last has those of all.
+    """
+    last = reports[-1]
+    fronts = [report.front for report in reports if report.front is not None]
+    return replace(
+        last,
+        high=_names(report.high for report in reports),
+        low=_names(report.low for report in reports),
+        # Several parts may be baked from one and the same.
+        n_high_faces=sum({report.high: report.n_high_faces for report in reports}.values()),
+        n_low_faces=sum(report.n_low_faces for report in reports),
+        front=max(fronts) if fronts else None,
+        back=max(report.back for report in reports),
+        texels_covered=sum(report.texels_covered for report in reports),
+        texels_missed=sum(report.texels_missed for report in reports),
+        texels_overlapping=sum(report.texels_overlapping for report in reports),
+        faces_without_texel=sum(report.faces_without_texel for report in reports),
+        counts=_sum(report.counts for report in reports),
+        sampling=last.sampling if len(reports) == 1 else None,
+    )
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(dict.fromkeys(names))
+
+
+def _sum(counts: Iterable[TraceCounts]) -> TraceCounts:
+    total = TraceCounts()
+    for item in counts:
+        for field in fields(TraceCounts):
+            setattr(total, field.name, getattr(total, field.name) + getattr(item, field.name))
+    return total
+
+
+def _in_file(baked: BakedMap, path: Path) -> BakedMap:
+    """The same map with its values in a file, of which memory holds what is being looked at."""
+    try:
+        np.save(path, baked.values)
+    except OSError as error:
+        raise FileError(
+            f"{path}: a map that waits for the others cannot be written: "
+            f"{error.strerror or error}; free some space there"
+        ) from error
+    # Copy on write, because kernels are compiled for writable arrays; nothing is written.
+    values = np.asarray(np.load(path, mmap_mode="c"))
+    return replace(baked, values=values)

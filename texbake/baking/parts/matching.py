@@ -1,0 +1,191 @@
+"""Who is baked from whom, by name: `body_low` from `body_high`, `body_high_01` and so on.
+
+The name of a light part ends with the suffix. In the name of a dense part anything that does not
+begin with a letter may follow it, so that numbers, and the `.001` of modelling programs, do no
+harm, and `body_highlight` is no part of `body`. Case is ignored. A part whose name has `_ignore` in
+it (again with no letter after it) takes no part.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from texbake.baking.parts.options import PartsOptions
+from texbake.errors import MeshError
+
+_IGNORED = re.compile(r"_ignore(?![^\W\d_])", re.IGNORECASE)
+_NAMES_SHOWN = 5
+
+
+@dataclass(frozen=True)
+class Match:
+    """One light part and what it is baked from.
+
+    Attributes
+    ----------
+    base : str
+        What both names have in common, as the light part spells it.
+    low : int
+        Place of the light part among the names.
+    highs : tuple of int
+        Places of the dense parts, in their order.
+    """
+
+    base: str
+    low: int
+    highs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Who is baked from whom, and what is left over.
+
+    Attributes
+    ----------
+    high_names, low_names : tuple of str
+    matches : tuple of Match
+        In the order of the light parts.
+    high_left, low_left, high_ignored, low_ignored : tuple of int
+        Places of parts without a match, and of those that are to be ignored.
+    """
+
+    high_names: tuple[str, ...]
+    low_names: tuple[str, ...]
+    matches: tuple[Match, ...]
+    high_left: tuple[int, ...] = ()
+    low_left: tuple[int, ...] = ()
+    high_ignored: tuple[int, ...] = ()
+    low_ignored: tuple[int, ...] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for each kind of part that is left over."""
+        sides = (
+            ("light", "dense", self.low_names, self.low_left, "and not baked"),
+            ("dense", "light", self.high_names, self.high_left, "and not used"),
+        )
+        return [
+            f"{shown([names[i] for i in left])}: without a {other} part of that name {done}"
+            for _, other, names, left, done in sides
+            if left
+        ]
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a light part and its dense parts, and of what is left over, for a person."""
+        rows = [
+            (
+                self.low_names[match.low],
+                "from " + ", ".join(self.high_names[i] for i in match.highs),
+            )
+            for match in self.matches
+        ]
+        for names, left, word in (
+            (self.low_names, self.low_left, "light part without a dense one: not baked"),
+            (self.high_names, self.high_left, "dense part without a light one: not used"),
+            (self.low_names, self.low_ignored, "light part to ignore"),
+            (self.high_names, self.high_ignored, "dense part to ignore"),
+        ):
+            rows += [(names[i], word) for i in left]
+        return rows
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything by name, for `json.dump`."""
+        high, low = self.high_names, self.low_names
+        return {
+            "matches": [
+                {"base": m.base, "low": low[m.low], "high": [high[i] for i in m.highs]}
+                for m in self.matches
+            ],
+            "low_left_over": [low[i] for i in self.low_left],
+            "high_left_over": [high[i] for i in self.high_left],
+            "low_ignored": [low[i] for i in self.low_ignored],
+            "high_ignored": [high[i] for i in self.high_ignored],
+        }
+
+
+def match_names(
+    high_names: Sequence[str], low_names: Sequence[str], options: PartsOptions
+) -> Matching:
+    """Find the dense parts of each light part.
+
+    Raises
+    ------
+    MeshError
+        Two light parts are of one name, or nothing matches.
+
+    Examples
+    --------
+    >>> found = match_names(["a_high", "a_high_01", "b_high"], ["A_low"], PartsOptions())
+    >>> [(match.base, match.highs) for match in found.matches], found.high_left
+    ([('A', (0, 1))], (2,))
+    """
+    low_bases = [base_of(name, options.low_suffix, exact=True) for name in low_names]
+    high_bases = [base_of(name, options.high_suffix) for name in high_names]
+    low_ignored = tuple(i for i, name in enumerate(low_names) if _IGNORED.search(name))
+    high_ignored = tuple(i for i, name in enumerate(high_names) if _IGNORED.search(name))
+    sources: dict[str, list[int]] = {}
+    for i, base in enumerate(high_bases):
+        if base is not None and i not in high_ignored:
+            sources.setdefault(base.lower(), []).append(i)
+    matches: dict[str, Match] = {}
+    for i, base in enumerate(low_bases):
+        if base is None or i in low_ignored:
+            continue
+        key = base.lower()
+        if key in matches:
+            raise MeshError(
+                f"{low_names[matches[key].low]}, {low_names[i]}: two light parts are of one name; "
+                "rename one, or add _ignore to it"
+            )
+        if key in sources:
+            matches[key] = Match(base, i, tuple(sources[key]))
+    if not matches:
+        raise MeshError(
+            f"match-by-name: no light part ({shown(low_names)}) has a dense one "
+            f"({shown(high_names)}) of its name; they should be called such as "
+            f"body{options.low_suffix} and body{options.high_suffix}"
+        )
+    used_low = {match.low for match in matches.values()}
+    used_high = {i for match in matches.values() for i in match.highs}
+    return Matching(
+        tuple(high_names),
+        tuple(low_names),
+        tuple(sorted(matches.values(), key=lambda match: match.low)),
+        _others(len(high_names), used_high | {*high_ignored}),
+        _others(len(low_names), used_low | {*low_ignored}),
+        high_ignored,
+        low_ignored,
+    )
+
+
+def base_of(name: str, suffix: str, *, exact: bool = False) -> str | None:
+    """What stands before the last suffix of a name; None if there is no suffix, or nothing before.
+
+    With `exact` nothing may follow the suffix, else nothing that begins with a letter.
+
+    Examples
+    --------
+    >>> base_of("Body_HIGH.001", "_high"), base_of("body_highlight", "_high")
+    ('Body', None)
+    """
+    after = "" if exact else r"(?:[\W\d_].*)?"
+    found = re.fullmatch(f"(.+){re.escape(suffix)}{after}", name, re.IGNORECASE | re.DOTALL)
+    return None if found is None else found.group(1)
+
+
+def has_suffix(name: str, suffix: str) -> bool:
+    """Whether a name is that of a part, with whatever follows."""
+    return base_of(name, suffix) is not None
+
+
+def shown(names: Sequence[str]) -> str:
+    """The first few of some names."""
+    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
+    return ", ".join(names[:_NAMES_SHOWN]) + more
+
+
+def _others(n: int, used: set[int]) -> tuple[int, ...]:
+    return tuple(i for i in range(n) if i not in used)

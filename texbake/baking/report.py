@@ -1,0 +1,234 @@
+"""What a bake tells of itself: settings, coverage, misses, distances, time and memory."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.budget_report import BudgetReport
+from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.options import BakeOptions
+from texbake.baking.sampling import SamplingReport
+from texbake.baking.trace import TraceCounts
+from texbake.parallel import run_bands
+from texbake.progress import StageRecord
+
+_PERCENTILES = (1, 5, 50, 95, 99)
+_EVERY = 8  # percentiles between the ends are taken over one hit in so many
+
+
+class DistanceSummary:
+    """How far the two surfaces lie apart, gathered while the hits go by."""
+
+    def __init__(self) -> None:
+        self._some: list[npt.NDArray[np.float64]] = []
+        self._least, self._greatest = np.inf, 0.0
+
+    def add(self, hits: Hits, *, threads: int | None = None) -> None:
+        """Take in the hits of a part of the trace."""
+        offsets = hits.offsets
+        squares = np.empty(len(offsets))
+
+        def measure(start: int, stop: int) -> None:
+            # float64, so that no unit of length is too small or too large to be squared
+            band = offsets[start:stop].astype(np.float64)
+            np.einsum("ij,ij->i", band, band, out=squares[start:stop])
+
+        run_bands(measure, len(offsets), band=1 << 18, threads=threads)
+        is_hit = hits.high_faces != NO_HIT
+        if not is_hit.all():
+            squares = squares[is_hit]
+        if len(squares):
+            self._least = min(self._least, float(np.sqrt(squares.min())))
+            self._greatest = max(self._greatest, float(np.sqrt(squares.max())))
+            self._some.append(np.sqrt(squares[::_EVERY]))
+
+    def percentiles(self) -> dict[int, float]:
+        """Percent to distance in model units, from 0, the least, to 100; empty without a hit."""
+        if not self._some:
+            return {}
+        values = np.percentile(np.concatenate(self._some), _PERCENTILES)
+        between = {
+            percent: float(value) for percent, value in zip(_PERCENTILES, values, strict=True)
+        }
+        return {0: self._least, **between, 100: self._greatest}
+
+
+@dataclass(frozen=True)
+class BakeReport:
+    """Figures of one bake; lengths are model units.
+
+    Attributes
+    ----------
+    high, low, cage : str or None
+        Names of the meshes.
+    n_high_faces, n_low_faces : int
+    options : BakeOptions
+        As asked for.
+    front, back : float or None
+        Distances that the rays went; the front is None with a cage, which has one a vertex.
+    measured : bool
+        Whether one of them was measured.
+    caster : str
+        What cast the rays.
+    texels, texels_covered, texels_missed : int
+        Of the map; covered by the light mesh; covered without a hit in any sample.
+    texels_overlapping : int
+        Samples that several faces cover, in texels; the first face wins.
+    faces_without_texel : int
+        Faces of the light mesh that own no texel: thinner than the samples lie apart, covered by
+        others, or without area or outside the square.
+    padding_meets : int
+        Texels that the padding of two charts wants.
+    counts : TraceCounts
+    distance_percentiles : dict
+        Percent to distance between the light and the dense surface.
+    stages : list of StageRecord
+    versions : dict
+    sampling : SamplingReport or None
+        What adaptive samples reached.
+    budget : BudgetReport or None
+        What a time budget was turned into.
+    """
+
+    high: str
+    low: str
+    cage: str | None
+    n_high_faces: int
+    n_low_faces: int
+    options: BakeOptions
+    front: float | None
+    back: float
+    measured: bool
+    caster: str
+    texels: int
+    texels_covered: int
+    texels_missed: int
+    texels_overlapping: float
+    faces_without_texel: int
+    padding_meets: int
+    counts: TraceCounts
+    distance_percentiles: dict[int, float]
+    stages: list[StageRecord]
+    versions: dict[str, str]
+    sampling: SamplingReport | None = None
+    budget: BudgetReport | None = None
+
+    @property
+    def miss_percent(self) -> float:
+        """Missed texels, in percent of the covered ones."""
+        return 100.0 * self.texels_missed / max(self.texels_covered, 1)
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages so far."""
+        return sum(stage.seconds for stage in self.stages)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should look at, a sentence each."""
+        counts = self.counts
+        hint = "see them with --miss-map"
+        if self.miss_percent > 50.0:
+            hint = "are its faces turned inside out, or the distances too short?"
+        checks = (
+            (
+                self.texels_missed,
+                f"{self.texels_missed:,} texels ({self.miss_percent:.2f} %) found no dense surface "
+                f"and are left neutral; {hint}",
+            ),
+            (
+                counts.samples_overlapping,
+                f"texture coordinates overlap on {self.texels_overlapping:,.0f} texels; "
+                "the first face wins",
+            ),
+            (
+                counts.faces_outside_tile,
+                f"{counts.faces_outside_tile:,} faces reach outside the unit square; "
+                "what lies outside is not baked, unless {udim} is in --name-pattern",
+            ),
+            (
+                self.faces_without_texel,
+                f"{self.faces_without_texel:,} of {self.n_low_faces:,} faces own no texel, "
+                f"{counts.faces_without_uv_area:,} of them without area in texture space",
+            ),
+            (
+                self.padding_meets,
+                f"the padding of two charts meets on {self.padding_meets:,} texels; "
+                "use less padding or leave more room between charts",
+            ),
+        )
+        found = [message for count, message in checks if count]
+        for told in (self.sampling, self.budget):
+            found += [] if told is None else told.warnings
+        return found
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        counts = self.counts
+        front = "from the cage" if self.front is None else f"{self.front:.6g}"
+        measured = " (measured)" if self.measured else ""
+        low, *_, high = self.distance_percentiles.values() or (0.0, 0.0)
+        median = self.distance_percentiles.get(50, 0.0)
+        return [
+            ("meshes", f"{self.n_high_faces:,} faces onto {self.n_low_faces:,}"),
+            (
+                "size",
+                f"{self.options.width_px} x {self.options.height_px}, {self._samples()}",
+            ),
+            ("distances", f"front {front}, back {self.back:.6g}{measured}"),
+            ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
+            ("texels missed", f"{self.texels_missed:,} ({self.miss_percent:.3f} %)"),
+            (
+                "rays",
+                f"{counts.rays_cast:,} cast, {counts.rays_missed:,} missed, "
+                f"{counts.rays_recovered:,} recovered, "
+                f"{counts.rays_past_back_faces:,} past back faces",
+            ),
+            *([("secondary rays", f"{counts.secondary_rays:,}")] if counts.secondary_rays else []),
+            (
+                "overlap, outside",
+                f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} faces",
+            ),
+            ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
+            *(() if self.budget is None else self.budget.table()),
+            *(() if self.sampling is None else self.sampling.table()),
+            *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
+            ("total", f"{self.seconds:.2f} s{self._peak()}"),
+        ]
+
+    def _samples(self) -> str:
+        """Say what was taken: a time budget may have chosen otherwise than the options say."""
+        if self.sampling is not None:
+            return "adaptive samples"
+        n_samples = 1 if self.budget is not None else self.options.samples
+        return f"{n_samples} sample{'' if n_samples == 1 else 's'} a texel"
+
+    def _peak(self) -> str:
+        peaks = [stage.peak_memory_bytes for stage in self.stages if stage.peak_memory_bytes]
+        return f", peak memory {max(peaks) / 1e9:.2f} GB" if peaks else ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values, for `json.dump`."""
+        values = asdict(self)
+        values["size"] = [self.options.width_px, self.options.height_px]
+        values["miss_percent"] = self.miss_percent
+        values["seconds"] = self.seconds
+        values["warnings"] = self.warnings
+        return values
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of texbake and of what its results depend on."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    versions = {}
+    for name in ("texbake", "embreex", "numba", "numpy", "openimageio"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "unknown"
+    return versions

@@ -1,0 +1,148 @@
+"""Values of samples to values of texels: the mean of what hit, or the first of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.kind import MapKind
+from texbake.kernels import kernel
+from texbake.parallel import run_bands
+
+BoolArray = npt.NDArray[np.bool_]
+
+_BAND = 1 << 18
+
+
+class TexelSums:
+    """Adds up the samples of a bake, texel by texel, for several maps at once.
+
+    Attributes
+    ----------
+    n_hits : (height * width,) uint8
+        Samples of each texel that hit.
+    """
+
+    def __init__(self, kinds: list[MapKind], inputs: BakeInputs) -> None:
+        n_texels = inputs.options.width_px * inputs.options.height_px
+        self._inputs = inputs
+        self._sums = {kind: np.zeros((n_texels, kind.channels), dtype=np.float32) for kind in kinds}
+        self.n_hits = np.zeros(n_texels, dtype=np.uint8)
+        # Samples of each texel, where a map counts misses.
+        self._n_samples = None
+        if any(kind.of_misses for kind in kinds):
+            self._n_samples = np.zeros(n_texels, dtype=np.uint8)
+
+    def add(self, hits: Hits) -> None:
+        """Add the hits of a trace; its misses add nothing but to maps that count them."""
+        if self._n_samples is not None:
+            self._add_values(hits, [kind for kind in self._sums if kind.of_misses])
+            self._count(hits, self._n_samples)
+        is_hit = hits.high_faces != NO_HIT
+        if not is_hit.all():
+            hits = hits.where(is_hit)
+        self._add_values(hits, [kind for kind in self._sums if not kind.of_misses])
+        self._count(hits, self.n_hits)
+
+    def place(self, means: dict[MapKind, npt.NDArray[np.float32]], has_data: BoolArray) -> None:
+        """Take means of texels (height * width, channels) that were made elsewhere."""
+        self._sums = means
+        self.n_hits = has_data.astype(np.uint8)
+        self._n_samples = self.n_hits
+
+    def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
+        """(height, width, channels) float32: values of what hit, the neutral value elsewhere.
+
+        They are combined as the kind says. It uses the sums up: ask once for each map.
+        """
+        options = self._inputs.options
+        sums = self._sums.pop(kind)
+        shape = (options.height_px, options.width_px, kind.channels)
+        neutral = np.array(kind.neutral(options), dtype=np.float32)
+        if options.samples == 1 and kind.combine != "unit mean" and not neutral.any():
+            return sums.reshape(shape)  # one value or none, which is neutral
+        counts = self.n_hits
+        if kind.of_misses and self._n_samples is not None:
+            counts = self._n_samples
+        mode = _MODES[kind.combine]
+
+        def divide(start: int, stop: int) -> None:
+            _mean_kernel(sums[start:stop], counts[start:stop], neutral, mode)
+
+        run_bands(divide, len(sums), band=_BAND, threads=options.threads)
+        return sums.reshape(shape)
+
+    def _add_values(self, hits: Hits, kinds: list[MapKind]) -> None:
+        texel_ids = hits.texel_ids
+        values = {kind: kind.values(hits, self._inputs) for kind in kinds}
+
+        def add(start: int, stop: int) -> None:
+            ids = texel_ids[start:stop]
+            for kind in kinds:
+                if kind.combine == "first":
+                    _first_kernel(ids, values[kind][start:stop], self.n_hits, self._sums[kind])
+                else:
+                    _add_kernel(ids, values[kind][start:stop], self._sums[kind])
+
+        self._run(add, len(hits))
+
+    def _count(self, hits: Hits, counts: npt.NDArray[np.uint8]) -> None:
+        def count(start: int, stop: int) -> None:
+            _count_kernel(hits.texel_ids[start:stop], counts)
+
+        self._run(count, len(hits))
+
+    def _run(self, work: Callable[[int, int], None], n_rows: int) -> None:
+        options = self._inputs.options
+        # Only with one sample a texel can no two bands meet in a texel.
+        band = _BAND if options.samples == 1 else max(n_rows, 1)
+        run_bands(work, n_rows, band=band, threads=options.threads)
+
+
+_MODES = {"mean": 0, "unit mean": 1, "first": 2}
+
+
+@kernel
+def _add_kernel(texel_ids, values, sums):  # type: ignore[no-untyped-def]
+    for i in range(len(texel_ids)):
+        for channel in range(values.shape[1]):
+            sums[texel_ids[i], channel] += values[i, channel]
+
+
+@kernel
+def _first_kernel(texel_ids, values, counts, sums):  # type: ignore[no-untyped-def]
+    """Give texels that have no sample yet the first of their values."""
+    for i in range(len(texel_ids) - 1, -1, -1):
+        if counts[texel_ids[i]] == 0:
+            for channel in range(values.shape[1]):
+                sums[texel_ids[i], channel] = values[i, channel]
+
+
+@kernel
+def _count_kernel(texel_ids, counts):  # type: ignore[no-untyped-def]
+    for texel in texel_ids:
+        counts[texel] += 1
+
+
+@kernel
+def _mean_kernel(sums, counts, neutral, mode):  # type: ignore[no-untyped-def]
+    """Combine sums in place: 0 their mean, 1 their direction, 2 as they are."""
+    n_channels = sums.shape[1]
+    for i in range(len(sums)):
+        divisor = float(counts[i])
+        if mode == 1 and divisor > 0.0:
+            square = 0.0
+            for channel in range(n_channels):
+                square += float(sums[i, channel]) * float(sums[i, channel])
+            divisor = np.sqrt(square)
+        elif mode == 2 and divisor > 0.0:
+            divisor = 1.0
+        for channel in range(n_channels):
+            if divisor > 0.0:
+                sums[i, channel] = sums[i, channel] / divisor
+            else:
+                sums[i, channel] = neutral[channel]

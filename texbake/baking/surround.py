@@ -1,0 +1,77 @@
+"""What stands around the charts of a map: padding from the nearest texel, then a smooth fill.
+
+A texel that missed the dense mesh keeps the map's neutral value. It is no source of padding, and
+neither padding nor fill reaches into it, so that what was not found is never passed off as data.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.options import BakeOptions
+from texbake.baking.texels import NO_FACE
+from texbake.mesh.mesh import IntArray
+from texbake.texture.padding import nearest_owner, push_pull
+
+Float32Array = npt.NDArray[np.float32]
+
+
+class Surroundings:
+    """Fills around the charts of several maps of one bake; the distances are found once.
+
+    Parameters
+    ----------
+    texel_charts : (H, W) int32
+        Chart that covers each texel, -1 for none.
+    has_data : (H, W) bool
+        Texels with a hit.
+    """
+
+    def __init__(
+        self, texel_charts: IntArray, has_data: npt.NDArray[np.bool_], options: BakeOptions
+    ) -> None:
+        self._missed = (texel_charts >= 0) & ~has_data
+        self.n_missed = int(np.count_nonzero(self._missed))
+        self._options = options
+        self._valid = has_data
+        # Texels outside the charts that padding reaches, and where each takes its value from.
+        self._targets: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+        self.n_meeting = 0
+        if options.padding > 0:
+            sources = np.where(self._missed, np.int32(NO_FACE), texel_charts)
+            owners = nearest_owner(sources, options.padding, threads=options.threads)
+            self.n_meeting = owners.n_meeting
+            self._targets = np.flatnonzero((owners.indices >= 0) & (texel_charts < 0))
+            self._sources = owners.indices.ravel()[self._targets]
+            self._valid = (owners.indices >= 0) & ~self._missed
+
+    def filled(
+        self, values: Float32Array, neutral: tuple[float, ...], combine: str = "mean"
+    ) -> Float32Array:
+        """Return a map (H, W, C), neutral outside the charts, with its surroundings, in place.
+
+        `combine` is that of its `MapKind`: a fill of unit vectors keeps their length 1, and values
+        that cannot be averaged get none.
+        """
+        threads = self._options.threads
+        texels = values.reshape(-1, values.shape[2])
+        padding = texels[self._sources]
+        padding[~np.isfinite(padding).all(axis=1)] = neutral
+        texels[self._targets] = padding
+        if self._options.fill == "push-pull" and combine != "first":
+            values = push_pull(values, self._valid, threads=threads)
+            if combine == "unit mean":
+                _normalize(values, ~self._valid)
+        if self.n_missed:
+            values[self._missed] = neutral
+        return values
+
+
+def _normalize(values: Float32Array, chosen: npt.NDArray[np.bool_]) -> None:
+    """Normalize the chosen vectors in place; those that cancel to zero stay zero."""
+    vectors = values[chosen]
+    lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    lengths[lengths == 0.0] = 1.0
+    values[chosen] = vectors / lengths[:, np.newaxis]

@@ -1,0 +1,260 @@
+"""What a texture bake gives back, and what it tells of itself."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.surround import Surroundings
+from texbake.baking.texels import NO_FACE
+from texbake.baking.texture.coverage import Coverage
+from texbake.baking.texture.options import TextureBakeOptions
+from texbake.errors import UvError
+from texbake.files import PathLike
+from texbake.mapping.seams import chart_ids
+from texbake.mesh.mesh import Mesh
+from texbake.progress import StageRecord, Stages
+from texbake.texture.image import write_image
+from texbake.texture.padding import push_pull
+
+Float32Array = npt.NDArray[np.float32]
+
+# Colors of the picture of what is unseen: not covered, covered and seen, covered and unseen.
+_UNSEEN_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
+
+
+@dataclass(frozen=True)
+class PhotoShare:
+    """What one photograph gave.
+
+    Attributes
+    ----------
+    name : str
+    texels_seen : int
+        Texels in which it has a weight.
+    percent : float
+        Of the colors of all texels that have one.
+    """
+
+    name: str
+    texels_seen: int
+    percent: float
+
+
+@dataclass(frozen=True)
+class TextureReport:
+    """Figures of one texture bake.
+
+    Attributes
+    ----------
+    mesh : str
+    n_faces : int
+    options : TextureBakeOptions
+    source : str
+        The procedure, or how many photographs.
+    scale : (x, y, z) or None
+        What positions were multiplied by for a procedure.
+    texels, texels_covered, texels_unseen : int
+        Of the texture; covered by the mesh; covered without a color of their own.
+    texels_overlapping : float
+        Samples that several faces cover, in texels; the first face wins.
+    faces_outside_tile : int
+        Faces with a corner outside the unit square.
+    padding_meets : int
+        Texels that the padding of two charts wants.
+    photos : tuple of PhotoShare
+    stages : tuple of StageRecord
+    """
+
+    mesh: str
+    n_faces: int
+    options: TextureBakeOptions
+    source: str
+    scale: tuple[float, float, float] | None
+    texels: int
+    texels_covered: int
+    texels_unseen: int
+    texels_overlapping: float
+    faces_outside_tile: int
+    padding_meets: int
+    photos: tuple[PhotoShare, ...]
+    stages: tuple[StageRecord, ...]
+
+    @property
+    def unseen_percent(self) -> float:
+        """Texels without a color of their own, in percent of the covered ones."""
+        return 100.0 * self.texels_unseen / max(self.texels_covered, 1)
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages so far."""
+        return sum(stage.seconds for stage in self.stages)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should look at, a sentence each."""
+        filled = "filled from around them" if self.options.fill == "push-pull" else "left black"
+        checks = [
+            (
+                self.texels_unseen,
+                f"{self.texels_unseen:,} texels ({self.unseen_percent:.2f} %) are in no photograph "
+                f"and are {filled}; see them with --unseen-map",
+            ),
+            (
+                self.texels_overlapping,
+                f"texture coordinates overlap on {self.texels_overlapping:,.0f} texels; "
+                "the first face wins",
+            ),
+            (
+                self.faces_outside_tile,
+                f"{self.faces_outside_tile:,} faces reach outside the unit square; "
+                "what lies outside is not baked",
+            ),
+            (
+                self.padding_meets,
+                f"the padding of two charts meets on {self.padding_meets:,} texels; "
+                "use less padding or leave more room between charts",
+            ),
+        ]
+        checks += [
+            (photo.texels_seen == 0, f"{photo.name}: no texel is seen in it; is its camera right?")
+            for photo in self.photos
+        ]
+        return [message for count, message in checks if count]
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        options = self.options
+        size = f"{options.width_px} x {options.height_px}, {options.samples} samples"
+        rows = [("texture", f"{self.source} onto {self.n_faces:,} faces"), ("size", size)]
+        if self.scale is not None:
+            scale = self.scale if len(set(self.scale)) > 1 else self.scale[:1]
+            rows.append(("scale", ",".join(f"{factor:.6g}" for factor in scale)))
+        rows += [
+            ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
+            ("texels unseen", f"{self.texels_unseen:,} ({self.unseen_percent:.2f} %)"),
+        ]
+        rows += [
+            (f"  {photo.name}", f"{photo.texels_seen:,} texels, {photo.percent:.1f} % of the color")
+            for photo in self.photos
+        ]
+        rows += [(f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages]
+        return [*rows, ("total", f"{self.seconds:.2f} s")]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values, for `json.dump`."""
+        return {
+            **asdict(self),
+            "unseen_percent": self.unseen_percent,
+            "seconds": self.seconds,
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TextureBake:
+    """A baked texture.
+
+    Attributes
+    ----------
+    values : (H, W, C) float32
+        Linear; padded and filled.
+    texel_faces : (H, W) int32
+        Face of the mesh that owns each texel, -1 for none.
+    has_color : (H, W) bool
+        Covered texels with a color of their own.
+    report : TextureReport
+    """
+
+    values: Float32Array
+    texel_faces: npt.NDArray[np.int32]
+    has_color: npt.NDArray[np.bool_]
+    report: TextureReport
+
+    @cached_property
+    def unseen(self) -> npt.NDArray[np.bool_]:
+        """(H, W) bool: texels that the mesh covers and no photograph shows."""
+        return (self.texel_faces >= 0) & ~self.has_color
+
+    def unseen_map(self) -> npt.NDArray[np.uint8]:
+        """(H, W, 3) uint8 picture: gray outside the charts, green where seen, red where not."""
+        return _UNSEEN_COLORS[(self.texel_faces >= 0).astype(np.intp) + self.unseen]
+
+    def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
+        """Write the texture; the format is that of the suffix.
+
+        Parameters
+        ----------
+        path
+            As `write_image` takes it.
+        color
+            Whether it is color, sRGB-coded in integer files, or data such as roughness or height.
+        bits
+            8, 16 or 32 a channel; None: what is usual for the format.
+
+        Raises
+        ------
+        OptionError, FileError
+        """
+        threads = self.report.options.threads
+        write_image(self.values, path, color=color, bits=bits, threads=threads)
+
+
+def finished(
+    mesh: Mesh,
+    options: TextureBakeOptions,
+    coverage: Coverage,
+    values: Float32Array,
+    has_color: npt.NDArray[np.bool_],
+    stages: Stages,
+    *,
+    source: str,
+    scale: tuple[float, float, float] | None = None,
+    photos: tuple[PhotoShare, ...] = (),
+) -> TextureBake:
+    """Fill what has no color, pad the charts and put the figures together.
+
+    Raises
+    ------
+    UvError
+        The mesh covers no texel.
+    """
+    faces = coverage.texel_faces
+    covered = faces != NO_FACE
+    if not covered.any():
+        raise UvError(
+            f"{mesh.name}: its texture coordinates cover no texel of a "
+            f"{options.width_px} x {options.height_px} texture; use a greater --size"
+        )
+    n_unseen = int(np.count_nonzero(covered & ~has_color))
+    known = has_color
+    with stages.stage("pad"):
+        if n_unseen and options.fill == "push-pull":
+            filled = push_pull(values, has_color, threads=options.threads)
+            values = np.where(covered[..., None], filled, values)
+            known = covered
+        # NO_FACE is -1, and so the last entry: it has no chart.
+        charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[faces]
+        surroundings = Surroundings(charts, known, options.for_bake)
+        background = (0.0,) * values.shape[2]
+        values = surroundings.filled(values, background)
+    report = TextureReport(
+        mesh=mesh.name,
+        n_faces=mesh.n_faces,
+        options=options,
+        source=source,
+        scale=scale,
+        texels=faces.size,
+        texels_covered=int(np.count_nonzero(covered)),
+        texels_unseen=n_unseen,
+        texels_overlapping=coverage.samples_overlapping / options.samples,
+        faces_outside_tile=coverage.faces_outside_tile,
+        padding_meets=surroundings.n_meeting,
+        photos=photos,
+        stages=tuple(stages.records),
+    )
+    return TextureBake(values, faces, has_color, report)

@@ -1,0 +1,98 @@
+"""A solid procedure baked into a mesh's own atlas: each texel gets the value at its point in space.
+
+Based on: Perlin, "An image synthesizer", SIGGRAPH 1985; Peachey, "Solid texturing of complex
+surfaces", SIGGRAPH 1985.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.baking.rays import RayField
+from texbake.baking.texture.coverage import Coverage, greatest_lengths, sample_steps
+from texbake.baking.texture.options import SolidOptions
+from texbake.baking.texture.result import TextureBake, finished
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import Mesh
+from texbake.progress import ProgressSink, Stages
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.options import COLORED_PROCEDURES
+from texbake.texture.ramp import ramp_lookup
+
+
+def bake_solid(
+    mesh: Mesh, options: SolidOptions | None = None, *, progress: ProgressSink | None = None
+) -> TextureBake:
+    """Bake a procedure over space into a mesh's texture.
+
+    Parameters
+    ----------
+    mesh
+        With texture coordinates. Positions are those of its file.
+    options
+        None for `SolidOptions()`.
+    progress
+        Is told of the stages.
+
+    Returns
+    -------
+    TextureBake
+        Three channels with `colors` and for procedures that have colors, else one. What is finer
+        than a sample of a texel is faded out. The same, byte for byte, for any number of threads.
+
+    Raises
+    ------
+    UvError
+        The mesh has no texture coordinates, or they cover nothing.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import plane
+    >>> options = SolidOptions(procedure="checker", scale=1.0, size=16, samples=1)
+    >>> bake_solid(plane(), options).values.shape
+    (16, 16, 1)
+    """
+    options = options or SolidOptions()
+    stages = Stages(progress)
+    coverage = Coverage(mesh, options.for_bake)
+    frame = LocalFrame.around(mesh)
+    scale = np.broadcast_to(np.asarray(_scale(mesh, options)), 3)
+    # Rays of no length start on the surface.
+    places = RayField(mesh, frame, kind="face", front=0.0, back=0.0, threads=options.threads)
+    scaled = mesh.positions[mesh.faces] * scale
+    widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
+    ramp = None if options.colors is None else np.asarray(options.colors, np.float32)
+    n_channels = 3 if ramp is not None or options.procedure in COLORED_PROCEDURES else 1
+    grid = coverage.grid
+    values = np.zeros((grid.height, grid.width, n_channels), np.float32)
+    has_color = np.zeros((grid.height, grid.width), np.bool_)
+    for band in coverage.bands(stages):
+        with stages.part("evaluate"):
+            points = places.rays(band.samples).origins
+            found = evaluate(
+                options.procedure,
+                (points / frame.scale + frame.center) * scale,
+                widths[band.samples.faces],
+                parameters=options.parameters,
+                scalar=ramp is not None,
+                threads=options.threads,
+            )
+            if ramp is not None:
+                found = ramp_lookup(ramp, found[:, 0], threads=options.threads)
+            counts = band.counts()
+            means = band.sums(found) / np.maximum(counts, 1)[:, None]
+            rows = slice(band.rows.start, band.rows.stop)
+            values[rows] = means.reshape(-1, grid.width, n_channels)
+            has_color[rows] = (counts > 0).reshape(-1, grid.width)
+    return finished(
+        mesh, options, coverage, values, has_color, stages,
+        source=options.procedure, scale=tuple(scale.tolist()),
+    )  # fmt: skip
+
+
+def _scale(mesh: Mesh, options: SolidOptions) -> float | tuple[float, float, float]:
+    if options.scale is not None:
+        return options.scale
+    low, high = mesh.bounds
+    longest = float((high - low).max())
+    return 2.0 / longest if longest > 0.0 else 1.0

@@ -1,0 +1,137 @@
+"""The assets of a pipeline: tables with patterns to names and files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from texbake.building.file import AssetRule, Pipeline
+from texbake.building.locations import is_url, matches
+from texbake.building.names import filled
+from texbake.errors import OptionError
+from texbake.rendering.scene.file.faults import nearest
+
+DEFAULT_NAME = "{stem}"
+
+
+@dataclass(frozen=True)
+class Asset:
+    """One asset.
+
+    Attributes
+    ----------
+    name : str
+    rule : AssetRule
+        The table that it comes from.
+    inputs : dict of str to str
+        Path or URL of each input.
+    """
+
+    name: str
+    rule: AssetRule
+    inputs: dict[str, str]
+
+
+def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[Asset]:
+    """All assets, or those whose names match, in the order of the file and then by path.
+
+    Raises
+    ------
+    FileFormatError
+        A pattern matches nothing, or two assets have one name.
+    OptionError
+        `only` names none.
+    """
+    assets: dict[str, Asset] = {}
+    for rule in pipeline.rules:
+        for asset in _of_rule(pipeline, rule):
+            if asset.name in assets:
+                raise _twice(pipeline, assets[asset.name], asset)
+            assets[asset.name] = asset
+    if not only:
+        return list(assets.values())
+    for pattern in only:
+        if not any(_is(name, pattern) for name in assets):
+            raise OptionError(f"only: no asset is called {pattern!r}; {_near(pattern, assets)}")
+    return [asset for name, asset in assets.items() if any(_is(name, pattern) for pattern in only)]
+
+
+def _is(name: str, pattern: str) -> bool:
+    """Whether it is the name or a pattern of it; names may have brackets."""
+    return name == pattern or fnmatchcase(name, pattern)
+
+
+def _near(pattern: str, names: dict[str, Asset]) -> str:
+    told = nearest(pattern, names)
+    return told if len(told) < 200 else f"there are {len(names):,}"
+
+
+def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[Asset]:
+    place = ("assets", rule.index)
+    if not rule.inputs:
+        return [_asset(pipeline, rule, {}, {"name": rule.name or ""})]
+    first, *others = rule.inputs
+    found: dict[str, None] = {}
+    for pattern in rule.inputs[first]:
+        hits = matches(pattern, pipeline.path.parent)
+        if not hits:
+            raise pipeline.fault(
+                (*place, "inputs", first),
+                f"{pattern!r} matches no file; it is relative to {pipeline.path.parent}",
+            )
+        found.update(dict.fromkeys(hits))
+    assets = []
+    for path in found:
+        values = _values(path)
+        inputs = {first: path}
+        for name in others:
+            if len(rule.inputs[name]) != 1:
+                raise pipeline.fault((*place, "inputs", name), "only the first may be a list")
+            try:
+                inputs[name] = absolute(pipeline, filled(rule.inputs[name][0], values))
+            except OptionError as error:
+                raise pipeline.fault((*place, "inputs", name), str(error)) from error
+        assets.append(_asset(pipeline, rule, inputs, values))
+    return assets
+
+
+def _values(path: str) -> dict[str, str]:
+    """What stands for names in braces of an asset with this first input."""
+    folder, file = path.rsplit("/", 1) if is_url(path) else os.path.split(path)
+    stem = os.path.splitext(file)[0]  # noqa: PTH122
+    return {"stem": stem, "folder": os.path.basename(folder)}  # noqa: PTH119
+
+
+def absolute(pipeline: Pipeline, path: str) -> str:
+    """Path of a name in the pipeline file, which is relative to that; URLs are as they are."""
+    return path if is_url(path) else str(pipeline.path.parent / path)
+
+
+def _asset(
+    pipeline: Pipeline, rule: AssetRule, inputs: dict[str, str], values: dict[str, str]
+) -> Asset:
+    place = ("assets", rule.index, "name")
+    try:
+        name = filled(rule.name or DEFAULT_NAME, values)
+    except OptionError as error:
+        raise pipeline.fault(place, str(error)) from error
+    parts = name.split("/")
+    if not name or name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
+        raise pipeline.fault(place, f"{name!r} is no name for files; use one without .. and \\")
+    return Asset(name, rule, inputs)
+
+
+def _twice(pipeline: Pipeline, one: Asset, other: Asset) -> Exception:
+    rule = other.rule
+    key = ("name",) if rule.name else ("inputs", *list(rule.inputs)[:1])
+    place: tuple[int | str, ...] = ("assets", rule.index, *key)
+    sources = [next(iter(asset.inputs.values()), "") for asset in (one, other)]
+    if all(sources):
+        return pipeline.fault(
+            place,
+            f"{sources[0]} and {sources[1]} both give the asset {one.name!r}; "
+            "have the name tell them apart, as '{folder}_{stem}'",
+        )
+    return pipeline.fault(place, f"two assets are called {one.name!r}; give each its own name")

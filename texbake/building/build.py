@@ -1,0 +1,316 @@
+"""A pipeline file to everything that it describes: what changed runs again, nothing else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from texbake import __version__
+from texbake.building import progress
+from texbake.building.assets import find_assets
+from texbake.building.digests import Digests
+from texbake.building.file import Pipeline, read_pipeline
+from texbake.building.graph import Id, plan_nodes
+from texbake.building.locations import is_url
+from texbake.building.lock import locked
+from texbake.building.memory import machine_memory
+from texbake.building.options import BuildOptions
+from texbake.building.progress import BuildEvent, Listener
+from texbake.building.publish import Publisher
+from texbake.building.report import (
+    FINISHED,
+    INTERRUPTED,
+    REPORT,
+    RUNNING,
+    BuildResult,
+    asset_results,
+    write_build_report,
+)
+from texbake.building.resolve import LastKeys, Resolver, StepState
+from texbake.building.schedule import Schedule, states_of
+from texbake.building.store import Store
+from texbake.building.workers import Executor, LocalWorkers
+from texbake.errors import OptionError, TexbakeError
+from texbake.files import PathLike, make_folder
+from texbake.parallel import default_threads
+
+# Below the folder of a build: what the next one needs to know.
+INSIDE = ".texbake"
+_MEMORY_SHARE = 0.8
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """What a build would do about one step.
+
+    Attributes
+    ----------
+    asset, step, kind : str
+    state : str
+        `current`, `runs`, `may run` (it waits for one that runs) or `fails`.
+    why : str
+    """
+
+    asset: str
+    step: str
+    kind: str
+    state: str
+    why: str
+
+
+def build(
+    path: PathLike,
+    options: BuildOptions | None = None,
+    *,
+    listener: Listener | None = None,
+    workers: Executor | None = None,
+) -> BuildResult:
+    """Build the assets of a pipeline file, as far as they are not built yet.
+
+    Parameters
+    ----------
+    path
+        Of the pipeline file.
+    options
+        None for `BuildOptions()`.
+    listener
+        Told of every step.
+    workers
+        Do the steps and stay; None for some that are ended with the build.
+
+    Returns
+    -------
+    BuildResult
+        Also written as `build.json`. Failures of assets are in it, and raise nothing. Files are the
+        same, byte for byte, for any number of jobs and threads.
+
+    Raises
+    ------
+    FileFormatError
+        Something in the pipeline file is not as it should be.
+    FileError
+        The folder cannot be written, another build is in it that is not waited for, or the
+        scheduler does not answer or goes away.
+    """
+    options = options or BuildOptions()
+    listener = listener or _nobody
+    pipeline = read_pipeline(path)
+    site = Site(pipeline, options)
+    site.make()
+
+    def told(message: str) -> None:
+        listener(BuildEvent(event="note", message=message))
+
+    with locked(site.inside / "lock", wait=options.wait, told=told):
+        return _build(pipeline, site, options, listener, workers)
+
+
+def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[PlannedStep]:
+    """Tell what `build` would do, and why; nothing is written.
+
+    Raises
+    ------
+    FileFormatError
+        Something in the pipeline file is not as it should be.
+    """
+    options = options or BuildOptions()
+    pipeline = read_pipeline(path)
+    site = Site(pipeline, options)
+    states = states_of(plan_nodes(pipeline, find_assets(pipeline, options.only), site.outputs))
+    resolver, publisher = site.resolver(states)
+    return [_planned(state, states, resolver, publisher) for state in states.values()]
+
+
+class Site:
+    """Where a build has its things.
+
+    Attributes
+    ----------
+    folder : Path
+    inside : Path
+        What the next build needs to know: the lock, digests, the store unless it is elsewhere.
+    outputs : str
+        Folder or URL.
+    store : Store
+    """
+
+    def __init__(self, pipeline: Pipeline, options: BuildOptions) -> None:
+        self.folder = Path(options.folder or pipeline.folder).absolute()
+        self.inside = self.folder / INSIDE
+        self._verify = options.verify
+        self.outputs = _place(pipeline, pipeline.outputs, self.folder)
+        self.store = Store(_place(pipeline, pipeline.store, self.inside / "store"))
+        self.digests = Digests(self.inside / "digests.json", trusting=not options.verify)
+        self.last = LastKeys(self.inside / "last.json")
+
+    def make(self) -> None:
+        """Make the folders.
+
+        Raises
+        ------
+        FileError
+            One of them cannot be made.
+        """
+        make_folder(self.inside)
+        ignore = self.inside / ".gitignore"
+        if not ignore.exists():
+            ignore.write_text("*\n", encoding="utf-8")
+
+    def resolver(self, states: dict[Id, StepState]) -> tuple[Resolver, Publisher]:
+        """What says where steps stand, and what puts outputs out."""
+        resolver = Resolver(states, self.store, self.digests, self.last)
+        return resolver, Publisher(self.outputs, self.store, self.digests)
+
+
+def _place(pipeline: Pipeline, given: str | None, default: Path) -> str:
+    if given is None:
+        return str(default)
+    return given if is_url(given) else str(pipeline.path.parent / given)
+
+
+def _build(
+    pipeline: Pipeline,
+    site: Site,
+    options: BuildOptions,
+    listener: Listener,
+    workers: Executor | None,
+) -> BuildResult:
+    started, start = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
+    assets = find_assets(pipeline, options.only)
+    states = states_of(plan_nodes(pipeline, assets, site.outputs))
+    site.store.clean()
+    resolver, publisher = site.resolver(states)
+    told: dict[str, Any] = {
+        "texbake": __version__, "state": RUNNING, "pipeline": str(pipeline.path),
+        "started": started, "assets": [],
+    }  # fmt: skip
+    write_build_report(site.folder / REPORT, told)
+
+    def result(state: str) -> BuildResult:
+        return BuildResult(
+            pipeline=str(pipeline.path),
+            folder=site.folder,
+            state=state,
+            started=started,
+            seconds=time.perf_counter() - start,
+            options={**asdict(options), "folder": str(site.folder)},
+            assets=asset_results([asset.name for asset in assets], states, site.outputs),
+        )
+
+    listener(BuildEvent(event="began", total=len(states)))
+    state = INTERRUPTED
+    try:
+        _run(states, site, resolver, publisher, options, listener, workers)
+        if options.prune:
+            site.store.prune({step.key for step in states.values()})
+        state = FINISHED
+    finally:
+        site.digests.save()
+        site.last.save(states)
+        ended = result(state)
+        write_build_report(site.folder / REPORT, ended.to_json())
+    listener(BuildEvent(event="ended", done=len(states), total=len(states)))
+    return ended
+
+
+def _run(
+    states: dict[Id, StepState],
+    site: Site,
+    resolver: Resolver,
+    publisher: Publisher,
+    options: BuildOptions,
+    listener: Listener,
+    workers: Executor | None,
+) -> None:
+    memory = options.memory_bytes or int(_MEMORY_SHARE * machine_memory())
+    with _crew(options, site, workers) as executor:
+        Schedule(
+            states,
+            resolver,
+            site.store,
+            publisher,
+            executor,
+            memory_bytes=None if options.scheduler else memory,
+            listener=listener,
+            slots=_slots(options, executor),
+        ).run()
+
+
+def _slots(options: BuildOptions, executor: Callable[[], Executor]) -> int:
+    """Steps at once, for estimates; workers of this machine are not made for that."""
+    return default_jobs(options) if options.scheduler is None else executor().slots
+
+
+def default_jobs(options: BuildOptions) -> int:
+    """Steps that run at once on this machine."""
+    return options.jobs or default_threads()
+
+
+def local_workers(options: BuildOptions) -> LocalWorkers:
+    """Workers on this machine, as many as the options ask for."""
+    jobs = default_jobs(options)
+    return LocalWorkers(jobs, options.threads or max(1, default_threads() // jobs))
+
+
+@contextmanager
+def _crew(
+    options: BuildOptions, site: Site, workers: Executor | None
+) -> Iterator[Callable[[], Executor]]:
+    """Make workers when they are asked for, and end those that were made."""
+    made: list[Executor] = []
+
+    def executor() -> Executor:
+        if workers is not None:
+            return workers
+        if options.scheduler is None:
+            made.append(local_workers(options))
+        else:
+            from texbake.building.dask_scheduler import DaskWorkers, check_shared
+
+            for place in (site.store.place, site.outputs):
+                check_shared(place)
+            made.append(DaskWorkers(options.scheduler, options.threads))
+        return made[0]
+
+    try:
+        if options.scheduler is not None:
+            if options.jobs is not None:
+                raise OptionError("jobs, scheduler: the cluster's workers say how many; give one")
+            ready = executor()  # a scheduler that is not there is told before anything is begun
+            yield lambda: ready
+        else:
+            yield executor
+    finally:
+        for crew in made:
+            crew.close()
+
+
+def _planned(
+    state: StepState, states: dict[Id, StepState], resolver: Resolver, publisher: Publisher
+) -> PlannedStep:
+    asset, step = state.node.id
+
+    def planned(what: str, why: str) -> PlannedStep:
+        return PlannedStep(asset, step, state.node.table.kind.name, what, why)
+
+    before = [step for step in state.node.waits_for if states[step].state != progress.CURRENT]
+    if before:
+        return planned("may run", f"{', '.join(name for _, name in before)} before it")
+    try:
+        if not resolver.look(state, repair=False):
+            return planned("runs", "; ".join(state.reasons))
+    except TexbakeError as error:
+        return planned("fails", str(error))
+    state.state = progress.CURRENT
+    assert state.manifest is not None
+    n_missing = len(publisher.missing(state.node, state.manifest))
+    return planned("current", f"{n_missing} outputs are put back" if n_missing else "")
+
+
+def _nobody(event: BuildEvent) -> None:
+    """Listen to nothing."""

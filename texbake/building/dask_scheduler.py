@@ -1,0 +1,181 @@
+"""Workers of a Dask cluster, which see the same folders or reach the same URLs.
+
+Dask itself gives a task of a worker that went away to another one.
+
+Based on: Matthew Rocklin, "Dask: parallel computation with blocked algorithms and task scheduling",
+Proceedings of the 14th Python in Science Conference, 2015.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import uuid
+from collections import defaultdict
+from contextlib import suppress
+from typing import Any
+
+from texbake import __version__
+from texbake.building.task import (
+    FAILED,
+    Outcome,
+    Task,
+    run_task,
+)
+from texbake.errors import DependencyError, FileError, OptionError
+
+_ANSWER_SECONDS = 10  # for a scheduler to answer at all
+_LOUD = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
+_AHEAD = 2  # tasks of each thread that are handed out, so that none waits for this process
+
+
+class SchedulerLostError(FileError):
+    """A scheduler went away in the middle of a build."""
+
+
+class DaskWorkers:
+    """The workers of a Dask scheduler.
+
+    Parameters
+    ----------
+    address
+        Such as `tcp://host:8786`.
+    threads
+        Of each task; None shares the processors of each machine out among the threads that take
+        tasks there.
+
+    Raises
+    ------
+    DependencyError
+        Dask is not installed.
+    FileError
+        No scheduler answers, it has no workers, or a worker has another version of texbake.
+    """
+
+    def __init__(self, address: str, threads: int | None = None) -> None:
+        try:
+            import distributed
+        except ImportError as error:
+            raise DependencyError(
+                'scheduler: dask is missing; install it with: pip install "texbake[dask]"'
+            ) from error
+        self._address = address
+        for name in _LOUD:  # what they say is told in one line instead
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        try:
+            client: Any = distributed.Client
+            self._client = client(
+                address, timeout=_ANSWER_SECONDS, set_as_default=False, name="texbake"
+            )
+        except (OSError, ValueError, ImportError) as error:
+            raise FileError(
+                f"{address}: no Dask scheduler answers there; start one with: dask scheduler"
+            ) from error
+        try:
+            shared = self._inspected()
+        except BaseException:
+            self.close()
+            raise
+        self.threads = threads or shared
+        self._outcomes: queue.SimpleQueue[tuple[int, Outcome]] = queue.SimpleQueue()
+        self._futures: dict[int, Any] = {}
+
+    def _inspected(self) -> int:
+        """Set the slots; return threads of each task."""
+        workers = self._client.scheduler_info(n_workers=-1)["workers"]
+        if not workers:
+            raise FileError(
+                f"{self._address}: it has no workers; start one with: dask worker {self._address}"
+            )
+        try:
+            versions = self._client.run(_version)
+        except Exception as error:  # whatever a worker without texbake raises
+            raise FileError(
+                f"{self._address}: texbake does not load on a worker: {error}; "
+                f"install texbake {__version__} there"
+            ) from error
+        for worker, version in versions.items():
+            if version != __version__:
+                raise FileError(
+                    f"{self._address}: the worker {worker} has texbake {version}, this is "
+                    f"{__version__}; install the same there"
+                )
+        processors: dict[str, int] = {}
+        taken: dict[str, int] = defaultdict(int)
+        counts = self._client.run(os.cpu_count)
+        for worker, about in workers.items():
+            processors[about["host"]] = counts.get(worker) or 1
+            taken[about["host"]] += about["nthreads"]
+        self.slots = _AHEAD * sum(taken.values())
+        return max(1, min(processors[host] // taken[host] for host in taken))
+
+    def submit(self, number: int, task: Task) -> None:
+        """Hand a task to the scheduler."""
+        if self._client.status != "running":
+            raise self._lost()
+        # A key of its own: the store, and not Dask, knows what has been done before.
+        future = self._client.submit(
+            run_task, task.to_json(), key=f"texbake-{task.step}-{uuid.uuid4().hex}", pure=False
+        )
+        self._futures[number] = future
+        future.add_done_callback(lambda done: self._note(number, done))
+
+    def _note(self, number: int, future: Any) -> None:
+        """Take in what came of a task; called by a thread of Dask's."""
+        try:
+            outcome = Outcome(**future.result(timeout=_ANSWER_SECONDS))
+        except BaseException as error:
+            told = f"its worker ended: {type(error).__name__}: {str(error)[:200]}"
+            outcome = Outcome(status=FAILED, error=" ".join(told.split()))
+        self._outcomes.put((number, outcome))
+
+    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+        """Wait until at least one task is done, or the time is over; return those that are.
+
+        Raises
+        ------
+        SchedulerLostError
+            The scheduler has gone.
+        """
+        found = []
+        with suppress(queue.Empty):
+            found.append(self._outcomes.get(timeout=timeout))
+            while True:
+                found.append(self._outcomes.get_nowait())
+        if self._client.status != "running":
+            raise self._lost()
+        for number, _ in found:
+            self._futures.pop(number, None)
+        return found
+
+    def close(self) -> None:
+        """Take back what is not done, and leave the scheduler."""
+        with suppress(Exception):
+            self._client.cancel(list(self._futures.values()))
+        with suppress(Exception):
+            self._client.close(timeout=2)
+
+    def _lost(self) -> SchedulerLostError:
+        return SchedulerLostError(
+            f"{self._address}: the scheduler has gone; what is done is kept, build again"
+        )
+
+
+def _version() -> str:
+    """Version of texbake on a worker."""
+    from texbake import __version__ as version
+
+    return version
+
+
+def check_shared(place: str) -> None:
+    """Raise where a cluster could not reach a place.
+
+    Raises
+    ------
+    OptionError
+        It is in the memory of this process.
+    """
+    if place.startswith("memory://"):
+        raise OptionError(f"scheduler: {place} is in this process; give a place that all reach")

@@ -1,0 +1,176 @@
+"""SHA-256 of files, computed once and remembered as long as the files are not written to.
+
+A file is taken for unchanged while size, times of modification and of change, and number are. As
+clocks of file systems tick in steps, a file that was changed within such a step before it was read
+is read again the next time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import posixpath
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from texbake.building.companions import SUFFIXES, companions
+from texbake.building.keys import checksum
+from texbake.building.locations import file_signature, is_url, location_of
+from texbake.errors import FileError
+from texbake.files import replacing
+from texbake.mesh.files.source import require_file
+
+_TICK_NS = 50_000_000
+MISSING = "missing"  # in place of the digest of a file that is not there
+
+
+def file_digest(path: str | os.PathLike[str]) -> str:
+    """SHA-256 of the content of a file.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    require_file(path)
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+class Digests:
+    """Digests of files, kept in a file of their own.
+
+    Parameters
+    ----------
+    path
+        Of that file. What is not as it should be is read again, and not an error.
+    trusting : bool
+        Whether what is remembered is believed; else every file is read once.
+    """
+
+    def __init__(self, path: Path, *, trusting: bool = True) -> None:
+        self._path = path
+        self._known: dict[str, list[Any]] = {}
+        if trusting:
+            with suppress(OSError, ValueError, TypeError, KeyError):
+                kept = json.loads(path.read_bytes())
+                if checksum(kept["files"]) == kept["checksum"]:
+                    self._known = kept["files"]
+        self._changed = False
+
+    def digest(self, path: str) -> str:
+        """SHA-256 of a file or of what is behind a URL.
+
+        Raises
+        ------
+        FileError
+            It cannot be read, or was changed while it was read.
+        """
+        signature = _signature(path)
+        if signature is None:
+            if is_url(path):
+                raise FileError(f"{path}: there is no such file; check its name")
+            require_file(path)  # says what it is instead
+        known = self._known.get(path)
+        if known is not None and known[0] == signature:
+            return str(known[1])
+        digest = _remote_digest(path) if is_url(path) else file_digest(path)
+        if _signature(path) != signature:
+            raise FileError(f"{path}: it changed while it was read; build again when it is done")
+        if signature is not None and (is_url(path) or signature[2] + _TICK_NS < time.time_ns()):
+            self.remember(path, signature, digest)
+        return digest
+
+    def companions(self, path: str) -> list[tuple[str, str]]:
+        """Files that are read with a file, each once, and their digests or `MISSING`.
+
+        What a file names is remembered as long as it is unchanged.
+        """
+        found: dict[str, str] = {}
+        looked = [path]
+        while looked:
+            for name in self._named(looked.pop()):
+                if name not in found and name != path:
+                    looked.append(name)
+                    found[name] = self._digest_if_there(name)
+        return list(found.items())
+
+    def _digest_if_there(self, path: str) -> str:
+        with suppress(FileError):
+            return self.digest(path)
+        return MISSING  # for its reader to tell
+
+    def _named(self, path: str) -> list[str]:
+        if not path.lower().endswith(SUFFIXES):
+            return []
+        known = self._known.get(path)
+        if known is not None and len(known) > 2 and known[0] == _signature(path):
+            return [str(name) for name in known[2]]
+        names = _named_at(path) if is_url(path) else [str(name) for name in companions(Path(path))]
+        if known is not None and len(known) == 2 and known[0] == _signature(path):
+            known.append(names)
+            self._changed = True
+        return names
+
+    def is_known(self, path: str, digest: str) -> bool:
+        """Whether a local file has this digest, reading it only if it may have been changed."""
+        try:
+            return self.digest(path) == digest
+        except FileError:
+            return False
+
+    def remember(self, path: str, signature: Any, digest: str) -> None:
+        """Believe that a file with this signature has this digest."""
+        self._known[path] = [list(signature), digest]
+        self._changed = True
+
+    def save(self) -> None:
+        """Write what is remembered, whole or not at all."""
+        if self._changed:
+            with replacing(self._path) as temporary:
+                kept = {"checksum": checksum(self._known), "files": self._known}
+                temporary.write_text(json.dumps(kept), encoding="utf-8")
+            self._changed = False
+
+
+def _signature(path: str) -> list[Any] | None:
+    if is_url(path):
+        folder, name = path.rsplit("/", 1)
+        found = location_of(folder).signature(name)
+    else:
+        found = file_signature(path)
+    return None if found is None else list(found)
+
+
+def _remote_digest(path: str) -> str:
+    folder, name = path.rsplit("/", 1)
+    content = location_of(folder).read(name)
+    if content is None:
+        raise FileError(f"{path}: there is no such file; check its name")
+    return hashlib.sha256(content).hexdigest()
+
+
+def _named_at(url: str) -> list[str]:
+    """URLs of the files that the one behind a URL names; none where it cannot be read."""
+    folder, name = url.rsplit("/", 1)
+    scheme, _, root = folder.partition("://")
+    with tempfile.TemporaryDirectory(prefix="texbake-") as copies, suppress(FileError):
+        copy = location_of(folder).fetch(name, Path(copies))
+        below = [os.path.relpath(found, copy.parent) for found in companions(copy)]
+        return [f"{scheme}://{posixpath.normpath(posixpath.join(root, path))}" for path in below]
+    return []
+
+
+def companion_changed(path: str, digest: str) -> bool:
+    """Whether a file of this machine that is read with another is not what was looked at."""
+    try:
+        return file_digest(path) != digest
+    except FileError:
+        return digest != MISSING

@@ -1,0 +1,136 @@
+"""Inputs of a step, as files of the machine that does it, which are what was looked at."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from texbake.building.digests import MISSING, companion_changed, file_digest
+from texbake.building.keys import checksum
+from texbake.building.locations import is_url, location_of
+from texbake.building.store import Store, StoredFile
+from texbake.errors import FileError
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskInput:
+    """A file that a task takes.
+
+    Attributes
+    ----------
+    called : str
+        Its name, which meshes and reports have.
+    path : str or None
+        Path or URL of a file outside the store.
+    sha256 : str or None
+        Of that file.
+    companions : tuple of (str, str)
+        Files that are read with it, and their digests or `MISSING`.
+    key : str or None
+        Of the stored result that it is an output of.
+    files : tuple of StoredFile
+        Of that output; several where it is a folder.
+    """
+
+    called: str
+    path: str | None = None
+    sha256: str | None = None
+    companions: tuple[tuple[str, str], ...] = ()
+    key: str | None = None
+    files: tuple[StoredFile, ...] = ()
+
+    @classmethod
+    def from_json(cls, item: dict[str, Any]) -> TaskInput:
+        """Input of plain values."""
+        files = tuple(StoredFile(**file) for file in item["files"])
+        companions = tuple((path, digest) for path, digest in item["companions"])
+        return cls(**{**item, "files": files, "companions": companions})
+
+
+class DamagedInputError(Exception):
+    """A stored input is not what was stored."""
+
+    def __init__(self, key: str, told: str) -> None:
+        super().__init__(told)
+        self.key = key
+
+
+def fetched(store: Store, item: TaskInput, copies: Path) -> Path:
+    """Local file or folder of an input, its content checked.
+
+    Parameters
+    ----------
+    store, item
+    copies
+        An empty folder for what is not on this machine.
+
+    Raises
+    ------
+    DamagedInputError
+        It is stored, and not what was stored.
+    FileError
+        It is not what was looked at, or cannot be read.
+    """
+    if item.path is None:
+        return _stored(store, item, copies)
+    path = Path(item.path)
+    places = {name: Path(name) for name, _ in item.companions}
+    if is_url(item.path):
+        there = [name for name, digest in item.companions if digest != MISSING]
+        places = _downloaded([item.path, *there], copies)
+        path = places[item.path]
+    if file_digest(path) != item.sha256:
+        raise _changed(item.path)
+    for name, digest in item.companions:
+        if name in places and companion_changed(str(places[name]), digest):
+            raise _changed(name)
+    return path
+
+
+def _changed(path: str) -> FileError:
+    return FileError(f"{path}: it changed since the build looked at it; build again")
+
+
+def _downloaded(urls: Sequence[str], copies: Path) -> dict[str, Path]:
+    """Copies of files behind URLs, which lie to one another as those do."""
+    parts = {url: [part for part in url.split("/") if part] for url in urls}
+    folders = zip(*(found[:-1] for found in parts.values()), strict=False)
+    common = len(list(takewhile(lambda names: len(set(names)) == 1, folders)))
+    whole = Path(tempfile.mkdtemp(dir=copies))
+    placed = {}
+    for url, found in parts.items():
+        folder, name = url.rsplit("/", 1)
+        placed[url] = whole.joinpath(*found[common:])
+        placed[url].parent.mkdir(parents=True, exist_ok=True)
+        location_of(folder).fetch(name, copies).rename(placed[url])
+    return placed
+
+
+def _stored(store: Store, item: TaskInput, copies: Path) -> Path:
+    assert item.key is not None
+    paths = []
+    for file in item.files:
+        try:
+            path = store.fetch(file, copies)
+            good = file_digest(path) == file.sha256
+        except FileError as error:
+            raise DamagedInputError(item.key, str(error)) from error
+        if not good:
+            raise DamagedInputError(item.key, f"{file.name} does not have its checksum")
+        paths.append(path)
+    if len(item.files) == 1 and not item.files[0].path:
+        return paths[0]
+    # A folder; where its files were copied, they are put together again.
+    if store.is_local:
+        depth = item.files[0].path.count("/") + 1
+        return paths[0].parents[depth - 1]
+    whole = copies / checksum([file.sha256 for file in item.files])[:16]
+    for path, file in zip(paths, item.files, strict=True):
+        target = whole / file.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path.rename(target)
+    return whole

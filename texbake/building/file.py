@@ -1,0 +1,288 @@
+"""The pipeline file: which assets there are, which steps they go through, and where it all goes.
+
+Here the tables are checked, one by one. What a step is asked of each asset, and where its inputs
+come from, is for `graph`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model
+
+from texbake.building.locate import key_lines, line_of
+from texbake.building.step import References, Settings, StepKind
+from texbake.building.steps import STEP_KINDS
+from texbake.errors import FileFormatError, OptionError
+from texbake.files import PathLike
+from texbake.mesh.files.source import require_file
+from texbake.rendering.scene.file.faults import (
+    fault,
+    first_fault,
+    key_fault,
+    nearest,
+    option_fault,
+    place_of,
+    shown,
+)
+from texbake.rendering.scene.file.tables import Table, list_of
+from texbake.rendering.scene.file.values import Text
+
+FOLDER = "build"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetRule:
+    """One `[[assets]]` table: one asset, or one for each file that matches.
+
+    Attributes
+    ----------
+    index : int
+        Of the table.
+    name : str or None
+        Maybe with names in braces.
+    inputs : dict of str to list of str
+        Paths or patterns of each input; the first tells the assets apart.
+    steps : tuple of str or None
+        Those wanted; None for all.
+    options : dict
+        Of steps, what differs for these assets.
+    """
+
+    index: int
+    name: str | None
+    inputs: dict[str, list[str]]
+    steps: tuple[str, ...] | None
+    options: dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepTable:
+    """A `[steps.NAME]` table with an asset's own options, checked.
+
+    Attributes
+    ----------
+    name : str
+    kind : StepKind
+    settings : dict
+        Every choice.
+    inputs : dict of str to list of str
+        References by role.
+    after : tuple of str
+        Steps that must have succeeded before.
+    output : str or None
+        Pattern of the names of what it makes; None keeps that in the store.
+    place : tuple
+        Where in the file, for messages.
+    """
+
+    name: str
+    kind: StepKind
+    settings: Settings
+    inputs: dict[str, list[str]]
+    after: tuple[str, ...]
+    output: str | None
+    place: tuple[int | str, ...]
+
+
+class Pipeline:
+    """A pipeline file that has been read.
+
+    Attributes
+    ----------
+    path : Path
+        Absolute.
+    folder : Path
+        Where things are built: the lock, the store, what has been built.
+    store, outputs : str or None
+        Other places for stored results and for outputs: folders or URLs.
+    rules : tuple of AssetRule
+    steps : dict of str to dict
+        Tables of the steps, of which only `do` is checked yet.
+    """
+
+    def __init__(self, path: PathLike, text: str, found: Any) -> None:
+        self.path = Path(path).absolute()
+        self._called = path
+        self._text = text
+        self._checked: dict[tuple[str, int], StepTable] = {}
+        self.folder = self.path.parent / (found.folder or FOLDER)
+        self.store: str | None = found.store
+        self.outputs: str | None = found.outputs
+        self.steps: dict[str, dict[str, Any]] = found.steps
+        self.rules = tuple(
+            AssetRule(
+                index=index,
+                name=rule.name,
+                inputs=rule.inputs or {},
+                steps=None if rule.steps is None else tuple(rule.steps),
+                options=rule.options or {},
+            )
+            for index, rule in enumerate(found.assets)
+        )
+
+    def fault(self, steps: tuple[int | str, ...], what: str) -> FileFormatError:
+        """Return an error with file, line and key: `a.toml:12: steps.low.size: what`."""
+        place = place_of(steps)
+        return FileFormatError(f"{self._where(place)}: {place}: {what}")
+
+    def step(self, name: str, rule: AssetRule) -> StepTable:
+        """One step with the options that a rule's assets have of their own.
+
+        Raises
+        ------
+        FileFormatError
+            Something in it is not as it should be.
+        """
+        key = (name, rule.index if name in rule.options else -1)
+        if key not in self._checked:
+            self._checked[key] = self._check(name, rule.options.get(name, {}), rule.index)
+        return self._checked[key]
+
+    def _check(self, name: str, own: Mapping[str, Any], rule: int) -> StepTable:
+        base = ("steps", name)
+        kind = STEP_KINDS[self.steps[name]["do"]]
+        given = {**self.steps[name], **own}
+        try:
+            checked = kind.model.model_validate(given)
+            values = checked.given()
+            settings = kind.settings(values)
+        except (ValidationError, OptionError) as error:
+            if isinstance(error, ValidationError):
+                what = first_fault(error)
+            else:
+                what = option_fault((), error)
+            key = what.partition(":")[0].partition(".")[0].partition("[")[0]
+            where = ("assets", rule, "options", name) if key in own else base
+            place = place_of(where)
+            raise FileFormatError(f"{self._where(f'{place}.{key}')}: {place}.{what}") from error
+        inputs = {
+            role.name: [values[role.name]]
+            if isinstance(values[role.name], str)
+            else list(values[role.name])
+            for role in kind.inputs
+            if role.name in values
+        }
+        return StepTable(
+            name=name,
+            kind=kind,
+            settings=settings,
+            inputs=inputs,
+            after=tuple(values.get("after", ())),
+            output=values.get("output"),
+            place=base,
+        )
+
+    def _where(self, place: str) -> str:
+        line = line_of(key_lines(self._text), place)
+        return str(self._called) if line is None else f"{self._called}:{line}"
+
+
+def read_pipeline(path: PathLike) -> Pipeline:
+    """Read and check a pipeline file.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it cannot be read.
+    FileFormatError
+        It is not TOML, or something in it is not as it should be; the message has line and key.
+    """
+    require_file(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8-sig")
+        content = tomllib.loads(text.replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: it is no pipeline; it is not text in UTF-8") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FileFormatError(f"{path}: it is not TOML: {error}") from error
+    try:
+        found = PipelineTable.model_validate(content)
+    except ValidationError as error:
+        what = first_fault(error)
+        line = line_of(key_lines(text), what.partition(": ")[0])
+        where = path if line is None else f"{path}:{line}"
+        raise FileFormatError(f"{where}: {what}") from error
+    pipeline = Pipeline(path, text, found)
+    _check_names(pipeline)
+    return pipeline
+
+
+def _check_names(pipeline: Pipeline) -> None:
+    """Raise where a rule names a step that is not there, or an input is called as a step is."""
+    for rule in pipeline.rules:
+        place = ("assets", rule.index)
+        for number, name in enumerate(rule.steps or ()):
+            if name not in pipeline.steps:
+                raise pipeline.fault(
+                    (*place, "steps", number), f"no step {name!r}; {nearest(name, pipeline.steps)}"
+                )
+        for name in rule.options:
+            if name not in pipeline.steps:
+                raise pipeline.fault(
+                    (*place, "options", name), f"no such step; {nearest(name, pipeline.steps)}"
+                )
+        for name in rule.inputs:
+            if name in pipeline.steps:
+                raise pipeline.fault(
+                    (*place, "inputs", name), "a step has the same name; call one of them otherwise"
+                )
+        if not rule.inputs and rule.name is None:
+            raise pipeline.fault(place, "it has neither inputs nor a name; give one of them")
+
+
+def _word(value: Any) -> str:
+    if not isinstance(value, str) or not value or any(sign in value for sign in "./\\{}"):
+        raise fault(f"{shown(value)} is no name; use one without . / \\ and braces")
+    return value
+
+
+def _some(items: list[Any]) -> list[Any]:
+    if not items:
+        raise fault("it is empty; a pipeline needs at least one asset")
+    return items
+
+
+def _known_kinds(steps: dict[str, Any]) -> dict[str, Any]:
+    if not steps:
+        raise fault("it is empty; a pipeline needs at least one step")
+    return steps
+
+
+def _step(value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise fault(f"{shown(value)} is no table; give one with: do = ...")
+    if "do" not in value:
+        raise key_fault("do", f"it is missing; it is one of {', '.join(STEP_KINDS)}")
+    if value["do"] not in STEP_KINDS:
+        raise key_fault(
+            "do", f"{shown(value['do'])} is no step; {nearest(str(value['do']), STEP_KINDS)}"
+        )
+    return value
+
+
+Word = Annotated[str, BeforeValidator(_word)]
+AssetTable: type[Table] = create_model(
+    "Asset",
+    __base__=Table,
+    name=(Text, None),
+    inputs=(dict[Word, References], None),
+    steps=(References, None),
+    options=(dict[str, dict[str, Any]], None),
+)
+PipelineTable: type[Table] = create_model(
+    "PipelineFile",
+    __base__=Table,
+    folder=(Text, None),
+    store=(Text, None),
+    outputs=(Text, None),
+    assets=(list_of(AssetTable, _some), ...),
+    steps=(
+        Annotated[dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_known_kinds)],
+        Field(default=...),
+    ),
+)

@@ -1,0 +1,270 @@
+"""Places for files: folders of this machine, and whatever fsspec reaches by a URL.
+
+Based on: fsspec, "Filesystem interfaces for Python", https://filesystem-spec.readthedocs.io.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+from texbake.building.disk import copy_file, make_lasting, to_disk
+from texbake.errors import DependencyError, FileError, TexbakeError
+
+
+def is_url(place: str) -> bool:
+    """Whether a place is a URL and not a path."""
+    return "://" in place
+
+
+class Location(Protocol):
+    """A place that holds files by name, with `/` between folders.
+
+    Methods raise `FileError` where the place cannot be reached or written.
+    """
+
+    place: str
+
+    def path(self, name: str) -> str:
+        """Return the full path or URL of a name."""
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of a file, None where there is none."""
+
+    def signature(self, name: str) -> tuple[Any, ...] | None:
+        """Return something that changes when a file is written; None where there is no file."""
+
+    def fetch(self, name: str, folder: Path) -> Path:
+        """Return a local file with the content: the file itself, or a copy in `folder`."""
+
+    def put(self, source: Path, name: str) -> None:
+        """Copy a file to a name, whole or not at all."""
+
+    def put_folder(self, source: Path, name: str, last: str) -> None:
+        """Move a folder to a name; the file `last` in it appears after all others."""
+
+    def remove(self, name: str) -> None:
+        """Remove a folder, if it is there."""
+
+
+def location_of(place: str | os.PathLike[str]) -> Location:
+    """Place of a path or a URL."""
+    text = os.fspath(place)
+    return RemoteFolder(text) if is_url(text) else LocalFolder(text)
+
+
+def file_signature(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
+    """Size, times and number of a local file; None where there is none.
+
+    The time of change cannot be set back by a program, as the time of modification can.
+    """
+    try:
+        status = os.stat(path)  # noqa: PTH116  # of many thousands
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
+
+
+class LocalFolder:
+    """A folder, also one that several machines share."""
+
+    def __init__(self, place: str) -> None:
+        self.place = place
+
+    def path(self, name: str) -> str:
+        """Return the full path of a name."""
+        return f"{self.place}/{name}"
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of a file, None where there is none."""
+        try:
+            return Path(self.path(name)).read_bytes()
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError as error:
+            raise FileError(f"{self.path(name)}: cannot be read: {error.strerror}") from error
+
+    def signature(self, name: str) -> tuple[int, ...] | None:
+        """Size, times and number of a file; None where there is none."""
+        return file_signature(self.path(name))
+
+    def fetch(self, name: str, folder: Path) -> Path:
+        """Return the file itself."""
+        return Path(self.path(name))
+
+    def put(self, source: Path, name: str) -> None:
+        """Copy a file, sharing its blocks where the file system can."""
+        target = Path(self.path(name))
+        with told(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            temporary = target.with_name(f".texbake-{secrets.token_hex(6)}")
+            try:
+                copy_file(source, temporary)
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
+
+    def put_folder(self, source: Path, name: str, last: str) -> None:
+        """Move a folder of the same file system by renaming it; one that is there is kept."""
+        target = Path(self.path(name))
+        with told(target):
+            for path in (*source.rglob("*"), source):
+                to_disk(path)
+            make_lasting(target.parent)
+            try:
+                source.rename(target)
+            except OSError:
+                if (target / last).is_file():  # another worker was first with the same
+                    shutil.rmtree(source)
+                else:  # what is there was taken apart, or there is another reason
+                    self.remove(name)
+                    source.rename(target)
+            to_disk(target.parent)
+
+    def remove(self, name: str) -> None:
+        """Remove a folder; it is out of the way at once, and then emptied."""
+        target = Path(self.path(name))
+        with told(target):
+            doomed = target.with_name(f"{target.name}.{secrets.token_hex(4)}")
+            with suppress(FileNotFoundError):
+                target.rename(doomed)
+                shutil.rmtree(doomed)
+
+
+class RemoteFolder:
+    """A folder behind a URL, through fsspec."""
+
+    def __init__(self, place: str) -> None:
+        self.place = place.rstrip("/")
+        fs, self._root = _file_system(self.place)
+        self._fs = fs
+
+    def path(self, name: str) -> str:
+        """Return the URL of a name."""
+        return f"{self.place}/{name}"
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of a file, None where there is none."""
+        with told_of_remote(self.path(name)):
+            try:
+                content: bytes = self._fs.cat_file(self._at(name))
+            except (FileNotFoundError, NotADirectoryError, KeyError):
+                return None
+            return content
+
+    def signature(self, name: str) -> tuple[str, ...] | None:
+        """Return what the file system tells of a file, as one word; None where there is none."""
+        with told_of_remote(self.path(name)):
+            try:
+                self._fs.invalidate_cache()
+                return (str(self._fs.ukey(self._at(name))),)
+            except (FileNotFoundError, NotADirectoryError, KeyError):
+                return None
+
+    def fetch(self, name: str, folder: Path) -> Path:
+        """Copy the file into a folder of this machine."""
+        with told_of_remote(self.path(name)):
+            copy = folder / secrets.token_hex(4) / name.rsplit("/", 1)[-1]
+            copy.parent.mkdir(parents=True)
+            self._fs.get_file(self._at(name), str(copy))
+            return copy
+
+    def put(self, source: Path, name: str) -> None:
+        """Upload a file under another name first, where the file system can rename."""
+        with told_of_remote(self.path(name)):
+            self._make_parent(name)
+            temporary = f"{self._at(name)}.{secrets.token_hex(4)}.part"
+            try:
+                self._fs.put_file(str(source), temporary)
+                self._fs.mv(temporary, self._at(name))
+            except BaseException:
+                with suppress(Exception):
+                    self._fs.rm_file(temporary)
+                raise
+
+    def put_folder(self, source: Path, name: str, last: str) -> None:
+        """Upload the files of a folder, `last` after all others, and remove the folder."""
+        files = [path for path in source.rglob("*") if path.is_file()]
+        for path in sorted(files, key=lambda path: path.name == last):
+            self.put(path, f"{name}/{path.relative_to(source).as_posix()}")
+        shutil.rmtree(source)
+
+    def remove(self, name: str) -> None:
+        """Remove a folder, if it is there."""
+        with told_of_remote(self.path(name)), suppress(FileNotFoundError):
+            self._fs.rm(self._at(name), recursive=True)
+
+    def _at(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    def _make_parent(self, name: str) -> None:
+        self._fs.makedirs(self._at(name).rsplit("/", 1)[0], exist_ok=True)
+
+
+def matches(pattern: str, folder: Path) -> list[str]:
+    """Files that match a pattern, sorted: paths below a folder, or URLs.
+
+    A pattern that is the name of a file stands for that file alone, so that brackets in names do no
+    harm. The folder is no pattern.
+    """
+    if is_url(pattern):
+        fs, root = _file_system(pattern)
+        with told_of_remote(pattern):
+            found = [fs.unstrip_protocol(name) for name in fs.glob(root) if fs.isfile(name)]
+        return sorted(found)
+    full = os.path.join(folder, pattern)  # noqa: PTH118
+    if os.path.isfile(full):  # noqa: PTH113
+        return [full]
+    names = glob.iglob(pattern, root_dir=folder, recursive=True)  # noqa: PTH207
+    paths = (os.path.join(folder, name) for name in names)  # noqa: PTH118
+    return sorted(path for path in paths if os.path.isfile(path))  # noqa: PTH113
+
+
+def _file_system(url: str) -> tuple[Any, str]:
+    """File system of a URL, and the path in it."""
+    try:
+        import fsspec
+    except ImportError as error:
+        raise DependencyError(
+            f'{url}: fsspec is missing; install it with: pip install "texbake[dask]"'
+        ) from error
+    with told(url):
+        try:
+            fs, path = fsspec.core.url_to_fs(url)
+        except (ImportError, ValueError) as error:
+            raise FileError(f"{url}: cannot be reached: {error}") from error
+    return fs, str(path).rstrip("/")
+
+
+@contextmanager
+def told(place: object) -> Iterator[None]:
+    """Turn what a system says of a place into a `FileError`."""
+    try:
+        yield
+    except FileError:
+        raise
+    except (OSError, shutil.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{place}: cannot be used: {reason}; nothing in it was changed") from error
+
+
+@contextmanager
+def told_of_remote(url: str) -> Iterator[None]:
+    """Turn whatever a file system behind a URL raises into a `FileError`.
+
+    Each has errors of its own kind, beside those of the system.
+    """
+    try:
+        with told(url):
+            yield
+    except TexbakeError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise FileError(f"{url}: cannot be used: {reason}; nothing in it was changed") from error

@@ -1,0 +1,135 @@
+"""What came of a build, as a page for people: a row an asset, with its picture and its own page."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from texbake.building import progress
+from texbake.building.build import INSIDE
+from texbake.building.locations import is_url, location_of
+from texbake.building.report import AssetResult, BuildResult, StepResult
+from texbake.errors import FileError
+from texbake.files import PathLike, make_folder, replacing
+from texbake.pages.build_page import BuildRow, thumbnail, write_build_page
+from texbake.parallel import run_bands
+
+_STATUSES = {
+    progress.BUILT: "built",
+    progress.CURRENT: "kept",
+    progress.FAILED: "failed",
+    progress.WAITING: "skipped",
+}
+# Below the folder of a build: small pictures, by the key of the step that made the large one.
+_THUMBNAILS = "thumbnails"
+
+
+def write_overview(path: PathLike, result: BuildResult, *, command: str = "") -> None:
+    """Write the page of a build: one file, which needs no network.
+
+    Parameters
+    ----------
+    path
+        Replaced as a whole. Links to pages of assets are relative to it.
+    result
+        Pictures are what steps of the kind `preview` have put out, links go to what those of the
+        kind `page` have; errors of normals are those of the pages, missed rays those of bakes.
+    command
+        What made it, to paste.
+
+    Raises
+    ------
+    FileError
+        It cannot be written.
+    """
+    pictures = _thumbnails(result)
+    folder = Path(os.path.realpath(path)).parent
+    rows = [_row(asset, folder, pictures.get(asset.name)) for asset in result.assets]
+    title = Path(result.pipeline).stem
+    write_build_page(path, rows, title=title, command=command, seconds=result.seconds)
+
+
+def _row(asset: AssetResult, folder: Path, picture: bytes | None) -> BuildRow:
+    page = _output(asset, "page", "page")
+    notes = [note for step in asset.steps for note in step.notes]
+    return BuildRow(
+        name=asset.name,
+        status=_STATUSES[asset.state],
+        message=asset.error or "; ".join(notes),
+        page=None if page is None or is_url(page[1]) else os.path.relpath(page[1], folder),
+        thumbnail=picture,
+        error_deg=max(_figures(asset, "page", "error_deg"), default=None),
+        miss_percent=max(_figures(asset, "bake", "miss_percent"), default=None),
+        seconds=asset.seconds or None,
+        n_faces=max(_figures(asset, "bake", "faces"), default=None),
+        n_bytes=sum(step.n_bytes for step in asset.steps) or None,
+    )
+
+
+def _figures(asset: AssetResult, kind: str, name: str) -> Iterator[Any]:
+    """Figures of that name that steps of a kind tell."""
+    for step in asset.steps:
+        if step.kind == kind and step.figures.get(name) is not None:
+            yield step.figures[name]
+
+
+def _output(asset: AssetResult, kind: str, name: str) -> tuple[StepResult, str] | None:
+    """First step of a kind that has put out an output of that name, and where that is."""
+    for step in asset.steps:
+        if step.kind == kind and name in step.outputs:
+            return step, step.outputs[name]
+    return None
+
+
+def _thumbnails(result: BuildResult) -> dict[str, bytes]:
+    """Small pictures of assets; those of the last page are kept, and made again where they changed.
+
+    An asset whose picture cannot be read any more has none.
+    """
+    sources = {
+        asset.name: (step.key, place)
+        for asset in result.assets
+        if (found := _output(asset, "preview", "picture")) is not None
+        for step, place in (found,)
+    }
+    folder = make_folder(result.folder / INSIDE / _THUMBNAILS)
+    kept = {file.stem: file for file in folder.glob("*.jpg") if _is_whole(file)}
+    names = list(sources)
+    pictures: dict[str, bytes] = {}
+
+    def make(start: int, stop: int) -> None:
+        for name in names[start:stop]:
+            key, place = sources[name]
+            try:
+                pictures[name] = kept[key].read_bytes() if key in kept else _made(place)
+            except (FileError, OSError):
+                continue
+            if key not in kept:
+                with replacing(folder / f"{key}.jpg") as temporary:
+                    temporary.write_bytes(pictures[name])
+
+    run_bands(make, len(names), band=1)
+    used = {key for key, _ in sources.values()}
+    for file in folder.glob("*.jpg"):
+        if file.stem not in used:
+            file.unlink(missing_ok=True)
+    return pictures
+
+
+def _is_whole(picture: Path) -> bool:
+    """Whether a JPEG has its end, which it may have lost in a power cut."""
+    with suppress(OSError):
+        return picture.read_bytes().endswith(b"\xff\xd9")
+    return False
+
+
+def _made(place: str) -> bytes:
+    if not is_url(place):
+        return thumbnail(place)
+    folder, name = place.rsplit("/", 1)
+    with tempfile.TemporaryDirectory(prefix="texbake-") as copies:
+        return thumbnail(location_of(folder).fetch(name, Path(copies)))

@@ -1,0 +1,257 @@
+"""What came of a build: `build.json`, for programs and for pages, and rows for a person."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from texbake import __version__
+from texbake.building import progress
+from texbake.building.disk import to_disk
+from texbake.building.graph import Id
+from texbake.building.resolve import StepState
+from texbake.building.store import stored_files
+from texbake.files import PathLike, replacing
+
+REPORT = "build.json"
+RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepResult:
+    """What came of one step of one asset.
+
+    Attributes
+    ----------
+    step, kind : str
+    state : str
+        `current`, `built`, `failed` or `blocked`; `waiting` where the build was interrupted.
+    reasons, notes : tuple of str
+        Why it ran; what was met on the way.
+    error, trace : str
+    seconds : float
+        In this build, from handing it to a worker to its answer.
+    work_seconds : float or None
+        That its result took to make, whenever that was.
+    attempts : int
+    peak_memory_bytes : int or None
+        Of the worker, up to the end of the step, whenever that was.
+    figures : dict
+        What its kind tells of the result.
+    outputs : dict of str to str
+        Path or URL of each output that is put out.
+    n_bytes : int
+        Of all their files.
+    key : str
+    """
+
+    step: str
+    kind: str
+    state: str
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+    error: str
+    trace: str
+    seconds: float
+    work_seconds: float | None
+    attempts: int
+    peak_memory_bytes: int | None
+    figures: Mapping[str, Any]
+    outputs: Mapping[str, str]
+    n_bytes: int
+    key: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetResult:
+    """What came of one asset.
+
+    Attributes
+    ----------
+    name : str
+    steps : tuple of StepResult
+    """
+
+    name: str
+    steps: tuple[StepResult, ...]
+
+    @property
+    def state(self) -> str:
+        """`failed` if a step did; `waiting` if one was not reached; `built` or `current`."""
+        states = {step.state for step in self.steps}
+        for state in (progress.FAILED, progress.BLOCKED):
+            if state in states:
+                return progress.FAILED
+        if states - progress.ENDED:
+            return progress.WAITING
+        return progress.BUILT if progress.BUILT in states else progress.CURRENT
+
+    @property
+    def error(self) -> str:
+        """Step and message of the first failure, or nothing."""
+        failed = [step for step in self.steps if step.state == progress.FAILED]
+        return f"{failed[0].step}: {failed[0].error}" if failed else ""
+
+    @property
+    def seconds(self) -> float:
+        """Of all its steps, in this build."""
+        return sum(step.seconds for step in self.steps)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildResult:
+    """What came of a build.
+
+    Attributes
+    ----------
+    pipeline : str
+        Path of its file.
+    folder : Path
+    state : str
+        `finished`, or `interrupted`.
+    started : str
+        ISO 8601, UTC.
+    seconds : float
+    options : dict
+    assets : tuple of AssetResult
+    """
+
+    pipeline: str
+    folder: Path
+    state: str
+    started: str
+    seconds: float
+    options: Mapping[str, Any]
+    assets: tuple[AssetResult, ...]
+
+    @property
+    def failed(self) -> list[AssetResult]:
+        """Assets of which a step failed."""
+        return [asset for asset in self.assets if asset.state == progress.FAILED]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every step of every asset has a result."""
+        return all(asset.state in (progress.BUILT, progress.CURRENT) for asset in self.assets)
+
+    def count(self, state: str) -> int:
+        """Assets of a state."""
+        return sum(asset.state == state for asset in self.assets)
+
+    def count_steps(self, state: str) -> int:
+        """Steps of a state."""
+        return sum(step.state == state for asset in self.assets for step in asset.steps)
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        work = sum(asset.seconds for asset in self.assets)
+        assets = [
+            f"{self.count(progress.BUILT):,} built",
+            f"{self.count(progress.CURRENT):,} current",
+        ]
+        if self.failed:
+            assets.append(f"{len(self.failed):,} failed")
+        if n_waiting := self.count(progress.WAITING):
+            assets.append(f"{n_waiting:,} not done")
+        steps = [
+            f"{n:,} {state}"
+            for state in (progress.BUILT, progress.CURRENT, progress.FAILED, progress.BLOCKED)
+            if (n := self.count_steps(state))
+        ]
+        return [
+            ("assets", ", ".join(assets)),
+            ("steps", ", ".join(steps)),
+            ("time", f"{self.seconds:.1f} s, of workers {work:.1f} s"),
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values."""
+        return {
+            "texbake": __version__,
+            "state": self.state,
+            "ok": self.ok,
+            "pipeline": self.pipeline,
+            "started": self.started,
+            "seconds": self.seconds,
+            "options": dict(self.options),
+            "counts": {
+                "assets": len(self.assets),
+                **{
+                    state: self.count(state)
+                    for state in (progress.BUILT, progress.CURRENT, progress.FAILED)
+                },
+            },
+            "assets": [
+                {
+                    "name": asset.name,
+                    "state": asset.state,
+                    "error": asset.error,
+                    "seconds": asset.seconds,
+                    "steps": [_plain(step) for step in asset.steps],
+                }
+                for asset in self.assets
+            ],
+        }
+
+
+def asset_results(
+    names: Sequence[str], states: Mapping[Id, StepState], place: str
+) -> tuple[AssetResult, ...]:
+    """Results of assets, their steps in the order in which they wait for one another."""
+    steps: dict[str, list[StepResult]] = {name: [] for name in names}
+    for (asset, _), state in states.items():
+        steps[asset].append(_step_result(state, place))
+    return tuple(AssetResult(name=name, steps=tuple(found)) for name, found in steps.items())
+
+
+def _step_result(state: StepState, place: str) -> StepResult:
+    manifest = state.manifest
+    outputs, n_bytes = {}, 0
+    if manifest is not None:
+        stored = stored_files(manifest)
+        outputs = {name: f"{place}/{base}" for name, base in state.node.published.items()}
+        n_bytes = sum(file.size for name in outputs for file in stored[name])
+    return StepResult(
+        step=state.node.id[1],
+        kind=state.node.table.kind.name,
+        state=state.state,
+        reasons=tuple(state.reasons),
+        notes=tuple(state.notes),
+        error=state.error,
+        trace=state.trace,
+        seconds=state.seconds,
+        work_seconds=None if manifest is None else manifest.get("seconds"),
+        attempts=state.attempts,
+        peak_memory_bytes=None if manifest is None else manifest.get("peak_memory_bytes"),
+        figures={} if manifest is None else manifest.get("figures", {}),
+        outputs=outputs,
+        n_bytes=n_bytes,
+        key=state.key,
+    )
+
+
+def _plain(step: StepResult) -> dict[str, Any]:
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in vars(step).items()
+        if value not in ("", (), {}, None)
+    }
+
+
+def write_build_report(path: PathLike, report: Mapping[str, Any]) -> None:
+    """Write a report, an asset a line so that people and programs find theirs.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    rest = {name: value for name, value in report.items() if name != "assets"}
+    head = json.dumps(rest, indent=1)[:-2]
+    lines = ",\n  ".join(json.dumps(asset) for asset in report.get("assets", ()))
+    with replacing(path) as temporary:
+        temporary.write_text(f'{head},\n "assets": [\n  {lines}\n ]\n}}\n', encoding="utf-8")
+        to_disk(temporary)  # a power cut leaves this report or the last one

@@ -1,0 +1,223 @@
+"""Where a step stands: what it depends on now, whether that is stored, and why not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from texbake.building.digests import Digests
+from texbake.building.fetching import TaskInput
+from texbake.building.graph import (
+    FileSource,
+    Id,
+    Node,
+    Source,
+)
+from texbake.building.keys import (
+    Ingredients,
+    checksum,
+    differences,
+    ingredients_of,
+)
+from texbake.building.locations import is_url
+from texbake.building.memory import size_by_length, size_of
+from texbake.building.progress import WAITING
+from texbake.building.step import InputSize
+from texbake.building.store import (
+    DamagedError,
+    Manifest,
+    Store,
+    output_digest,
+    stored_files,
+)
+from texbake.building.task import Task
+from texbake.errors import FileError
+from texbake.files import replacing
+
+
+@dataclass(eq=False)
+class StepState:
+    """One step of one asset, on its way through a build.
+
+    Attributes
+    ----------
+    node : Node
+    state : str
+        See `progress`.
+    key, ingredients
+        Once all that it waits for is there.
+    manifest
+        Of its result.
+    reasons : list of str
+        Why it runs.
+    notes : list of str
+        What was met on the way.
+    error, trace : str
+    seconds : float
+        That it took in this build.
+    attempts : int
+    worker : str
+    """
+
+    node: Node
+    state: str = WAITING
+    key: str = ""
+    ingredients: Ingredients = field(default_factory=dict)
+    manifest: Manifest | None = None
+    reasons: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    error: str = ""
+    trace: str = ""
+    seconds: float = 0.0
+    attempts: int = 0
+    worker: str = ""
+
+
+class LastKeys:
+    """Keys that steps had in the last build, to tell what has changed."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._keys: dict[str, dict[str, str]] = {}
+        with suppress(OSError, ValueError, AttributeError, TypeError):
+            keys = json.loads(path.read_bytes())
+            self._keys = {asset: dict(steps) for asset, steps in keys.items()}
+
+    def __getitem__(self, step: Id) -> str | None:
+        return self._keys.get(step[0], {}).get(step[1])
+
+    def save(self, states: Mapping[Id, StepState]) -> None:
+        """Take over the keys of steps that have a result, and write all."""
+        for (asset, step), state in states.items():
+            if state.manifest is not None:
+                self._keys.setdefault(asset, {})[step] = state.key
+        with replacing(self._path) as temporary:
+            temporary.write_text(json.dumps(self._keys), encoding="utf-8")
+
+
+class Resolver:
+    """Says of steps what they depend on, from files and from the results of other steps."""
+
+    def __init__(
+        self, states: Mapping[Id, StepState], store: Store, digests: Digests, last: LastKeys
+    ) -> None:
+        self._states, self._store, self.digests, self._last = states, store, digests, last
+
+    def look(self, state: StepState, *, repair: bool = True) -> bool:
+        """Find out whether a step's result is stored; if not, `reasons` says why.
+
+        Parameters
+        ----------
+        state
+            All that it waits for has a result.
+        repair
+            Remove a stored result that is damaged.
+
+        Raises
+        ------
+        FileError
+            An input cannot be read.
+        """
+        node = state.node
+        inputs = {
+            role: [self._described(source) for source in sources]
+            for role, sources in node.inputs.items()
+        }
+        state.ingredients = ingredients_of(node.table.kind, node.table.settings, inputs, node.id[0])
+        state.key = checksum(state.ingredients)
+        try:
+            manifest = self._store.find(state.key)
+            if manifest is not None:
+                self._store.check(manifest, self.digests)
+        except DamagedError as damage:
+            state.reasons = [str(damage)]
+            state.notes.append(f"its stored result was damaged and made again: {damage}")
+            if repair:
+                self._store.remove(state.key)
+            return False
+        state.manifest = manifest
+        if manifest is None:
+            state.reasons = self._reasons(state)
+        return manifest is not None
+
+    def _reasons(self, state: StepState) -> list[str]:
+        before = self._last[state.node.id]
+        if before is None:
+            return ["it has not run before"]
+        if before == state.key:
+            return ["its stored result is gone"]
+        with suppress(DamagedError, FileError):
+            manifest = self._store.find(before)
+            if manifest is not None:
+                return differences(manifest["ingredients"], state.ingredients)
+        return ["what it depends on has changed"]
+
+    def _described(self, source: Source) -> dict[str, Any]:
+        if isinstance(source, FileSource):
+            described: dict[str, Any] = {
+                "called": _called(source),
+                "sha256": self.digests.digest(source.path),
+            }
+            # What it names is read with it, and counts as well.
+            names = self.digests.companions(source.path)
+            if names:
+                described["with"] = [digest for _, digest in names]
+            return described
+        maker = self._states[source.node]
+        assert maker.manifest is not None
+        called = maker.node.outputs[source.output]
+        return {"called": called, "sha256": output_digest(maker.manifest, source.output)}
+
+    def task(self, state: StepState, threads: int, most_memory: int | None) -> Task:
+        """What a worker is to be asked for the result of a step that was looked at."""
+        node = state.node
+        inputs = {role: tuple(map(self._input, sources)) for role, sources in node.inputs.items()}
+        sizes = {role: tuple(map(self._size, sources)) for role, sources in node.inputs.items()}
+        kind = node.table.kind
+        return Task(
+            asset=node.id[0],
+            step=node.id[1],
+            kind=kind.name,
+            settings=node.table.settings,
+            inputs=inputs,
+            outputs=node.outputs,
+            key=state.key,
+            ingredients=state.ingredients,
+            store=self._store.place,
+            threads=threads,
+            memory_bytes=kind.memory(node.table.settings, sizes),
+            most_memory=most_memory,
+        )
+
+    def _input(self, source: Source) -> TaskInput:
+        described = self._described(source)
+        if isinstance(source, FileSource):
+            return TaskInput(
+                called=described["called"],
+                path=source.path,
+                sha256=described["sha256"],
+                companions=tuple(self.digests.companions(source.path)),
+            )
+        maker = self._states[source.node]
+        assert maker.manifest is not None
+        files = tuple(stored_files(maker.manifest)[source.output])
+        return TaskInput(called=described["called"], key=maker.key, files=files)
+
+    def _size(self, source: Source) -> InputSize:
+        if isinstance(source, FileSource):
+            return InputSize(0, 0) if is_url(source.path) else size_of(Path(source.path))
+        manifest = self._states[source.node].manifest
+        assert manifest is not None
+        files = stored_files(manifest)[source.output]
+        if self._store.is_local and len(files) == 1:
+            return size_of(Path(self._store.place) / files[0].name)
+        return size_by_length(files[0].name, sum(file.size for file in files))
+
+
+def _called(source: FileSource) -> str:
+    path = source.path
+    return path.rsplit("/", 1)[-1] if is_url(path) else PurePosixPath(Path(path).as_posix()).name

@@ -1,0 +1,228 @@
+"""A mesh without what later stages would only count: the safe repairs, which move nothing.
+
+Vertices at one position are joined; faces without area and faces that are there twice are left out;
+neighbors are turned to wind the same way, and closed parts to wind counter-clockwise seen from
+outside. What cannot be mended without changing the surface (holes, edges of three faces, parts that
+cut each other) is left as it is; `check` names it.
+
+Based on: Herbert Edelsbrunner, John Harer, "Computational Topology", American Mathematical Society,
+2010 (the orientable double cover, by which all faces are turned at once).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.building.memory import IDLE_WORKER, SIMPLIFIED_FACE, faces_of
+from texbake.building.step import (
+    InputRole,
+    Job,
+    Settings,
+    Sizes,
+    StepKind,
+)
+from texbake.building.steps.formats import MESH_FORMATS, check_format
+
+if TYPE_CHECKING:
+    from texbake.mesh.mesh import IntArray, Mesh
+
+_CORNERS = ("faces", "uv_faces", "normal_faces")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairStep:
+    """Which repairs are done.
+
+    Attributes
+    ----------
+    merge, degenerate, duplicates, winding : bool
+        Join vertices of one position; leave out faces without area; faces that are there twice;
+        turn faces alike.
+    coordinates : bool
+        Keep texture coordinates. Where they are made anew later, `simplify` comes closer to the
+        surface without their seams.
+    format : str
+    """
+
+    merge: bool = True
+    degenerate: bool = True
+    duplicates: bool = True
+    winding: bool = True
+    coordinates: bool = True
+    format: str = "ply"
+
+    def __post_init__(self) -> None:
+        check_format(self.format, MESH_FORMATS)
+
+
+def repaired(mesh: Mesh, options: RepairStep | None = None) -> tuple[Mesh, dict[str, int]]:
+    """Mend a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    options
+        None for all repairs.
+
+    Returns
+    -------
+    mesh : Mesh
+        Faces keep their order, texture coordinates, normals, groups and colors. Normals of faces
+        that are turned over are turned with them.
+    counts : dict of str to int
+        How much of each was mended.
+
+    Raises
+    ------
+    MeshError
+        No face has an area.
+    """
+    from texbake.mesh.topology import degenerate_faces, duplicate_faces
+
+    options = options or RepairStep()
+    counts = {}
+    if not options.coordinates:
+        mesh = mesh.replace(uvs=None, uv_faces=None, tangents=None)
+    if options.merge:
+        mesh, counts["vertices merged"] = _merged(mesh)
+    if options.degenerate:
+        flat = degenerate_faces(mesh)
+        counts["faces without area"] = int(flat.sum())
+        mesh = _kept(mesh, ~flat)
+    if options.duplicates:
+        twice = duplicate_faces(mesh.faces)
+        counts["duplicate faces"] = int(twice.sum())
+        mesh = _kept(mesh, ~twice)
+    if options.winding:
+        turned = _misoriented(mesh)
+        counts["faces turned"] = int(turned.sum())
+        mesh = _turned(mesh, turned)
+    return mesh, counts
+
+
+def _merged(mesh: Mesh) -> tuple[Mesh, int]:
+    """Join vertices of one position and color, and leave out those that no face uses."""
+    from texbake.mesh.weld import weld_rows
+
+    rows = mesh.positions
+    if mesh.colors is not None:
+        rows = np.concatenate([rows, mesh.colors.astype(np.float64)], axis=1)
+    faces = weld_rows(rows)[mesh.faces]
+    used, compact = np.unique(faces, return_inverse=True)
+    colors = None if mesh.colors is None else mesh.colors[used]
+    merged = mesh.replace(
+        positions=mesh.positions[used],
+        faces=compact.reshape(faces.shape).astype(np.int32),
+        colors=colors,
+    )
+    return merged, mesh.n_vertices - merged.n_vertices
+
+
+def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
+    if keep.all():
+        return mesh
+    fields = (*_CORNERS, "tangents", "face_groups")
+    kept = {name: getattr(mesh, name) for name in fields if getattr(mesh, name) is not None}
+    return mesh.replace(**{name: values[keep] for name, values in kept.items()})
+
+
+def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
+    """(F,) bool: faces to be turned over, so that neighbors agree and closed parts face outwards.
+
+    In a part without an inside the side that most of its faces show is kept, and one that has only
+    one side, as a Möbius strip, is left as it is. Each face stands in a graph twice, as it is and
+    turned over; neighbors that agree are linked as they are, others crosswise. A connected
+    component then is one way to turn a part.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = mesh.n_faces
+    first, second, agree, at_other_edges = _neighbors(mesh.faces)
+    crossed = np.where(agree, 0, n)
+    rows = np.concatenate([first, first + n])
+    columns = np.concatenate([second + crossed, second + (n - crossed)])
+    links = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(2 * n, 2 * n))
+    _, ways = connected_components(links, directed=False)
+    as_is, over = ways[:n], ways[n:]
+    parts = np.minimum(as_is, over)
+    flags: npt.NDArray[np.bool_] = as_is > over
+    is_open = np.zeros(2 * n, dtype=np.bool_)
+    is_open[parts[at_other_edges]] = True
+    is_open[parts[as_is == over]] = True
+    volumes = np.bincount(parts, weights=_cone_volumes(mesh) * np.where(flags, -1, 1))
+    most_turned = 2 * np.bincount(parts, weights=flags) > np.bincount(parts)
+    inside_out = np.where(is_open[: len(volumes)], most_turned, volumes < 0.0)
+    inside_out[parts[as_is == over]] = False
+    turned: npt.NDArray[np.bool_] = flags ^ inside_out[parts]
+    return turned
+
+
+def _neighbors(faces: IntArray) -> tuple[Any, Any, Any, Any]:
+    """Pairs of faces at edges of two, whether they wind alike, and the faces at all other edges."""
+    tails = faces.ravel().astype(np.int64)
+    heads = np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    counts = np.diff(np.append(starts, len(keys)))
+    pairs = starts[counts == 2]
+    first, second = order[pairs], order[pairs + 1]
+    others = order[np.repeat(counts != 2, counts)]
+    return first // 3, second // 3, tails[first] == heads[second], others // 3
+
+
+def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
+    """(F,) signed volumes between each face and the middle of the mesh."""
+    corners = (mesh.positions - mesh.bounds.mean(axis=0))[mesh.faces]
+    volumes: npt.NDArray[np.float64] = np.einsum(
+        "ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
+    )
+    return volumes
+
+
+def _turned(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
+    """Return a mesh with some faces turned over, and the normals at their corners with them."""
+    if not turned.any():
+        return mesh
+    changes: dict[str, Any] = {"tangents": None}
+    for name in _CORNERS:
+        corners = getattr(mesh, name)
+        if corners is not None:
+            corners = corners.copy()
+            corners[turned] = corners[turned][:, ::-1]
+            changes[name] = corners
+    if mesh.normals is not None:
+        corners = changes["normal_faces"].copy()
+        corners[turned] += len(mesh.normals)
+        changes["normals"] = np.concatenate([mesh.normals, -mesh.normals])
+        changes["normal_faces"] = corners
+    return mesh.replace(**changes)
+
+
+def _run(job: Job) -> dict[str, Any]:
+    from texbake.mesh.files import read_mesh, write_mesh
+
+    mesh, counts = repaired(read_mesh(job.file("mesh")), REPAIR.made(job.settings))
+    write_mesh(mesh, job.outputs["mesh"])
+    return {"faces": mesh.n_faces, "repairs": counts}
+
+
+def _memory(settings: Settings, sizes: Sizes) -> int:
+    return IDLE_WORKER + 2 * SIMPLIFIED_FACE * faces_of(sizes, "mesh")
+
+
+REPAIR = StepKind(
+    name="repair",
+    does="mends a mesh without moving anything",
+    options=RepairStep,
+    without=(),
+    inputs=(InputRole(name="mesh"),),
+    outputs=lambda settings: {"mesh": f"repaired.{settings['format']}"},
+    run=_run,
+    memory=_memory,
+)

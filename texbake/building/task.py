@@ -1,0 +1,219 @@
+"""One step, as a worker does it: fetch and check the inputs, run, store the outputs.
+
+A task and what comes of it are plain values, so that they pass through any pipe. A task may be done
+twice, or by two workers at once: the entry of its key is there whole or not at all, and the second
+finds the first's.
+"""
+
+from __future__ import annotations
+
+import socket
+import tempfile
+import time
+import traceback
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from texbake import __version__
+from texbake.building.fetching import DamagedInputError, TaskInput, fetched
+from texbake.building.locations import file_signature, is_url
+from texbake.building.step import Job
+from texbake.building.steps import STEP_KINDS
+from texbake.building.store import DamagedError, Manifest, Store
+from texbake.errors import FileError, TexbakeError
+from texbake.progress import peak_memory_bytes
+
+DONE, FAILED, DAMAGED, LOST = "done", "failed", "damaged", "lost"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What a worker is asked to do.
+
+    Attributes
+    ----------
+    asset, step : str
+        For messages.
+    kind : str
+    settings : dict
+    inputs : dict of str to tuple of TaskInput
+    outputs : dict of str to str
+        File name of each.
+    key : str
+    ingredients : dict
+        What the key is made of.
+    store : str
+        Place of the store.
+    threads : int
+    memory_bytes : int
+        That it is estimated to take.
+    most_memory : int, optional
+        That all steps together may take.
+    version : str
+        Of texbake, which a worker must have as well.
+    """
+
+    asset: str
+    step: str
+    kind: str
+    settings: dict[str, Any]
+    inputs: dict[str, tuple[TaskInput, ...]]
+    outputs: dict[str, str]
+    key: str
+    ingredients: dict[str, Any]
+    store: str
+    threads: int
+    memory_bytes: int = 0
+    most_memory: int | None = None
+    version: str = __version__
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> Task:
+        """Task of plain values."""
+        inputs = {
+            role: tuple(map(TaskInput.from_json, items)) for role, items in values["inputs"].items()
+        }
+        return cls(**{**values, "inputs": inputs})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of a task.
+
+    Attributes
+    ----------
+    status : str
+        `done`; `failed`; `damaged`, where a stored input is not what was stored; `lost`, where the
+        worker ended before it answered.
+    manifest : dict or None
+        Of what was made, or was there already.
+    error : str
+        One line.
+    trace : str
+        Of an error that is not the asset's but texbake's.
+    damaged : str
+        Key of the damaged input.
+    worker : str
+        What did it.
+    attempts : int
+    """
+
+    status: str
+    manifest: Manifest | None = None
+    error: str = ""
+    trace: str = ""
+    damaged: str = ""
+    worker: str = ""
+    attempts: int = 1
+
+
+def run_task(values: dict[str, Any]) -> dict[str, Any]:
+    """Do a task; whatever goes wrong is told in the outcome.
+
+    Parameters
+    ----------
+    values
+        Of `Task.to_json`.
+
+    Returns
+    -------
+    dict
+        Fields of an `Outcome`.
+    """
+    worker = f"{socket.gethostname()}"
+    if values["version"] != __version__:
+        error = (
+            f"the worker on {worker} has texbake {__version__}, this build {values['version']}; "
+            "install the same there"
+        )
+        return asdict(Outcome(status=FAILED, error=error, worker=worker))
+    task = Task.from_json(values)
+    try:
+        return asdict(Outcome(status=DONE, manifest=_done(task), worker=worker))
+    except DamagedInputError as damaged:
+        outcome = Outcome(status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker)
+    except TexbakeError as error:
+        outcome = Outcome(status=FAILED, error=_one_line(str(error)), worker=worker)
+    except MemoryError:
+        told = "out of memory; give it a smaller size, or fewer jobs"
+        outcome = Outcome(status=FAILED, error=told, worker=worker)
+    except Exception as error:
+        told = _one_line(f"{type(error).__name__}: {error}")
+        trace = traceback.format_exc()
+        outcome = Outcome(
+            status=FAILED, error=f"texbake itself failed: {told}", trace=trace, worker=worker
+        )
+    return asdict(outcome)
+
+
+def _done(task: Task) -> Manifest:
+    store = Store(task.store)
+    try:
+        there = store.find(task.key)
+    except DamagedError:
+        store.remove(task.key)
+        there = None
+    if there is not None:  # by a worker that was ended before it could tell
+        return there
+    kind = STEP_KINDS[task.kind]
+    start = time.perf_counter()
+    with (
+        store.folder() as folder,
+        tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as copies,
+    ):
+        inputs = {
+            role: tuple(fetched(store, item, Path(copies)) for item in items)
+            for role, items in task.inputs.items()
+        }
+        signatures = _signatures(task)
+        figures = kind.run(
+            Job(
+                settings=task.settings,
+                inputs=inputs,
+                outputs={name: folder / file for name, file in task.outputs.items()},
+                threads=task.threads,
+                most_memory=task.most_memory,
+                asset=task.asset,
+            )
+        )
+        _check_unchanged(task, signatures)
+        more = {
+            "figures": _finite(figures),
+            "seconds": time.perf_counter() - start,
+            "peak_memory_bytes": peak_memory_bytes(),
+        }
+        return store.commit(task.key, folder, task.outputs, task.ingredients, more)
+
+
+def _signatures(task: Task) -> dict[str, Any]:
+    inputs = [item for items in task.inputs.values() for item in items if item.path]
+    paths = [str(item.path) for item in inputs]
+    paths += [path for item in inputs for path, _ in item.companions]
+    return {path: file_signature(path) for path in paths if not is_url(path)}
+
+
+def _check_unchanged(task: Task, before: dict[str, Any]) -> None:
+    """Raise where an input was written to while it was read."""
+    for path, signature in before.items():
+        if file_signature(path) != signature:
+            raise FileError(f"{path}: it changed while {task.step} read it; build again")
+
+
+def _finite(value: Any) -> Any:
+    """Figures that JSON has numbers for; the others become None."""
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and value - value != 0.0:  # infinite, or not a number
+        return None
+    return value
+
+
+def _one_line(text: str) -> str:
+    return " ".join(line.strip() for line in text.splitlines())

@@ -1,0 +1,104 @@
+"""Builds again whatever is saved: polls files, which works on every disk and over every network."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from texbake.building.assets import find_assets
+from texbake.building.build import build, local_workers
+from texbake.building.companions import companions
+from texbake.building.file import read_pipeline
+from texbake.building.graph import FileSource, plan_nodes
+from texbake.building.locations import file_signature
+from texbake.building.options import BuildOptions
+from texbake.building.progress import Listener
+from texbake.building.report import BuildResult
+from texbake.errors import TexbakeError
+from texbake.files import PathLike
+
+_POLL_SECONDS = 0.5
+
+Signatures = dict[str, Any]
+
+
+def watch(
+    path: PathLike,
+    options: BuildOptions | None = None,
+    *,
+    listener: Listener | None = None,
+    built: Callable[[BuildResult | TexbakeError], None],
+    until: Callable[[], bool] = lambda: False,
+    poll_seconds: float = _POLL_SECONDS,
+) -> None:
+    """Build a pipeline, and again whenever a file that it reads, or its own, has been saved.
+
+    A program that saves in several steps is waited for until nothing changes any more. Workers stay
+    warm between builds.
+
+    Parameters
+    ----------
+    path, options, listener
+        As for `build`.
+    built
+        Called after each build with what came of it, or with what is wrong in the pipeline file,
+        which is then waited to be mended.
+    until
+        Asked between looks; true ends it.
+    poll_seconds
+        Between looks.
+    """
+    options = options or BuildOptions()
+    workers = None if options.scheduler is not None else local_workers(options)
+    try:
+        while not until():
+            before = _signatures(path, options)
+            try:
+                built(build(path, options, listener=listener, workers=workers))
+            except TexbakeError as error:
+                built(error)
+            _wait(path, options, before, until, poll_seconds)
+    finally:
+        if workers is not None:
+            workers.close()
+
+
+def _wait(
+    path: PathLike,
+    options: BuildOptions,
+    before: Signatures,
+    until: Callable[[], bool],
+    poll_seconds: float,
+) -> None:
+    """Wait until something has been saved, and then until nothing changes from look to look."""
+    now = before
+    while not until():
+        last, now = now, _signatures(path, options)
+        if now != before and now == last:
+            return
+        time.sleep(poll_seconds)
+
+
+def _signatures(path: PathLike, options: BuildOptions) -> Signatures:
+    """What tells whether the pipeline file or any file that it reads was saved."""
+    files = {str(path)}
+    try:
+        pipeline = read_pipeline(path)
+        assets = find_assets(pipeline, options.only)
+        files |= {
+            source.path
+            for node in plan_nodes(pipeline, assets).values()
+            for sources in node.inputs.values()
+            for source in sources
+            if isinstance(source, FileSource)
+        }
+    except TexbakeError:
+        pass  # the build has told
+    looked = list(files)
+    while looked:  # what a file names may name others
+        named = {str(name) for name in companions(Path(looked.pop()))} - files
+        files |= named
+        looked += named
+    return {file: file_signature(Path(file)) for file in sorted(files)}

@@ -1,0 +1,224 @@
+"""Workers on this machine: processes that are kept warm, and replaced where they end.
+
+A worker that is killed takes the step in hand with it, and nothing else. The step is tried once
+more by a fresh worker, because it may not have been its fault; the second time it is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from dataclasses import replace
+from typing import IO, Any, Protocol
+
+from texbake.building.task import (
+    FAILED,
+    LOST,
+    Outcome,
+    Task,
+)
+
+MOST_ATTEMPTS = 2
+_PATIENCE = 2.0  # seconds for workers to end by themselves
+
+
+class Executor(Protocol):
+    """Does tasks, several at once."""
+
+    slots: int
+    threads: int
+
+    def submit(self, number: int, task: Task) -> None:
+        """Begin a task; there may be more of them than slots."""
+
+    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+        """Wait until at least one task is done, or the time is over; return those that are."""
+
+    def close(self) -> None:
+        """End all workers, also those that are at work."""
+
+
+class LocalWorkers:
+    """Processes of this machine.
+
+    Parameters
+    ----------
+    slots
+        How many work at once.
+    threads
+        Of each.
+    """
+
+    def __init__(self, slots: int, threads: int) -> None:
+        self.slots, self.threads = slots, threads
+        self._tasks: queue.SimpleQueue[tuple[int, Task] | None] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[tuple[int, Outcome]] = queue.SimpleQueue()
+        self._crew: list[threading.Thread] = []
+        self._processes: set[_Process] = set()
+        self._lock = threading.Lock()
+        self._closed = False
+
+    @property
+    def process_ids(self) -> list[int]:
+        """Of the workers that run."""
+        with self._lock:
+            return [process.id for process in self._processes]
+
+    def submit(self, number: int, task: Task) -> None:
+        """Begin a task as soon as a worker is free."""
+        if len(self._crew) < self.slots:
+            thread = threading.Thread(target=self._serve, args=(len(self._crew),), daemon=True)
+            thread.start()
+            self._crew.append(thread)
+        self._tasks.put((number, task))
+
+    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+        """Wait until at least one task is done, or the time is over; return those that are."""
+        found = []
+        with suppress(queue.Empty):
+            found.append(self._outcomes.get(timeout=timeout))
+            while True:
+                found.append(self._outcomes.get_nowait())
+        return found
+
+    def close(self) -> None:
+        """End all workers."""
+        with self._lock:
+            self._closed = True
+            processes = list(self._processes)
+        for _ in self._crew:
+            self._tasks.put(None)
+        for process in processes:
+            process.kill()
+        for thread in self._crew:  # each sees the end of its own, and clears up
+            thread.join(_PATIENCE)
+
+    def _serve(self, slot: int) -> None:
+        """Have one task after another done by a process, and by another when it ends."""
+        process: _Process | None = None
+        try:
+            while (item := self._tasks.get()) is not None:
+                number, task = item
+                outcome = Outcome(status=LOST)
+                for attempt in range(1, MOST_ATTEMPTS + 1):
+                    try:
+                        process = process or self._start()
+                        if process is None:  # closed
+                            return
+                        outcome = process.ask(task)
+                    except Exception as error:  # a step that nobody answers for is waited for
+                        outcome = Outcome(status=FAILED, error=_told(error, started=process))
+                        if process is not None:
+                            self._bury(process)
+                            process = None
+                    outcome = replace(outcome, attempts=attempt, worker=f"{slot + 1}")
+                    if outcome.status != LOST:
+                        break
+                    assert process is not None
+                    self._bury(process)
+                    process = None
+                if outcome.status == LOST:
+                    outcome = replace(outcome, status=FAILED)
+                self._outcomes.put((number, outcome))
+        finally:
+            if process is not None:
+                self._bury(process)
+
+    def _start(self) -> _Process | None:
+        with self._lock:
+            if self._closed:
+                return None
+            process = _Process(self.threads)
+            self._processes.add(process)
+            return process
+
+    def _bury(self, process: _Process) -> None:
+        process.end()
+        with self._lock:
+            self._processes.discard(process)
+
+
+def _told(error: Exception, *, started: _Process | None) -> str:
+    """One line of what went wrong with a worker, which may not even have been started."""
+    reason = " ".join((getattr(error, "strerror", None) or str(error)).split())
+    if started is None:
+        return f"no worker can be started: {reason}; free memory or disk, or give fewer jobs"
+    return f"its worker's answer is not one: {type(error).__name__}: {reason[:200]}"
+
+
+class _Process:
+    """One worker process."""
+
+    def __init__(self, threads: int) -> None:
+        # What libraries say at their end is the only word on why a worker died.
+        self._said: IO[bytes] = tempfile.TemporaryFile(prefix="texbake-worker-")  # noqa: SIM115
+        names = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+        try:
+            self._process = subprocess.Popen(
+                # -P: what lies in the current folder is no module.
+                [sys.executable, "-P", "-m", "texbake.building.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._said,
+                env={**os.environ, **dict.fromkeys(names, str(threads))},
+            )
+        except OSError:
+            self._said.close()
+            raise
+
+    @property
+    def id(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    def ask(self, task: Task) -> Outcome:
+        """Have a task done; `lost` if the process ends before it answers."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        line = b""
+        with suppress(OSError, ValueError):
+            self._process.stdin.write(json.dumps(task.to_json()).encode() + b"\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        if not line.endswith(b"\n"):
+            return Outcome(status=LOST, error=self._ending())
+        values: dict[str, Any] = json.loads(line)
+        return Outcome(**values)
+
+    def kill(self) -> None:
+        """End the process, also if it is at work; whoever asked it something is told `lost`."""
+        with suppress(OSError):
+            self._process.kill()
+
+    def end(self) -> None:
+        """End the process, and let go of its pipes."""
+        self.kill()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_PATIENCE)
+        for pipe in (self._process.stdin, self._process.stdout, self._said):
+            assert pipe is not None
+            with suppress(OSError):  # what could not be sent
+                pipe.close()
+
+    def _ending(self) -> str:
+        """How it ended, with the last that it said."""
+        try:
+            code = self._process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            code = 0
+        how = f"exit code {code}"
+        if code < 0:
+            with suppress(ValueError):
+                how = signal.Signals(-code).name
+        self._said.seek(0)
+        said = self._said.read().decode("utf-8", "replace").split("\n")
+        last = next((line.strip() for line in reversed(said) if line.strip()), "")
+        hint = "; the system may have run out of memory" if how == "SIGKILL" else ""
+        told = f"its worker ended ({how}), twice{hint}"
+        return f"{told}: {last[:200]}" if last else told

@@ -1,0 +1,105 @@
+"""Everything that a check found, for a person, a script and a build."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.checks.finding import Finding
+from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.errors import OptionError
+from texbake.mapping.areas import has_measurable_uvs
+from texbake.mesh.mesh import Mesh
+from texbake.progress import StageRecord
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckReport:
+    """What a check found.
+
+    Attributes
+    ----------
+    light, dense : Mesh or None
+        What was checked.
+    options : CheckOptions
+    findings : tuple of Finding
+        The most severe first.
+    stages : list of StageRecord
+    """
+
+    light: Mesh | None
+    dense: Mesh | None
+    options: CheckOptions
+    findings: tuple[Finding, ...]
+    stages: list[StageRecord]
+
+    def count(self, severity: str) -> int:
+        """Return how many findings have a severity."""
+        return sum(finding.severity == severity for finding in self.findings)
+
+    def fails(self, severity: str = "error") -> bool:
+        """Whether something was found that is as severe as this, or more.
+
+        Raises
+        ------
+        OptionError
+            It is no severity.
+        """
+        if severity not in SEVERITIES:
+            raise OptionError(f"severity: {severity} is not one of {', '.join(SEVERITIES)}")
+        return any(self.count(known) for known in SEVERITIES[: SEVERITIES.index(severity) + 1])
+
+    def finding(self, name: str) -> Finding | None:
+        """Return the first finding of a kind, or None."""
+        return next((finding for finding in self.findings if finding.name == name), None)
+
+    @property
+    def has_layout(self) -> bool:
+        """Whether there are texture coordinates that can be drawn."""
+        light = self.light
+        return light is not None and light.uvs is not None and has_measurable_uvs(light)
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages."""
+        return sum(stage.seconds for stage in self.stages)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values, for `json.dump`."""
+        return {
+            **{
+                role: None if mesh is None else {"name": mesh.name, "n_faces": mesh.n_faces}
+                for role, mesh in (("light", self.light), ("dense", self.dense))
+            },
+            "options": asdict(self.options),
+            "n_errors": self.count("error"),
+            "n_warnings": self.count("warning"),
+            "n_notes": self.count("note"),
+            "findings": [finding.to_json() for finding in self.findings],
+            "stages": [asdict(stage) for stage in self.stages],
+        }
+
+    def picture(self, size: int = 640) -> npt.NDArray[np.float32]:
+        """Draw where in the texture the findings are: the layout, once for each.
+
+        Parameters
+        ----------
+        size
+            Pixels along the longer side of one layout.
+
+        Returns
+        -------
+        (H, W, 3) float32
+            Linear light. Faces are colored by severity, red, amber or blue, and the worst ringed.
+
+        Raises
+        ------
+        UvError
+            There is no light mesh with texture coordinates, or they are too far to be drawn.
+        """
+        from texbake.checks.picture import draw_findings
+
+        return draw_findings(self, size)

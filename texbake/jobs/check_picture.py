@@ -1,0 +1,147 @@
+"""Where on the meshes the findings of a check are: each from four sides, its faces colored."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.checks.finding import Finding
+from texbake.checks.picture import COLORS, ring
+from texbake.checks.report import CheckReport
+from texbake.errors import OptionError
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import face_normals
+from texbake.progress import ProgressSink, Stages
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.panels import Panel, side_by_side
+from texbake.rendering.studio import studio_scene
+from texbake.texture.encoding import decode_srgb
+
+# Faces turned over are what some findings are about, so they are drawn.
+PANELS = RenderOptions(
+    width=420, height=420, supersampling=2, view=(25.0, 20.0), back_faces="show", filter="nearest"
+)
+_SIDES = (0.0, 90.0, 180.0, 270.0)
+_SURFACE = (0.72, 0.73, 0.75)  # sRGB, of faces that are not concerned
+_RING = (1.0, 1.0, 1.0)
+
+
+def render_findings(
+    report: CheckReport,
+    options: RenderOptions | None = None,
+    *,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> npt.NDArray[np.float32]:
+    """Render the meshes of a check with the faces of each finding in color, from four sides.
+
+    Parameters
+    ----------
+    report : CheckReport
+    options : RenderOptions, optional
+        Of each picture; `view` is the first, and the others are 90 degrees apart. None for
+        `PANELS`.
+    threads
+        None for every processor.
+    progress
+        Told of the stages.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Linear light: a row for each finding that is somewhere, in the order of the report. The
+        worst faces are ringed on the side that they face, whether something hides them or not.
+
+    Raises
+    ------
+    OptionError
+        No finding is at any face.
+    """
+    options = options or PANELS
+    shown = [finding for finding in report.findings if len(finding.faces)]
+    if not shown:
+        raise OptionError("check: no finding is at any face; there is nothing to draw")
+    rows = []
+    with Stages(progress).stage("draw findings", total=len(shown), unit="findings") as advance:
+        for finding in shown:
+            mesh = report.light if finding.mesh == "light" else report.dense
+            assert mesh is not None
+            rows.append(_row(mesh, finding, options, threads))
+            advance(1)
+    width = max(row.shape[1] for row in rows)
+    # The paper of the widest row, so that the others end in it.
+    padded = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), "edge") for row in rows]
+    return np.concatenate(padded)
+
+
+def _row(
+    mesh: Mesh, finding: Finding, options: RenderOptions, threads: int | None
+) -> npt.NDArray[np.float32]:
+    """Four sides of one mesh with the faces of one finding."""
+    colored = _colored(mesh, finding)
+    albedo = decode_srgb(np.array([[_SURFACE, COLORS[finding.severity]]])).astype(np.float32)
+    scene = studio_scene(colored, albedo=albedo, options=options)
+    prepared = prepare(scene, options, threads=threads)
+    normals = face_normals(colored, threads=threads)[finding.worst_faces]
+    middles = colored.positions[colored.faces[finding.worst_faces]].mean(axis=1)
+    azimuth, *others = options.view
+    cameras = [
+        Camera.framing(colored, options=replace(options, view=(azimuth + turn, *others)))
+        for turn in _SIDES
+    ]
+    # Each of the worst is ringed where it is seen most directly.
+    facing = np.stack([_facing(camera, middles, normals) for camera in cameras])
+    best = facing.argmax(axis=0)
+    panels = []
+    seen = np.zeros((options.height, options.width), dtype=bool)
+    for i, (camera, turn) in enumerate(zip(cameras, _SIDES, strict=True)):
+        frame = draw(prepared, camera)
+        seen |= frame.coverage > 0.0
+        color = np.ascontiguousarray(frame.color[:, :, :3])
+        for x, y in _pixels(camera, middles[best == i], options):
+            ring(color, x, y, np.array(decode_srgb(_RING)))
+        notes = (f"{finding.severity}, {finding.mesh} mesh", finding.counted, "", "")
+        caption = finding.kind.title if i == 0 else f"azimuth {(azimuth + turn) % 360.0:g}°"
+        panels.append(Panel(color, caption, notes[i]))
+    return side_by_side(panels, seen)
+
+
+def _colored(mesh: Mesh, finding: Finding) -> Mesh:
+    """Return a mesh whose texture coordinates pick one of two colors a face."""
+    flagged = np.zeros(mesh.n_faces, dtype=np.int32)
+    flagged[finding.faces] = 1
+    frame = LocalFrame.around(mesh)  # so that no size is too large to be drawn
+    return Mesh(
+        positions=frame.to_local(mesh.positions),
+        faces=mesh.faces,
+        uvs=np.array([[0.25, 0.5], [0.75, 0.5]]),
+        uv_faces=np.repeat(flagged[:, None], 3, axis=1),
+        name=mesh.name,
+    )
+
+
+def _facing(camera: Camera, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Cosine between each face's normal and the way to the camera."""
+    ways = camera.eye - points
+    return np.asarray(np.einsum("ij,ij->i", ways, normals) / np.linalg.norm(ways, axis=1))
+
+
+def _pixels(
+    camera: Camera, points: FloatArray, options: RenderOptions
+) -> list[tuple[float, float]]:
+    """Where points lie in the picture, from its upper left corner."""
+    matrix = camera.clip_from_world(options.width / options.height)
+    clip = np.column_stack([points, np.ones(len(points))]) @ matrix.T
+    x, y = (clip[:, :2] / clip[:, 3:]).T
+    return list(
+        zip(
+            ((x + 1.0) / 2.0 * options.width).tolist(),
+            ((1.0 - y) / 2.0 * options.height).tolist(),
+            strict=True,
+        )
+    )

@@ -1,0 +1,244 @@
+"""An asset as a folder for another program.
+
+    mesh ─ turn, scale ─► .glb, .obj or USD, with the material where the program takes it
+    maps ─ green, heights, channels, format ─► files by the program's names
+                                             └► SETTINGS.txt: what to set where
+
+Files appear whole, the text last; what an earlier export left under other names stays.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from texbake.errors import OptionError, UvError
+from texbake.files import PathLike, make_folder, replacing
+from texbake.jobs.export.converting import Converter, WrittenMap
+from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.settings import settings_text
+from texbake.jobs.export.sources import COLORS, SourceMap, source_maps
+from texbake.jobs.export.targets import PROGRAMS
+from texbake.mesh.files import write_mesh
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import shading_normals
+from texbake.mesh.transform import transformed
+from texbake.progress import ProgressSink, Stages
+from texbake.texture.image import read_image
+from texbake.texture.layers import write_layers
+
+SETTINGS = "SETTINGS.txt"
+_Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+_ORM_PARTS = ("ao", "roughness", "metalness")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportResult:
+    """What `export_asset` wrote.
+
+    Attributes
+    ----------
+    mesh : Path
+    textures : tuple of Path
+        Images that the mesh's file refers to, where they do not lie in it.
+    maps : tuple of WrittenMap
+    settings : Path
+        The text that says what to set where.
+    layers : Path, optional
+        The EXR file of all maps, where it was asked for.
+    notes : tuple of str
+        What was taken for granted, or could not be done, a sentence each.
+    """
+
+    mesh: Path
+    textures: tuple[Path, ...]
+    maps: tuple[WrittenMap, ...]
+    settings: Path
+    layers: Path | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def files(self) -> list[Path]:
+        """Every file that was written."""
+        layers = [] if self.layers is None else [self.layers]
+        maps = [written.path for written in self.maps]
+        return [self.mesh, *self.textures, *maps, *layers, self.settings]
+
+
+def export_asset(
+    mesh: Mesh,
+    maps: Mapping[str, PathLike],
+    folder: PathLike,
+    options: ExportOptions,
+    *,
+    levels: Sequence[Mesh] = (),
+    inputs: Sequence[PathLike] = (),
+    progress: ProgressSink | None = None,
+) -> ExportResult:
+    """Write an asset as a program reads it, with a text of what to set where.
+
+    Parameters
+    ----------
+    mesh
+        With texture coordinates, if there are maps.
+    maps
+        Image files by the name of the map: `normal`, `displacement`, `base-color`, `ao`,
+        `roughness`, `metalness`, `emissive`, `opacity`, `bent-normal` and the usual other words for
+        them; `normal:1002` of a UDIM tile. Maps of other names are copied as they are.
+    folder
+        Made if it is missing.
+    options
+        The target, and the rest.
+    levels
+        Coarser meshes for where the asset is small, the finest first; in GLB files.
+    inputs
+        Files that nothing may overwrite, beside the maps: those that the meshes came from.
+    progress
+        Told of the stages.
+
+    Raises
+    ------
+    OptionError
+        The target does not take what is asked for, a normal map is in another space, maps that are
+        packed into one differ in size, or a file would overwrite one that is read.
+    UvError
+        There are maps, and the mesh has no texture coordinates.
+    DependencyError
+        A format needs a library that is not installed.
+    FileError
+        A map cannot be read, or a file cannot be written.
+    """
+    target = PROGRAMS[options.target]
+    if options.textures not in target.textures:
+        raise OptionError(
+            f"textures: {target.title} takes {' or '.join(target.textures)} files and compresses "
+            f"them itself, not {options.textures}"
+        )
+    if options.compress and not target.reads_meshopt:
+        readers = ", ".join(name for name, other in PROGRAMS.items() if other.reads_meshopt)
+        raise OptionError(
+            f"compress: {target.title} does not open compressed meshes; of the targets {readers} "
+            "does"
+        )
+    mesh_format = options.mesh_format or target.mesh_format
+    for given, option in ((options.compress, "compress"), (levels, "levels")):
+        if given and mesh_format != "glb":
+            raise OptionError(f"{option}: a {mesh_format} file has none; use mesh format glb")
+    sources = source_maps(maps)
+    asset = options.name or Path(mesh.name).stem or "asset"
+    if sources and mesh.uvs is None:
+        raise UvError(
+            f"{mesh.name}: it has no texture coordinates for its maps; make some with: "
+            f"texbake unwrap {mesh.name} -o OUT"
+        )
+    read = frozenset(os.path.realpath(path) for path in (*inputs, *maps.values()))
+    folder = make_folder(folder)
+    converter = Converter(folder=folder, asset=asset, options=options, inputs=read)
+    mesh_file = converter.place(f"{target.mesh_stem(asset)}.{mesh_format}")
+    stages = Stages(progress)
+    with stages.stage("write maps"):
+        written = converter.write(sources)
+    with stages.stage("write mesh"):
+        textures = _write_mesh(mesh, mesh_file, sources, converter, levels)
+    layers = None
+    if options.layers and sources:
+        layers = folder / f"{asset}_layers.exr"
+        with stages.stage("write layers"):
+            _write_layers(sources, layers, options)
+    text = settings_text(
+        options.target,
+        target,
+        mesh_file,
+        written,
+        is_compressed=options.compress,
+        n_levels=1 + len(levels),
+        notes=converter.notes,
+    )
+    with replacing(folder / SETTINGS) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return ExportResult(
+        mesh=mesh_file,
+        textures=tuple(textures),
+        maps=tuple(written),
+        settings=folder / SETTINGS,
+        layers=layers,
+        notes=tuple(converter.notes),
+    )
+
+
+def _write_mesh(
+    mesh: Mesh,
+    path: Path,
+    sources: Sequence[SourceMap],
+    converter: Converter,
+    levels: Sequence[Mesh],
+) -> list[Path]:
+    """Write the mesh, Y up and in meters, with the material where the program takes it from it.
+
+    Returns the images that lie beside it for that.
+    """
+    options = converter.options
+    turned = [_placed(level, options) for level in (mesh, *levels)]
+    if path.suffix == ".obj":
+        normals, normal_faces = shading_normals(turned[0])
+        write_mesh(turned[0].replace(normals=normals, normal_faces=normal_faces), path)
+        return []
+    extra: dict[str, Any] = {"name": converter.asset}
+    if path.suffix == ".glb":
+        extra |= {"levels": turned[1:] or None, "compress": options.compress or None}
+    embedded = {source.kind: source for source in sources if not source.tile}
+    if any(source.tile for source in sources) or not converter.target.embeds:
+        embedded = {}
+    images = path.parent if path.suffix in (".usda", ".usdc") else None
+    with tempfile.TemporaryDirectory(prefix="texbake-") as name:
+        textures = _textures(embedded, images or Path(name), converter)
+        write_mesh(turned[0], path, **textures, **extra)
+    return list(textures.values()) if images else []
+
+
+def _textures(
+    embedded: Mapping[str, SourceMap], folder: Path, converter: Converter
+) -> dict[str, Path]:
+    """8-bit images of the material, +Y, by the option of the mesh's writer."""
+    stem = f"{converter.asset}_material"
+    files = {}
+    if "normal" in embedded:
+        files["normal_map"] = folder / f"{stem}_normal.png"
+        converter.write_normals_8(embedded["normal"], files["normal_map"])
+    for kind, option in zip(COLORS, ("base_color", "emissive"), strict=True):
+        if kind in embedded:
+            files[option] = folder / f"{stem}_{kind}.png"
+            converter.write_color_8(embedded[kind], files[option])
+    parts = {kind: embedded[kind] for kind in _ORM_PARTS if kind in embedded}
+    if parts:
+        files["orm"] = folder / f"{stem}_orm.png"
+        converter.write_packed(parts, "orm", files["orm"])
+    return files
+
+
+def _placed(mesh: Mesh, options: ExportOptions) -> Mesh:
+    """Turn a mesh Y up, and scale it to meters."""
+    linear = np.eye(3) if options.up == "y" else _Y_FROM_Z
+    if options.up == "y" and options.meters_per_unit == 1.0:
+        return mesh
+    matrix = np.eye(4)
+    matrix[:3, :3] = options.meters_per_unit * linear
+    return transformed(mesh, matrix)
+
+
+def _write_layers(sources: Sequence[SourceMap], path: Path, options: ExportOptions) -> None:
+    images = {}
+    for source in sources:
+        name = f"{source.kind}_{source.tile}" if source.tile else source.kind
+        is_color = source.kind in COLORS
+        image = read_image(source.path, color=is_color, threads=options.threads)
+        # A half holds every code of 8 bits, and no other codes.
+        fits_half = image.bits == 8 or (image.is_float and image.bits == 16)
+        images[name] = replace(image, bits=16 if fits_half else 32)
+    write_layers(images, path)

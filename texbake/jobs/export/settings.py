@@ -1,0 +1,192 @@
+"""SETTINGS.txt: what to set where, for each program, with the figures of the asset."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+from texbake.jobs.export.converting import WrittenMap
+from texbake.jobs.export.targets import Target
+
+# What to do with a map, by target and kind. `{file}`, and of heights `{mid}`, the level of the
+# surface; `{m}` and `{cm}`, black to white in meters and in centimeters; `{bias}`, meters at black.
+# `{held}` is said of maps that the mesh's file holds; `{flip}`, whether v goes upwards, as it does
+# in all files but glTF. `held` is said of a mesh's file that holds maps.
+_STEPS: dict[str, dict[str, str]] = {
+    "blender": {
+        "mesh": "File > Import > glTF 2.0: {file}.",
+        "held": "Its material has all 8-bit maps already.",
+        "usd": "File > Import > Universal Scene Description: {file}.",
+        "obj": "File > Import > Wavefront: {file}, Forward Axis -Z, Up Axis Y. It has no material; "
+        "make one of the maps below.",
+        "normal": "{file}: Image Texture, Color Space Non-Color -> Normal Map node, Tangent Space "
+        "-> Normal of the Principled BSDF. Green is +Y, as Blender has it; do not invert.",
+        "displacement": "{file}: Image Texture, Non-Color -> Height of a Displacement node, "
+        "Midlevel 0, Scale 1 -> Displacement of the Material Output. Heights are meters. Material "
+        "Settings > Surface > Displacement: Displacement Only; add a Subdivision Surface modifier "
+        "(Simple) or adaptive subdivision. Then leave the normal map out, which would count twice.",
+        "base-color": "{file}: Image Texture, sRGB -> Base Color.",
+        "ao": "{file}: Non-Color; multiply with the base color where you want it at all.",
+        "roughness": "{file}: Non-Color -> Roughness.",
+        "metalness": "{file}: Non-Color -> Metallic.",
+        "emissive": "{file}: sRGB -> Emission Color, Emission Strength 1.",
+        "opacity": "{file}: Non-Color -> Alpha.",
+        "tiles": "Image Texture > open the tile 1001 with Detect UDIMs on.",
+    },
+    "unreal": {
+        "mesh": "Import {file} (glTF), Recompute Normals and Recompute Tangents off; or "
+        "recompute tangents with Use MikkTSpace on. Build Settings: Use Full Precision UVs and Use "
+        "High Precision Tangent Basis on.",
+        "usd": "Import {file} with the USD Importer plugin.",
+        "obj": "Import {file} with an import uniform scale of 100: its unit is the meter, and the "
+        "format does not say so. Recompute tangents with Use MikkTSpace on.",
+        "normal": "{file}: Compression Settings Normalmap (DXT5, BC5), sRGB off. Green is -Y "
+        "(DirectX) already: leave Flip Green Channel off.",
+        "displacement": "{file}: Compression Settings Grayscale, sRGB off. Material > Displacement "
+        "(Nanite): Magnitude {cm:.6g}, Center {mid:.6g}. For world position offset or parallax: "
+        "(height - {mid:.6g}) * {cm:.6g} cm.",
+        "orm": "{file}: Compression Settings Masks (no sRGB), sRGB off. R -> Ambient Occlusion, "
+        "G -> Roughness, B -> Metallic.",
+        "base-color": "{file}: sRGB on -> Base Color.",
+        "emissive": "{file}: sRGB on -> Emissive Color.",
+        "opacity": "{file}: Masks, sRGB off -> Opacity Mask; Blend Mode Masked.",
+        "bent-normal": "{file}: Normalmap, sRGB off -> BentNormal material output.",
+        "tiles": "Turn on Virtual Texture Support, and import the tile 1001; the others follow.",
+    },
+    "unity": {
+        "mesh": "Put {file} under Assets. Model: Scale Factor 1. Normals: "
+        "Import; Tangents: Calculate Mikktspace. Materials: None, and make one of the maps below.",
+        "usd": "Import {file} with the package com.unity.importer.usd, or export again as obj.",
+        "glb": "Put {file} under Assets, with the package com.unity.cloud.gltfast installed.",
+        "normal": "{file}: Texture Type Normal map, Create from Grayscale off, Flip Green Channel "
+        "off (+Y, as Unity has it) -> Normal Map, scale 1.",
+        "displacement": "{file}: sRGB off, Format R 16 bit. HDRP: Height Map, Displacement Mode "
+        "Vertex or Pixel, Parametrization Amplitude, Base {mid:.6g}, Amplitude {cm:.6g} (cm).",
+        "mask-map": "{file}: sRGB off. HDRP: Mask Map. URP: Metallic Map with Source Metallic "
+        "Alpha and Smoothness 1, and the same file as Occlusion Map (its green channel).",
+        "base-color": "{file}: sRGB on -> Base Map.",
+        "emissive": "{file}: sRGB on -> Emission.",
+        "opacity": "{file}: put it into the alpha channel of the base map, and set Alpha Clipping.",
+        "bent-normal": "{file}: Normal map, HDRP: Bent Normal Map.",
+        "thickness": "{file}: sRGB off. HDRP: Thickness Map of a Translucent material.",
+        "tiles": "Unity has no UDIM tiles: one material a tile.",
+    },
+    "godot": {
+        "mesh": "Put {file} into the project. Tangents are those of the file.",
+        "held": "Its material has normal, albedo and ORM maps already.",
+        "usd": "Godot reads no USD; export again as glb.",
+        "obj": "Put {file} into the project. It has no material; make one of the maps below.",
+        "normal": "{file}: Import > Compress > Normal Map: Enable. StandardMaterial3D > Normal Map "
+        "Enabled, Scale 1. Green is +Y, as Godot has it: Normal Map Invert Y off.",
+        "orm": "{file}: ORMMaterial3D > ORM > Texture.",
+        "displacement": "{file}: parallax alone. Height > Enabled, Scale {cm:.6g} (cm from black "
+        "to white), Flip Texture off, Deep Parallax on. Level {mid:.6g} is the surface.",
+        "base-color": "{file}: Albedo > Texture.",
+        "emissive": "{file}: Emission Enabled > Texture.",
+        "opacity": "{file}: put it into the alpha of the albedo, Transparency Alpha Scissor.",
+        "tiles": "Godot has no UDIM tiles: one surface and material a tile.",
+    },
+    "threejs": {
+        "mesh": "new GLTFLoader().loadAsync('{file}').",
+        "held": "Normal, color and ORM maps are in it.",
+        "usd": "new USDLoader().loadAsync('{file}'); the .glb keeps more.",
+        "obj": "new OBJLoader().loadAsync('{file}'). It has no material: take the maps by hand.",
+        "normal": "{file}: {held}texture.flipY = {flip}, colorSpace = "
+        "NoColorSpace; material.normalMap, normalScale (1, 1), geometry with tangents.",
+        "orm": "{file}: {held}flipY = {flip}, NoColorSpace; aoMap, "
+        "roughnessMap and metalnessMap are all this texture, roughness and metalness 1.",
+        "displacement": "{file}: flipY = {flip}, NoColorSpace; material.displacementMap, "
+        "displacementScale = {m:.9g}, displacementBias = {bias:.9g}. Browsers keep 8 bits of it; "
+        "it moves vertices alone, so give the mesh enough of them.",
+        "base-color": "{file}: {held}flipY = {flip}, SRGBColorSpace; map.",
+        "emissive": "{file}: {held}flipY = {flip}, SRGBColorSpace; emissiveMap, emissive white.",
+        "opacity": "{file}: flipY = {flip}, NoColorSpace; material.alphaMap, alphaTest 0.5.",
+        "tiles": "three.js has no UDIM tiles: one material a tile.",
+    },
+}
+_MESHOPT = "It is compressed: loader.setMeshoptDecoder(MeshoptDecoder) before it is loaded."
+_HELD = "in the GLB already. By hand: "
+_OTHER = "{file}: data, sRGB off; no place of its own in the material."
+
+
+def settings_text(
+    target_name: str,
+    target: Target,
+    mesh_file: Path,
+    maps: Sequence[WrittenMap],
+    *,
+    is_compressed: bool,
+    n_levels: int,
+    notes: Sequence[str],
+) -> str:
+    """Return what to set where, as plain text.
+
+    Parameters
+    ----------
+    target_name, target
+        The program.
+    mesh_file
+    maps
+        What was written.
+    is_compressed
+        Whether the mesh needs a reader of EXT_meshopt_compression.
+    n_levels
+        Levels of detail in the mesh's file, with the finest.
+    notes
+        What was taken for granted.
+    """
+    steps = _STEPS[target_name]
+    is_glb = mesh_file.suffix == ".glb"
+    holds = is_glb and target.embeds and not any(written.tile for written in maps)
+    lines = [
+        f"{mesh_file.stem} for {target.title}",
+        "",
+        f"Axes      {target.axes}",
+        f"Tangents  {target.tangents}",
+        f"Green     {'+Y (OpenGL)' if target.convention == 'opengl' else '-Y (DirectX)'}",
+        "",
+        "Mesh",
+        f"  {_mesh_step(steps, mesh_file)}",
+    ]
+    if holds and maps and "held" in steps:
+        lines.append(f"  {steps['held']}")
+    if is_compressed:
+        lines.append(f"  {_MESHOPT}")
+    if n_levels > 1:
+        lines.append(
+            f"  It holds {n_levels} levels of detail (MSFT_lod); a reader that does not know them "
+            "shows the finest."
+        )
+    lines += ["", "Maps"] if maps else []
+    words = {"held": _HELD if holds else "", "flip": "false" if is_glb else "true"}
+    lines += [f"  {_map_step(steps, written, words)}" for written in maps]
+    if any(written.tile for written in maps):
+        lines.append(f"  UDIM: {steps['tiles']}")
+    if notes:
+        lines += ["", "Notes", *(f"  {note}" for note in notes)]
+    return "".join(f"{_wrapped(line)}\n" for line in lines)
+
+
+def _wrapped(line: str) -> str:
+    """Return a line as a paragraph whose other lines are set in."""
+    return textwrap.fill(
+        line, 96, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False
+    )  # so that names of files stay whole
+
+
+def _mesh_step(steps: dict[str, str], mesh_file: Path) -> str:
+    suffix = mesh_file.suffix[1:]
+    kind = "usd" if suffix.startswith("usd") else suffix
+    return steps.get(kind, steps["mesh"]).format(file=mesh_file.name)
+
+
+def _map_step(steps: dict[str, str], written: WrittenMap, words: dict[str, str]) -> str:
+    return steps.get(written.kind, _OTHER).format(
+        file=written.path.name,
+        mid=written.mid,
+        m=written.scale,
+        cm=100.0 * written.scale,
+        bias=-written.mid * written.scale,
+        **words,
+    )

@@ -1,0 +1,145 @@
+"""The light of a scene that does not move, at points of its surfaces, with shadows by rays.
+
+Lamps are what they are in a picture (`texbake.rendering.effects.lights`), slides in them included,
+and only those cast shadows that do so there.
+
+Based on: Wächter, Binder, "A fast and robust method for avoiding self-intersection", Ray Tracing
+Gems, 2019, for how far off the surface rays start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.baking.cast import Caster, open_caster
+from texbake.baking.hits import NO_HIT
+from texbake.baking.rays import Rays
+from texbake.baking.texels import Samples
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals, shading_normals
+from texbake.rendering.effects.ambient import add_ambient
+from texbake.rendering.effects.light_profile import Slide, slide_colors, slide_of
+from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
+from texbake.rendering.effects.shading_models import add_lambert
+from texbake.rendering.fragments import Floats
+from texbake.rendering.raster.world import joined
+from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.scene import Scene
+
+# How far off the surface rays start, in units of the scene's size: 256 steps of a float32 there.
+_START = 2.0**-17
+# Longer than any way through the local frame.
+_THROUGH = 2.0
+_WHITE = np.ones((1, 3), np.float32)
+_ALL = np.ones(1, np.float32)
+
+
+def is_static(light: Light) -> bool:
+    """Whether a light is there before any camera is, so that it can be baked."""
+    return light.static and not light.follows_camera
+
+
+class StaticLight:
+    """All light that goes into maps, and what stands in its way."""
+
+    def __init__(self, scene: Scene, meshes: list[Mesh], threads: int | None) -> None:
+        self._lights = [light for light in scene.lighting.lights if is_static(light)]
+        self._placed = [placed_light(light) for light in self._lights]
+        self._slides: list[Slide | None] = [
+            slide_of(light, at) if light.kind == "spot" and light.profile is not None else None
+            for light, at in zip(self._lights, self._placed, strict=True)
+        ]
+        self._ambient = scene.lighting.ambient
+        self._up = scene.options().up
+        self._frame = LocalFrame.around(*meshes)
+        casters = [
+            (mesh.positions, mesh.faces)
+            for mesh, item in zip(meshes, scene.objects, strict=True)
+            if item.casts_shadows
+        ]
+        self._caster: Caster | None = None
+        if casters and any(light.shadow is not None for light in self._lights):
+            world = joined(casters)
+            everything = Mesh(positions=world.positions, faces=world.faces, name=scene.name)
+            self._caster = open_caster(everything, self._frame, threads=threads)
+
+    def close(self) -> None:
+        """Free the ray tree."""
+        if self._caster is not None:
+            self._caster.close()
+
+    def light_at(
+        self, points: FloatArray, normals: Floats, sides: FloatArray, *, receives: bool
+    ) -> Floats:
+        """(n, 3) float32: light that white, dull points send out.
+
+        `normals` are those that light falls on, `sides` (n, 3) those of the faces that points lie
+        on.
+        """
+        out = np.zeros((len(points), 3), np.float32)
+        add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
+        for light, at, slide in zip(self._lights, self._placed, self._slides, strict=True):
+            found = arriving(at, points, normals)
+            if slide is not None:
+                found.radiance = found.radiance * slide_colors(slide, points)
+            if receives and light.shadow is not None and self._caster is not None:
+                facing = np.einsum(
+                    "ij,ij->i", normals, np.broadcast_to(found.directions, out.shape)
+                )
+                dark = (facing <= 0.0) | ~found.radiance.any(axis=1)
+                dark[~dark] = self._hidden(at, points[~dark], sides[~dark])
+                found.radiance = found.radiance * ~dark[:, None]
+            add_lambert(normals, found, _WHITE, out)
+        return out
+
+    def _hidden(self, light: PlacedLight, points: FloatArray, sides: FloatArray) -> Floats:
+        """(n,) bool: whether something stands between points and a lamp."""
+        assert self._caster is not None
+        origins = self._frame.to_local(points)
+        if light.kind == "directional":
+            toward = np.broadcast_to(-light.direction, origins.shape)
+            lengths = np.full(len(points), _THROUGH)
+        else:
+            toward = self._frame.to_local(light.position) - origins
+            lengths = np.linalg.norm(toward, axis=1)
+            toward = toward / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+            # What the lamp itself lies on does not hide it.
+            lengths = np.maximum(lengths - 2.0 * _START, 0.0)
+        # On the side of the face that the ray leaves to.
+        leaving = np.where(np.einsum("ij,ij->i", sides, toward) < 0.0, -_START, _START)
+        origins += leaving[:, None] * sides
+        rays = Rays(origins, np.ascontiguousarray(toward), lengths, np.zeros(len(points)))
+        return np.asarray(self._caster.cast(rays, cull_back_faces=False).faces != NO_HIT)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """A placed mesh, as samples find their points and normals on it."""
+
+    mesh: Mesh
+    normals: FloatArray
+    normal_faces: IntArray
+    sides: FloatArray
+
+    @classmethod
+    def of(cls, mesh: Mesh, threads: int | None) -> SurfacePoints:
+        """Return a placed mesh with its normals."""
+        return cls(mesh, *shading_normals(mesh, threads=threads), face_normals(mesh))
+
+    def at(self, samples: Samples) -> tuple[FloatArray, Floats, FloatArray]:
+        """Points, unit normals and face normals of samples."""
+        second, third = samples.barycentrics.T
+        weights = np.stack([1.0 - second - third, second, third], axis=1)
+        corners = self.mesh.positions[self.mesh.faces[samples.faces]]
+        # From the first corner: exact where the others' weights are 0.
+        points = corners[:, 0] + np.einsum(
+            "nc,nck->nk", weights[:, 1:], corners[:, 1:] - corners[:, :1]
+        )
+        normals = np.einsum("nc,nck->nk", weights, self.normals[self.normal_faces[samples.faces]])
+        sides = self.sides[samples.faces]
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.where(lengths > 0.0, normals / np.where(lengths > 0.0, lengths, 1.0), sides)
+        return points, np.ascontiguousarray(normals, np.float32), sides

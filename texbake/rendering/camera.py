@@ -1,0 +1,233 @@
+"""The camera: where it stands, and the matrix that takes world space to clip space.
+
+World and camera space are right-handed. The camera looks along its own -z, with +x to the right and
++y up in the picture. Depth is reversed and has no far plane: 1 at the near plane, falling to 0 at
+infinity, which spreads the precision of a float32 evenly over distances.
+
+Based on: Upchurch and Desbrun, "Tightening the precision of perspective rendering", Journal of
+Graphics Tools 16(1), 2012, for the infinite projection; reversed as in Reed, "Depth precision
+visualized", 2015.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.rendering.options import RenderOptions
+
+# The near plane, in radii of what is framed: near enough to go into the mesh, and with reversed
+# depth it costs no precision.
+_NEAR = 1e-3
+# Room left about the bounding sphere.
+_MARGIN = 1.03
+# Of the largest coordinate: twice what its rounding leaves of half a difference.
+_ROUNDING = 2.0**-52
+# Sine of the angle between up and the view below which rounding says what is to the right.
+_PARALLEL = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Camera:
+    """A perspective camera in world space.
+
+    Attributes
+    ----------
+    eye : (3,) float64
+        Where it stands.
+    axes : (3, 3) float64
+        Rows: the unit vectors right, up and back (against the view) of the picture.
+    fov : float
+        Vertical field of view in radians.
+    near : float
+        Distance of the near plane in model units.
+    """
+
+    eye: FloatArray
+    axes: FloatArray
+    fov: float
+    near: float
+
+    @classmethod
+    def framing(cls, *meshes: Mesh, options: RenderOptions | None = None) -> Camera:
+        """Return a camera that has the common bounding sphere of the meshes in its picture.
+
+        The sphere stands about the center of the joint bounding box. A mesh without any extent is
+        looked at as though it had the radius 1.
+
+        Parameters
+        ----------
+        meshes
+            At least one; what several pictures are compared of is framed together.
+        options
+            `view`, `up`, `fov` and the picture's shape are taken from it.
+
+        Raises
+        ------
+        MeshError
+            The size of the meshes is beyond what float64 can square.
+        """
+        options = options or RenderOptions()
+        center, radius = cls.sphere_around(*meshes)
+        tangent = math.tan(math.radians(options.fov) / 2)
+        narrow = math.atan(tangent * min(1.0, options.width / options.height))
+        distance = options.distance or _MARGIN * radius / math.sin(narrow)
+        axes = _axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
+        return cls(
+            eye=center + distance * axes[2],
+            axes=axes,
+            fov=math.radians(options.fov),
+            near=min(_NEAR * radius, 0.5 * distance),
+        )
+
+    @classmethod
+    def looking_at(
+        cls,
+        eye: Sequence[float],
+        target: Sequence[float],
+        *,
+        up: Sequence[float] = (0.0, 1.0, 0.0),
+        fov: float,
+        near: float,
+    ) -> Camera:
+        """Return a camera that stands at a point and looks at another.
+
+        Parameters
+        ----------
+        eye, target : (x, y, z)
+            In world space. They must differ by more than their own rounding.
+        up : (x, y, z)
+            What is up in the picture; of any length, and not along the view.
+        fov : float
+            Vertical field of view in radians, above 0 and below π.
+        near : float
+            Distance of the near plane in model units, above 0.
+
+        Raises
+        ------
+        OptionError
+            The camera stands on its target, looks along `up`, or has no field of view or near
+            plane; a number is not finite.
+        """
+        if not 0.0 < fov < math.pi:
+            raise OptionError(
+                f"fov: {math.degrees(fov):g} degrees show nothing; it must be above 0 and below 180"
+            )
+        if not 0.0 < near < math.inf:
+            raise OptionError(f"near: {near:g} is not above 0; give the distance of the near plane")
+        axes = axes_toward(eye, target, up)
+        return cls(eye=np.array(eye, np.float64), axes=axes, fov=fov, near=near)
+
+    @staticmethod
+    def sphere_around(*meshes: Mesh) -> tuple[FloatArray, float]:
+        """Center of the joint bounding box, and radius about it of all that faces use.
+
+        The radius of what has no extent is 1.
+
+        Raises
+        ------
+        MeshError
+            The size of the meshes is beyond what float64 can square.
+        """
+        return _bounding_sphere(meshes)
+
+    def clip_from_world(self, aspect: float) -> FloatArray:
+        """(4, 4) float64: world space to clip space; `aspect` is width / height."""
+        focal = 1.0 / math.tan(self.fov / 2)
+        view = np.eye(4)
+        view[:3, :3] = self.axes
+        view[:3, 3] = -self.axes @ self.eye
+        projection = np.array(
+            [
+                [focal / aspect, 0.0, 0.0, 0.0],
+                [0.0, focal, 0.0, 0.0],
+                [0.0, 0.0, 0.0, self.near],
+                [0.0, 0.0, -1.0, 0.0],
+            ]
+        )
+        return projection @ view
+
+    def view_rays(self, width: int, height: int) -> FloatArray:
+        """(3, 3) float64: rows o, x, y, where o + i x + j y looks through column i, row j.
+
+        i and j are continuous, (0, 0) at the upper left corner of the picture; the directions are
+        in world space and one unit deep along the view.
+        """
+        tall = 2.0 * math.tan(self.fov / 2) / height
+        right, up, back = self.axes
+        corner = -back - 0.5 * width * tall * right + 0.5 * height * tall * up
+        return np.stack([corner, tall * right, -tall * up])
+
+
+def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
+    """Rows right, up, back of a camera that looks at the origin; defined at the poles too."""
+    sin_a, cos_a = math.sin(azimuth), math.cos(azimuth)
+    sin_e, cos_e = math.sin(elevation), math.cos(elevation)
+    right = np.array([cos_a, 0.0, -sin_a])
+    back = np.array([sin_a * cos_e, sin_e, cos_a * cos_e])
+    axes = np.stack([right, np.cross(back, right), back])
+    if up == "z":
+        axes = np.stack([axes[:, 0], -axes[:, 2], axes[:, 1]], axis=1)
+    return axes
+
+
+def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[float]) -> FloatArray:
+    """Rows right, up, back of a camera at a point that looks at another; see `Camera.looking_at`.
+
+    Raises
+    ------
+    OptionError
+        The two are one point, `up` is along the view or has no length, or a number is not finite.
+    """
+    place, goal, upward = (np.array(point, np.float64) for point in (eye, target, up))
+    for name, point in ("position", place), ("target", goal), ("up", upward):
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise OptionError(f"{name}: {point.tolist()} is not three finite numbers")
+    # Nearer than rounding of the coordinates themselves, there is no direction between them.
+    reach = max(float(np.abs(place).max()), float(np.abs(goal).max()))
+    back = _unit(place / 2 - goal / 2)
+    if back is None or float(np.abs(place / 2 - goal / 2).max()) <= _ROUNDING * reach:
+        raise OptionError("position: it is that of the target; move one of them")
+    upward_unit = _unit(upward)
+    if upward_unit is None:
+        raise OptionError("up: it has no length; give a direction such as 0, 1, 0")
+    right = np.cross(upward_unit, back)
+    if float(np.linalg.norm(right)) <= _PARALLEL:
+        raise OptionError("up: the view goes along it; give another direction")
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(back, right), back])
+
+
+def _unit(vector: FloatArray) -> FloatArray | None:
+    """Vector of length 1 in a direction; None where there is none."""
+    largest = float(np.abs(vector).max())
+    if not 0.0 < largest < math.inf:
+        return None
+    scaled = vector / largest
+    return np.asarray(scaled / np.linalg.norm(scaled))
+
+
+def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
+    """Center and radius, of the positions that faces use."""
+    clouds = [_used_positions(mesh) for mesh in meshes]
+    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    center = 0.5 * low + 0.5 * high
+    squared = 0.0
+    for cloud in clouds:
+        offsets = cloud - center
+        squared = max(squared, float(np.einsum("ij,ij->i", offsets, offsets).max()))
+    if not math.isfinite(squared):
+        raise MeshError(f"{meshes[0].name}: it is too large to look at; scale it down")
+    return center, math.sqrt(squared) if squared > 0.0 else 1.0
+
+
+def _used_positions(mesh: Mesh) -> FloatArray:
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.faces.ravel()] = True
+    return mesh.positions if used.all() else mesh.positions[used]

@@ -1,0 +1,300 @@
+"""How close a light mesh with its maps comes to the dense mesh, in figures and pictures.
+
+Both are rendered by one camera. Angles are between their shading normals in world space, as the
+pixels see them, so that the figures count differences of shape too, as do those of the bare light
+mesh, which they are to be held against. Where a pixel sees only one of the meshes, or past the
+outline of one a part of the other that lies much deeper, there is nothing to compare: such pixels
+are left out of the angles and counted on their own.
+
+Based on: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
+structural similarity", IEEE TIP 13(4), 2004, for SSIM.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.mesh.mesh import Mesh
+from texbake.progress import ProgressSink, Stages
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.maps import MapSource
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.panels import Panel, colored_angles, side_by_side
+from texbake.rendering.resolve import Frame
+from texbake.rendering.studio import studio_scene
+from texbake.texture.encoding import encode_srgb
+from texbake.texture.image import FloatImage
+
+# Directions of the figures where none are asked for: all around, from above and below in turn,
+# starting from the asked view's azimuth.
+_N_VIEWS = 6
+_ELEVATION = 25.0
+# Share of the diagonal by which depths may differ at a pixel that sees the same part of both
+# meshes: several times what light meshes of a few hundred triangles leave the dense surface by.
+_SAME_PART = 0.02
+# A displaced mesh is cut once for all views, into at most about twice the pixels of a picture.
+_MOST_PIECES = 2_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Closeness:
+    """How close one mesh comes to the dense mesh.
+
+    Attributes
+    ----------
+    mean_deg, median_deg, p95_deg : float
+        Angles in degrees between the shading normals, over all pixels of all views whose center
+        sees the same part of both meshes: depths no more than 2 % of the diagonal of their joint
+        bounding box apart. NaN where there is none.
+    psnr_db : float
+        Of the shaded picture of the asked view, sRGB-coded, over the pixels that either mesh
+        touches; infinite where they are equal.
+    ssim : float
+        Mean structural similarity of the same pixels.
+    silhouette_mismatch : float
+        Of all pixel centers of all views that see either mesh, the share that sees just one, or
+        different parts. They are in no other figure but PSNR and SSIM.
+    n_pixels : int
+        Number of pixels that the angles are of.
+    """
+
+    mean_deg: float
+    median_deg: float
+    p95_deg: float
+    psnr_db: float
+    ssim: float
+    silhouette_mismatch: float
+    n_pixels: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison:
+    """Figures and pictures of a dense mesh, the bare light mesh, and the light mesh with its maps.
+
+    Attributes
+    ----------
+    mapped, bare : Closeness
+        Of the light mesh with and without its maps.
+    views : tuple of (azimuth, elevation)
+        Directions, in degrees, of the angles and the silhouettes.
+    high_frame, bare_frame, mapped_frame : Frame
+        Pictures of the asked view.
+    angles_deg : (H, W) float32
+        Angle between the normals of `high_frame` and `mapped_frame`; NaN where they do not see
+        the same part.
+    names : (str, str, str)
+        Captions of the three pictures.
+    """
+
+    mapped: Closeness
+    bare: Closeness
+    views: tuple[tuple[float, float], ...]
+    high_frame: Frame
+    bare_frame: Frame
+    mapped_frame: Frame
+    angles_deg: FloatImage
+    names: tuple[str, str, str]
+
+    def difference(self) -> FloatImage:
+        """(H, W, 3) float32: the angles as linear colors, gray where there is none."""
+        return colored_angles(self.angles_deg)
+
+    def side_by_side(self) -> FloatImage:
+        """(H', W', 3) float32: the pictures and their difference with captions, linear light."""
+        frames = self.high_frame, self.bare_frame, self.mapped_frame
+        notes = (
+            "",
+            f"normals off by {self.bare.mean_deg:.2f}° in the mean",
+            f"normals off by {self.mapped.mean_deg:.2f}° in the mean",
+        )
+        panels = [
+            Panel(frame.color, name, note)
+            for frame, name, note in zip(frames, self.names, notes, strict=True)
+        ]
+        panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
+        seen = np.logical_or.reduce([frame.coverage > 0 for frame in frames])
+        return side_by_side(panels, seen)
+
+
+def compare(
+    high: Mesh,
+    low: Mesh,
+    *,
+    normal_map: MapSource | None = None,
+    displacement: MapSource | None = None,
+    albedo: MapSource | None = None,
+    options: RenderOptions | None = None,
+    views: Sequence[tuple[float, float]] | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> Comparison:
+    """Render a dense mesh, a light mesh and the light mesh with its maps, and compare them.
+
+    Parameters
+    ----------
+    high, low
+        In one frame.
+    normal_map, displacement, albedo
+        Of the light mesh; see `texbake.rendering.render.render`. Only the first two make a
+        difference between the bare and the mapped mesh; all three meshes are shaded with the
+        albedo of the options, the mapped one with its own if it has one.
+    options
+        Size and view of the pictures. The angles are taken at the centers of as many pixels.
+    views
+        (azimuth, elevation) in degrees of the angles and silhouettes; None for six all around.
+    threads
+        None for every processor.
+    progress
+        Told of the stages.
+
+    Raises
+    ------
+    OptionError
+        `views` is empty.
+    UvError, FileError
+        As `render` does.
+    """
+    options = options or RenderOptions()
+    views = _around(options) if views is None else tuple(views)
+    if not views:
+        raise OptionError("views: there is none; give at least one azimuth and elevation")
+    stages = Stages(progress)
+    maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
+    # Every sample is shaded, so that detail finer than a pixel counts with all of it.
+    options = replace(
+        options,
+        edges="supersample",
+        filter="bilinear",
+        max_triangles=min(options.max_triangles, _MOST_PIECES),
+    )
+    with stages.stage("prepare"):
+        scenes = (
+            studio_scene(high, options=options),
+            studio_scene(low, options=options),
+            studio_scene(low, options=options, edge_px=None, **maps),
+        )
+        # A model of two sizes of picture: what does not depend on them is computed once.
+        models = [prepare(scene, options, threads=threads) for scene in scenes]
+
+    def draw_all(options: RenderOptions) -> list[Frame]:
+        camera = Camera.framing(high, low, options=options)
+        return [
+            draw(replace(model, options=options), camera, keep=("normals",)) for model in models
+        ]
+
+    with stages.stage("pictures"):
+        frames = draw_all(options)
+    depth_tolerance = _SAME_PART * _joint_diagonal(high, low)
+    errors: tuple[list[_Errors], list[_Errors]] = ([], [])
+    with stages.stage("angles", total=len(views), unit="views") as advance:
+        for view in views:
+            # One sample a pixel: its center.
+            dense, *lights = draw_all(
+                replace(options, view=(*view, options.distance), supersampling=1)
+            )
+            for found, light in zip(errors, lights, strict=True):
+                found.append(_errors(dense, light, depth_tolerance))
+            advance(1)
+    with stages.stage("similarity"):
+        bare, mapped = (
+            _closeness(found, frames[0], frame)
+            for found, frame in zip(errors, frames[1:], strict=True)
+        )
+    return Comparison(
+        mapped=mapped,
+        bare=bare,
+        views=views,
+        high_frame=frames[0],
+        bare_frame=frames[1],
+        mapped_frame=frames[2],
+        angles_deg=_angles(frames[0], frames[2], depth_tolerance),
+        names=(
+            f"{high.name}: {high.n_faces:,} triangles",
+            f"{low.name}: {low.n_faces:,} triangles",
+            f"{low.name} with its maps",
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Angles in degrees of one view, and the number of pixels that see either mesh."""
+
+    angles: npt.NDArray[np.float32]
+    n_either: int
+
+
+def _around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
+    return tuple(
+        (options.view[0] + k * 360.0 / _N_VIEWS, _ELEVATION if k % 2 == 0 else -_ELEVATION)
+        for k in range(_N_VIEWS)
+    )
+
+
+def _errors(high: Frame, low: Frame, depth_tolerance: float) -> _Errors:
+    angles = _angles(high, low, depth_tolerance)
+    return _Errors(
+        angles[np.isfinite(angles)],
+        int(np.count_nonzero((high.coverage > 0) | (low.coverage > 0))),
+    )
+
+
+def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
+    """(H, W) float32: angle between normals in degrees; NaN where not the same part is seen."""
+    same = (a.coverage > 0) & (b.coverage > 0)
+    same[same] = np.abs(a.depths[same] - b.depths[same]) <= depth_tolerance
+    first, second = a.normals[same].astype(np.float64), b.normals[same].astype(np.float64)
+    # By chords, which is exact for small angles where the arc cosine is not.
+    apart = np.linalg.norm(first - second, axis=1)
+    angles = np.full(same.shape, np.nan, np.float32)
+    angles[same] = np.degrees(2.0 * np.arctan2(apart, np.linalg.norm(first + second, axis=1)))
+    return angles
+
+
+def _joint_diagonal(high: Mesh, low: Mesh) -> float:
+    bounds = np.concatenate([high.bounds, low.bounds])
+    return float(np.linalg.norm(bounds.max(axis=0) - bounds.min(axis=0)))
+
+
+def _closeness(errors: list[_Errors], high: Frame, low: Frame) -> Closeness:
+    angles = np.concatenate([error.angles for error in errors]).astype(np.float64)
+    n_either = sum(error.n_either for error in errors)
+    if len(angles):
+        mean, (median, p95) = float(angles.mean()), np.percentile(angles, (50, 95))
+    else:
+        mean = median = p95 = math.nan
+    psnr, ssim = _similarity(high, low)
+    return Closeness(
+        mean_deg=mean,
+        median_deg=float(median),
+        p95_deg=float(p95),
+        psnr_db=psnr,
+        ssim=ssim,
+        silhouette_mismatch=1.0 - len(angles) / n_either if n_either else 0.0,
+        n_pixels=len(angles),
+    )
+
+
+def _similarity(high: Frame, low: Frame) -> tuple[float, float]:
+    """PSNR and mean SSIM of two pictures over the pixels that either mesh touches."""
+    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+    seen = (high.coverage > 0) | (low.coverage > 0)
+    first, second = encode_srgb(high.color[..., :3]), encode_srgb(low.color[..., :3])
+    if not seen.any() or np.array_equal(first[seen], second[seen]):
+        return math.inf, 1.0
+    psnr = peak_signal_noise_ratio(first[seen], second[seen], data_range=1.0)
+    window = min(7, *(side - 1 + side % 2 for side in seen.shape))
+    if window < 3:
+        return float(psnr), math.nan
+    _, similarities = structural_similarity(
+        first, second, data_range=1.0, channel_axis=2, full=True, win_size=window
+    )
+    return float(psnr), float(similarities[seen].mean())

@@ -1,0 +1,99 @@
+"""Everything that a picture can need, one module an effect, in the order in which it is computed.
+
+An effect stands after those that it needs. A new one is a module with an `Effect`, and a place in
+this list.
+"""
+
+from __future__ import annotations
+
+from texbake.rendering.effects.ambient import AMBIENT, EMISSION, LIGHT_MAP
+from texbake.rendering.effects.ambient_occlusion import AMBIENT_OCCLUSION, OCCLUSION_PICTURE
+from texbake.rendering.effects.buffers import BUFFER
+from texbake.rendering.effects.bump import BUMP_MAP, EMBOSS
+from texbake.rendering.effects.displacement import DISPLACEMENT
+from texbake.rendering.effects.environment import (
+    BACKGROUND,
+    ENVIRONMENT,
+    ENVIRONMENT_LIGHT,
+    IRRADIANCE,
+    PREFILTERED_ENVIRONMENT,
+)
+from texbake.rendering.effects.fog import FOG, FOG_BEHIND
+from texbake.rendering.effects.images import IMAGES, MIP_MAPS
+from texbake.rendering.effects.light_profile import LIGHT_PROFILES
+from texbake.rendering.effects.lights import LIGHTS
+from texbake.rendering.effects.mirrors import REFLECTION, REFRACTION, RENDERED_ENVIRONMENT
+from texbake.rendering.effects.normal_map import NORMAL_MAP, TANGENTS
+from texbake.rendering.effects.normals import NORMALS, VERTEX_NORMALS
+from texbake.rendering.effects.parallax import PARALLAX
+from texbake.rendering.effects.placing import PLACING
+from texbake.rendering.effects.projected_texture import PROJECTED_TEXTURES
+from texbake.rendering.effects.shading_models import (
+    BLINN_PHONG,
+    LAMBERT,
+    METALLIC_ROUGHNESS,
+    UNLIT,
+)
+from texbake.rendering.effects.shadow_map import SHADOW_MAPS, SHADOWS
+from texbake.rendering.effects.slots import PROCEDURES, SLOTS
+from texbake.rendering.effects.surface_points import (
+    DERIVATIVES,
+    POSITIONS,
+    TEXTURE_COORDINATES,
+    VIEW_DIRECTIONS,
+)
+from texbake.rendering.effects.transparency import LAYERS, TRANSPARENCY
+from texbake.rendering.plan.effect import Effect
+
+EFFECTS: tuple[Effect, ...] = (
+    # Where surfaces are; what is seen is found after these.
+    PLACING,
+    DISPLACEMENT,
+    # What they need once a scene or picture.
+    LAYERS,
+    OCCLUSION_PICTURE,
+    LIGHTS,
+    SHADOW_MAPS,
+    LIGHT_PROFILES,
+    ENVIRONMENT,
+    FOG_BEHIND,
+    BACKGROUND,
+    IRRADIANCE,
+    PREFILTERED_ENVIRONMENT,
+    RENDERED_ENVIRONMENT,
+    # Where fragments lie.
+    POSITIONS,
+    SHADOWS,
+    VIEW_DIRECTIONS,
+    DERIVATIVES,
+    TEXTURE_COORDINATES,
+    IMAGES,
+    MIP_MAPS,
+    PROCEDURES,
+    VERTEX_NORMALS,
+    PARALLAX,
+    # What they are made of.
+    SLOTS,
+    PROJECTED_TEXTURES,
+    NORMALS,
+    TANGENTS,
+    NORMAL_MAP,
+    BUMP_MAP,
+    # The light that leaves them.
+    UNLIT,
+    AMBIENT_OCCLUSION,
+    AMBIENT,
+    LAMBERT,
+    BLINN_PHONG,
+    METALLIC_ROUGHNESS,
+    EMBOSS,
+    LIGHT_MAP,
+    ENVIRONMENT_LIGHT,
+    REFRACTION,
+    REFLECTION,
+    EMISSION,
+    FOG,
+    TRANSPARENCY,
+    # In place of all that.
+    BUFFER,
+)

@@ -1,0 +1,292 @@
+"""Ambient occlusion: how much of the light from everywhere the surfaces nearby hold back.
+
+Two effects: a picture of it, from the depths that the camera sees; and its share for each fragment,
+which ambient and environment light are multiplied by.
+
+At each pixel the hemisphere about the surface's normal is cut into slices that run across the
+screen. In each slice the highest point within the radius is looked for on either side; what is left
+between the two horizons is integrated exactly, weighted by the cosine to the normal. Slices
+are turned from pixel to pixel in a pattern of 4 x 4, which a mean over as many pixels of the same
+surface takes out again. Only what the camera sees can hide light.
+
+Based on: Jimenez, Wu, Pesce and Jarabo, "Practical real-time strategies for accurate indirect
+occlusion", 2016. Departs from it in that normals are those of the triangles, so that a flat surface
+is never shaded by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.parallel import run_bands
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import (
+    Call,
+    Effect,
+    Refusal,
+    Target,
+    only_when_needed,
+)
+from texbake.rendering.plan.question import Question
+from texbake.texture.image import FloatImage
+
+# Radius where none is given, in half the diagonal of what the picture is of.
+_RADIUS = 0.2
+# Side of the pattern of turns, and of the mean that takes it out.
+_PATTERN = 4
+# Least angle, as a sine, that a point must rise above the surface to hide any light: float32 depths
+# put the points of a flat surface seen at a slant that far off it.
+_FLAT = 1e-3
+# Rows of pixels a band.
+_ROWS = 16
+
+
+def _called_for(question: Question) -> Iterator[Call | Refusal]:
+    lighting = question.scene.lighting
+    if lighting.occlusion is None:
+        return
+    lit_by_all = (
+        any(lighting.ambient.color)
+        or any(lighting.ambient.ground or ())
+        or (lighting.environment is not None and lighting.environment.lighting)
+    )
+    if not lit_by_all:
+        yield Refusal("the scene", "it has no ambient light that could be held back")
+    elif lighting.occlusion.strength == 0.0:
+        yield Refusal("the scene", "its strength is 0")
+    else:
+        for index in question.lit:
+            yield Call(index, question.name(index), "the scene asks for ambient occlusion")
+
+
+@kernel
+def _places_kernel(  # type: ignore[no-untyped-def]
+    face_ids, depths, side, near, positions, faces, rays, places, normals, start, stop
+):
+    """Place about the eye and normal of the nearest surface in each pixel; 0 for none."""
+    p, q = np.empty(3), np.empty(3)
+    for row in range(start, stop):
+        for column in range(places.shape[1]):
+            nearest, face = np.float32(0.0), -1
+            x, y = 0.0, 0.0
+            for j in range(row * side, (row + 1) * side):
+                for i in range(column * side, (column + 1) * side):
+                    if depths[j, i] > nearest:
+                        nearest, face = depths[j, i], face_ids[j, i]
+                        x, y = (i + 0.5) / side, (j + 0.5) / side
+            if face < 0:
+                continue
+            away = near / nearest
+            for k in range(3):
+                places[row, column, k] = away * (rays[0, k] + x * rays[1, k] + y * rays[2, k])
+                p[k] = positions[faces[face, 1], k] - positions[faces[face, 0], k]
+                q[k] = positions[faces[face, 2], k] - positions[faces[face, 0], k]
+            nx, ny, nz = (
+                p[1] * q[2] - p[2] * q[1],
+                p[2] * q[0] - p[0] * q[2],
+                p[0] * q[1] - p[1] * q[0],
+            )
+            toward = nx * places[row, column, 0] + ny * places[row, column, 1]
+            toward += nz * places[row, column, 2]
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            if not 0.0 < length < np.inf:
+                continue
+            length = length if toward <= 0.0 else -length
+            normals[row, column, 0] = nx / length
+            normals[row, column, 1] = ny / length
+            normals[row, column, 2] = nz / length
+
+
+@kernel
+def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, normal, to_eye):  # type: ignore[no-untyped-def]
+    """Cosine to the eye's direction of the highest point on one side of a pixel; -1 for none."""
+    highest = -1.0
+    here = places[row, column]
+    for step in range(n_steps):
+        away = reach * (step + offset) / n_steps
+        away = max(away, 1.0)
+        j = math.floor(row + 0.5 + away * dy)
+        i = math.floor(column + 0.5 + away * dx)
+        if not (0 <= j < places.shape[0] and 0 <= i < places.shape[1]) or (
+            j == row and i == column
+        ):
+            continue
+        there = places[j, i]
+        if there[0] == 0.0 and there[1] == 0.0 and there[2] == 0.0:
+            continue
+        squared, along, above = 0.0, 0.0, 0.0
+        for k in range(3):
+            apart = there[k] - here[k]
+            squared += apart * apart
+            along += apart * to_eye[k]
+            above += apart * normal[k]
+        if not 0.0 < squared < radius * radius:
+            continue
+        distance = math.sqrt(squared)
+        if above <= _FLAT * distance:
+            continue
+        # Fades out toward the radius, so that nothing jumps there.
+        share = min(1.0, 2.0 * (1.0 - distance / radius))
+        highest = max(highest, share * (along / distance + 1.0) - 1.0)
+    return highest
+
+
+@kernel
+def _arc(horizon, tilt):  # type: ignore[no-untyped-def]
+    """Light between the eye's direction and a horizon, weighted by the cosine to the normal."""
+    return 0.25 * (
+        -math.cos(2.0 * horizon - tilt) + math.cos(tilt) + 2.0 * horizon * math.sin(tilt)
+    )
+
+
+@kernel
+def _occlusion_kernel(  # type: ignore[no-untyped-def]
+    places, normals, right, up, pixels_per_unit, radius, n_slices, n_steps, out, start, stop
+):
+    to_eye = np.empty(3)
+    for row in range(start, stop):
+        for column in range(places.shape[1]):
+            normal, place = normals[row, column], places[row, column]
+            if normal[0] == 0.0 and normal[1] == 0.0 and normal[2] == 0.0:
+                continue
+            distance = math.sqrt(place[0] ** 2 + place[1] ** 2 + place[2] ** 2)
+            for k in range(3):
+                to_eye[k] = -place[k] / distance
+            reach = min(radius * pixels_per_unit / distance, 0.5 * places.shape[1])
+            turn = (row % _PATTERN) * _PATTERN + column % _PATTERN
+            offset = 0.25 + 0.75 * ((turn * 5) % 16) / 16.0
+            arriving, total = 0.0, 0.0
+            for s in range(n_slices):
+                angle = math.pi * (s + ((turn * 7) % 16) / 16.0) / n_slices
+                arriving_here, all_here = _slice(
+                    places, row, column, math.cos(angle), math.sin(angle), right, up, normal,
+                    to_eye, n_steps, reach, offset, radius,
+                )  # fmt: skip
+                arriving += arriving_here
+                total += all_here
+            # Of what arrives in these very slices where nothing is in the way: 1 on a plane.
+            out[row, column] = min(max(arriving / total, 0.0), 1.0) if total > 0.0 else 1.0
+
+
+@kernel
+def _slice(  # type: ignore[no-untyped-def]
+    places, row, column, cosine, sine, right, up, normal, to_eye, n_steps, reach, offset, radius
+):
+    """Light that reaches a pixel within one slice through the eye's direction, and all there is."""
+    # Along the slice: the screen's direction made square to the eye's; and the slice's own normal.
+    along_eye = 0.0
+    for k in range(3):
+        along_eye += (cosine * right[k] - sine * up[k]) * to_eye[k]
+    tx = cosine * right[0] - sine * up[0] - along_eye * to_eye[0]
+    ty = cosine * right[1] - sine * up[1] - along_eye * to_eye[1]
+    tz = cosine * right[2] - sine * up[2] - along_eye * to_eye[2]
+    length = math.sqrt(tx * tx + ty * ty + tz * tz)
+    tx, ty, tz = tx / length, ty / length, tz / length
+    across = normal[0] * tx + normal[1] * ty + normal[2] * tz
+    toward = normal[0] * to_eye[0] + normal[1] * to_eye[1] + normal[2] * to_eye[2]
+    projected = math.sqrt(across * across + toward * toward)
+    if projected < 1e-6:  # the slice lies in the surface
+        return 0.0, 0.0
+    tilt = math.atan2(across, toward)
+    ahead = _horizon(
+        places, row, column, cosine, sine, n_steps, reach, offset, radius, normal, to_eye
+    )
+    behind = _horizon(
+        places, row, column, -cosine, -sine, n_steps, reach, offset, radius, normal, to_eye
+    )
+    # Horizons as angles from the eye's direction, at least that of the surface itself.
+    most, least = tilt + 0.5 * math.pi, tilt - 0.5 * math.pi
+    first = min(math.acos(min(max(ahead, -1.0), 1.0)), most)
+    second = max(-math.acos(min(max(behind, -1.0), 1.0)), least)
+    return (
+        projected * (_arc(first, tilt) + _arc(second, tilt)),
+        projected * (_arc(most, tilt) + _arc(least, tilt)),
+    )
+
+
+@kernel
+def _smooth_kernel(rough, places, normals, radius, out, start, stop):  # type: ignore[no-untyped-def]
+    """Mean over the pattern's pixels that lie on the same surface."""
+    for row in range(start, stop):
+        for column in range(rough.shape[1]):
+            total, weight = 0.0, 0.0
+            for j in range(row - 2, row + 2):
+                for i in range(column - 2, column + 2):
+                    if not (0 <= j < rough.shape[0] and 0 <= i < rough.shape[1]):
+                        continue
+                    off, alike = 0.0, 0.0
+                    for k in range(3):
+                        off += (places[j, i, k] - places[row, column, k]) * normals[row, column, k]
+                        alike += normals[j, i, k] * normals[row, column, k]
+                    if abs(off) < 0.1 * radius and alike > 0.5:
+                        total += rough[j, i]
+                        weight += 1.0
+            out[row, column] = total / weight if weight > 0.0 else 1.0
+
+
+def _prepare(picture: Picture, target: Target) -> FloatImage:
+    """(H, W) float32: share of light from everywhere that arrives at each pixel's surface."""
+    occlusion = picture.scene.lighting.occlusion
+    assert occlusion is not None
+    visibility, world, camera = picture.value("visibility"), picture.world, picture.camera
+    height, width = picture.options.height, picture.options.width
+    side = picture.options.supersampling
+    places, normals = np.zeros((height, width, 3)), np.zeros((height, width, 3))
+    rough = np.ones((height, width), np.float32)
+    smooth = np.empty((height, width), np.float32)
+    rays = camera.view_rays(width, height)
+    radius = occlusion.radius
+    if radius is None:
+        extent = world.positions.max(axis=0) - world.positions.min(axis=0)
+        radius = _RADIUS * 0.5 * float(np.linalg.norm(extent)) or 1.0
+    n_slices = max(2, round(math.sqrt(occlusion.samples / 2.0)))
+    n_steps = max(1, math.ceil(occlusion.samples / (2 * n_slices)))
+    per_unit = 0.5 * height / math.tan(camera.fov / 2.0)
+
+    def locate(start: int, stop: int) -> None:
+        _places_kernel(
+            visibility.face_ids, visibility.depths, side, camera.near, world.positions,
+            world.faces, rays, places, normals, start, stop,
+        )  # fmt: skip
+
+    def gather(start: int, stop: int) -> None:
+        _occlusion_kernel(
+            places, normals, camera.axes[0], camera.axes[1], per_unit, float(radius), n_slices,
+            n_steps, rough, start, stop,
+        )  # fmt: skip
+
+    def blur(start: int, stop: int) -> None:
+        _smooth_kernel(rough, places, normals, float(radius), smooth, start, stop)
+
+    for work in locate, gather, blur:
+        run_bands(work, height, band=_ROWS, threads=picture.threads)
+    return np.float32(1.0) - np.float32(occlusion.strength) * (np.float32(1.0) - smooth)
+
+
+def _shade(fragments: Fragments, picture: Picture) -> None:
+    shares: FloatImage = picture.value("occlusion picture")
+    fragments.ambient_share = shares.ravel()[fragments.pixels]
+
+
+OCCLUSION_PICTURE = Effect(
+    name="occlusion picture",
+    does="finds what nearby surfaces hide, from depths",
+    of="picture",
+    called_for=only_when_needed,
+    left_out="the scene asks for no ambient occlusion",
+    prepare=_prepare,
+)
+
+AMBIENT_OCCLUSION = Effect(
+    name="ambient occlusion",
+    does="holds ambient light back near other surfaces",
+    called_for=_called_for,
+    left_out="the scene asks for no ambient occlusion",
+    needs=lambda question, target: ("occlusion picture",),
+    shade=_shade,
+)

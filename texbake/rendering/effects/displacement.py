@@ -1,0 +1,310 @@
+"""Displacement that moves the surface itself, and with it the silhouette.
+
+The surface is cut as finely as the picture shows it (`texbake.rendering.displaced`): edges are
+halved
+until they are at most `edge_px` pixels long (`texbake.rendering.edge_lengths`), or no longer than a
+texel of the map, or there are `max_triangles` pieces.
+
+A map is looked up with its texture's filter. One that reads smaller levels reads those for half of
+`edge_px`, which is how small pieces get; a procedure fades out what is finer than that.
+
+Based on: Cook, "Shade trees", SIGGRAPH 1984; Cook, Carpenter, Catmull, "The Reyes image rendering
+architecture", SIGGRAPH 1987, for dicing by size on the screen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
+from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.transform import corner_order
+from texbake.parallel import run_bands
+from texbake.rendering.displaced import Surface, displaced
+from texbake.rendering.edge_lengths import EdgeView, MapView
+from texbake.rendering.effects.images import (
+    LoadedImage,
+    image_values,
+    placed_image,
+    with_levels,
+)
+from texbake.rendering.effects.slots import procedure_values
+from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.maps import heights_from, normal_space
+from texbake.rendering.picture import DrawnObject, Picture
+from texbake.rendering.plan.effect import Call, Effect, Target
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.material import Displacement
+from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture, ProcedureTexture
+from texbake.rendering.surface_steps import steps_along_surface
+from texbake.rendering.tessellation import Places
+
+# Normals (N, 3), their indices (F, 3) and tangents (F, 3, 4) in the object's space.
+Frames = tuple[FloatArray, IntArray, Floats]
+
+# Lookups a band.
+_BAND = 1 << 15
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relief:
+    """An object with the map that displaces it, for any camera.
+
+    Attributes
+    ----------
+    drawn : DrawnObject
+        Before displacement.
+    surface : Surface
+    holder : Displacement
+    image : LoadedImage, optional
+        None for a procedure.
+    texels : (F, 3, 2) float64, optional
+        Corners of the faces in texels of the image.
+    steps : (F, 4) float64, optional
+        How weights grow along the surface, where the lookup is filtered.
+    frames : tuple, optional
+        Of a map of vectors in tangent space.
+    reach : float
+        Bound on how far a point is moved, in world space.
+    """
+
+    drawn: DrawnObject
+    surface: Surface
+    holder: Displacement
+    image: LoadedImage | None
+    texels: FloatArray | None
+    steps: FloatArray | None
+    frames: Frames | None
+    reach: float
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the map and of what is known of each face."""
+        arrays = [self.surface.normals, self.texels, self.steps]
+        own = sum(array.nbytes for array in arrays if array is not None)
+        return own + (0 if self.image is None else self.image.n_bytes)
+
+
+def _called_for(question: Question) -> Iterator[Call]:
+    for index, item in enumerate(question.scene.objects):
+        if item.material.displacement is not None:
+            yield Call(index, question.name(index), "its material has a displacement map")
+
+
+def _load(picture: Picture, target: Target) -> Relief | DrawnObject:
+    """Return what a picture cuts and moves; or that done already where it is cut alike for all."""
+    assert target is not None
+    relief = _relief(picture, target)
+    return relief if relief.holder.edge_px is not None else _cut(picture, target, relief, MapView())
+
+
+def _relief(picture: Picture, target: int) -> Relief:
+    item = picture.scene.objects[target]
+    drawn: DrawnObject = picture.value("placing", target)
+    holder = item.material.displacement
+    assert holder is not None
+    linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
+    image = texels = frames = None
+    if isinstance(holder.texture, ImageTexture):
+        image = _loaded_image(picture, drawn, holder, holder.texture)
+        texels = _texels_of(drawn.mesh, image)
+        filtered = image.filter in FILTERS_WITH_FOOTPRINT
+        if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
+            frames = _frames_of(item.mesh, linear)
+    else:
+        filtered = picture.question.wants_footprint(holder.texture)
+    surface = Surface(
+        points=drawn.positions,
+        faces=drawn.faces,
+        normals=smooth_normals(item.mesh, threads=picture.threads),
+        linear=linear,
+    )
+    return Relief(
+        drawn=drawn,
+        surface=surface,
+        holder=holder,
+        image=image,
+        texels=texels,
+        steps=steps_along_surface(drawn.positions[drawn.faces]) if filtered else None,
+        frames=frames,
+        reach=_farthest(holder, image, frames is not None) * float(np.linalg.norm(linear, 2)),
+    )
+
+
+def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool) -> float:
+    """Bound on how far a point is moved, in the object's space."""
+    if image is not None:
+        values = image.chain.level(0).astype(np.float64) * image.factor
+        longest = math.sqrt(float(np.einsum("ijk,ijk->ij", values, values).max()))
+        # T, B and N are no longer than 1 each, and T may lean toward N.
+        return longest * (math.sqrt(3.0) if has_frames else 1.0)
+    assert isinstance(holder.texture, ProcedureTexture)
+    largest = max(1.0, float(np.abs(holder.texture.colors or 0.0).max()))
+    ends = largest * np.append(0.0, holder.texture.factor)
+    return float(np.abs(_heights(holder, ends)).max())
+
+
+def _loaded_image(
+    picture: Picture, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
+) -> LoadedImage:
+    drawn.mesh.corner_uvs()  # raises where there are none
+    image = placed_image(
+        texture,
+        heights_from(
+            texture.image,
+            mid=holder.mid,
+            scale=holder.height,
+            channel=texture.channel,
+            n_channels=3 if holder.vector else 1,
+        ),
+        kind="data",
+        filter_name=picture.question.filter_of(texture),
+        uvs=drawn.mesh.uvs,
+        name="displacement.texture",
+    )
+    has_levels = image.filter in FILTERS_WITH_FOOTPRINT
+    return with_levels(image, threads=picture.threads) if has_levels else image
+
+
+def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
+    corners = mesh.corner_uvs()
+    if image.turn is not None:
+        corners = corners @ image.turn.T
+    return np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
+
+
+def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
+    """Normals and tangents of an object in its own space, by corners of its faces once placed."""
+    normals, corners = shading_normals(mesh)
+    tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
+    order = corner_order(linear)
+    return normals, corners[:, order], tangents[:, order]
+
+
+def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
+    """Heights that values of a procedure, from 0 to 1, stand for."""
+    return (values - (holder.mid or 0.0)) * (1.0 if holder.height is None else holder.height)
+
+
+def _prepare(picture: Picture, target: Target) -> DrawnObject:
+    assert target is not None
+    known: Relief | DrawnObject = picture.value("displacement", target)
+    if isinstance(known, DrawnObject):
+        return known
+    edge_px = known.holder.edge_px
+    assert edge_px is not None
+    view = EdgeView(picture.camera, picture.options, edge_px, known.reach)
+    return _cut(picture, target, known, view)
+
+
+def _cut(picture: Picture, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
+    """Cut a surface where its edges are too long, and move it."""
+
+    def moves(places: Places, points: FloatArray) -> FloatArray:
+        values = np.empty((len(places.vertices), 3 if relief.holder.vector else 1))
+
+        def work(start: int, stop: int) -> None:
+            rows = slice(start, stop)
+            widths = view.widths(points[places.vertices[rows]])
+            values[rows] = _values_at(relief, target, places, rows, widths)
+
+        run_bands(work, len(values), band=_BAND, threads=picture.threads)
+        return values
+
+    result = displaced(
+        relief.surface,
+        moves,
+        lambda now: view.excess(now, relief.texels, threads=picture.threads),
+        max_triangles=picture.options.max_triangles,
+        threads=picture.threads,
+    )
+    drawn, pieces = relief.drawn, result.pieces
+    normals = None
+    if picture.plan.has("vertex normals", target) and drawn.material.normal_map is None:
+        shape = Mesh(positions=result.positions, faces=pieces.faces)
+        normals = vertex_normals(shape, threads=picture.threads)
+    return DrawnObject(
+        mesh=drawn.mesh,
+        material=drawn.material,
+        positions=result.positions,
+        faces=pieces.faces,
+        object_from_world=drawn.object_from_world,
+        base_faces=pieces.base_faces,
+        base_weights=pieces.base_weights,
+        normals=normals,
+        normal_faces=None if normals is None else pieces.faces,
+    )
+
+
+def _values_at(
+    relief: Relief, target: int, places: Places, rows: slice, widths: FloatArray
+) -> FloatArray:
+    """(n, 1) heights or (n, 3) vectors in the object's space, at places on its faces."""
+    faces, weights = places.base_faces[rows], places.weights[rows].astype(np.float64)
+    mesh = relief.drawn.mesh
+    changes = np.empty((0, 4), np.float32)
+    if relief.steps is not None:
+        changes = (relief.steps[faces] * widths[:, None]).astype(np.float32)
+    uvs = uv_changes = None
+    if mesh.uvs is not None:
+        assert mesh.uv_faces is not None
+        corners = mesh.uvs[mesh.uv_faces[faces]]
+        edges = corners[:, 1:] - corners[:, :1]
+        uvs = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
+        if relief.steps is not None:
+            steps = changes.reshape(-1, 2, 2).astype(np.float64)
+            uv_changes = (steps @ edges).reshape(-1, 4).astype(np.float32)
+    texture = relief.holder.texture
+    if relief.image is not None:
+        assert uvs is not None
+        values = image_values(relief.image, uvs, uv_changes)
+        if relief.frames is not None:
+            return _from_tangent_space(relief.frames, faces, weights, values)
+        return values.astype(np.float64)
+    assert isinstance(texture, ProcedureTexture)
+    n = len(faces)
+    fragments = Fragments(
+        target=target,
+        drawn=relief.drawn,
+        drawn_faces=faces,
+        drawn_weights=weights,
+        faces=faces,
+        weights=weights,
+        changes=changes,
+        places=np.empty((n, 2), np.float32),
+        pixels=np.empty(n, np.int32),
+        counts=np.empty(n, np.float32),
+        back_facing=np.zeros(n, np.bool_),
+        uvs=uvs,
+        uv_changes=uv_changes,
+    )
+    return _heights(relief.holder, procedure_values(fragments, texture, 1).astype(np.float64))
+
+
+def _from_tangent_space(
+    frames: Frames, faces: IntArray, weights: FloatArray, values: Floats
+) -> FloatArray:
+    """(n, 3): x T + y B + z N, with T and N as they are interpolated and B = w cross(N, T)."""
+    normals, corners, tangents = frames
+    shares = np.column_stack([1.0 - weights.sum(axis=1), weights])
+    normal = np.einsum("nc,nck->nk", shares, normals[corners[faces]])
+    tangent = np.einsum("nc,nck->nk", shares, tangents[faces][..., :3])
+    bitangent = np.cross(normal, tangent) * tangents[faces, 0, 3:]
+    x, y, z = values.astype(np.float64).T[..., None]
+    return np.asarray(x * tangent + y * bitangent + z * normal)
+
+
+DISPLACEMENT = Effect(
+    name="displacement",
+    does="cuts surfaces finely and moves them",
+    called_for=_called_for,
+    left_out="no material has a displacement map",
+    load=_load,
+    prepare=_prepare,
+    moves_surface=True,
+)

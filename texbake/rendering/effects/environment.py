@@ -1,0 +1,296 @@
+"""The environment: what lies infinitely far around, as what is seen behind and what lights.
+
+Five effects: the environment as a cube map; the picture behind all surfaces;
+its light gathered by normal; the same blurred by roughness; and that light on surfaces, diffuse for
+all and mirrored for metallic-roughness.
+
+Based on: Greene, "Environment mapping and other applications of world projections", 1986; Karis,
+"Real Shading in Unreal Engine 4", 2013, for the split of the mirrored part in two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.mesh.mesh import FloatArray
+from texbake.parallel import run_bands
+from texbake.rendering.effects.ambient import arriving_share
+from texbake.rendering.effects.shading_models import head_on, normals_effect
+from texbake.rendering.fragments import (
+    Floats,
+    Fragments,
+    one_row,
+    row_of,
+)
+from texbake.rendering.maps import colors_from
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import (
+    Call,
+    Effect,
+    Refusal,
+    Target,
+    only_when_needed,
+)
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.lights import Environment
+from texbake.rendering.scene.studio_room import STUDIO_ROOM, studio_room
+from texbake.texture.cube_chain import CubeChain
+from texbake.texture.cube_lookup import sample_cube
+from texbake.texture.cube_map import CubeMap
+from texbake.texture.image import FloatImage
+from texbake.texture.latitude_longitude import from_latitude_longitude
+from texbake.texture.prefilter import irradiance, specular_levels
+from texbake.texture.split_sum import split_sum_table
+
+# Of the prefiltered environment: texels a side of its sharpest level, and how many levels.
+_SPECULAR_SIZE = 256
+_LEVELS = 6
+# Rows of pixels a band.
+_ROWS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedEnvironment:
+    """A cube map, and the turn from world directions to its own."""
+
+    chain: CubeChain
+    turn: FloatArray
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of its texels."""
+        return self.chain.texels.nbytes
+
+    def look(self, directions: Floats, levels: Floats | None = None) -> Floats:
+        """(n, 3) float32: light that comes from world directions (n, 3)."""
+        turned = np.ascontiguousarray(directions @ self.turn.T.astype(np.float32))
+        kind = "bilinear" if levels is None else "trilinear"
+        return sample_cube(self.chain, turned, levels, filter=kind, threads=1)
+
+
+def turn_of(environment: Environment, up: str) -> FloatArray:
+    """(3, 3): world directions to those of the environment's image, whose up is +y."""
+    radians = math.radians(environment.rotate)
+    sine, cosine = math.sin(radians), math.cos(radians)
+    about_up = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
+    if up == "y":
+        return about_up
+    from_z_up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    turned: FloatArray = about_up @ from_z_up
+    return turned
+
+
+def _load(picture: Picture, target: Target) -> PlacedEnvironment:
+    environment = picture.scene.lighting.environment
+    assert environment is not None
+    cube = _cube(environment, picture.threads)
+    if environment.intensity != 1.0:
+        cube = CubeMap(cube.faces * np.float32(environment.intensity))
+    return PlacedEnvironment(CubeChain.of([cube]), turn_of(environment, picture.options.up))
+
+
+def _cube(environment: Environment, threads: int | None) -> CubeMap:
+    if environment.faces:
+        return CubeMap(np.stack([colors_from(face) for face in environment.faces]))
+    if isinstance(environment.image, str) and environment.image == STUDIO_ROOM:
+        return studio_room(environment.size)
+    if environment.image is not None:
+        pixels = colors_from(environment.image)
+        size = min(environment.size, max(1, pixels.shape[1] // 4))
+        return from_latitude_longitude(pixels, size=size, threads=threads)
+    faces = np.empty((6, 1, 1, 3), np.float32)
+    faces[...] = one_row(environment.color, 3)
+    return CubeMap(faces)
+
+
+def _background_called_for(question: Question) -> Iterator[Call | Refusal]:
+    environment = question.scene.lighting.environment
+    if environment is None:
+        return
+    if question.shows_buffer:
+        yield Refusal("the scene", "a buffer is shown")
+    elif question.scene.lighting.fog is not None and question.scene.lighting.fog.fades:
+        yield Refusal("the scene", "its fog hides what lies infinitely far")
+    elif not environment.background and question.depth == 0:  # mirrors show it all the same
+        yield Refusal("the scene", "its environment is not to be seen")
+    else:
+        yield Call(None, "the scene", "it has an environment")
+
+
+def _background(picture: Picture, target: Target) -> FloatImage | None:
+    """(H, W, 3): the environment at pixels that some surface does not fill; 0 at others."""
+    height, width = picture.options.height, picture.options.width
+    side = picture.options.supersampling
+    environment: PlacedEnvironment = picture.value("environment")
+    rays = picture.camera.view_rays(width, height).astype(np.float32)
+    behind = np.zeros((height, width, 3), np.float32)
+    face_ids = picture.value("visibility").face_ids
+
+    def work(start: int, stop: int) -> None:
+        samples = face_ids[start * side : stop * side].reshape(stop - start, side, width, side)
+        rows, columns = np.nonzero((samples < 0).any(axis=(1, 3)))
+        places = np.stack([columns, rows + start], axis=1).astype(np.float32) + np.float32(0.5)
+        directions = rays[0] + places @ rays[1:]
+        behind[rows + start, columns] = environment.look(directions)
+
+    run_bands(work, height, band=_ROWS, threads=picture.threads)
+    return behind
+
+
+def _lighting_called_for(question: Question) -> Iterator[Call]:
+    environment = question.scene.lighting.environment
+    if environment is not None and environment.lighting:
+        for index in question.lit:
+            yield Call(index, question.name(index), "the environment lights the scene")
+
+
+def _lighting_needs(question: Question, target: Target) -> Iterator[str]:
+    assert target is not None
+    yield from ("slots", normals_effect(question, target), "irradiance")
+    if question.material(target).shading == "metallic-roughness":
+        yield from ("view directions", "prefiltered environment")
+
+
+def _load_irradiance(picture: Picture, target: Target) -> PlacedEnvironment:
+    environment: PlacedEnvironment = picture.value("environment")
+    diffuse = irradiance(environment.chain.level(0), threads=picture.threads)
+    return PlacedEnvironment(CubeChain.of([diffuse]), environment.turn)
+
+
+def _load_levels(picture: Picture, target: Target) -> PlacedEnvironment:
+    """Level i for the roughness i / (levels - 1)."""
+    environment: PlacedEnvironment = picture.value("environment")
+    size = min(_SPECULAR_SIZE, environment.chain.size)
+    chain = specular_levels(
+        environment.chain.level(0), n_levels=_LEVELS, size=size, threads=picture.threads
+    )
+    return PlacedEnvironment(chain, environment.turn)
+
+
+@kernel
+def mirrored_kernel(normals, to_eye, out):  # type: ignore[no-untyped-def]
+    """Write the directions that are seen by way of a mirror, 2 (N·V) N - V."""
+    for i in range(len(normals)):
+        along = 2.0 * (
+            normals[i, 0] * to_eye[i, 0]
+            + normals[i, 1] * to_eye[i, 1]
+            + normals[i, 2] * to_eye[i, 2]
+        )
+        for k in range(3):
+            out[i, k] = along * normals[i, k] - to_eye[i, k]
+
+
+@kernel
+def _light_kernel(  # type: ignore[no-untyped-def]
+    normals, to_eye, diffuse, mirrored, table, base, roughness, metalness, dielectric, share, out
+):
+    size = len(table)
+    for i in range(len(out)):
+        b, s = row_of(base, i), row_of(share, i)
+        metal = metalness[row_of(metalness, i), 0]
+        scale, bias = 0.0, 0.0
+        if len(mirrored) > 0:
+            toward_eye = 0.0
+            for k in range(3):
+                toward_eye += normals[i, k] * to_eye[i, k]
+            # Between the four texels about (n·v, roughness), whose centers lie at halves; past the
+            # last of them, at roughness 1, in a line with the two before.
+            x = min(max(abs(toward_eye) * size - 0.5, 0.0), size - 1.0)
+            y = max(roughness[row_of(roughness, i), 0] * size - 0.5, 0.0)
+            y = min(y, size - 0.5)
+            left, top = int(x), max(min(int(y), size - 2), 0)
+            right, below = min(left + 1, size - 1), min(top + 1, size - 1)
+            fx, fy = x - left, y - top
+            scale = (1.0 - fy) * (
+                (1.0 - fx) * table[top, left, 0] + fx * table[top, right, 0]
+            ) + fy * ((1.0 - fx) * table[below, left, 0] + fx * table[below, right, 0])
+            bias = (1.0 - fy) * (
+                (1.0 - fx) * table[top, left, 1] + fx * table[top, right, 1]
+            ) + fy * ((1.0 - fx) * table[below, left, 1] + fx * table[below, right, 1])
+        for k in range(3):
+            f0 = dielectric + (base[b, k] - dielectric) * metal
+            mirror = f0 * scale + bias
+            light = (1.0 - mirror) * (1.0 - metal) * base[b, k] * diffuse[i, k]
+            if len(mirrored) > 0:
+                light += mirror * mirrored[i, k]
+            out[i, k] += share[s] * light
+
+
+_ZERO = np.zeros((1, 1), np.float32)
+_NO_TABLE = np.zeros((1, 1, 2), np.float32)
+
+
+def _light(fragments: Fragments, picture: Picture) -> None:
+    values, normals, to_eye = fragments.values, fragments.normals, fragments.to_eye
+    assert normals is not None
+    diffuse = picture.value("irradiance").look(normals)
+    mirrored, table = np.empty((0, 3), np.float32), _NO_TABLE
+    if fragments.drawn.material.shading == "metallic-roughness":
+        assert to_eye is not None
+        directions = np.empty_like(normals)
+        mirrored_kernel(normals, to_eye, directions)
+        levels = np.broadcast_to(values["roughness"][:, 0] * (_LEVELS - 1), len(normals))
+        mirrored = picture.value("prefiltered environment").look(
+            directions, np.ascontiguousarray(levels, np.float32)
+        )
+        table = split_sum_table()
+    _light_kernel(
+        normals, normals if to_eye is None else to_eye, diffuse, mirrored, table,
+        values["base_color"], values.get("roughness", _ZERO), values.get("metalness", _ZERO),
+        head_on(fragments.drawn.material.ior), arriving_share(fragments), fragments.light,
+    )  # fmt: skip
+
+
+ENVIRONMENT = Effect(
+    name="environment",
+    does="makes a cube map of what lies around",
+    of="picture",
+    called_for=only_when_needed,
+    left_out="the scene has no environment, or nothing shows it",
+    load=_load,
+)
+
+BACKGROUND = Effect(
+    name="background",
+    does="shows the environment behind surfaces",
+    of="picture",
+    called_for=_background_called_for,
+    left_out="the scene has no environment",
+    needs=lambda question, target: ("environment",),
+    prepare=_background,
+    behind=lambda picture: picture.value("background"),
+)
+
+IRRADIANCE = Effect(
+    name="irradiance",
+    does="gathers the environment's light by normal",
+    of="picture",
+    called_for=only_when_needed,
+    left_out="no environment lights a surface in the picture",
+    needs=lambda question, target: ("environment",),
+    load=_load_irradiance,
+)
+
+PREFILTERED_ENVIRONMENT = Effect(
+    name="prefiltered environment",
+    does="blurs the environment by roughness",
+    of="picture",
+    called_for=only_when_needed,
+    left_out="no environment lights a metallic-roughness surface in the picture",
+    needs=lambda question, target: ("environment",),
+    load=_load_levels,
+)
+
+ENVIRONMENT_LIGHT = Effect(
+    name="environment light",
+    does="adds the light of the environment",
+    called_for=_lighting_called_for,
+    left_out="no environment lights a surface in the picture",
+    needs=_lighting_needs,
+    shade=_light,
+)

@@ -1,0 +1,322 @@
+"""Images of materials: read once, and made smaller where a filter wants that.
+
+Two effects: reading, for every image that an object's shading looks up; mip levels, only for those
+whose filter is trilinear, EWA or the supersampled reference. `look_up` finds the values.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from texbake.errors import OptionError
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.maps import (
+    MapSource,
+    channel_of,
+    colors_from,
+    data_from,
+    normals_from,
+)
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import Call, Effect, Target
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.textures import (
+    FILTERS_WITH_FOOTPRINT,
+    FILTERS_WITH_LEVELS,
+    ImageTexture,
+)
+from texbake.texture.image import FloatImage
+from texbake.texture.mipmaps import MipChain, mip_chain, single_level
+from texbake.texture.sample import sample
+
+# Slots that hold colors, of three channels; the others hold numbers.
+COLOR_SLOTS = ("base_color", "specular", "emission", "light_map", "reflection.strength",
+               "refraction.strength")  # fmt: skip
+# Where a picture keeps what several objects and slots have of one file.
+_TEXELS, _LEVELS = ("texels of images", None), ("levels of images", None)
+# How far out of the unit square a coordinate may be by the rounding of float32 files.
+_ROUNDING = 1e-6
+
+
+# File or array, and how its values are read.
+Origin = tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedImage:
+    """An image as it is looked up.
+
+    Attributes
+    ----------
+    chain : MipChain
+        Its only level, or all of them.
+    kind : str
+        What its levels are made as: `color`, `data` or `normal`.
+    filter, wrap : str
+    turn, offset : optional
+        (2, 2) and (2,): coordinates of the mesh to those of the image; None where they are equal.
+    space : str
+        Of a normal map.
+    origin : tuple, optional
+        What its texels come from: images of equal origins have the same.
+    is_shared : bool
+        Whether they are in memory once for it and another image.
+    """
+
+    chain: MipChain
+    kind: str
+    filter: str
+    wrap: str
+    border: Floats
+    factor: Floats
+    turn: FloatArray | None
+    offset: FloatArray
+    space: str = ""
+    origin: Origin | None = None
+    is_shared: bool = False
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of its texels; 0 where another image counts them."""
+        return 0 if self.is_shared else self.chain.texels.nbytes
+
+    @cached_property
+    def limits(self) -> tuple[Floats, Floats]:
+        """(C,) and (C,): least and greatest value of each channel."""
+        return self.chain.texels.min(axis=0), self.chain.texels.max(axis=0)
+
+
+def _images(question: Question, target: int) -> Iterator[tuple[str, ImageTexture]]:
+    for name, texture in question.textures(target):
+        if isinstance(texture, ImageTexture):
+            yield name, texture
+
+
+def _called_for(question: Question) -> Iterator[Call]:
+    for index in question.shaded:
+        for name, _ in _images(question, index):
+            yield Call(index, question.name(index), f"{name} is an image")
+
+
+def _needs(question: Question, target: Target) -> Iterator[str]:
+    assert target is not None
+    yield "texture coordinates"
+    if any(question.wants_footprint(texture) for _, texture in _images(question, target)):
+        yield "derivatives"
+
+
+def _load(picture: Picture, target: Target) -> dict[str, LoadedImage]:
+    assert target is not None
+    return {
+        name: _loaded(picture, target, name, texture)
+        for name, texture in _images(picture.question, target)
+    }
+
+
+def _loaded(picture: Picture, target: int, name: str, texture: ImageTexture) -> LoadedImage:
+    origin = _origin(picture, target, name, texture)
+    known: dict[Origin, tuple[FloatImage, str, str]] = picture.values.setdefault(_TEXELS, {})
+    is_shared = origin in known
+    if not is_shared:
+        known[origin] = _pixels(picture, target, name, texture)
+    pixels, kind, space = known[origin]
+    image = placed_image(
+        texture,
+        pixels,
+        kind=kind,
+        filter_name=picture.question.filter_of(texture),
+        uvs=picture.drawn(target).mesh.uvs,
+        name=name,
+        space=space,
+    )
+    return replace(image, origin=origin, is_shared=is_shared)
+
+
+def _origin(picture: Picture, target: int, name: str, texture: ImageTexture) -> Origin:
+    source = texture.image
+    place = os.fspath(source) if isinstance(source, str | os.PathLike) else id(source)
+    if name == "normal_map.texture":
+        holder = picture.question.material(target).normal_map
+        assert holder is not None
+        return place, "normal", holder.convention, holder.space
+    return place, name in COLOR_SLOTS, texture.channel, texture.color
+
+
+def placed_image(
+    texture: ImageTexture,
+    pixels: FloatImage,
+    *,
+    kind: str,
+    filter_name: str,
+    uvs: FloatArray | None,
+    name: str,
+    space: str = "",
+) -> LoadedImage:
+    """Texels of a texture with how they are looked up; of level 0 alone.
+
+    `uvs` are the coordinates that decide how it goes on outside the unit square where the texture
+    does not say; `name` is what messages call it.
+    """
+    n_channels = pixels.shape[2]
+    radians = math.radians(texture.rotate)
+    turn = np.array(
+        [[math.cos(radians), -math.sin(radians)], [math.sin(radians), math.cos(radians)]]
+    ) * np.asarray(texture.scale)
+    plain = np.array_equal(turn, np.eye(2)) and tuple(texture.offset) == (0.0, 0.0)
+    return LoadedImage(
+        chain=single_level(pixels),
+        kind=kind,
+        filter=filter_name,
+        wrap=texture.wrap
+        or wrap_of(uvs if plain else None if uvs is None else uvs @ turn.T + texture.offset),
+        border=_spread(texture.border, n_channels, f"{name}.border"),
+        factor=_spread(texture.factor, n_channels, f"{name}.factor"),
+        turn=None if plain else turn,
+        offset=np.asarray(texture.offset, np.float64),
+        space=space,
+    )
+
+
+def _pixels(
+    picture: Picture, target: int, name: str, texture: ImageTexture
+) -> tuple[FloatImage, str, str]:
+    """Texels of an image, what they are, and of normals their space."""
+    if name == "normal_map.texture":
+        holder = picture.question.material(target).normal_map
+        assert holder is not None
+        normals, space = normals_from(
+            texture.image, convention=holder.convention, space=holder.space
+        )
+        return normals, "normal", space
+    is_color = name in COLOR_SLOTS
+    source: MapSource = texture.image
+    if texture.channel is not None:
+        return channel_of(source, texture.channel, color=texture.color or False), "data", ""
+    if is_color:
+        return colors_from(source, color=texture.color is not False), "color", ""
+    return data_from(source, color=bool(texture.color)), "data", ""
+
+
+def _spread(value: float | tuple[float, ...], n_channels: int, name: str) -> Floats:
+    numbers = np.atleast_1d(np.asarray(value, np.float32))
+    if len(numbers) not in (1, n_channels):
+        raise OptionError(f"{name}: {value} are not 1 or {n_channels} numbers")
+    return np.broadcast_to(numbers, n_channels).astype(np.float32)
+
+
+def wrap_of(uvs: FloatArray | None) -> str:
+    """How maps go on outside the unit square: "repeat" where coordinates leave it, else "clamp".
+
+    Clamping keeps the opposite borders of a map from mixing within half a texel of them.
+    """
+    if uvs is None or len(uvs) == 0:
+        return "clamp"
+    inside = float(uvs.min()) >= -_ROUNDING and float(uvs.max()) <= 1.0 + _ROUNDING
+    return "clamp" if inside else "repeat"
+
+
+def _mips_called_for(question: Question) -> Iterator[Call]:
+    for index in question.shaded:
+        for name, texture in _images(question, index):
+            kind = question.filter_of(texture)
+            if kind in FILTERS_WITH_LEVELS:
+                yield Call(index, question.name(index), f"{name} is filtered {kind}")
+
+
+def _mips_need(question: Question, target: Target) -> tuple[str, ...]:
+    return ("images",)
+
+
+def _load_mips(picture: Picture, target: Target) -> dict[str, LoadedImage]:
+    """Return the images with all their levels."""
+    images: dict[str, LoadedImage] = picture.value("images", target)
+    known: dict[Origin, MipChain] = picture.values.setdefault(_LEVELS, {})
+    found = {}
+    for name, image in images.items():
+        if image.filter not in FILTERS_WITH_LEVELS:
+            continue
+        place = image.origin, image.wrap
+        is_shared = place in known
+        if not is_shared:
+            known[place] = with_levels(image, threads=picture.threads).chain
+        found[name] = replace(image, chain=known[place], is_shared=is_shared)
+    return found
+
+
+def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImage:
+    """Return an image with its smaller levels."""
+    chain = mip_chain(image.chain.level(0), kind=image.kind, wrap=image.wrap, threads=threads)
+    return replace(image, chain=chain)
+
+
+def image_of(picture: Picture, target: int, name: str) -> LoadedImage:
+    """Return the image of a slot, with its mip levels where its filter wants them."""
+    mips: dict[str, LoadedImage] = picture.value("mip maps", target) or {}
+    images: dict[str, LoadedImage] = picture.value("images", target)
+    return mips.get(name) or images[name]
+
+
+def look_up(
+    fragments: Fragments, picture: Picture, name: str, *, uvs: FloatArray | None = None
+) -> Floats:
+    """(n, C) float32: values of an image at the coordinates of fragments, or at others."""
+    image = image_of(picture, fragments.target, name)
+    at = fragments.uvs if uvs is None else uvs
+    changes = fragments.uv_changes if image.filter in FILTERS_WITH_FOOTPRINT else None
+    assert at is not None
+    return image_values(image, at, changes)
+
+
+def on_image(
+    image: LoadedImage, at: FloatArray, changes: Floats | None
+) -> tuple[FloatArray, Floats | None]:
+    """Coordinates (n, 2) of the mesh, and their changes (n, 4), as coordinates of the image."""
+    if image.turn is None:
+        return at, changes
+    if changes is not None:
+        changes = (changes.reshape(-1, 2, 2) @ image.turn.T.astype(np.float32)).reshape(-1, 4)
+    return at @ image.turn.T + image.offset, changes
+
+
+def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:
+    """(n, C) float32: values of an image at coordinates of the mesh.
+
+    `changes` (n, 4) are those from pixel to pixel, for a filter with a footprint; else None.
+    """
+    at, changes = on_image(image, at, changes)
+    values = sample(
+        image.chain, at, changes, filter=image.filter, wrap=image.wrap, border=image.border,
+        threads=1,
+    )  # fmt: skip
+    if image.filter == "bicubic":  # which swings beyond the values on both sides of an edge
+        np.clip(values, *image.limits, out=values)
+    if (image.factor != 1.0).any():
+        values *= image.factor
+    return values
+
+
+IMAGES = Effect(
+    name="images",
+    does="reads the images of materials",
+    called_for=_called_for,
+    left_out="no material in the picture has an image",
+    needs=_needs,
+    load=_load,
+)
+
+MIP_MAPS = Effect(
+    name="mip maps",
+    does="makes smaller levels of images",
+    called_for=_mips_called_for,
+    left_out="no image is filtered over the pixel",
+    needs=_mips_need,
+    load=_load_mips,
+)

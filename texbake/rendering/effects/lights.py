@@ -1,0 +1,209 @@
+"""Lights, as they reach fragments: directional, from a point, from a spot.
+
+A light's color times its intensity is what a white surface that faces it reflects; at distance d
+from a point or spot light, 1 / d^decay of that. A spot is full inside its inner cone and fades to 0
+at its outer one, smoothly (3t^2 - 2t^3). Right at a point light its light comes from along the
+normal, with the strength that it has at a thousandth of the scene's unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.camera import Camera
+from texbake.rendering.fragments import (
+    Floats,
+    Fragments,
+    Incident,
+    one_row,
+)
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import (
+    Call,
+    Effect,
+    Refusal,
+    Target,
+)
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.lights import Light
+
+# Nearest that a point counts to be to a light, in model units; there its strength stays finite.
+_NEAREST = 1e-3
+# Sine of the angle between a light's direction and its up below which rounding would turn it.
+_PARALLEL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLight:
+    """A light in world space, as the kernels take it.
+
+    `direction` is the unit vector in which the light goes; `cosines` are those of the inner and
+    outer cone, both -1 for a point light.
+    """
+
+    kind: str
+    radiance: Floats
+    position: FloatArray
+    direction: FloatArray
+    up: FloatArray
+    cosines: tuple[float, float]
+    decay: float
+
+    @property
+    def axes(self) -> FloatArray:
+        """(3, 3): rows right, up and back of a camera that looks where a light goes.
+
+        Where the light goes along its `up`, the axis of the world farthest from it stands for that.
+        """
+        upward = self.up
+        right = np.cross(upward, -self.direction)
+        if np.linalg.norm(right) <= _PARALLEL * np.linalg.norm(upward):
+            upward = np.eye(3)[np.abs(self.direction).argmin()]
+            right = np.cross(upward, -self.direction)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(-self.direction, right), -self.direction])
+
+
+def _called_for(question: Question) -> Iterator[Call | Refusal]:
+    for index, light in enumerate(question.scene.lighting.lights):
+        name = f'light "{light.name}"'
+        if light.intensity == 0.0 or not any(light.color):
+            yield Refusal(name, "it is dark")
+        elif not question.lit:
+            yield Refusal(name, "no object in the picture is lit")
+        else:
+            yield Call(index, name, f"it is {light.kind}")
+
+
+def _prepare(picture: Picture, target: Target) -> PlacedLight:
+    assert target is not None
+    return placed_light(picture.lights[target], picture.camera)
+
+
+def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
+    """Return a light in world space; only one that follows the camera needs to know it."""
+    follows = light.follows_camera and camera is not None
+    axes = camera.axes.T if follows and camera is not None else np.eye(3)
+    position, direction, up = (
+        axes @ np.asarray(vector, np.float64)
+        for vector in (light.position, light.direction, light.up)
+    )
+    if follows and camera is not None:
+        position = position + camera.eye
+    length = float(np.linalg.norm(direction))
+    half = math.radians(light.angle) / 2.0
+    inner = half * (1.0 - min(max(light.blend, 0.0), 1.0))
+    is_spot = light.kind == "spot"
+    return PlacedLight(
+        kind=light.kind,
+        radiance=one_row(tuple(light.intensity * c for c in light.color), 3),
+        position=position,
+        direction=direction / length if length > 0.0 else direction,
+        up=up,
+        cosines=(math.cos(inner), math.cos(half)) if is_spot else (-1.0, -1.0),
+        decay=float(light.decay),
+    )
+
+
+def in_world(light: Light, camera: Camera) -> Light:
+    """Return a light that stands where one that follows the camera is now; others as they are."""
+    if not light.follows_camera:
+        return light
+    placed = placed_light(light, camera)
+    return replace(
+        light,
+        position=tuple(placed.position),
+        direction=tuple(placed.direction),
+        up=tuple(placed.up),
+        follows_camera=False,
+    )
+
+
+@kernel
+def _arrive_kernel(  # type: ignore[no-untyped-def]
+    points, normals, position, axis, inner, outer, decay, color, directions, radiance
+):
+    for i in range(len(points)):
+        x, y, z = (
+            position[0] - points[i, 0], position[1] - points[i, 1], position[2] - points[i, 2]
+        )  # fmt: skip
+        distance = math.sqrt(x * x + y * y + z * z)
+        if 0.0 < distance < np.inf:
+            x, y, z = x / distance, y / distance, z / distance
+        else:
+            x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        directions[i, 0], directions[i, 1], directions[i, 2] = x, y, z
+        strength = max(distance, _NEAREST) ** -decay
+        if outer > -1.0:
+            cosine = -(x * axis[0] + y * axis[1] + z * axis[2])
+            if cosine <= outer:
+                strength = 0.0
+            elif cosine < inner:
+                t = (cosine - outer) / (inner - outer)
+                strength *= t * t * (3.0 - 2.0 * t)
+        for k in range(3):
+            radiance[i, k] = strength * color[0, k]
+
+
+def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> Incident:
+    """Light of one lamp at points, with nothing in its way.
+
+    Parameters
+    ----------
+    light
+        By `placed_light`.
+    points : (n, 3) float64
+        World space; None is enough for a directional light.
+    normals : (n, 3) float32
+        Of the surface: where the light comes from for a point that lies in the lamp itself.
+
+    Returns
+    -------
+    Incident
+        One row for all points where the light is directional.
+    """
+    if light.kind == "directional":
+        return Incident(directions=one_row(tuple(-light.direction), 3), radiance=light.radiance)
+    n = len(normals)
+    found = Incident(directions=np.empty((n, 3), np.float32), radiance=np.empty((n, 3), np.float32))
+    _arrive_kernel(
+        points, normals, light.position, light.direction, *light.cosines, light.decay,
+        light.radiance, found.directions, found.radiance,
+    )  # fmt: skip
+    return found
+
+
+def incident(fragments: Fragments, picture: Picture, index: int) -> Incident:
+    """Light of one lamp as it reaches fragments, dimmed by whatever the plan has for it."""
+    assert fragments.normals is not None
+    found = arriving(picture.value("lights", index), fragments.positions, fragments.normals)
+    for item in picture.plan.passes:
+        if item.effect.dim is not None and index in item.targets:
+            with picture.costs.timed(item.name):
+                item.effect.dim(fragments, picture, index, found)
+    return found
+
+
+def shining(question: Question) -> tuple[int, ...]:
+    """Lights that are not dark."""
+    return tuple(
+        index
+        for index, light in enumerate(question.scene.lighting.lights)
+        if light.intensity > 0.0 and any(light.color)
+    )
+
+
+LIGHTS = Effect(
+    name="lights",
+    does="places lights",
+    of="light",
+    called_for=_called_for,
+    left_out="the scene has no lights",
+    prepare=_prepare,
+)

@@ -1,0 +1,240 @@
+"""Reflection and refraction of an environment: the scene's, or one rendered from the scene itself.
+
+A mirror shows what lies in the direction 2 (N·V) N - V; glass what lies in the direction that the
+law of Snell bends the view to on the way in, once, or mirrors it where it bends it back (only from
+inside). Their share replaces the surface's own light. Either looks the environment up by direction
+alone, as though it were infinitely far.
+
+An environment rendered from the scene is six square pictures of the other objects, taken from the
+middle of the object that shows it, over the scene's environment. Objects in it that would show such
+an environment themselves do so `options.bounces` times, one picture within another; what is left
+then shows the scene's environment, or black. So two mirrors face each other for as many reflections
+as were asked for, and no longer.
+
+Based on: Blinn and Newell, "Texture and reflection in computer generated images", CACM 19(10),
+1976; Greene, "Environment mapping and other applications of world projections", 1986; Schlick, "An
+inexpensive BRDF model for physically-based rendering", 1994.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.rendering.camera import Camera
+from texbake.rendering.effects.environment import PlacedEnvironment, mirrored_kernel
+from texbake.rendering.effects.lights import in_world
+from texbake.rendering.effects.shading_models import normals_effect
+from texbake.rendering.effects.slots import slot_values
+from texbake.rendering.fragments import Floats, Fragments, row_of
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import (
+    Call,
+    Effect,
+    Refusal,
+    Target,
+)
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.material import Material, Reflection, Refraction
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.texture.cube_chain import CubeChain
+from texbake.texture.cube_map import CubeMap, cube_face_axes
+
+# Nearest that a rendered environment sees, in the size of its object.
+_NEAR = 1e-3
+
+
+def _mirrors(material: Material) -> Iterator[tuple[str, Reflection | Refraction]]:
+    """What of a material shows an environment."""
+    for name in "reflection", "refraction":
+        mirror = getattr(material, name)
+        if mirror is not None:
+            yield name, mirror
+
+
+def _called_for(name: str) -> Callable[[Question], Iterator[Call]]:
+    def called_for(question: Question) -> Iterator[Call]:
+        for index in question.shaded:
+            if getattr(question.material(index), name) is not None:
+                yield Call(index, question.name(index), f"its material has a {name}")
+
+    return called_for
+
+
+def _needs(name: str) -> Callable[[Question, Target], Iterator[str]]:
+    def needs(question: Question, target: Target) -> Iterator[str]:
+        assert target is not None
+        material = question.material(target)
+        yield from (normals_effect(question, target), "view directions")
+        mirror: Reflection | Refraction = getattr(material, name)
+        if question.scene.lighting.environment is not None:
+            yield "environment"
+        if isinstance(mirror.strength, ImageTexture):
+            yield "images"
+        elif isinstance(mirror.strength, ProcedureTexture):
+            yield "procedures"
+
+    return needs
+
+
+def _rendered_called_for(question: Question) -> Iterator[Call | Refusal]:
+    for index in question.shaded:
+        for name, mirror in _mirrors(question.material(index)):
+            if mirror.environment != "rendered":
+                continue
+            if question.depth > question.options.bounces:
+                yield Refusal(question.name(index), f"{question.depth} reflections are enough")
+            elif len(question.scene.objects) == 1:
+                yield Refusal(question.name(index), "there is nothing else that it could show")
+            else:
+                yield Call(index, question.name(index), f"its {name} is of the scene around it")
+
+
+def _load(picture: Picture, target: Target) -> PlacedEnvironment | None:
+    """Return what an object shows, once for all cameras where none of the lights follows them."""
+    return (
+        None if any(light.follows_camera for light in picture.lights) else _render(picture, target)
+    )
+
+
+def _prepare(picture: Picture, target: Target) -> PlacedEnvironment:
+    known: PlacedEnvironment | None = picture.value("rendered environment", target)
+    return known or _render(picture, target)
+
+
+def _render(picture: Picture, target: Target) -> PlacedEnvironment:
+    """Six pictures of everything else, from the middle of the object's bounding box."""
+    assert target is not None
+    positions = picture.drawn(target).positions
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    extent = float(np.linalg.norm(high - low))
+    size = max(mirror.size for _, mirror in _mirrors(picture.question.material(target)))
+    cameras = [
+        Camera(
+            eye=0.5 * low + 0.5 * high,
+            axes=cube_face_axes(face),
+            fov=math.pi / 2.0,
+            near=_NEAR * extent if extent > 0.0 else _NEAR,
+        )
+        for face in range(6)
+    ]
+    # All are seen in a mirror but the mirror itself, which may yet be seen in others.
+    around = tuple(
+        replace(item, visible=i != target) for i, item in enumerate(picture.scene.objects)
+    )
+    options = replace(
+        picture.options, width=size, height=size, supersampling=1, background=(0.0, 0.0, 0.0)
+    )
+    lights = tuple(in_world(light, picture.camera) for light in picture.lights)
+    scene = replace(
+        picture.scene, objects=around, lighting=replace(picture.scene.lighting, lights=lights)
+    )
+    views = picture.draw_others(scene, cameras, options)
+    cube = CubeMap.from_views(np.stack([view[..., :3] for view in views]))
+    return PlacedEnvironment(CubeChain.of([cube]), np.eye(3))
+
+
+def _environment(
+    fragments: Fragments, picture: Picture, mirror: Reflection | Refraction
+) -> PlacedEnvironment | None:
+    """Return what a mirror shows; None is black."""
+    found: PlacedEnvironment | None = None
+    if mirror.environment == "rendered":
+        found = picture.value("rendered environment", fragments.target)
+    return found or picture.value("environment")
+
+
+@kernel
+def _refracted_kernel(normals, to_eye, back_facing, index, out):  # type: ignore[no-untyped-def]
+    for i in range(len(normals)):
+        # From outside into the material, or from inside out of it where its back is seen.
+        eta = index if back_facing[i] else 1.0 / index
+        cosine = 0.0
+        for k in range(3):
+            cosine += normals[i, k] * to_eye[i, k]
+        inside = 1.0 - eta * eta * (1.0 - cosine * cosine)
+        for k in range(3):
+            if inside < 0.0:  # total reflection
+                out[i, k] = 2.0 * cosine * normals[i, k] - to_eye[i, k]
+            else:
+                out[i, k] = -eta * to_eye[i, k] + (eta * cosine - math.sqrt(inside)) * normals[i, k]
+
+
+@kernel
+def _mix_kernel(normals, to_eye, strength, seen, fresnel, out):  # type: ignore[no-untyped-def]
+    for i in range(len(out)):
+        s = row_of(strength, i)
+        grazing = 0.0
+        if fresnel:
+            cosine = 0.0
+            for k in range(3):
+                cosine += normals[i, k] * to_eye[i, k]
+            grazing = (1.0 - min(abs(cosine), 1.0)) ** 5
+        for k in range(3):
+            share = min(max(strength[s, k], 0.0), 1.0)
+            share += (1.0 - share) * grazing
+            out[i, k] += share * (seen[i, k] - out[i, k])
+
+
+def _mix(fragments: Fragments, picture: Picture, name: str, directions: Floats) -> None:
+    """Replace a share of the light by what the environment shows."""
+    mirror = getattr(fragments.drawn.material, name)
+    environment = _environment(fragments, picture, mirror)
+    strength = slot_values(fragments, picture, f"{name}.strength", mirror.strength, 3)
+    seen = np.zeros_like(directions) if environment is None else environment.look(directions)
+    _mix_kernel(
+        fragments.normals, fragments.to_eye, strength, seen, getattr(mirror, "fresnel", False),
+        fragments.light,
+    )  # fmt: skip
+
+
+def _reflect(fragments: Fragments, picture: Picture) -> None:
+    assert fragments.normals is not None and fragments.to_eye is not None
+    directions = np.empty_like(fragments.normals)
+    mirrored_kernel(fragments.normals, fragments.to_eye, directions)
+    _mix(fragments, picture, "reflection", directions)
+
+
+def _refract(fragments: Fragments, picture: Picture) -> None:
+    assert fragments.normals is not None
+    directions = np.empty_like(fragments.normals)
+    refraction = fragments.drawn.material.refraction
+    assert refraction is not None
+    _refracted_kernel(
+        fragments.normals, fragments.to_eye, fragments.back_facing, float(refraction.index),
+        directions,
+    )  # fmt: skip
+    _mix(fragments, picture, "refraction", directions)
+
+
+RENDERED_ENVIRONMENT = Effect(
+    name="rendered environment",
+    does="takes six pictures of what lies around an object",
+    called_for=_rendered_called_for,
+    left_out="no material in the picture reflects or refracts the scene around it",
+    load=_load,
+    of_the_others=True,
+    prepare=_prepare,
+)
+
+REFRACTION = Effect(
+    name="refraction",
+    does="shows what lies behind glass",
+    called_for=_called_for("refraction"),
+    left_out="no material in the picture refracts",
+    needs=_needs("refraction"),
+    shade=_refract,
+)
+
+REFLECTION = Effect(
+    name="reflection",
+    does="shows what lies before a mirror",
+    called_for=_called_for("reflection"),
+    left_out="no material in the picture reflects",
+    needs=_needs("reflection"),
+    shade=_reflect,
+)

@@ -1,0 +1,215 @@
+"""How surfaces reflect the light of lamps: not at all, Lambert, Blinn-Phong, metallic-roughness.
+
+With C_b the base color, I_L the light that arrives, N, L, V unit vectors to the outside, the light
+and the eye and H halfway between the last two, a lamp in front of the surface adds
+
+    Lambert              I_L C_b (N·L)
+    Blinn-Phong          I_L (C_b (N·L) + C_s (N·H)^e)
+    metallic-roughness   I_L (N·L) ((1 - F) (1 - metalness) C_b + pi D V F)
+
+with F after Schlick from F_0 = mix(((ior - 1) / (ior + 1))^2, C_b, metalness), D of Trowbridge and
+Reitz and V of Smith, as glTF 2.0 (appendix B) has them; V in its height-correlated form, which
+masks the light of both directions together, as Khronos' own viewer does. The factor pi is there
+because I_L is what a white Lambert surface reflects.
+
+Based on: Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977;
+Khronos, "glTF 2.0 Specification", 2021; Heitz, "Understanding the masking-shadowing function in
+microfacet-based BRDFs", JCGT 3(2), 2014.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.rendering.effects.lights import incident, shining
+from texbake.rendering.fragments import (
+    Floats,
+    Fragments,
+    Incident,
+    row_dot,
+    row_of,
+)
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import Call, Effect, Target
+from texbake.rendering.plan.question import Question
+
+# Roughness below this gives highlights narrower than a float32 normal can tell.
+LEAST_ALPHA = 1e-3
+
+
+def _called_for(shading: str) -> Callable[[Question], Iterator[Call]]:
+    def called_for(question: Question) -> Iterator[Call]:
+        for index in question.lit:
+            if question.material(index).shading == shading and shining(question):
+                yield Call(index, question.name(index), f"its shading is {shading}")
+
+    return called_for
+
+
+def normals_effect(question: Question, target: int) -> str:
+    """Return the effect that an object's normals come from, before any bump."""
+    return "normals" if question.material(target).normal_map is None else "normal map"
+
+
+def _needs(question: Question, target: Target) -> Iterator[str]:
+    assert target is not None
+    yield from ("slots", normals_effect(question, target))
+    if question.material(target).shading != "lambert":
+        yield "view directions"
+    if any(question.light(index).kind != "directional" for index in shining(question)):
+        yield "positions"
+
+
+@kernel
+def _lambert_kernel(normals, directions, radiance, base, out):  # type: ignore[no-untyped-def]
+    for i in range(len(normals)):
+        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
+        facing = row_dot(normals, i, directions, d)
+        if facing > 0.0:
+            for k in range(3):
+                out[i, k] += radiance[r, k] * base[b, k] * facing
+
+
+@kernel
+def _blinn_phong_kernel(  # type: ignore[no-untyped-def]
+    normals, directions, radiance, to_eye, base, specular, exponent, gloss, out
+):
+    for i in range(len(normals)):
+        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
+        s, e, g = row_of(specular, i), row_of(exponent, i), row_of(gloss, i)
+        facing, halfway, squared = 0.0, 0.0, 0.0
+        for k in range(3):
+            half = directions[d, k] + to_eye[i, k]
+            facing += normals[i, k] * directions[d, k]
+            halfway += normals[i, k] * half
+            squared += half * half
+        if facing <= 0.0:
+            continue
+        shine = 0.0
+        if halfway > 0.0:
+            shine = gloss[g, 0] * (halfway / math.sqrt(squared)) ** exponent[e, 0]
+        for k in range(3):
+            out[i, k] += radiance[r, k] * (base[b, k] * facing + specular[s, k] * shine)
+
+
+@kernel
+def _metallic_kernel(  # type: ignore[no-untyped-def]
+    normals, directions, radiance, to_eye, base, roughness, metalness, dielectric, out
+):
+    for i in range(len(normals)):
+        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
+        facing, toward_eye, halfway, squared = 0.0, 0.0, 0.0, 0.0
+        for k in range(3):
+            half = directions[d, k] + to_eye[i, k]
+            facing += normals[i, k] * directions[d, k]
+            toward_eye += normals[i, k] * to_eye[i, k]
+            halfway += normals[i, k] * half
+            squared += half * half
+        if facing <= 0.0:
+            continue
+        alpha = max(roughness[row_of(roughness, i), 0] ** 2, LEAST_ALPHA)
+        metal = metalness[row_of(metalness, i), 0]
+        toward_eye = max(abs(toward_eye), 1e-4)  # seen edge-on at the least, as after rounding
+        length = math.sqrt(squared)
+        halfway = min(max(halfway / length, 0.0), 1.0) if length > 0.0 else 0.0
+        a2 = alpha * alpha
+        spread = halfway * halfway * (a2 - 1.0) + 1.0
+        # pi D V, with V's denominator that of both directions together.
+        shine = (
+            a2 / (spread * spread) * 0.5
+            / (facing * math.sqrt(toward_eye * toward_eye * (1.0 - a2) + a2)
+               + toward_eye * math.sqrt(facing * facing * (1.0 - a2) + a2))
+        )  # fmt: skip
+        # V·H = |L + V| / 2 for unit vectors.
+        grazing = (1.0 - min(0.5 * length, 1.0)) ** 5
+        for k in range(3):
+            f0 = dielectric + (base[b, k] - dielectric) * metal
+            fresnel = f0 + (1.0 - f0) * grazing
+            diffuse = (1.0 - fresnel) * (1.0 - metal) * base[b, k]
+            out[i, k] += radiance[r, k] * facing * (diffuse + shine * fresnel)
+
+
+def head_on(ior: float) -> float:
+    """Share of light that a surface of this index of refraction mirrors head on; 1 for index 0."""
+    return ((ior - 1.0) / (ior + 1.0)) ** 2
+
+
+_ONE = np.ones((1, 1), np.float32)
+
+
+def add_lambert(normals: Floats, arriving: Incident, base: Floats, light: Floats) -> None:
+    """Add a lamp's light, as a dull surface scatters it, to the light (n, 3) that leaves points."""
+    _lambert_kernel(normals, arriving.directions, arriving.radiance, base, light)
+
+
+def _lambert(fragments: Fragments, light: Incident) -> None:
+    assert fragments.normals is not None
+    add_lambert(fragments.normals, light, fragments.values["base_color"], fragments.light)
+
+
+def _blinn_phong(fragments: Fragments, light: Incident) -> None:
+    values = fragments.values
+    _blinn_phong_kernel(
+        fragments.normals, light.directions, light.radiance, fragments.to_eye,
+        values["base_color"], values["specular"], values["exponent"],
+        values.get("gloss", _ONE), fragments.light,
+    )  # fmt: skip
+
+
+def _metallic(fragments: Fragments, light: Incident) -> None:
+    values = fragments.values
+    _metallic_kernel(
+        fragments.normals, light.directions, light.radiance, fragments.to_eye,
+        values["base_color"], values["roughness"], values["metalness"],
+        head_on(fragments.drawn.material.ior), fragments.light,
+    )  # fmt: skip
+
+
+def _reflecting(
+    reflect: Callable[[Fragments, Incident], None],
+) -> Callable[[Fragments, Picture], None]:
+    def shade(fragments: Fragments, picture: Picture) -> None:
+        for index in shining(picture.question):
+            reflect(fragments, incident(fragments, picture, index))
+
+    return shade
+
+
+def _unlit_called_for(question: Question) -> Iterator[Call]:
+    for index in question.shaded:
+        if question.material(index).shading == "unlit":
+            yield Call(index, question.name(index), "its shading is unlit")
+
+
+def _show_base(fragments: Fragments, picture: Picture) -> None:
+    fragments.light += fragments.values["base_color"]
+
+
+UNLIT = Effect(
+    name="unlit",
+    does="shows the base color",
+    called_for=_unlit_called_for,
+    left_out="no material in the picture is unlit",
+    needs=lambda question, target: ("slots",),
+    shade=_show_base,
+)
+
+LAMBERT, BLINN_PHONG, METALLIC_ROUGHNESS = (
+    Effect(
+        name=shading,
+        does=f"reflects lamps by {title}",
+        called_for=_called_for(shading),
+        left_out=f"no material in the picture is {shading}, or no lamp shines",
+        needs=_needs,
+        shade=_reflecting(reflect),
+    )
+    for shading, title, reflect in (
+        ("lambert", "Lambert's law", _lambert),
+        ("blinn-phong", "the model of Blinn and Phong", _blinn_phong),
+        ("metallic-roughness", "the model of glTF 2.0", _metallic),
+    )
+)

@@ -1,0 +1,170 @@
+"""What the slots of a material hold at each fragment: constants, images, procedures.
+
+A constant is one row for all fragments. A procedure is evaluated where the fragment lies, in the
+object's space, the world's or on the texture; with a ramp of colors its value is looked up there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from texbake.kernels import kernel
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effects.images import COLOR_SLOTS, look_up
+from texbake.rendering.fragments import Floats, Fragments, one_row
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import Call, Effect, Target
+from texbake.rendering.plan.question import Question
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
+from texbake.texture.procedures import evaluate
+from texbake.texture.ramp import ramp_lookup
+
+# Slots of which nothing below 0 or above 1 means anything, whatever an image or a factor says.
+_SHARES = ("roughness", "metalness")
+
+
+def _called_for(question: Question) -> Iterator[Call]:
+    for index in question.shaded:
+        yield Call(
+            index, question.name(index), f"its shading is {question.material(index).shading}"
+        )
+
+
+def _needs(question: Question, target: Target) -> Iterator[str]:
+    assert target is not None
+    for _, texture in question.textures(target):
+        yield "images" if isinstance(texture, ImageTexture) else "procedures"
+
+
+def _look_up_all(fragments: Fragments, picture: Picture) -> None:
+    material = fragments.drawn.material
+    for name in picture.question.slots(fragments.target):
+        channels = 3 if name in COLOR_SLOTS else 1
+        fragments.values[name] = slot_values(
+            fragments, picture, name, getattr(material, name), channels
+        )
+        if name in _SHARES:
+            fragments.values[name] = np.clip(fragments.values[name], 0.0, 1.0)
+    if material.vertex_colors and fragments.drawn.mesh.colors is not None:
+        _multiply_vertex_colors(fragments)
+
+
+def slot_values(
+    fragments: Fragments, picture: Picture, name: str, slot: Slot, channels: int
+) -> Floats:
+    """(n or 1, channels) float32: what a slot holds at each fragment."""
+    if isinstance(slot, ImageTexture):
+        return look_up(fragments, picture, name)
+    if isinstance(slot, ProcedureTexture):
+        return procedure_values(fragments, slot, channels)
+    return one_row(slot, channels)
+
+
+def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: int) -> Floats:
+    """(n, channels) float32: a procedure at each fragment."""
+    points, footprint = _points(fragments, texture)
+    values = evaluate(
+        texture.procedure, points, footprint, parameters=texture.parameters,
+        scalar=texture.colors is not None or channels == 1, threads=1,
+    )  # fmt: skip
+    if texture.colors is not None:
+        values = ramp_lookup(np.asarray(texture.colors, np.float32), values[:, 0], threads=1)
+    values = values * np.asarray(texture.factor, np.float32)
+    if values.shape[1] == channels:
+        return np.ascontiguousarray(values, np.float32)
+    shown = values[:, :1] if channels == 1 else np.repeat(values[:, :1], channels, axis=1)
+    return np.ascontiguousarray(shown, np.float32)
+
+
+def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray, Floats | None]:
+    """Points of a procedure, (n, 2) on the texture or (n, 3) in space, and the pixel's widths."""
+    scale = np.broadcast_to(np.asarray(texture.scale, np.float64), 3)
+    wanted = texture.filtered and len(fragments.changes) > 0
+    if texture.space == "uv":
+        assert fragments.uvs is not None
+        points = fragments.uvs * scale[:2]
+        if not wanted or fragments.uv_changes is None:
+            return points, None
+        steps = np.abs(fragments.uv_changes.reshape(-1, 2, 2)) * np.abs(scale[:2])
+        return points, np.ascontiguousarray(steps.max(axis=1), np.float32)
+    mesh, inverse = fragments.drawn.mesh, fragments.drawn.object_from_world
+    matrix = np.eye(4) if texture.space == "world" or inverse is None else inverse
+    points = np.empty((len(fragments), 3))
+    widths = np.empty((len(fragments) if wanted else 0, 3), np.float32)
+    _points_kernel(
+        mesh.positions, mesh.faces, np.ascontiguousarray(scale[:, None] * matrix[:3]),
+        fragments.faces, fragments.weights, fragments.changes, points, widths,
+    )  # fmt: skip
+    return points, widths if wanted else None
+
+
+@kernel
+def _points_kernel(positions, corners, matrix, faces, weights, changes, out, widths):  # type: ignore[no-untyped-def]
+    places, known = np.empty((3, 3)), np.int32(-1)  # neighbors mostly lie on the same face
+    for i in range(len(faces)):
+        if faces[i] != known:
+            known = faces[i]
+            for corner in range(3):
+                p = positions[corners[known, corner]]
+                for k in range(3):
+                    row = matrix[k]
+                    places[corner, k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]
+        for k in range(3):
+            along, up = places[1, k] - places[0, k], places[2, k] - places[0, k]
+            out[i, k] = places[0, k] + weights[i, 0] * along + weights[i, 1] * up
+            if len(widths) > 0:
+                right = abs(changes[i, 0] * along + changes[i, 1] * up)
+                down = abs(changes[i, 2] * along + changes[i, 3] * up)
+                widths[i, k] = max(right, down)
+
+
+def vertex_colors(fragments: Fragments) -> Floats:
+    """(n, 3 or 4) float32: colors of the mesh's vertices, interpolated."""
+    mesh = fragments.drawn.mesh
+    assert mesh.colors is not None
+    corners = mesh.colors[mesh.faces[fragments.faces]]
+    second, third = fragments.weights.T
+    weights = np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
+    return np.asarray(np.einsum("nc,nck->nk", weights, corners), np.float32)
+
+
+def _multiply_vertex_colors(fragments: Fragments) -> None:
+    colored = fragments.values["base_color"] * vertex_colors(fragments)[:, :3]
+    fragments.values["base_color"] = np.ascontiguousarray(colored, np.float32)
+
+
+def _procedures_called_for(question: Question) -> Iterator[Call]:
+    for index in question.shaded:
+        for name, texture in question.textures(index):
+            if isinstance(texture, ProcedureTexture):
+                yield Call(index, question.name(index), f"{name} is {texture.procedure}")
+
+
+def _procedures_need(question: Question, target: Target) -> Iterator[str]:
+    assert target is not None
+    for _, texture in question.textures(target):
+        if isinstance(texture, ProcedureTexture):
+            if texture.space == "uv":
+                yield "texture coordinates"
+            if question.wants_footprint(texture):
+                yield "derivatives"
+
+
+PROCEDURES = Effect(
+    name="procedures",
+    does="computes textures by formula",
+    called_for=_procedures_called_for,
+    left_out="no material in the picture has a procedure",
+    needs=_procedures_need,
+)
+
+SLOTS = Effect(
+    name="slots",
+    does="finds what materials hold at fragments",
+    called_for=_called_for,
+    left_out="nothing is shaded",
+    needs=_needs,
+    shade=_look_up_all,
+)

@@ -1,0 +1,250 @@
+"""Transparency: surfaces that let through what lies behind, in their order at every sample.
+
+Two effects: one for each object whose opacity is not 1 everywhere, and the layers of all of them,
+peeled off from front to back by rasterizing again behind the last one. At a sample the light of a
+layer counts by its opacity and by what the layers before it have let through; the opaque surface,
+or the background, gets the rest. Objects may run through one another and through themselves.
+
+After `MAX_LAYERS` layers what lies behind them is not seen.
+
+With `alpha_mode` `mask` a point is there or not: opaque from the cutoff on.
+
+Based on: Porter and Duff, "Compositing digital images", SIGGRAPH 1984; Everitt, "Interactive
+order-independent transparency", 2001.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.kernels import kernel
+from texbake.mesh.mesh import IntArray
+from texbake.rendering.effects.images import look_up
+from texbake.rendering.effects.slots import vertex_colors
+from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.picture import Picture
+from texbake.rendering.plan.effect import (
+    Call,
+    Effect,
+    Target,
+    only_when_needed,
+)
+from texbake.rendering.plan.question import Question
+from texbake.rendering.raster.fragments import FragmentRows
+from texbake.rendering.raster.rasterize import rasterize
+from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.raster.world import SKIP
+from texbake.rendering.resolve import Sums
+
+MAX_LAYERS = 16
+
+# Nearer than the near plane, where reversed depth is 1.
+_BEFORE_ALL = 2.0
+
+ShadeRows = Callable[..., tuple[FragmentRows, list[Fragments]]]
+
+
+def _called_for(question: Question) -> Iterator[Call]:
+    for index in question.shaded:
+        material = question.material(index)
+        if material.alpha_mode == "opaque":
+            continue
+        if material.opacity is not None and material.opacity != 1.0:
+            yield Call(index, question.name(index), "its opacity is not 1 everywhere")
+        if question.image_opacity(index) is not None:
+            yield Call(index, question.name(index), "the image of its base color has opacity")
+        colors = question.scene.objects[index].mesh.colors
+        if material.vertex_colors and colors is not None and colors.shape[1] == 4:
+            yield Call(index, question.name(index), "its vertex colors have opacity")
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """What each sample sees of transparent objects, the nearest first, before what is opaque."""
+
+    layers: tuple[Visibility, ...]
+    opaque: Visibility
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the layers."""
+        return sum(layer.n_bytes for layer in self.layers)
+
+    def compose(
+        self, picture: Picture, sums: Sums, rows: tuple[int, int], shade_rows: ShadeRows
+    ) -> None:
+        """Shade all layers in some rows of pixels, and add them to the sums."""
+        side = picture.options.supersampling
+        shape = (rows[1] - rows[0]) * side, picture.options.width * side
+        light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
+        normals = np.zeros((*shape, 3) if len(sums.normals) else (0, 0, 3), np.float32)
+        seen = np.zeros(shape, np.bool_)
+        for layer in (*self.layers, self.opaque):
+            found, shaded = shade_rows(picture, layer, rows, wants_samples=True)
+            put_behind(
+                picture, found.of_samples, shaded, light, passed, normals, seen,
+                opaque=layer is self.opaque,
+            )  # fmt: skip
+        with picture.costs.timed("pixels"):
+            _sum_kernel(
+                light, passed, normals, seen, rows[0], side,
+                sums.color, sums.coverage, sums.normals,
+            )  # fmt: skip
+
+
+def put_behind(
+    picture: Picture,
+    of_samples: IntArray,
+    shaded: list[Fragments],
+    light: Floats,
+    passed: Floats,
+    normals: Floats,
+    seen: npt.NDArray[np.bool_],
+    *,
+    opaque: bool,
+) -> None:
+    """Put a layer behind those before it, in place.
+
+    Parameters
+    ----------
+    of_samples : (h, w) int32
+        Fragment of the layer that each sample sees, -1 for none.
+    shaded
+        These fragments.
+    light, passed, normals, seen : (h, w, 3), (h, w), (h, w, 3) or empty, (h, w)
+        Light so far, the share that has been let through, sums of normals, what sees a surface.
+    opaque
+        Whether it lets nothing through.
+    """
+    if not shaded:
+        return
+    with picture.costs.timed("transparency"):
+        opacity = (
+            np.ones(sum(map(len, shaded)), np.float32)
+            if opaque
+            else np.concatenate([opacity_of(fragments, picture) for fragments in shaded])
+        )
+        _over_kernel(
+            of_samples,
+            np.concatenate([fragments.light for fragments in shaded]),
+            opacity,
+            _normals_of(shaded, len(normals) > 0),
+            light, passed, normals, seen,
+        )  # fmt: skip
+
+
+def opacity_of(fragments: Fragments, picture: Picture) -> Floats:
+    """(n,) float32: share of what lies behind that each fragment hides.
+
+    The product of the opacity slot, of the base color's image and of vertex colors.
+    """
+    values = np.ones(len(fragments), np.float32)
+    if "opacity" in fragments.values:
+        values = values * fragments.values["opacity"][:, 0]
+    if picture.question.image_opacity(fragments.target) is not None:
+        values = values * look_up(fragments, picture, "base_color.opacity")[:, 0]
+    colors = fragments.drawn.mesh.colors
+    if fragments.drawn.material.vertex_colors and colors is not None and colors.shape[1] == 4:
+        values = values * vertex_colors(fragments)[:, 3]
+    values = np.clip(values, 0.0, 1.0)
+    material = fragments.drawn.material
+    if material.alpha_mode == "mask":
+        values = (values >= material.alpha_cutoff).astype(np.float32)
+    return np.ascontiguousarray(values, np.float32)
+
+
+def _normals_of(shaded: list[Fragments], wanted: bool) -> Floats:
+    if not wanted:
+        return np.empty((0, 3), np.float32)
+    return np.concatenate(
+        [
+            np.zeros((len(fragments), 3), np.float32)
+            if fragments.normals is None
+            else fragments.normals
+            for fragments in shaded
+        ]
+    )
+
+
+@kernel
+def _over_kernel(of_samples, colors, opacity, directions, light, passed, normals, seen):  # type: ignore[no-untyped-def]
+    """Put a layer behind those before it."""
+    for j in range(of_samples.shape[0]):
+        for i in range(of_samples.shape[1]):
+            fragment = of_samples[j, i]
+            if fragment < 0:
+                continue
+            share = passed[j, i] * opacity[fragment]
+            if share > 0.0:
+                seen[j, i] = True
+            for k in range(3):
+                light[j, i, k] += share * colors[fragment, k]
+                if len(directions) > 0:
+                    normals[j, i, k] += share * directions[fragment, k]
+            passed[j, i] *= np.float32(1.0) - opacity[fragment]
+
+
+@kernel
+def _sum_kernel(light, passed, normals, seen, first_row, side, color, coverage, normal_sums):  # type: ignore[no-untyped-def]
+    for j in range(light.shape[0]):
+        row = first_row + j // side
+        for i in range(light.shape[1]):
+            column = i // side
+            for k in range(3):
+                color[row, column, k] += light[j, i, k]
+                if len(normals) > 0:
+                    normal_sums[row, column, k] += normals[j, i, k]
+            color[row, column, 3] += np.float32(1.0) - passed[j, i]
+            if seen[j, i]:
+                coverage[row, column] += np.float32(1.0)
+
+
+def _peel(picture: Picture, target: Target) -> Layers:
+    opaque: Visibility = picture.value("visibility")
+    height, width = opaque.face_ids.shape
+    modes = picture.value("object modes").copy()
+    for index in range(len(modes)):
+        if not picture.plan.has("transparency", index):
+            modes[index] = SKIP
+    last = Visibility(
+        np.full((height, width), -1, np.int32), np.full((height, width), _BEFORE_ALL, np.float32)
+    )
+    layers: list[Visibility] = []
+    while len(layers) < MAX_LAYERS:
+        layer = rasterize(
+            picture.world,
+            picture.camera.clip_from_world(width / height),
+            width,
+            height,
+            modes=modes,
+            behind=last,
+            before=opaque,
+            threads=picture.threads,
+        )
+        if not (layer.face_ids >= 0).any():
+            break
+        layers.append(layer)
+        last = layer
+    return Layers(tuple(layers), opaque)
+
+
+LAYERS = Effect(
+    name="layers",
+    does="peels transparent surfaces from front to back",
+    of="picture",
+    called_for=only_when_needed,
+    left_out="nothing in the picture is transparent",
+    prepare=_peel,
+)
+
+TRANSPARENCY = Effect(
+    name="transparency",
+    does="lets light through surfaces, in order",
+    called_for=_called_for,
+    left_out="nothing in the picture is transparent",
+    needs=lambda question, target: ("layers", "slots"),
+)

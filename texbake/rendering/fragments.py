@@ -1,0 +1,147 @@
+"""Fragments of one object while they are shaded.
+
+Effects add to this record one after another, in the order of the plan: where a fragment lies on the
+surface, what the slots of its material hold there, its normal, and the light that leaves it.
+
+An array of values has a row for each fragment, or one row where all have the same, so that a
+constant costs nothing; `row_of` is how kernels read both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.kernels import kernel
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.rendering.picture import DrawnObject
+
+Floats = npt.NDArray[np.float32]
+# Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
+BRIGHTEST = 1e30
+
+
+@dataclass(kw_only=True, eq=False)
+class Incident:
+    """Light of one lamp where it reaches fragments: rows for each of them, or one for all.
+
+    Attributes
+    ----------
+    directions : (n or 1, 3) float32
+        Unit vectors to the light.
+    radiance : (n or 1, 3) float32
+        What a white surface that faces it reflects.
+    """
+
+    directions: Floats
+    radiance: Floats
+
+
+@dataclass(kw_only=True, eq=False)
+class Fragments:
+    """Some fragments of one object.
+
+    Attributes
+    ----------
+    target : int
+        Index of the object.
+    drawn : DrawnObject
+        The object itself.
+    drawn_faces : (n,) int32
+        Triangle of the object as it is drawn.
+    drawn_weights : (n, 2) float64
+        Weights of that triangle's second and third corner.
+    faces, weights
+        The same place on `drawn.mesh`, whose coordinates, normals and tangents these index.
+    changes : (n, 4) float32
+        By how much `weights` grow for one pixel to the right and for one down; empty where the plan
+        does not ask for derivatives.
+    places, pixels, counts
+        As in `texbake.rendering.raster.fragments.FragmentRows`.
+    back_facing : (n,) bool
+        Whether the triangle is seen from behind.
+    positions : (n, 3) float64
+        World space; set by "positions".
+    to_eye : (n, 3) float32
+        Unit vectors; set by "view directions".
+    uvs : (n, 2) float64
+        Set by "texture coordinates"; moved by "parallax".
+    uv_changes : (n, 4) float32
+        du, dv for one pixel to the right, du, dv for one down; set by "derivatives".
+    normals : (n, 3) float32
+        Unit shading normals in world space on the side that is seen; set by "normals", or by the
+        normal map in its place; changed by the bump map.
+    values : dict
+        Slot to (n or 1, C) float32.
+    light : (n, 3) float32
+        Light that leaves toward the eye.
+    ambient_share : (n or 1,) float32
+        Share of ambient and environment light that arrives.
+    """
+
+    target: int
+    drawn: DrawnObject
+    drawn_faces: IntArray
+    drawn_weights: FloatArray
+    faces: IntArray
+    weights: FloatArray
+    changes: Floats
+    places: Floats
+    pixels: IntArray
+    counts: Floats
+    back_facing: npt.NDArray[np.bool_]
+    positions: FloatArray | None = None
+    to_eye: Floats | None = None
+    uvs: FloatArray | None = None
+    uv_changes: Floats | None = None
+    normals: Floats | None = None
+    values: dict[str, Floats] = field(default_factory=dict)
+    light: Floats = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    ambient_share: Floats = field(default_factory=lambda: np.ones(1, np.float32))
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of all arrays that effects have made."""
+        arrays: list[Any] = [self.positions, self.to_eye, self.uvs, self.uv_changes, self.normals]
+        arrays += [*self.values.values(), self.light, self.ambient_share]
+        return sum(array.nbytes for array in arrays if array is not None)
+
+
+@kernel
+def row_of(values, i):  # type: ignore[no-untyped-def]
+    """Row of fragment i in values that have a row for each or one for all."""
+    return i if len(values) > 1 else 0
+
+
+@kernel
+def row_dot(a, i, b, j):  # type: ignore[no-untyped-def]
+    """Scalar product of row i of one list of vectors and row j of another."""
+    return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
+
+
+def one_row(value: float | tuple[float, ...], channels: int) -> Floats:
+    """(1, channels) float32: a constant as a row for all fragments, at most `BRIGHTEST`."""
+    row = np.empty((1, channels), np.float32)
+    row[0] = np.clip(value, -BRIGHTEST, BRIGHTEST)
+    return row
+
+
+@kernel
+def keep_finite(light):  # type: ignore[no-untyped-def]
+    """Bound light (n, 3) in place by `BRIGHTEST`; what is no number becomes 0.
+
+    Products of numbers that float32 just holds are not finite, nor is the shadow of such a light.
+    """
+    for i in range(len(light)):
+        for k in range(light.shape[1]):
+            if math.isnan(light[i, k]):
+                light[i, k] = 0.0
+            else:
+                light[i, k] = min(max(light[i, k], -BRIGHTEST), BRIGHTEST)

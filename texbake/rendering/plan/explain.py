@@ -1,0 +1,125 @@
+"""The plan of a picture, as rows of a table and as numbers for scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from texbake.rendering.picture import Costs
+from texbake.rendering.plan.effect import Call
+from texbake.rendering.plan.plan import Plan
+
+# Parts of every picture, which nothing has to call for, in the order in which they are run.
+EVERY_PICTURE = {
+    "rasterizing": "finds what each sample sees",
+    "fragments": "makes one fragment for each triangle in a pixel",
+    "pixels": "averages fragments",
+}
+# Most reasons that one row of the table tells.
+_TOLD = 2
+
+
+@dataclass(frozen=True)
+class PlanRow:
+    """One pass as a person reads it; milliseconds and bytes are None before it is run.
+
+    `milliseconds` are those of all threads together.
+    """
+
+    name: str
+    does: str
+    called_for_by: tuple[str, ...]
+    milliseconds: float | None
+    n_bytes: int | None
+    skipped: str
+
+
+def plan_rows(plan: Plan, costs: Costs | None = None) -> list[PlanRow]:
+    """Passes of a plan, in order, with what they took where that is known."""
+    rows = [_row(name, does, ("every picture",), costs) for name, does in EVERY_PICTURE.items()]
+    moving = [item for item in plan.passes if item.effect.moves_surface]
+    others = [item for item in plan.passes if not item.effect.moves_surface]
+    named = [
+        [_row(item.name, item.effect.does, tuple(_reasons(item.calls)), costs) for item in passes]
+        for passes in (moving, others)
+    ]
+    return [*named[0], *rows[:2], *named[1], rows[2]]
+
+
+def _row(name: str, does: str, reasons: tuple[str, ...], costs: Costs | None) -> PlanRow:
+    cost = costs.by_name.get(name) if costs is not None else None
+    if costs is None:
+        return PlanRow(name, does, reasons, None, None, "")
+    if cost is None:
+        return PlanRow(name, does, reasons, 0.0, 0, "")
+    return PlanRow(name, does, reasons, 1e3 * cost.seconds, cost.n_bytes, cost.skipped)
+
+
+def _reasons(calls: Iterable[Call]) -> list[str]:
+    """Why a pass is there, each reason once with all who have it; own reasons before others'."""
+    askers: dict[str, list[str]] = {}
+    for call in calls:
+        askers.setdefault(call.why, []).append(call.by)
+    return [f"{why} ({_some(by)})" for why, by in askers.items()]
+
+
+def _some(names: list[str]) -> str:
+    names = list(dict.fromkeys(names))
+    if len(names) <= _TOLD:
+        return ", ".join(names)
+    return f"{names[0]} and {len(names) - 1} others"
+
+
+def plan_table(
+    plan: Plan, costs: Costs | None = None
+) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
+    """Rows of strings: of the passes, with a row of heads; and of what was left out and why."""
+    head: tuple[str, ...] = ("pass", "called for by")
+    if costs is not None:
+        head = (*head, "ms", "kB")
+    rows: list[tuple[str, ...]] = [head]
+    for row in plan_rows(plan, costs):
+        told = "; ".join(row.called_for_by[:_TOLD])
+        if len(row.called_for_by) > _TOLD:
+            told += "; ..."
+        cells = (row.name, (row.skipped and f"not run: {row.skipped}") or told)
+        if row.milliseconds is not None and row.n_bytes is not None:
+            cells = (*cells, f"{row.milliseconds:,.1f}", f"{row.n_bytes / 1000:,.0f}")  # type: ignore[assignment]
+        rows.append(cells)
+    left_out = [
+        (item.name, f"{item.by}: {item.why}" if item.by else item.why) for item in plan.left_out
+    ]
+    return rows, left_out
+
+
+def plan_report(plan: Plan, costs: Costs | None = None) -> dict[str, Any]:
+    """Return the plan as values that JSON holds.
+
+    `passes` is a list of {name, does, called_for_by: [{target, by, why}], milliseconds, bytes,
+    skipped}, the last three only after rendering; `left_out` one of {name, by, why}.
+    """
+    calls = {
+        item.name: [{"target": call.target, "by": call.by, "why": call.why} for call in item.calls]
+        for item in plan.passes
+    }
+    passes = []
+    for row in plan_rows(plan, costs):
+        entry: dict[str, Any] = {
+            "name": row.name,
+            "does": row.does,
+            "called_for_by": calls.get(
+                row.name, [{"target": None, "by": "every picture", "why": "it is drawn"}]
+            ),
+        }
+        if row.milliseconds is not None:
+            entry |= {
+                "milliseconds": row.milliseconds,
+                "bytes": row.n_bytes,
+                "skipped": row.skipped or None,
+            }
+        passes.append(entry)
+    left_out = [
+        {"name": item.name, "by": item.by or None, "why": item.why} for item in plan.left_out
+    ]
+    return {"passes": passes, "left_out": left_out}

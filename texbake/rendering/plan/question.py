@@ -1,0 +1,157 @@
+"""What effects may ask about a scene before anything of it is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+
+from texbake.rendering.camera import Camera
+from texbake.rendering.maps import has_opacity
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import (
+    FILTERS_WITH_FOOTPRINT,
+    ImageTexture,
+    ProcedureTexture,
+    Texture,
+)
+
+# Slots of a material that hold a value themselves, in the order in which they are looked up.
+SHADING_SLOTS = {
+    "unlit": ("base_color",),
+    "lambert": ("base_color",),
+    "blinn-phong": ("base_color", "specular", "exponent", "gloss"),
+    "metallic-roughness": ("base_color", "roughness", "metalness"),
+}
+ALWAYS_READ_SLOTS = ("emission", "opacity")
+LIT_SLOTS = ("occlusion", "light_map")
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A scene, the choices made for its picture, and the camera.
+
+    `keep` names what the frame holds beside its color; `depth` counts pictures within pictures: 1
+    in an environment rendered for a reflecting object.
+    """
+
+    scene: Scene
+    options: RenderOptions
+    camera: Camera
+    keep: frozenset[str] = frozenset()
+    depth: int = 0
+
+    @property
+    def shows_buffer(self) -> bool:
+        """Whether the picture is of the renderer's inside, so that nothing is shaded."""
+        return self.options.buffer is not None
+
+    @cached_property
+    def seen(self) -> tuple[int, ...]:
+        """Objects that may be in the picture, by their bounding boxes."""
+        return tuple(
+            index
+            for index, item in enumerate(self.scene.objects)
+            if item.visible and _in_view(item, self.camera, self.options)
+        )
+
+    @cached_property
+    def shaded(self) -> tuple[int, ...]:
+        """Objects that may be in the picture and are shaded there."""
+        return () if self.shows_buffer else self.seen
+
+    @cached_property
+    def lit(self) -> tuple[int, ...]:
+        """Of those, the ones that light falls on."""
+        return tuple(i for i in self.shaded if self.material(i).shading != "unlit")
+
+    def material(self, index: int) -> Material:
+        """Material of an object."""
+        return self.scene.objects[index].material
+
+    def name(self, index: int) -> str:
+        """What the plan calls an object."""
+        return f'object "{self.scene.objects[index].name}"'
+
+    def light(self, index: int) -> Light:
+        """Return a light by its index."""
+        return self.scene.lighting.lights[index]
+
+    def slots(self, index: int) -> tuple[str, ...]:
+        """Slots of an object's material that its shading reads, whatever they hold."""
+        material = self.material(index)
+        lit = LIT_SLOTS if material.shading != "unlit" else ()
+        names = SHADING_SLOTS[material.shading] + ALWAYS_READ_SLOTS + lit
+        return tuple(name for name in names if getattr(material, name) is not None)
+
+    def textures(self, index: int) -> Iterator[tuple[str, Texture]]:
+        """Textures that shading an object looks up, each with where it stands in the material."""
+        material = self.material(index)
+        for name in self.slots(index):
+            slot = getattr(material, name)
+            if isinstance(slot, ImageTexture | ProcedureTexture):
+                yield name, slot
+        opacity = self.image_opacity(index)
+        if opacity is not None:
+            yield "base_color.opacity", opacity
+        for feature in "normal_map", "bump_map", "parallax", "reflection", "refraction":
+            holder = getattr(material, feature)
+            if holder is None:
+                continue
+            for field in fields(holder):
+                value = getattr(holder, field.name)
+                if isinstance(value, ImageTexture | ProcedureTexture):
+                    yield f"{feature}.{field.name}", value
+
+    def image_opacity(self, index: int) -> ImageTexture | None:
+        """Fourth channel of the base color's image, where it counts as opacity and there is one."""
+        if index not in self._image_opacities:
+            self._image_opacities[index] = _image_opacity(self.material(index))
+        return self._image_opacities[index]
+
+    @cached_property
+    def _image_opacities(self) -> dict[int, ImageTexture | None]:
+        """What has been asked before: telling whether a file has a fourth channel opens it."""
+        return {}
+
+    def filter_of(self, texture: ImageTexture) -> str:
+        """Filter of a texture: that of the options where they name one, else its own."""
+        return self.options.filter or texture.filter
+
+    def wants_footprint(self, texture: Texture) -> bool:
+        """Whether a texture's lookup needs to know how much of it a pixel covers."""
+        if isinstance(texture, ProcedureTexture):
+            return texture.filtered and self.options.filter not in ("nearest", "bilinear")
+        return self.filter_of(texture) in FILTERS_WITH_FOOTPRINT
+
+
+def _image_opacity(material: Material) -> ImageTexture | None:
+    texture = material.base_color
+    if material.alpha_mode == "opaque" or not isinstance(texture, ImageTexture):
+        return None
+    if texture.channel is not None or not has_opacity(texture.image):
+        return None
+    return replace(texture, channel=3, factor=1.0, color=False)
+
+
+def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:
+    """Whether the bounding box of an object reaches into the picture; may say yes wrongly.
+
+    What moves the surface (displacement) may leave the box, so such objects always do.
+    """
+    if item.material.displacement is not None:
+        return True
+    low, high = item.mesh.bounds
+    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+    matrix = camera.clip_from_world(options.width / options.height)
+    if item.transform is not None:
+        matrix = matrix @ item.transform
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, y, z, w = matrix @ np.concatenate([corners, np.ones((8, 1))], axis=1).T
+        outside = (x < -w).all() or (x > w).all() or (y < -w).all() or (y > w).all()
+        return not (outside or (z > w).all())

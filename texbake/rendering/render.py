@@ -1,0 +1,143 @@
+"""A mesh or a scene to a picture, in one call."""
+
+from __future__ import annotations
+
+from texbake.mesh.mesh import Mesh
+from texbake.progress import ProgressSink
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import plan_of, prepare
+from texbake.rendering.draw_picture import draw_picture
+from texbake.rendering.maps import MapSource
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.plan.plan import Plan
+from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.view import camera_of
+from texbake.rendering.studio import studio_scene
+
+
+def render(
+    mesh: Mesh,
+    *,
+    normal_map: MapSource | None = None,
+    displacement: MapSource | None = None,
+    albedo: MapSource | None = None,
+    options: RenderOptions | None = None,
+    camera: Camera | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> Frame:
+    """Render a mesh, with its maps where it has any, under the light of a studio.
+
+    Parameters
+    ----------
+    mesh
+        Any mesh; maps need texture coordinates.
+    normal_map : path, Image or (H, W, 3) float32, optional
+        An array holds decoded unit vectors in tangent space, +Y up; a file or image says in its
+        metadata which space and convention it has, else it is taken for the same.
+    displacement : path, Image or (H, W) float32, optional
+        An array holds heights in model units; the metadata of a file or image says how to decode
+        it, else its values are heights as they are. The mesh is cut into small triangles, which
+        are moved; without a normal map their own normals shade them.
+    albedo : path, Image or (H, W, 3) float32, optional
+        An array holds linear colors.
+    options
+        None for the defaults.
+    camera
+        None for one that frames the mesh (before displacement) as `options` says.
+    threads
+        None for every processor; the bytes of the result do not depend on it.
+    progress
+        Told of the stages.
+
+    Returns
+    -------
+    Frame
+        With its normals kept.
+
+    Raises
+    ------
+    UvError
+        A map is given for a mesh without texture coordinates.
+    OptionError
+        A map has another number of channels than it needs.
+    FileError
+        A map cannot be read.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import cube
+    >>> frame = render(cube(), options=RenderOptions(width=64, height=36))
+    >>> frame.color.shape
+    (36, 64, 4)
+    """
+    options = options or RenderOptions()
+    scene = studio_scene(
+        mesh, normal_map=normal_map, displacement=displacement, albedo=albedo, options=options
+    )
+    prepared = prepare(scene, options, threads=threads)
+    camera = camera or Camera.framing(mesh, options=options)
+    return draw_picture(prepared, camera, keep=("normals",), progress=progress)
+
+
+def render_scene(
+    scene: Scene,
+    options: RenderOptions | None = None,
+    *,
+    camera: Camera | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> Frame:
+    """Render a scene; only what it calls for is computed.
+
+    Parameters
+    ----------
+    scene
+        As `texbake.read_scene` reads it, or made in Python.
+    options
+        None for the defaults.
+    camera
+        None for that of the scene's view, else one that frames all objects as `options` says.
+    threads
+        None for every processor; the bytes of the result do not depend on it.
+    progress
+        Told of the stages.
+
+    Raises
+    ------
+    TexbakeError
+        A texture cannot be read, or a mesh lacks what its material needs.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import cube
+    >>> from texbake.rendering.scene.scene import SceneObject
+    >>> scene = Scene(objects=(SceneObject(mesh=cube()),))
+    >>> frame = render_scene(scene, RenderOptions(width=64, height=36))
+    >>> [item.name for item in frame.plan.passes][:2]
+    ['placing', 'slots']
+    """
+    options = options or RenderOptions()
+    prepared = prepare(scene, options, threads=threads)
+    return draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
+
+
+def plan_scene(
+    scene: Scene, options: RenderOptions | None = None, *, camera: Camera | None = None
+) -> Plan:
+    """Return the passes that a picture of a scene needs, and why; none of them is run.
+
+    Parameters are those of `render_scene`.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import cube
+    >>> from texbake.rendering.scene.material import Material
+    >>> from texbake.rendering.scene.scene import SceneObject
+    >>> dark = Scene(objects=(SceneObject(mesh=cube(), material=Material(shading="unlit")),))
+    >>> [item.name for item in plan_scene(dark).passes]
+    ['placing', 'slots', 'unlit']
+    """
+    options = options or RenderOptions()
+    return plan_of(prepare(scene, options), camera or camera_of(scene, options))

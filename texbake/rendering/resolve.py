@@ -1,0 +1,245 @@
+"""Fragments to pixels: each pixel's samples averaged, over what lies behind them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.files import PathLike
+from texbake.kernels import kernel
+from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.picture import Costs
+from texbake.rendering.picture_report import PictureBudget, PictureSampling
+from texbake.rendering.plan.plan import Plan
+from texbake.rendering.raster.visibility import Visibility
+from texbake.texture.image import FloatImage, write_image
+
+# Rows of pixels a band.
+_BAND = 16
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """A picture and what it shows; row 0 at the top.
+
+    Attributes
+    ----------
+    color : (H, W, 4) float32
+        Linear light and opacity. Over a background the opacity is 1; without one it is the
+        coverage, and the color is not multiplied by it.
+    coverage : (H, W) float32
+        Share of the pixel's samples that see a surface.
+    plan : Plan
+        What was computed for it.
+    costs : Costs
+        What that took.
+    sampling : PictureSampling, optional
+        What adaptive samples reached, where they were asked for.
+    budget : PictureBudget, optional
+        What a time budget was turned into, where there was one.
+    """
+
+    color: FloatImage
+    coverage: FloatImage
+    plan: Plan
+    costs: Costs
+    _visibility: Visibility
+    _near: float
+    _normals: FloatImage | None = field(default=None)
+    sampling: PictureSampling | None = None
+    budget: PictureBudget | None = None
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return len(self.color)
+
+    @property
+    def width(self) -> int:
+        """Pixels in a row."""
+        return len(self.color[0])
+
+    @property
+    def normals(self) -> FloatImage:
+        """(H, W, 3) float32: mean of the unit shading normals in world space, normalized.
+
+        0 where there is no surface.
+
+        Raises
+        ------
+        OptionError
+            The picture was drawn without keeping them.
+        """
+        if self._normals is None:
+            raise OptionError('frame: it kept no normals; draw it with keep=("normals",)')
+        return self._normals
+
+    @cached_property
+    def _nearest(self) -> tuple[IntArray, FloatImage]:
+        side = len(self._visibility.face_ids) // self.height
+        face_ids = np.full((self.height, self.width), -1, np.int32)
+        depths = np.full((self.height, self.width), np.inf, np.float32)
+        _nearest_kernel(
+            self._visibility.face_ids, self._visibility.depths, side, self._near, face_ids, depths
+        )
+        return face_ids, depths
+
+    @property
+    def face_ids(self) -> IntArray:
+        """(H, W) int32: the nearest opaque triangle in the pixel, as it was drawn; -1 for none.
+
+        Objects follow one another: the first triangle of the second has the number after the last
+        one of the first.
+        """
+        return self._nearest[0]
+
+    @property
+    def depths(self) -> FloatImage:
+        """(H, W) float32: its distance along the view in model units; infinite for none."""
+        return self._nearest[1]
+
+    def sampling_report(self) -> dict[str, Any]:
+        """Return `sampling` and `budget` as values that JSON holds, where they are there."""
+        parts = {"sampling": self.sampling, "budget": self.budget}
+        return {name: asdict(part) for name, part in parts.items() if part is not None}
+
+    def write(self, path: PathLike, *, threads: int | None = None) -> None:
+        """Write the color to an image file, with opacity only where not all of it is opaque.
+
+        Raises as `texbake.texture.image.write_image` does.
+        """
+        opaque = bool((self.color[..., 3] == 1.0).all())
+        write_image(
+            self.color[..., :3] if opaque else self.color, path, color=True, threads=threads
+        )
+
+
+@kernel
+def _nearest_kernel(face_ids, depths, side, near, ids_out, depths_out):  # type: ignore[no-untyped-def]
+    for row in range(ids_out.shape[0]):
+        for column in range(ids_out.shape[1]):
+            nearest = np.float32(0.0)
+            for j in range(row * side, (row + 1) * side):
+                for i in range(column * side, (column + 1) * side):
+                    if depths[j, i] > nearest:
+                        nearest = depths[j, i]
+                        ids_out[row, column] = face_ids[j, i]
+            if nearest > 0.0:
+                depths_out[row, column] = near / nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """What pixels have gathered so far, over their samples.
+
+    Attributes
+    ----------
+    color : (H, W, 4) float32
+        Sum of the light of the samples, and how many of them hide what is behind.
+    coverage : (H, W) float32
+        How many of them see a surface.
+    normals : (H, W, 3) float32
+        Sum of their normals; empty where they are not kept.
+    n_samples : int
+        Of each pixel. Sums are divided by it in the end, so that a full pixel is exactly full.
+    """
+
+    color: FloatImage
+    coverage: FloatImage
+    normals: FloatImage
+    n_samples: int
+
+    @classmethod
+    def empty(cls, height: int, width: int, *, n_samples: int, keeps_normals: bool) -> Sums:
+        """Return sums of no fragments."""
+        return cls(
+            np.zeros((height, width, 4), np.float32),
+            np.zeros((height, width), np.float32),
+            np.zeros((height if keeps_normals else 0, width, 3), np.float32),
+            n_samples,
+        )
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that they take."""
+        return self.color.nbytes + self.coverage.nbytes + self.normals.nbytes
+
+    def add(self, fragments: Fragments) -> None:
+        """Add opaque fragments to their pixels."""
+        keeps_normals = len(self.normals) > 0 and fragments.normals is not None
+        normals = fragments.normals if keeps_normals else _NO_ROWS
+        _add_kernel(
+            fragments.pixels, fragments.counts, fragments.light, normals,
+            self.color.reshape(-1, 4), self.coverage.reshape(-1), self.normals.reshape(-1, 3),
+        )  # fmt: skip
+
+    def finished(
+        self, behind: npt.NDArray[np.float32] | None, *, threads: int | None = None
+    ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
+        """Divide by the samples, in place: color over what is behind, coverage, unit normals.
+
+        Parameters
+        ----------
+        behind : (3,) or (H, W, 3) float32, optional
+            Linear light; None: the color keeps its opacity and is not multiplied by it.
+        """
+        layer = np.zeros((1, 1, 3), np.float32)
+        if behind is not None:
+            layer = np.ascontiguousarray(behind.reshape(1, 1, 3) if behind.ndim == 1 else behind)
+
+        def work(start: int, stop: int) -> None:
+            _finish_kernel(
+                self.color, self.coverage, self.normals, float(self.n_samples), layer,
+                behind is not None, start, stop,
+            )  # fmt: skip
+
+        run_bands(work, len(self.color), band=_BAND, threads=threads)
+        return self.color, self.coverage, self.normals if len(self.normals) else None
+
+
+_NO_ROWS = np.empty((0, 3), np.float32)
+
+
+@kernel
+def _add_kernel(pixels, counts, light, normals, color, coverage, normal_sums):  # type: ignore[no-untyped-def]
+    for i in range(len(pixels)):
+        pixel, count = pixels[i], counts[i]
+        for k in range(3):
+            color[pixel, k] += count * light[i, k]
+        color[pixel, 3] += count
+        coverage[pixel] += count
+        if len(normals) > 0:
+            for k in range(3):
+                normal_sums[pixel, k] += count * normals[i, k]
+
+
+@kernel
+def _finish_kernel(color, coverage, normals, n_samples, behind, opaque, start, stop):  # type: ignore[no-untyped-def]
+    for row in range(start, stop):
+        for column in range(color.shape[1]):
+            coverage[row, column] /= n_samples
+            hiding = min(np.float64(color[row, column, 3]), n_samples)
+            j = row if behind.shape[0] > 1 else 0
+            i = column if behind.shape[1] > 1 else 0
+            for k in range(3):
+                light = np.float64(color[row, column, k])
+                if opaque:
+                    light = (light + (n_samples - hiding) * behind[j, i, k]) / n_samples
+                elif hiding > 0.0:
+                    # The color stays that of the surface, however little there is of it.
+                    light /= hiding
+                color[row, column, k] = light
+            color[row, column, 3] = 1.0 if opaque else hiding / n_samples
+            if len(normals) > 0:
+                x, y, z = normals[row, column]
+                length = np.sqrt(x * x + y * y + z * z)
+                if length > 0.0:
+                    for k in range(3):
+                        normals[row, column, k] /= length

@@ -1,0 +1,143 @@
+"""Materials of a scene file: every slot, and the effects that hang on a material."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import PlainValidator, ValidationInfo
+
+from texbake.errors import FileError, OptionError
+from texbake.mapping.matrix_file import read_matrix
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.scene.file.faults import fault, shown
+from texbake.rendering.scene.file.tables import list_of, made, table
+from texbake.rendering.scene.file.textures import (
+    AmountSlot,
+    ColorSlot,
+    ImageOnly,
+    Texture,
+    UnitSlot,
+)
+from texbake.rendering.scene.file.values import (
+    Number,
+    Vector,
+    choice,
+    existing_file,
+    is_number,
+)
+from texbake.rendering.scene.material import (
+    ALPHA_MODES,
+    BUMP_FORMS,
+    CONVENTIONS,
+    DISPLACEMENT_SPACES,
+    ENVIRONMENTS,
+    NORMAL_SPACES,
+    SHADINGS,
+    BumpMap,
+    Displacement,
+    Material,
+    NormalMap,
+    Parallax,
+    ProjectedTexture,
+    Reflection,
+    Refraction,
+)
+from texbake.rendering.scene.projecting import picture_aspect, projector_matrix
+from texbake.rendering.scene.textures import ImageTexture
+
+NormalMapTable = table(
+    NormalMap,
+    {
+        "texture": ImageOnly,
+        "space": choice(NORMAL_SPACES),
+        "convention": choice(CONVENTIONS),
+    },
+    short="texture",
+)
+BumpMapTable = table(BumpMap, {"texture": Texture, "form": choice(BUMP_FORMS)}, short="texture")
+DisplacementTable = table(
+    Displacement, {"texture": Texture, "space": choice(DISPLACEMENT_SPACES)}, short="texture"
+)
+ParallaxTable = table(Parallax, {"texture": ImageOnly}, short="texture")
+_ENVIRONMENT = {"strength": ColorSlot, "environment": choice(ENVIRONMENTS)}
+ReflectionTable = table(Reflection, _ENVIRONMENT, short="strength")
+RefractionTable = table(Refraction, _ENVIRONMENT, short="strength")
+
+
+def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
+    """(4, 4) numbers of a list of sixteen, row by row, of four rows, or of a file."""
+    if isinstance(value, str):
+        try:
+            return np.array(read_matrix(existing_file(value, info)))
+        except FileError as error:
+            raise fault(str(error)) from error
+    flat = [
+        number
+        for row in (value if isinstance(value, list) else [])
+        for number in (row if isinstance(row, list) else [row])
+    ]
+    if len(flat) != 16 or not all(map(is_number, flat)):
+        raise fault(f"{shown(value)} is not 16 numbers, row by row, nor the name of a file of them")
+    return np.array(flat, np.float64).reshape(4, 4)
+
+
+Matrix = Annotated[Any, PlainValidator(_matrix)]
+
+
+def _projected(
+    texture: ImageTexture, matrix: FloatArray | None = None, **given: Any
+) -> ProjectedTexture:
+    strength = {"strength": given.pop("strength")} if "strength" in given else {}
+    if matrix is not None:
+        if given:
+            raise OptionError(f"{min(given)}: the matrix says it already; give one of them")
+        return ProjectedTexture(texture=texture, matrix=matrix, **strength)
+    for name in "position", "target":
+        if name not in given:
+            raise OptionError(f"{name}: it is missing; give position and target, or a matrix")
+    if "aspect" not in given:
+        given["aspect"] = picture_aspect(texture)
+    return ProjectedTexture(texture=texture, matrix=projector_matrix(**given), **strength)
+
+
+ProjectedTable = table(
+    ProjectedTexture,
+    {"texture": ImageOnly},
+    without=("matrix",),
+    more={
+        "matrix": Matrix,
+        "position": Vector,
+        "target": Vector,
+        "up": Vector,
+        "fov": Number,
+        "aspect": Number,
+    },
+)
+
+MaterialTable = table(
+    Material,
+    {
+        "shading": choice(SHADINGS),
+        "alpha_mode": choice(ALPHA_MODES),
+        "base_color": ColorSlot,
+        "specular": ColorSlot,
+        "exponent": AmountSlot,
+        "gloss": UnitSlot,
+        "roughness": UnitSlot,
+        "metalness": UnitSlot,
+        "emission": ColorSlot,
+        "occlusion": UnitSlot,
+        "opacity": UnitSlot,
+        "light_map": ColorSlot,
+        "normal_map": made(NormalMapTable, NormalMap),
+        "bump_map": made(BumpMapTable, BumpMap),
+        "displacement": made(DisplacementTable, Displacement),
+        "parallax": made(ParallaxTable, Parallax),
+        "reflection": made(ReflectionTable, Reflection),
+        "refraction": made(RefractionTable, Refraction),
+        "projected": list_of(made(ProjectedTable, _projected)),
+    },
+    without=("name",),
+)
+MaterialOf = made(MaterialTable, Material)

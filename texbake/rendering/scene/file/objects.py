@@ -1,0 +1,258 @@
+"""Objects of a scene file: their meshes read or made, mapped, and put into place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Discriminator, Tag
+
+from texbake.errors import OptionError
+from texbake.files import PathLike
+from texbake.mapping.options import METHODS, UnwrapOptions
+from texbake.mapping.unwrap import unwrap
+from texbake.mesh.files import read_mesh
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.parametric.make import make
+from texbake.mesh.parametric.options import SHAPES, MakeOptions
+from texbake.progress import ProgressSink
+from texbake.rendering.scene.file.faults import at, nearest
+from texbake.rendering.scene.file.materials import MaterialOf, Matrix
+from texbake.rendering.scene.file.tables import (
+    Table,
+    made,
+    table,
+    types_of_fields,
+)
+from texbake.rendering.scene.file.values import (
+    File,
+    Text,
+    Vector,
+    Whole,
+    choice,
+    numbers,
+)
+from texbake.rendering.scene.gltf.read import read_gltf_scene
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.placing import transform_matrix
+from texbake.rendering.scene.scene import SceneObject, checked_transform
+from texbake.texture.image import read_image
+
+# Shapes beside the parametric ones, with the function and what it takes.
+PLAIN_SHAPES: dict[str, tuple[str, ...]] = {
+    "cube": (),
+    "icosphere": ("level",),
+    "orange": ("n_triangles",),
+}
+GLTF_SUFFIXES = (".glb", ".gltf")
+
+MappingTable = table(
+    UnwrapOptions,
+    {"method": choice(METHODS), "matrix": Matrix},
+    name="Mapping",
+    required=("method",),
+    short="method",
+)
+
+
+def _mapping(matrix: FloatArray | None = None, **given: Any) -> UnwrapOptions:
+    if matrix is not None:
+        given["matrix"] = tuple(map(tuple, matrix.tolist()))
+    return UnwrapOptions(**given)
+
+
+def _material_kind(value: Any) -> str:
+    return "<name>" if isinstance(value, str) else "<table>"
+
+
+_MATERIAL = Annotated[
+    Annotated[Text, Tag("<name>")] | Annotated[MaterialOf, Tag("<table>")],
+    Discriminator(_material_kind),
+]
+_SHAPE_KEYS = {
+    **types_of_fields(MakeOptions),
+    "profile": File,
+    "patches": File,
+    "image": File,
+    "level": Whole,
+    "n_triangles": Whole,
+}
+_TRANSFORM_KEYS = {
+    "translate": Vector,
+    "rotate": Vector,
+    "scale": numbers(3, or_one=True),
+    "matrix": Matrix,
+}
+
+ObjectTable = table(
+    SceneObject,
+    name="Object",
+    without=("mesh", "material", "transform"),
+    more={
+        "mesh": File,
+        "shape": choice((*SHAPES, *PLAIN_SHAPES)),
+        **_SHAPE_KEYS,
+        "mapping": made(MappingTable, _mapping),
+        **_TRANSFORM_KEYS,
+        "material": _MATERIAL,
+    },
+)
+
+
+@dataclass
+class ObjectMaker:
+    """Makes the objects of a scene file.
+
+    Attributes
+    ----------
+    path
+        Of the scene file, for messages.
+    materials
+        Those that have a name.
+    notes
+        What files of objects ask for and is not shown.
+    files
+        Those that lie beside files of objects and belong to them.
+    """
+
+    path: PathLike
+    materials: Mapping[str, Material]
+    progress: ProgressSink | None = None
+    notes: list[str] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
+    _meshes: dict[Path, Mesh] = field(default_factory=dict)
+    _names: set[str] = field(default_factory=set)
+
+    def made(self, index: int, found: Table) -> list[SceneObject]:
+        """Objects that a table stands for: one, or all of a glTF file."""
+        given = found.given()
+        steps = "objects", index
+        with at(self.path, *steps):
+            transform = _transform(given)
+            _check_source(given)
+        material = self._material(steps, given.get("material"))
+        flags = {key: given[key] for key in _FLAGS if key in given}
+        if _is_whole_scene(given):
+            with at(self.path, *steps, "mesh"):
+                scene = read_gltf_scene(given["mesh"], progress=self.progress)
+            self.notes += scene.notes
+            self.files += scene.files
+            return [
+                replace(item, transform=_composed(transform, item.transform), **flags)
+                for item in scene.objects
+            ]
+        mesh = self._mapped(steps, self._mesh(steps, given), given.get("mapping"))
+        name = self._free_name(given.get("name") or Path(mesh.name).stem)
+        if material is not None and not isinstance(given["material"], str):
+            material = replace(material, name=name)
+        return [
+            SceneObject(
+                mesh=mesh,
+                material=material or Material(name=name),
+                transform=transform,
+                name=name,
+                **flags,
+            )
+        ]
+
+    def _material(self, steps: tuple[str, int], given: str | Material | None) -> Material | None:
+        if isinstance(given, str):
+            with at(self.path, *steps):
+                if given not in self.materials:
+                    known = nearest(given, self.materials)
+                    advice = known if self.materials else "the file has no [materials.NAME]"
+                    raise OptionError(f"material: there is no {given!r}; {advice}")
+            return self.materials[given]
+        return given
+
+    def _mesh(self, steps: tuple[str, int], given: Mapping[str, Any]) -> Mesh:
+        if "mesh" not in given:
+            with at(self.path, *steps):
+                return _shape(given)
+        path: Path = given["mesh"]
+        if path not in self._meshes:
+            with at(self.path, *steps, "mesh"):
+                self._meshes[path] = read_mesh(path, progress=self.progress)
+        return self._meshes[path]
+
+    def _mapped(self, steps: tuple[str, int], mesh: Mesh, options: UnwrapOptions | None) -> Mesh:
+        if options is None:
+            return mesh
+        with at(self.path, *steps, "mapping"):
+            return unwrap(mesh, options, progress=self.progress)
+
+    def _free_name(self, name: str) -> str:
+        free, n = name, 1
+        while free in self._names:
+            n += 1
+            free = f"{name} {n}"
+        self._names.add(free)
+        return free
+
+
+_FLAGS = ("casts_shadows", "receives_shadows", "visible")
+
+
+def _is_whole_scene(given: Mapping[str, Any]) -> bool:
+    """Whether an object is all that a glTF file holds, with its own materials."""
+    return (
+        "mesh" in given
+        and given["mesh"].suffix.lower() in GLTF_SUFFIXES
+        and not given.keys() & {"material", "mapping"}
+    )
+
+
+def _check_source(given: Mapping[str, Any]) -> None:
+    if ("mesh" in given) == ("shape" in given):
+        raise OptionError(
+            "shape: the mesh says it already; give one of them"
+            if "mesh" in given
+            else "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"
+        )
+    if "mesh" in given:
+        for key in given:
+            if key in _SHAPE_KEYS:
+                raise OptionError(f"{key}: it belongs to a shape, and this object has a mesh")
+
+
+def _transform(given: Mapping[str, Any]) -> FloatArray | None:
+    parts = {key: given[key] for key in ("translate", "rotate", "scale") if key in given}
+    if "matrix" in given:
+        if parts:
+            raise OptionError(f"{next(iter(parts))}: the matrix says it already; give one of them")
+        return checked_transform(given["matrix"], "matrix")
+    return checked_transform(transform_matrix(**parts), "scale") if parts else None
+
+
+def _composed(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray | None:
+    if outer is None or inner is None:
+        return inner if outer is None else outer
+    return outer @ inner
+
+
+def _shape(given: Mapping[str, Any]) -> Mesh:
+    shape: str = given["shape"]
+    options = {key: given[key] for key in given if key in _SHAPE_KEYS}
+    if shape in PLAIN_SHAPES:
+        for key in options:
+            if key not in PLAIN_SHAPES[shape]:
+                raise OptionError(f"{key}: the shape {shape} does not use it")
+        mesh: Mesh = getattr(import_module("texbake.mesh.shapes"), shape)(**options)
+        return _with_flat_sides(mesh) if shape == "cube" else mesh
+    for key in "level", "n_triangles":
+        if key in options:
+            raise OptionError(f"{key}: the shape {shape} does not use it")
+    if "image" in options:
+        options["image"] = read_image(options["image"], color=False).pixels
+    return make(shape, MakeOptions(**options))
+
+
+def _with_flat_sides(mesh: Mesh) -> Mesh:
+    """Return the mesh with a normal for each face, where shading would round its edges."""
+    corners = np.repeat(np.arange(mesh.n_faces, dtype=np.int32)[:, None], 3, axis=1)
+    return mesh.replace(normals=face_normals(mesh), normal_faces=corners)

@@ -1,0 +1,72 @@
+"""A scene file's text to a `Scene`."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from texbake.errors import FileFormatError
+from texbake.files import PathLike
+from texbake.progress import ProgressSink
+from texbake.rendering.scene.file.faults import at, first_fault
+from texbake.rendering.scene.file.objects import ObjectMaker
+from texbake.rendering.scene.file.schema import SceneTable
+from texbake.rendering.scene.file.values import Place
+from texbake.rendering.scene.lights import Ambient, Lighting
+from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.view import check_view
+
+
+def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = None) -> Scene:
+    """Scene of the content of a file.
+
+    Parameters
+    ----------
+    path
+        Of the file; names in it are relative to its folder.
+    text
+        TOML, in UTF-8.
+    progress
+        Told of the meshes that are read.
+
+    Raises
+    ------
+    FileFormatError
+        It is not TOML, or something in it is not as it should be; the message has the key.
+    """
+    place = Place(Path(path).parent)
+    try:
+        content = tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: it is not a scene file; it is not text in UTF-8") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FileFormatError(f"{path}: it is not TOML: {error}") from error
+    try:
+        found: Any = SceneTable.model_validate(content, context=place)
+    except ValidationError as error:
+        raise FileFormatError(f"{path}: {first_fault(error)}") from error
+    materials = {name: replace(material, name=name) for name, material in found.materials.items()}
+    maker = ObjectMaker(path, materials, progress)
+    objects = tuple(item for i, each in enumerate(found.objects) for item in maker.made(i, each))
+    scene = Scene(
+        objects=objects,
+        lighting=Lighting(
+            lights=found.lights,
+            ambient=found.ambient or Ambient(),
+            environment=found.environment,
+            occlusion=found.ambient_occlusion,
+            fog=found.fog,
+        ),
+        view=found.camera,
+        name=found.name or Path(path).name,
+        render=found.render or {},
+        notes=tuple(dict.fromkeys(maker.notes)),
+        files=tuple(dict.fromkeys([*place.files, *maker.files])),
+    )
+    with at(path, "camera"):
+        check_view(scene)
+    return scene

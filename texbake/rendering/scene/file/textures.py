@@ -1,0 +1,149 @@
+"""What slots hold in a scene file: constants, images, procedures.
+
+roughness = 0.4
+base_color = "#c87533"
+base_color = "bricks.png"
+base_color = {image = "bricks.png", filter = "ewa", scale = 3}
+base_color = {procedure = "marble", seed = 4, colors = ["#111", "#eee"]}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import Discriminator, PlainValidator, Tag
+
+from texbake.rendering.scene.file.faults import (
+    fault,
+    key_fault,
+    nearest,
+    shown,
+)
+from texbake.rendering.scene.file.tables import (
+    Table,
+    converted,
+    made,
+    table,
+)
+from texbake.rendering.scene.file.values import (
+    Channel,
+    Factor,
+    File,
+    Switch,
+    choice,
+    is_number,
+    linear,
+    numbers,
+)
+from texbake.rendering.scene.textures import (
+    FILTERS,
+    SPACES,
+    WRAPS,
+    ImageTexture,
+    ProcedureTexture,
+)
+from texbake.texture.procedures.options import (
+    PROCEDURE_DEFAULTS,
+    PROCEDURE_NAMES,
+    checked_parameters,
+)
+
+ImageTable = table(
+    ImageTexture,
+    {
+        "image": File,
+        "filter": choice(FILTERS),
+        "wrap": choice(WRAPS),
+        "border": numbers(None, or_one=True),
+        "scale": numbers(2, or_one=True),
+        "channel": Channel,
+        "factor": Factor,
+        "color": Switch,
+    },
+    short="image",
+)
+
+
+def _procedure_texture(found: Table) -> ProcedureTexture:
+    given, parameters = found.given(), found.model_extra or {}
+    known = PROCEDURE_DEFAULTS[given["procedure"]]
+    for key in parameters:
+        if key not in known:
+            keys = [*known, *ProcedureTable.keys()]
+            raise key_fault(key, f"unknown key of {given['procedure']}; {nearest(key, keys)}")
+    full = checked_parameters(given["procedure"], parameters)
+    return ProcedureTexture(**given, parameters={key: full[key] for key in parameters})
+
+
+ProcedureTable = table(
+    ProcedureTexture,
+    {
+        "procedure": choice(PROCEDURE_NAMES),
+        "space": choice(SPACES),
+        "scale": numbers(3, or_one=True),
+        "factor": Factor,
+    },
+    without=("parameters",),
+    takes_more=True,
+)
+ImageOnly = made(ImageTable, ImageTexture)
+Procedure = converted(ProcedureTable, _procedure_texture)
+
+
+def _kind_of(value: Any) -> str:
+    """Tag of what a value of a slot is meant to be."""
+    if isinstance(value, ImageTexture | ProcedureTexture):
+        return "<made>"
+    if isinstance(value, dict):
+        return "<procedure>" if "procedure" in value and "image" not in value else "<image>"
+    is_name = isinstance(value, str) and not value.startswith("#") and "." in value
+    return "<image>" if is_name else "<constant>"
+
+
+def _slot(check: Callable[[Any], Any]) -> Any:
+    """Type of a slot whose constants a function checks."""
+    return Annotated[
+        Annotated[Any, PlainValidator(check), Tag("<constant>")]
+        | Annotated[ImageOnly, Tag("<image>")]
+        | Annotated[Procedure, Tag("<procedure>")],
+        Discriminator(_kind_of),
+    ]
+
+
+def _number_in(low: float, high: float) -> Callable[[Any], float]:
+    reach = f"one from {low:g} to {high:g}" if high < 1e300 else f"one of {low:g} or more"
+
+    def check(value: Any) -> float:
+        if not is_number(value):
+            raise fault(f"{shown(value)} is no number; give {reach}, an image or a procedure")
+        if not low <= value <= high:
+            raise fault(f"{shown(value)} is out of range; give {reach}, an image or a procedure")
+        return float(value)
+
+    return check
+
+
+def _color(value: Any) -> tuple[float, ...]:
+    if isinstance(value, str) and value.startswith("#"):
+        return linear(value)
+    if is_number(value) and value >= 0:
+        return (float(value),) * 3
+    if isinstance(value, list) and len(value) == 3 and all(is_number(v) and v >= 0 for v in value):
+        return tuple(map(float, value))
+    raise fault(
+        f"{shown(value)} is no color; give a number, [r, g, b] (linear), '#rrggbb' (sRGB), "
+        "an image or a procedure"
+    )
+
+
+def _nothing(value: Any) -> Any:
+    raise fault(f"{shown(value)} is no texture; give an image or a procedure")
+
+
+ColorSlot = _slot(_color)
+# A share of something.
+UnitSlot = _slot(_number_in(0.0, 1.0))
+AmountSlot = _slot(_number_in(0.0, float("inf")))
+# An image or a procedure.
+Texture = _slot(_nothing)

@@ -1,0 +1,161 @@
+"""Single values of a scene file: numbers, vectors, colors, words, files.
+
+A color as a list is linear; "#rrggbb" is what color pickers show, which is sRGB-coded.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, PlainValidator, Strict, ValidationInfo
+
+from texbake.errors import FileError
+from texbake.mesh.files.source import require_file
+from texbake.rendering.scene.file.faults import fault, nearest, shown
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Strict()]
+Switch = Annotated[bool, Strict()]
+Text = Annotated[str, Strict()]
+
+_HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
+_COUNTS = {2: "two", 3: "three", 4: "four", 16: "sixteen"}
+
+
+@dataclass(frozen=True)
+class Place:
+    """What checks are told: the folder that names of files are relative to.
+
+    They note in `files` those that they find.
+    """
+
+    folder: Path
+    files: list[Path] = field(default_factory=list)
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_list(value: object, n: int | None) -> bool:
+    return (
+        isinstance(value, list | tuple)
+        and all(map(is_number, value))
+        and (len(value) == n if n is not None else len(value) > 0)
+    )
+
+
+def numbers(n: int | None, *, or_one: bool = False) -> Any:
+    """Type of a list of n finite numbers (None: of one or more), which becomes a tuple.
+
+    With `or_one` a single number is taken too; it stands for n times itself.
+    """
+    wanted = f"a list of {_COUNTS.get(n, n)} numbers" if n is not None else "a list of numbers"
+
+    def check(value: Any) -> tuple[float, ...]:
+        if or_one and is_number(value):
+            return (float(value),) * (n or 1)
+        if not _is_list(value, n):
+            raise fault(f"{shown(value)} is not {'a number or ' if or_one else ''}{wanted}")
+        return tuple(map(float, value))
+
+    return Annotated[Any, PlainValidator(check)]
+
+
+def linear(value: str) -> tuple[float, float, float]:
+    """Linear color of "#rrggbb" or "#rgb", which are sRGB-coded.
+
+    Raises the error of a field where it is neither.
+    """
+    if not _HEX.fullmatch(value):
+        raise fault(f"{value!r} is no color; write '#rrggbb', or a list of three linear numbers")
+    from texbake.texture.encoding import decode_srgb
+
+    digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
+    codes = [int(digits[i : i + 2], 16) / 255.0 for i in (0, 2, 4)]
+    red, green, blue = decode_srgb(codes).tolist()
+    return red, green, blue
+
+
+def color_of(value: Any) -> tuple[float, ...]:
+    """Linear color of three linear numbers or of "#rrggbb"."""
+    if isinstance(value, str):
+        return linear(value)
+    if not _is_list(value, 3):
+        raise fault(f"{shown(value)} is no color; give three linear numbers or '#rrggbb'")
+    if min(value) < 0:
+        raise fault(f"{shown(value)} is no color; its numbers must be 0 or more")
+    return tuple(map(float, value))
+
+
+def _factor(value: Any) -> float | tuple[float, ...]:
+    return float(value) if is_number(value) else color_of(value)
+
+
+def _colors(value: Any) -> tuple[tuple[float, ...], ...]:
+    if not isinstance(value, list) or len(value) < 2:
+        raise fault(f"{shown(value)} is not a list of two or more colors")
+    return tuple(map(color_of, value))
+
+
+Vector = numbers(3)
+Color = Annotated[Any, PlainValidator(color_of)]
+Colors = Annotated[Any, PlainValidator(_colors)]
+# What a texture is multiplied by.
+Factor = Annotated[Any, PlainValidator(_factor)]
+
+
+def choice(words: Sequence[str]) -> Any:
+    """Type of one word of a few."""
+
+    def check(value: Any) -> str:
+        if not isinstance(value, str) or value not in words:
+            advice = nearest(value, words) if isinstance(value, str) else ""
+            advice = advice if advice.startswith("did") else ""
+            listed = f"{shown(value)} is not one of {', '.join(words)}"
+            raise fault(f"{listed}; {advice}" if advice else listed)
+        return value
+
+    return Annotated[Any, PlainValidator(check)]
+
+
+def existing_file(value: Any, info: ValidationInfo) -> Path:
+    """Path of a file that is there, by its name relative to the scene file."""
+    if not isinstance(value, str) or not value:
+        raise fault(f"{shown(value)} is no name of a file")
+    assert isinstance(info.context, Place)
+    path = info.context.folder / value
+    try:
+        require_file(path)
+    except FileError as error:
+        raise fault(str(error)) from error
+    info.context.files.append(path)
+    return path
+
+
+File = Annotated[Any, PlainValidator(existing_file)]
+
+
+def _channel(value: Any) -> int:
+    if isinstance(value, str) and len(value) == 1 and value in "rgba":
+        return "rgba".index(value)
+    if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 3:
+        return value
+    raise fault(f"{shown(value)} is no channel; give 'r', 'g', 'b', 'a' or 0 to 3")
+
+
+Channel = Annotated[Any, PlainValidator(_channel)]
+
+
+def _tupled(value: Any) -> Any:
+    return tuple(map(_tupled, value)) if isinstance(value, list) else value
+
+
+# What an options class checks itself; lists become tuples.
+Plain = Annotated[Any, AfterValidator(_tupled)]

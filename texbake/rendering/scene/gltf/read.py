@@ -1,0 +1,192 @@
+"""Reading glTF 2.0 as a scene: objects with their materials, lights, and the first camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from texbake.errors import MeshError, OptionError
+from texbake.files import PathLike
+from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes
+from texbake.mesh.files.gltf_primitive import Piece, read_primitive
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import flat_normals
+from texbake.progress import ProgressSink, Stages
+from texbake.rendering.scene.gltf.lights import light_of, view_of
+from texbake.rendering.scene.gltf.materials import MaterialReader
+from texbake.rendering.scene.gltf.textures import TextureReader
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.scene import Scene, SceneObject, View
+
+# Extensions that are shown, or change nothing about how a scene looks.
+SHOWN = (
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_xmp_json_ld",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "MSFT_lod",
+)
+_MAX_CORNERS = (1 << 31) - 1
+
+
+def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene:
+    """Read a .glb or .gltf file as a scene.
+
+    Parameters
+    ----------
+    path
+        The file. Images that lie beside it are read when a picture needs them, those inside it now.
+    progress
+        Told of the one stage, ``read NAME``.
+
+    Returns
+    -------
+    Scene
+        One object a primitive that a node places, with the node's transform. Primitives without
+        normals are shaded flat, as the specification wants it; skins and morph targets are shown at
+        rest; points, lines, and what a node flattens, are left out. Of several cameras it is the
+        first. `notes` has what the file asks for and is not shown.
+
+    Raises
+    ------
+    FileError
+        The file, a buffer or an image beside it is missing or cannot be read.
+    FileFormatError
+        It is not glTF 2.0, it is damaged, or it requires an extension that is not shown.
+    MeshError
+        There are no triangles, or a coordinate is not finite.
+    """
+    with Stages(progress).stage(f"read {Path(path).name}"):
+        document = read_document(path)
+        for name in document.texts("extensionsRequired"):
+            if name not in SHOWN:
+                document.fail(f"it needs {name}, which is not shown")
+        return _Reader(document).scene()
+
+
+class _Reader:
+    """Collects the parts of a scene, node by node."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.textures = TextureReader(document)
+        self.materials = MaterialReader(document, self.textures)
+        self.objects: list[SceneObject] = []
+        self.lights: list[Light] = []
+        self.view: View | None = None
+        self.n_corners = 0
+        self.meshes: dict[tuple[int, int], Mesh | None] = {}
+        self.notes = [
+            f"it asks for {name}, which is not shown"
+            for name in document.texts("extensionsUsed")
+            if name not in SHOWN
+        ]
+
+    def scene(self) -> Scene:
+        """Everything that the file's scene holds."""
+        for node, matrix in placed_nodes(self.document):
+            if "mesh" in node:
+                self._add_mesh(node, mesh_matrix(node, matrix))
+            light = light_of(self.document, node, matrix)
+            if light is not None:
+                self.lights.append(light)
+            self._add_view(view_of(self.document, node, matrix))
+        path = self.document.path
+        if not self.objects:
+            raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+        return Scene(
+            objects=tuple(self.objects),
+            lighting=Lighting(lights=tuple(self.lights)),
+            view=self.view,
+            name=path.name,
+            notes=tuple(dict.fromkeys([*self.notes, *self.textures.notes])),
+            files=self._files(),
+        )
+
+    def _files(self) -> tuple[Path, ...]:
+        """Buffers and images that lie beside the file."""
+        document = self.document
+        owners = [*document.objects(document.content, "buffers"),
+                  *document.objects(document.content, "images")]  # fmt: skip
+        uris = [item.get("uri") for item in owners]
+        return tuple(
+            document.path.parent / unquote(uri)
+            for uri in uris
+            if isinstance(uri, str) and not uri.startswith("data:")
+        )
+
+    def _add_view(self, view: View | str | None) -> None:
+        if isinstance(view, str):
+            self.notes.append(view)
+        elif self.view is None:
+            self.view = view
+
+    def _add_mesh(self, node: dict[str, Any], matrix: FloatArray) -> None:
+        index = node["mesh"]
+        source = self.document.item("meshes", index)
+        name = str(node.get("name") or source.get("name") or f"mesh {index}")
+        primitives = self.document.objects(source, "primitives")
+        for i, primitive in enumerate(primitives):
+            attributes = self.document.mapping(primitive, "attributes")
+            found = self.materials.material(
+                primitive.get("material"), vertex_colors="COLOR_0" in attributes
+            )
+            if (index, i) not in self.meshes:
+                piece = read_primitive(
+                    self.document, primitive, uv_set=found.uv_set, keeps_colors=True
+                )
+                self.meshes[index, i] = self._mesh(piece, name, found.has_textures)
+            mesh = self.meshes[index, i]
+            if mesh is None:
+                continue
+            self.n_corners += max(mesh.faces.size, mesh.n_vertices)
+            if self.n_corners > _MAX_CORNERS:
+                self.document.fail("it places more triangles than 32-bit indices can count")
+            try:
+                item = SceneObject(
+                    mesh=mesh,
+                    material=found.material,
+                    transform=None if np.array_equal(matrix, np.eye(4)) else matrix,
+                    name=name if len(primitives) == 1 else f"{name} {i}",
+                )
+            except OptionError:
+                # The specification allows it, as a way to hide what a node holds.
+                self.notes.append(f"the node {name!r} flattens what it holds; it is left out")
+                continue
+            self.objects.append(item)
+
+    def _mesh(self, piece: Piece | None, name: str, has_textures: bool) -> Mesh | None:
+        if piece is None or len(piece.faces) == 0:
+            return None
+        has_normals = piece.normals is not None
+        tangents = None
+        if piece.tangents is not None and has_normals:
+            tangents = piece.tangents[piece.corners].astype(np.float32)
+        uvs, uv_faces = piece.uvs, piece.corners
+        if uvs is None and has_textures:
+            self.notes.append(f"{name!r} has textures and no coordinates for them; (0, 0) is shown")
+            uvs, uv_faces = np.array([[0.0, 1.0]]), 0 * piece.corners
+        mesh = Mesh(
+            positions=piece.positions,
+            faces=piece.faces,
+            uvs=uvs,
+            uv_faces=None if uvs is None else uv_faces,
+            normals=piece.normals,
+            normal_faces=piece.corners if has_normals else None,
+            tangents=tangents,
+            colors=piece.colors,
+            name=name,
+        )
+        if has_normals:
+            return mesh
+        normals, normal_faces = flat_normals(mesh)
+        return mesh.replace(normals=normals, normal_faces=normal_faces)
