@@ -81,7 +81,7 @@ def study(
     import texbake
     from texbake.pages.words import duration
     from texbake.study.plots import check_matplotlib
-    from texbake.study.study import study as run_study
+    from texbake.study.study import run_study
     from texbake.study.words import amount
     from texbake.study.write import write_study
 

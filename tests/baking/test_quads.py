@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from texbake.baking.quads import pair_faces
 from texbake.mesh.shapes import grid_sphere, icosphere, plane

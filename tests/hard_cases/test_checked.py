@@ -103,4 +103,4 @@ def test_what_is_not_seen_is_one_clear_error(case_named, in_cells):
         knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1
     )
     with pytest.raises(texbake.MeshError, match=r"nothing of .* is seen"):
-        texbake.study(mesh, mesh, options=options)
+        texbake.run_study(mesh, mesh, options=options)

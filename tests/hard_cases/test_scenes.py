@@ -5,8 +5,7 @@ import os
 import numpy as np
 import pytest
 from catalog.scenes import SMALL, checker, floor, looking, scene
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 import texbake
 from texbake import (

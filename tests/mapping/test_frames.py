@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from texbake.mapping.classical.frames import center_of, frame_about, points_about, upright_frame
 from texbake.mesh.mesh import Mesh

@@ -1,8 +1,7 @@
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts

@@ -1,8 +1,7 @@
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from texbake.mapping import overlap
 from texbake.mapping.overlap import find_overlaps, overlap_layers, overlapping_faces

@@ -3,9 +3,9 @@
 import pytest
 
 from texbake.study.options import StudyOptions
-from texbake.study.study import study
+from texbake.study.study import run_study
 
 
 @pytest.fixture(scope="session")
 def quick_study():
-    return study(options=StudyOptions(quick=True, repeats=1))
+    return run_study(options=StudyOptions(quick=True, repeats=1))

@@ -11,7 +11,7 @@ from texbake.mesh.shapes import cube, plane
 from texbake.study.knob import Knob, Outcome, Setting
 from texbake.study.options import KNOB_NAMES, StudyOptions
 from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
-from texbake.study.study import study
+from texbake.study.study import run_study
 from texbake.study.words import findings, spread
 from texbake.study.write import write_study
 
@@ -71,7 +71,7 @@ def test_settings_compete_only_within_their_problem():
 
 def test_errors_are_the_same_in_every_study_and_for_any_threads(quick_study):
     names = ("bump-gradient", "interpolation", "noise", "texture-size")
-    again = study(options=StudyOptions(quick=True, repeats=1, knobs=names, threads=1))
+    again = run_study(options=StudyOptions(quick=True, repeats=1, knobs=names, threads=1))
     before = {item.knob.name: item for item in quick_study.knobs}
     for item in again.knobs:
         assert [m.error for m in item.measurements] == [
@@ -81,7 +81,7 @@ def test_errors_are_the_same_in_every_study_and_for_any_threads(quick_study):
 
 def test_a_knob_that_does_not_fit_is_left_out_and_told(tmp_path):
     names = ("light-mesh", "noise")
-    result = study(cube(), cube(), options=StudyOptions(quick=True, repeats=1, knobs=names))
+    result = run_study(cube(), cube(), options=StudyOptions(quick=True, repeats=1, knobs=names))
     assert [item.knob.name for item in result.knobs] == ["noise"]
     assert list(result.skipped) == ["light-mesh"]
     assert "has 12 triangles" in result.to_json()["skipped"]["light-mesh"]
@@ -91,12 +91,12 @@ def test_a_knob_that_does_not_fit_is_left_out_and_told(tmp_path):
 
 def test_a_study_of_nothing_that_fits_is_one_clear_error():
     with pytest.raises(MeshError, match=r"^study light-mesh: .* has 12 triangles, too few"):
-        study(cube(), cube(), options=StudyOptions(quick=True, knobs=("light-mesh",)))
+        run_study(cube(), cube(), options=StudyOptions(quick=True, knobs=("light-mesh",)))
 
 
 def test_half_a_pair_is_refused():
     with pytest.raises(OptionError, match="a dense and a light mesh"):
-        study(plane())
+        run_study(plane())
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from texbake.errors import OptionError
 from texbake.texture.padding import nearest_owner, push_pull, spread

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.pulses import HARD, RAMP, SINE, box_mean

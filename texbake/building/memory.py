@@ -11,9 +11,7 @@ import os
 import re
 from pathlib import Path
 
-from texbake.baking.memory import MB as MB
-from texbake.baking.memory import PROCESS
-from texbake.baking.memory import TEXEL as TEXEL
+from texbake.baking.memory import MB as MB, PROCESS, TEXEL as TEXEL
 from texbake.building.step import InputSize, Sizes
 
 # A worker that has loaded everything, with what it does not give back after its steps.

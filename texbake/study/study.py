@@ -24,7 +24,7 @@ from texbake.study.runner import run_bench
 _QUICK_REPEATS = 2
 
 
-def study(
+def run_study(
     high: Mesh | None = None,
     low: Mesh | None = None,
     *,

@@ -3,8 +3,7 @@
 import string
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from texbake.baking.parts.matching import base_of, match_names
 from texbake.baking.parts.options import PartsOptions

@@ -10,8 +10,7 @@ from __future__ import annotations
 import sys
 import types
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
-from dataclasses import Field as DataField
+from dataclasses import MISSING, Field as DataField, fields
 from inspect import get_annotations
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
 

@@ -1,0 +1,216 @@
+"""The only list of the public names of the package; each is loaded when it is first used."""
+
+from .baking.bake import (
+    bake as bake,
+    remap as remap,
+    remap_hits as remap_hits,
+)
+from .baking.baked_map import (
+    BakedMap as BakedMap,
+    WrittenMap as WrittenMap,
+)
+from .baking.cage.fit import (
+    Cage as Cage,
+    fit_cage as fit_cage,
+)
+from .baking.hits_file import (
+    read_hits as read_hits,
+    write_hits as write_hits,
+)
+from .baking.options import BakeOptions as BakeOptions
+from .baking.parts.bake_parts import (
+    bake_parts as bake_parts,
+    match_parts as match_parts,
+)
+from .baking.parts.light import Canvas as Canvas
+from .baking.parts.options import PartsOptions as PartsOptions
+from .baking.parts.result import PartsResult as PartsResult
+from .baking.ray_maps import RayMaps as RayMaps
+from .baking.report import BakeReport as BakeReport
+from .baking.result import BakeResult as BakeResult
+from .baking.texture.camera import PhotoCamera as PhotoCamera
+from .baking.texture.options import (
+    PhotoOptions as PhotoOptions,
+    SolidOptions as SolidOptions,
+)
+from .baking.texture.photo import Photo as Photo
+from .baking.texture.photos import bake_photos as bake_photos
+from .baking.texture.result import (
+    TextureBake as TextureBake,
+    TextureReport as TextureReport,
+)
+from .baking.texture.solid import bake_solid as bake_solid
+from .building.build import (
+    build as build,
+    plan_build as plan_build,
+)
+from .building.options import BuildOptions as BuildOptions
+from .building.report import BuildResult as BuildResult
+from .building.watch import watch as watch
+from .checks.check import (
+    check as check,
+    check_files as check_files,
+)
+from .checks.finding import Finding as Finding
+from .checks.options import CheckOptions as CheckOptions
+from .checks.report import CheckReport as CheckReport
+from .errors import (
+    CageError as CageError,
+    DependencyError as DependencyError,
+    FileError as FileError,
+    FileFormatError as FileFormatError,
+    MeshError as MeshError,
+    MissError as MissError,
+    OptionError as OptionError,
+    TexbakeError as TexbakeError,
+    UnwrapError as UnwrapError,
+    UvError as UvError,
+)
+from .jobs.check_picture import render_findings as render_findings
+from .jobs.checker import render_checker as render_checker
+from .jobs.demo import demo as demo
+from .jobs.export.export import (
+    ExportResult as ExportResult,
+    export_asset as export_asset,
+)
+from .jobs.export.options import ExportOptions as ExportOptions
+from .jobs.layout import write_layout as write_layout
+from .jobs.light_map import (
+    LightMaps as LightMaps,
+    bake_light_maps as bake_light_maps,
+)
+from .jobs.options import (
+    DemoOptions as DemoOptions,
+    RunOptions as RunOptions,
+)
+from .jobs.run import (
+    RunResult as RunResult,
+    run as run,
+)
+from .mapping.distortion import (
+    Distortion as Distortion,
+    distortion as distortion,
+)
+from .mapping.layout import draw_layout as draw_layout
+from .mapping.layout_svg import layout_svg as layout_svg
+from .mapping.options import UnwrapOptions as UnwrapOptions
+from .mapping.unwrap import (
+    unwrap as unwrap,
+    unwrap_together as unwrap_together,
+    unwrap_with_report as unwrap_with_report,
+)
+from .mapping.unwrap_report import UnwrapReport as UnwrapReport
+from .mesh.curvature import vertex_curvatures as vertex_curvatures
+from .mesh.distance import (
+    SurfaceDistance as SurfaceDistance,
+    surface_distance as surface_distance,
+)
+from .mesh.files import (
+    read_mesh as read_mesh,
+    write_mesh as write_mesh,
+)
+from .mesh.info import (
+    MeshInfo as MeshInfo,
+    mesh_info as mesh_info,
+)
+from .mesh.materials import (
+    BaseColor as BaseColor,
+    Materials as Materials,
+    read_materials as read_materials,
+)
+from .mesh.mesh import Mesh as Mesh
+from .mesh.parametric.make import make as make
+from .mesh.parametric.options import MakeOptions as MakeOptions
+from .mesh.simplify import (
+    SimplifyReport as SimplifyReport,
+    simplify as simplify,
+    simplify_with_report as simplify_with_report,
+)
+from .mesh.tangents import corner_tangents as corner_tangents
+from .pages.bake_page import write_bake_page as write_bake_page
+from .rendering.camera import Camera as Camera
+from .rendering.compare import (
+    Closeness as Closeness,
+    Comparison as Comparison,
+    compare as compare,
+)
+from .rendering.options import RenderOptions as RenderOptions
+from .rendering.picture_report import (
+    PictureBudget as PictureBudget,
+    PictureSampling as PictureSampling,
+)
+from .rendering.plan.plan import Plan as Plan
+from .rendering.render import (
+    plan_scene as plan_scene,
+    render as render,
+    render_scene as render_scene,
+)
+from .rendering.resolve import Frame as Frame
+from .rendering.scene.lights import (
+    Ambient as Ambient,
+    AmbientOcclusion as AmbientOcclusion,
+    Environment as Environment,
+    Fog as Fog,
+    Light as Light,
+    Lighting as Lighting,
+    Shadow as Shadow,
+)
+from .rendering.scene.material import (
+    BumpMap as BumpMap,
+    Displacement as Displacement,
+    Material as Material,
+    NormalMap as NormalMap,
+    Parallax as Parallax,
+    ProjectedTexture as ProjectedTexture,
+    Reflection as Reflection,
+    Refraction as Refraction,
+)
+from .rendering.scene.read import read_scene as read_scene
+from .rendering.scene.scene import (
+    Scene as Scene,
+    SceneObject as SceneObject,
+    View as View,
+)
+from .rendering.scene.textures import (
+    ImageTexture as ImageTexture,
+    ProcedureTexture as ProcedureTexture,
+)
+from .study.options import StudyOptions as StudyOptions
+from .study.result import StudyResult as StudyResult
+from .study.study import run_study as run_study
+from .study.write import write_study as write_study
+from .texture.checker import checker_image as checker_image
+from .texture.cube_lookup import sample_cube as sample_cube
+from .texture.cube_map import CubeMap as CubeMap
+from .texture.height_options import (
+    HeightToNormalOptions as HeightToNormalOptions,
+    NormalToHeightOptions as NormalToHeightOptions,
+)
+from .texture.height_to_normal import height_to_normal as height_to_normal
+from .texture.image import (
+    Image as Image,
+    read_image as read_image,
+    write_image as write_image,
+)
+from .texture.latitude_longitude import (
+    from_latitude_longitude as from_latitude_longitude,
+    to_latitude_longitude as to_latitude_longitude,
+)
+from .texture.mipmaps import (
+    MipChain as MipChain,
+    mip_chain as mip_chain,
+)
+from .texture.normal_to_height import (
+    HeightField as HeightField,
+    normal_to_height as normal_to_height,
+)
+from .texture.pack import (
+    PackedTextures as PackedTextures,
+    pack_textures as pack_textures,
+)
+from .texture.pack_options import PackOptions as PackOptions
+from .texture.ramp import ramp_lookup as ramp_lookup
+from .texture.sample import sample_texture as sample_texture
+from .texture.volume import volume_lookup as volume_lookup
+
+__version__: str
