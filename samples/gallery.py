@@ -73,8 +73,8 @@ INTRODUCTION = """\
 
 A picture for every effect, with the scene file that made it. All of it is made by
 [`gallery.py`](gallery.py), its textures and meshes by [`gallery_sources.py`](gallery_sources.py).
-[Scene files](../docs/scenes.md) are explained in the documentation, and so are
-[passes](../docs/rendering.md): those named under a picture are all that
+[Scene files](../docs/reference/scenes.md) are explained in the documentation, and so are
+[passes](../docs/explanation/rendering.md): those named under a picture are all that
 `texbake preview SCENE --explain` lists for it, but for rasterizing, fragments and pixels, which
 every picture has. No line of the others was run.
 """

@@ -1,0 +1,158 @@
+"""Every command of the documentation runs, and every link of it leads somewhere."""
+
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from texbake_cli.main import texbake as command_line
+
+import texbake
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+sys.path.insert(0, str(DOCS))
+try:
+    import commands
+finally:
+    sys.path.remove(str(DOCS))
+
+PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])
+WITH_COMMANDS = [page for page in PAGES if commands.commands_of(page)]
+# The samples are the subject of this tutorial; all others work on meshes made below.
+LONGEST_SIDE = 128  # texels or pixels: what a page asks for is made smaller here
+NEVER_ENDS = {"watch"}
+
+SCENE = """
+[camera]
+view = [30, 20]
+[[lights]]
+kind = "directional"
+direction = [-1, -2, -1]
+[[objects]]
+shape = "sphere"
+resolution = [24, 12]
+material = {base_color = {procedure = "checker", space = "uv", scale = 8}}
+"""
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.fixture(scope="session")
+def world(tmp_path_factory) -> Path:
+    """Files that pages take for granted: a scan, low-poly meshes, images, scenes."""
+    folder = tmp_path_factory.mktemp("docs")
+    high = texbake.make("torus", resolution=(120, 60))
+    low = texbake.make("torus", resolution=(16, 10))
+    low = low.replace(uvs=None, uv_faces=None)
+    low_uv = texbake.unwrap(low, size=128, quality="fast", padding=4)
+    colors = 0.5 + 0.5 * np.sin(3 * high.positions)
+    texbake.write_mesh(high, folder / "scan.ply")
+    texbake.write_mesh(low, folder / "low.obj")
+    for name in "low_uv.obj", "lod1.obj", "lod2.obj":
+        texbake.write_mesh(low_uv, folder / name)
+    for part, kind in (("high", high), ("low", low_uv)):
+        mesh = kind.replace(
+            group_names=(f"ring_{part}",), face_groups=np.zeros(kind.n_faces, dtype=np.int32)
+        )
+        texbake.write_mesh(mesh, folder / f"parts_{part}.obj")
+    rows, columns = np.mgrid[0:32, 0:64] / 64
+    picture = np.stack([columns, rows, 0.5 + 0.5 * np.sin(20 * rows * columns)], axis=-1)
+    for name in "photo.png", "a.png", "b.png", "wood.png":
+        texbake.write_image(picture, folder / name, color=True, bits=8)
+    for name in "skew.png", "offset.png", "roughness.png":
+        texbake.write_image(picture[..., :1], folder / name, color=False, bits=8)
+    texbake.write_image(picture.astype(np.float32), folder / "studio.hdr", color=False)
+    baked = texbake.bake(
+        high, low_uv, texbake.BakeOptions(maps=("normal", "displacement"), size=64)
+    )
+    baked.maps["normal"].write(folder / "normal.png")
+    baked.maps["displacement"].write(folder / "height.exr")
+    texbake.write_mesh(
+        high.replace(colors=colors), folder / "scan.glb", base_color=folder / "photo.png"
+    )
+    for name in "scene.toml", "room.toml":
+        (folder / name).write_text(SCENE)
+    for name in "scans/a.ply", "hero/hero_v12.ply":
+        (folder / name).parent.mkdir()
+        texbake.write_mesh(high, folder / name)
+    (folder / "studio.toml").write_text(first_toml(DOCS / "how-to" / "build.md"))
+    shutil.copytree(ROOT / "samples", folder / "samples", ignore=shutil.ignore_patterns("gallery*"))
+    shutil.copytree(ROOT / "samples" / "scenes", folder / "scenes")
+    return folder
+
+
+def first_toml(page: Path) -> str:
+    found = re.search(r"^```toml\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+def smaller(words: list[str]) -> list[str]:
+    """Return a command line with sizes of at most LONGEST_SIDE."""
+    line = list(words)
+    for i, word in enumerate(line[:-1]):
+        if word == "--size":
+            sides = [min(int(side), LONGEST_SIDE) for side in line[i + 1].split("x")]
+            line[i + 1] = "x".join(map(str, sides))
+        if word == "--triangles":
+            line[i + 1] = str(min(int(line[i + 1]), 10_000))
+    if line[0] == "demo" and "--triangles" not in line:
+        line += ["--triangles", "10000", "--size", str(LONGEST_SIDE)]
+    return line
+
+
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=name_of)
+def test_every_command_runs(page, world, tmp_path, monkeypatch):
+    folder = tmp_path / "reader"
+    shutil.copytree(world, folder, copy_function=os.link)
+    monkeypatch.chdir(folder)
+    for name, text in commands.files_of(page).items():
+        Path(name).write_text(text, "utf-8")
+    for _, *words in commands.commands_of(page):
+        if words[0] in NEVER_ENDS:
+            continue
+        with pytest.raises(SystemExit) as stop:
+            command_line([*smaller(words), "--quiet"], prog_name="texbake")
+        # A check that finds errors exits with 1, which is what it is for.
+        assert stop.value.code in ({0, 1} if words[0] == "check" else {0, None}), words
+
+
+LINK = re.compile(r"!?\[[^]]*\]\(([^)#\s]*)(#[^)\s]*)?\)")
+
+
+def anchors_of(page: Path) -> set[str]:
+    """Anchors of a page's headings, as MkDocs and GitHub make them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.MULTILINE)
+    plain = (re.sub(r"[^\w\s-]", "", heading.lower()).strip() for heading in headings)
+    return {re.sub(r"[\s]+", "-", heading) for heading in plain}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_link_leads_somewhere(page):
+    broken = []
+    for target, anchor in LINK.findall(page.read_text("utf-8")):
+        if "://" in target or target.startswith("mailto:"):
+            continue
+        path = page if not target else (page.parent / target)
+        if not path.exists():
+            broken.append(target)
+        elif anchor and path.suffix == ".md" and anchor[1:] not in anchors_of(path):
+            broken.append(target + anchor)
+    assert not broken
+
+
+def test_tutorials_show_pictures_that_their_commands_draw():
+    for page in sorted((DOCS / "tutorials").glob("*.md")):
+        for name in commands.pictures_of(page):
+            assert (DOCS / "images" / page.stem / f"{name}.png").exists()
+            assert any(
+                f"{name}.png" in word or name in word
+                for line in commands.commands_of(page)
+                for word in line
+            )

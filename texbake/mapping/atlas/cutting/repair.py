@@ -1,0 +1,232 @@
+"""[atlas.cutting.mend]
+What xatlas leaves undone in its charts, made good.
+
+It rounds the width and height of every chart up to whole texels, which stretches small charts, and
+leaves some charts mirrored: each chart gets the linear map that makes its stretch even over all
+directions, and the area that its faces have in space. Slivers may come out mirrored, and a chart
+of a surface that meets itself may lie on itself: such faces are taken out. And faces that it
+ignores get a point for coordinates.
+"""
+
+from __future__ import annotations
+
+from texbake.mapping.areas import signed_areas
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.kernels.guided_local_search import move
+from texbake.mapping.overlap import overlap_layers
+from texbake.mapping.seams import connected_faces
+from texbake.mapping.seams import edge_ids
+from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import IntArray
+from typing import Any
+import numpy as np
+import numpy.typing as npt
+
+
+# Cells along the longest side of the bounding box of the grid that points are snapped to.
+# Positions that lie 1e6 sizes away from the origin carry 2^-33 of the size; with cells this much
+# wider, hardly one coordinate in a thousand changes its cell by such a move.
+GRID_CELLS = 2.0**20
+
+NO_CHART = 2**32 - 1  # of coordinates that lie in none
+_TINY = np.finfo(np.float64).tiny
+_NONE = np.empty(0, dtype=np.intp)
+
+# Most L2 stretch of a face: what is squashed or sheared more, or mirrored, has lost its shape.
+_MOST_STRETCH = 10.0
+
+# Faces narrower than this in space lose their shape by the snapping to the grid, which moves each
+# corner by up to half a cell in each direction. Those are taken out if their stretch is more than
+# this: nothing could be seen of them.
+_SLIVER_WIDTH = 4.0 / GRID_CELLS
+_MOST_SLIVER_STRETCH = 4.0
+
+# Overlaps no deeper than this are two borders that snapping brought together.
+OVERLAP_DEPTH = 0.5 / GRID_CELLS
+
+
+def mended_charts(
+    corners: FloatArray,
+    faces: npt.NDArray[np.integer[Any]],
+    uvs: npt.NDArray[np.floating[Any]],
+    chart_ids: npt.NDArray[np.integer[Any]],
+    *,
+    even: bool = True,
+) -> Charts | None:
+    """Turn what xatlas gives into charts that neither overlap nor are mirrored.
+
+    Parameters
+    ----------
+    corners : (F, 3, 3) float64
+        Positions of the corners of the faces, on the grid, in the unit cube.
+    faces : (F, 3) int
+        Indices into `uvs`.
+    uvs : (T, 2) float
+        Coordinates; those of a chart are meaningful up to a linear map.
+    chart_ids : (T,) int
+        2^32 - 1 for coordinates that lie in no chart.
+    even : bool
+        Whether charts get the linear map that makes their stretch even, and their area in space;
+        or have both already.
+
+    Returns
+    -------
+    Charts or None
+        None where no face has an area.
+    """
+    solid = np.flatnonzero((chart_ids[faces] != NO_CHART).all(axis=1)) if len(uvs) else _NONE
+    if len(solid) == 0:
+        return None
+    n_faces, corners = len(corners), corners[solid]
+    kept, ids, flat = _renumbered(faces[solid].astype(np.int64), chart_ids)
+    laid, n_mirrored = _turned_over(uvs[kept].astype(np.float64), flat, ids)
+    if even:
+        laid = _evened(laid, flat, ids, corners)
+
+    widths = _widths(corners)
+    squares = _squared_stretch(corners, laid[flat])
+    lost = squares > _MOST_STRETCH**2
+    keep = (widths >= _SLIVER_WIDTH) | (squares <= _MOST_SLIVER_STRETCH**2)
+    if not keep.any():
+        return None
+    solid, corners, flat, lost = solid[keep], corners[keep], flat[keep], lost[keep]
+    n_charts = len(np.unique(ids[flat[:, 0]]))
+    flat, laid, ids = _taken_apart(corners, flat, laid, ids, lost)
+    kept, ids, flat = _renumbered(flat, ids)
+    all_faces = np.zeros((n_faces, 3), dtype=np.int32)
+    all_faces[solid] = flat
+    return Charts(
+        uvs=laid[kept],
+        faces=all_faces,
+        chart_ids=ids,
+        n_ignored=n_faces - len(solid),
+        n_mirrored=n_mirrored,
+        n_split=int(ids.max()) + 1 - n_charts,
+    )
+
+
+def _renumbered(
+    faces: npt.NDArray[np.int64], chart_ids: npt.NDArray[np.integer[Any]]
+) -> tuple[npt.NDArray[np.int64], IntArray, npt.NDArray[np.int64]]:
+    """Coordinates that faces use, the charts of those numbered without gaps, and the faces."""
+    kept, new_faces = np.unique(faces, return_inverse=True)
+    _, ids = np.unique(chart_ids[kept], return_inverse=True)
+    return kept, ids.astype(np.int32), new_faces.reshape(-1, 3)
+
+
+def _widths(corners: FloatArray) -> FloatArray:
+    """(F,) float64: height of a face over its longest edge, in space."""
+    edges = corners - np.roll(corners, 1, axis=1)
+    longest = np.sqrt((edges**2).sum(axis=2).max(axis=1))
+    return np.asarray(2.0 * surface_areas(corners) / np.maximum(longest, _TINY))
+
+
+def _squared_stretch(corners: FloatArray, uvs: FloatArray) -> FloatArray:
+    """(F,) float64: (Γ² + γ²) / 2 of the map from the plane; infinite for a mirrored face."""
+    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    # The columns of the map are (edges · uv_edges⁻¹); the inverse is the adjugate over 2 A.
+    across = edges[:, 0] * uv_edges[:, 1, 1:] - edges[:, 1] * uv_edges[:, 0, 1:]
+    up = edges[:, 1] * uv_edges[:, 0, :1] - edges[:, 0] * uv_edges[:, 1, :1]
+    areas = 2.0 * signed_areas(uvs)
+    squares = np.full(len(corners), np.inf)
+    sums = (across**2).sum(axis=1) + (up**2).sum(axis=1)
+    np.divide(sums, 2.0 * areas**2, out=squares, where=areas > 0.0)
+    return squares
+
+
+def _taken_apart(
+    corners: FloatArray,
+    faces: npt.NDArray[np.int64],
+    uvs: FloatArray,
+    chart_ids: IntArray,
+    lost: npt.NDArray[np.bool_],
+) -> tuple[npt.NDArray[np.int64], FloatArray, IntArray]:
+    """Make charts of their own of `lost` faces, laid out anew, and of faces that lie on others.
+
+    Returns faces, coordinates and their chart ids; some coordinates may be in no use any more.
+    """
+    charts = chart_ids[faces[:, 0]]
+    layers = overlap_layers(uvs[faces], charts, depth=OVERLAP_DEPTH)
+    layers[lost] = 0
+    if not (layers.any() or lost.any()):
+        return faces, uvs, chart_ids
+    # What is left of a chart may fall apart as well, or one part would enclose another.
+    torn = np.isin(charts, charts[(layers > 0) | lost])
+    n_layers = int(layers.max()) + 1
+    joints = np.where(torn[:, None], faces * n_layers + layers[:, None], 0)
+    joints[lost] = len(uvs) * n_layers + np.arange(3 * lost.sum()).reshape(-1, 3)
+    new_charts = charts.astype(np.int64)
+    new_charts[torn] = charts.max() + 1 + connected_faces(edge_ids(joints[torn]))
+
+    uvs = np.concatenate([uvs, _laid_flat(corners[lost]).reshape(-1, 2)])
+    faces = faces.copy()
+    faces[lost] = np.arange(len(uvs) - 3 * lost.sum(), len(uvs)).reshape(-1, 3)
+    pairs = np.stack([faces, np.repeat(new_charts[:, None], 3, axis=1)], axis=2).reshape(-1, 2)
+    pairs, new_faces = np.unique(pairs, axis=0, return_inverse=True)
+    return new_faces.reshape(-1, 3), uvs[pairs[:, 0]], pairs[:, 1].astype(np.int32)
+
+
+def _laid_flat(corners: FloatArray) -> FloatArray:
+    """(F, 3, 2) float64: triangles laid into the plane with their lengths, counter-clockwise."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    lengths = np.linalg.norm(first, axis=1)
+    flat = np.zeros((len(corners), 3, 2))
+    flat[:, 1, 0] = lengths
+    flat[:, 2, 0] = np.einsum("ij,ij->i", first, second) / lengths
+    flat[:, 2, 1] = 2.0 * surface_areas(corners) / lengths
+    return flat
+
+
+def _turned_over(
+    uvs: FloatArray, faces: npt.NDArray[np.int64], chart_ids: IntArray
+) -> tuple[FloatArray, int]:
+    """Move each chart to the origin and mirror those with a negative area; and their number."""
+    counts = np.bincount(chart_ids)
+    means = [np.bincount(chart_ids, uvs[:, axis]) / counts for axis in (0, 1)]
+    centered = uvs - np.stack(means, axis=1)[chart_ids]
+    mirrored = np.bincount(chart_ids[faces[:, 0]], signed_areas(centered[faces])) < 0.0
+    centered[:, 0] *= np.where(mirrored, -1.0, 1.0)[chart_ids]
+    return centered, int(mirrored.sum())
+
+
+def _evened(
+    uvs: FloatArray, faces: npt.NDArray[np.int64], chart_ids: IntArray, corners: FloatArray
+) -> FloatArray:
+    """Give each chart the linear map that evens out its stretch, and its area in space.
+
+    With J the Jacobian of a face from space to texture and A its area in space, H = Σ A J Jᵀ is a
+    multiple of the identity where the chart is stretched alike in all directions, and H^(-1/2) is
+    the linear map that makes it so; of all maps that keep areas it leaves the least Dirichlet
+    energy.
+    """
+    face_charts = chart_ids[faces[:, 0]]
+    edges, areas = corners[:, 1:] - corners[:, :1], surface_areas(corners)
+    uv_edges = uvs[faces[:, 1:]] - uvs[faces[:, :1]]
+    # J Jᵀ = U G⁻¹ Uᵀ with the edges U in texture and their Gram matrix G in space; |G| = 4 A².
+    gram = np.einsum("fik,fjk->fij", edges, edges)
+    adjugates = np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2) - gram
+    weights = adjugates / (4.0 * np.maximum(areas, _TINY))[:, None, None]
+    moments = np.einsum("fik,fij,fjl->fkl", uv_edges, weights, uv_edges)
+    sums = [np.bincount(face_charts, moments[:, i, j]) for i in (0, 1) for j in (0, 1)]
+    maps = _inverse_square_roots(np.array(sums, dtype=np.float64).T.reshape(-1, 2, 2))
+    uvs = np.einsum("tij,tj->ti", maps[chart_ids], uvs)
+
+    flat_areas = np.bincount(face_charts, signed_areas(uvs[faces]))
+    squares = np.zeros_like(flat_areas)
+    np.divide(np.bincount(face_charts, areas), flat_areas, out=squares, where=flat_areas > 0.0)
+    return np.asarray(uvs * np.sqrt(squares)[chart_ids, None])
+
+
+def _inverse_square_roots(matrices: FloatArray) -> FloatArray:
+    """H^(-1/2) of symmetric positive (n, 2, 2) matrices; the identity for one that is singular."""
+    roots_det = np.sqrt(np.maximum(np.linalg.det(matrices), 0.0))
+    traces = np.trace(matrices, axis1=1, axis2=2)
+    singular = roots_det <= 1e-12 * traces  # a chart of 1 : 1e12 has no second direction
+    roots_det, traces = np.where(singular, 1.0, roots_det), np.where(singular, 2.0, traces)
+    matrices = np.where(singular[:, None, None], np.eye(2), matrices)
+    # Cayley and Hamilton: H^(1/2) = (H + √|H| 1) / √(tr H + 2 √|H|), of determinant √|H|.
+    norms = np.sqrt(traces + 2.0 * roots_det)[:, None, None]
+    roots = (matrices + roots_det[:, None, None] * np.eye(2)) / norms
+    adjugates = np.trace(roots, axis1=1, axis2=2)[:, None, None] * np.eye(2) - roots
+    return np.asarray(adjugates / roots_det[:, None, None])

@@ -1,0 +1,1 @@
+"""The compiled loops of the mappings: each file is named after its algorithm."""
