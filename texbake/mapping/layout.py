@@ -1,53 +1,39 @@
-"""[layout]
-A picture of texture coordinates: charts in colors of their own, outlined, with their triangles.
+"""A picture of texture coordinates: charts in colors of their own, outlined, with their triangles.
 
 What is wrong stands out: mirrored faces are red, and the colors of faces that overlap mix. Cuts
 through the surface are darker than the ends of the surface itself.
-
-
-[layout_ink]
-How much of each pixel faces and lines cover, with work that is bounded whatever lies on what.
-
-A pixel has a number of samples. Faces are looked at in their rows only as far as they reach there,
-and a pixel that has had its fill is left out from then on: with a hundred thousand faces on one
-another the picture takes no longer than with some dozens, which no eye could tell from it.
-
-Based on: R. Tarjan, "Efficiency of a good but not linear set union algorithm", 1975 (finding the
-next pixel of a row that still takes something).
 """
 
 from __future__ import annotations
 
-from texbake.kernels import kernel
-from texbake.mapping.areas import measurable_uvs
-from texbake.mapping.kernels.scanline_coverage import SAMPLES
-from texbake.mapping.kernels.scanline_coverage import fill_kernel
-from texbake.mapping.kernels.scanline_coverage import outline_kernel
-from texbake.mapping.layout_view import BACKGROUND
-from texbake.mapping.layout_view import EDGE_PX
-from texbake.mapping.layout_view import HEAT_RANGE
-from texbake.mapping.layout_view import HEAT_TICKS
-from texbake.mapping.layout_view import HEAT_WORDS
-from texbake.mapping.layout_view import INK
-from texbake.mapping.layout_view import OUTLINE_DARKNESS
-from texbake.mapping.layout_view import OUTLINE_PX
-from texbake.mapping.layout_view import SEAM_DARKNESS
-from texbake.mapping.layout_view import Window
-from texbake.mapping.layout_view import edge_darkness
-from texbake.mapping.layout_view import face_colors
-from texbake.mapping.layout_view import heat_color
-from texbake.mapping.layout_view import legend_size
-from texbake.mapping.layout_view import linear
-from texbake.mapping.seams import border_edges
-from texbake.mapping.seams import chart_ids
-from texbake.mapping.seams import seam_edges
-from texbake.mesh.mesh import FloatArray
-from texbake.mesh.mesh import Mesh
-from texbake.parallel import run_bands
-from texbake.text import text_coverage
 import math
+
 import numpy as np
 import numpy.typing as npt
+
+from texbake.mapping.areas import measurable_uvs
+from texbake.mapping.layout_ink import SAMPLES, add_faces, add_lines
+from texbake.mapping.layout_view import (
+    BACKGROUND,
+    EDGE_PX,
+    HEAT_RANGE,
+    HEAT_TICKS,
+    HEAT_WORDS,
+    INK,
+    OUTLINE_DARKNESS,
+    OUTLINE_PX,
+    SEAM_DARKNESS,
+    Window,
+    edge_darkness,
+    face_colors,
+    heat_color,
+    legend_size,
+    linear,
+)
+from texbake.mapping.seams import border_edges, chart_ids, seam_edges
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.parallel import run_bands
+from texbake.text import text_coverage
 
 Picture = npt.NDArray[np.float32]
 
@@ -195,55 +181,3 @@ def _stamp(
     columns = slice(left + left_cut, left + left_cut + ink.shape[1])
     color = linear(INK) if color is None else color
     picture[rows, columns] += ink * (color.astype(np.float32) - picture[rows, columns])
-
-
-def add_faces(
-    pixels: FloatArray,
-    colors: FloatArray,
-    top: int,
-    half_edge: float,
-    edge_light: float,
-    sums: FloatArray,
-) -> None:
-    """Add up the colors of the samples that each face covers, and their number.
-
-    Parameters
-    ----------
-    pixels : (F, 3, 2) float64
-        Corners, x to the right and y down.
-    colors : (F, 3) float64
-        Linear.
-    top : int
-        y of the first row of `sums`.
-    half_edge, edge_light : float
-        Samples this near to an edge of their face get so much of its light.
-    sums : (H, W, 4) float64
-        Added to: red, green, blue and the number of samples.
-    """
-    fill_kernel(pixels, colors, float(top), half_edge, edge_light, *_todo(sums.shape), sums)
-
-
-def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.uint16]) -> None:
-    """Set the bit of each sample that lies on a line.
-
-    Parameters
-    ----------
-    ends : (N, 2, 2) float64
-        A point is a line as well.
-    width : float
-        In pixels.
-    top : int
-        y of the first row of `masks`.
-    masks : (H, W) uint16
-        Added to.
-    """
-    outline_kernel(ends, float(top), width / 2.0, *_todo(masks.shape), masks)
-
-
-def _todo(shape: tuple[int, ...]) -> tuple[npt.NDArray[np.int32], ...]:
-    """Next pixel of each row and next row to look at, at first each itself; how often they were."""
-    height, width = shape[:2]
-    columns = np.tile(np.arange(width + 1, dtype=np.int32), (height + 1, 1))
-    rows = np.arange(height + 1, dtype=np.int32).reshape(1, -1)
-    looks = np.zeros((height, width + 1), dtype=np.int32)  # of pixels, and last of the row
-    return columns, rows, looks

@@ -1,19 +1,4 @@
-"""[classical.side_pictures]
-The pictures of the six sides of a box, laid out in the texture.
-
-They lie as the sides of a die seen from outside, each upright, all in one scale and with square
-texels:
-
-    +----+ +----+ +----+
-    | +x | | +y | | +z |
-    +----+ +----+ +----+
-    +----+ +----+ +----+
-    | -x | | -y | | -z |
-    +----+ +----+ +----+
-
-
-[classical.box_sides]
-Which of the six sides of a box each face of a mesh belongs to.
+"""Which of the six sides of a box each face of a mesh belongs to.
 
 By itself a face belongs to the side that its normal is nearest to. On noise, and on surfaces that
 lie evenly between two sides, that leaves a ragged border and single faces in the midst of another
@@ -26,25 +11,18 @@ A side is a number: 0 and 1 for +x and -x, 2 and 3 for +y and -y, 4 and 5 for +z
 from __future__ import annotations
 
 from dataclasses import dataclass
-from texbake.errors import OptionError
-from texbake.mapping.areas import surface_areas
-from texbake.mapping.classical.frames import in_frame
-from texbake.mapping.classical.frames import upright_frame
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.seams import edge_ids
-from texbake.mapping.seams import merged_labels
-from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray
-from texbake.mesh.mesh import IntArray
-from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import face_normals
-from texbake.mesh.weld import weld_rows
-from typing import Any
-import math
+
 import numpy as np
 import numpy.typing as npt
 
-N_SIDES = 6
+from texbake.mapping.adjacency import merged_labels
+from texbake.mapping.areas import surface_areas
+from texbake.mapping.classical.side_pictures import N_SIDES
+from texbake.mapping.seams import edge_ids
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -1,49 +1,17 @@
-"""[atlas.packing.settle]
-Layouts made exact: charts on the grid of texels, moved apart, turned a little, and grown.
-
-[atlas.packing.separate]
-Charts that lie on one another, moved apart: guided local search.
-
-Of a layout in which charts overlap, one chart after another goes to where it overlaps the others
-least, among samples of places and orientations that are followed downhill. How much an overlap
-counts is learnt for each pair: it grows as long as the pair overlaps and fades when it does not,
-which drives the search out of dead ends.
-
-Based on:
-
-- Jens Egeblad, Benny K. Nielsen, Allan Odgaard, "Fast neighborhood search for two- and
-  three-dimensional nesting problems", European Journal of Operational Research 183, 2007 (least
-  overlap by guided local search).
-- Jeroen Gardeyn, Greet Vanden Berghe, Tony Wauters, "An open-source heuristic to reboot 2D nesting
-  research", 2025 (samples followed downhill; weights that grow with the overlap).
-
-It departs in counting overlaps in cells of bitmaps: sums along rows of what each cell costs tell
-the overlap of a run of cells in one subtraction, and a layout without overlap is exact.
-"""
+"""Layouts made exact: charts on the grid of texels, moved apart, turned a little, and grown."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from texbake.kernels import kernel
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps
-from texbake.mapping.atlas.packing.bitmaps import Grid
-from texbake.mapping.atlas.packing.bitmaps import Shapes
-from texbake.mapping.atlas.packing.bitmaps import shapes_of
-from texbake.mapping.atlas.packing.poses import Outlines
-from texbake.mapping.atlas.packing.poses import Poses
-from texbake.mapping.kernels.guided_local_search import NONE_YET
-from texbake.mapping.kernels.guided_local_search import clear
-from texbake.mapping.kernels.guided_local_search import integrate
-from texbake.mapping.kernels.guided_local_search import is_near
-from texbake.mapping.kernels.guided_local_search import move
-from texbake.mapping.kernels.guided_local_search import next_random
-from texbake.mapping.kernels.guided_local_search import separate_kernel
-from texbake.mapping.kernels.guided_local_search import sum_costs
-from texbake.mesh.mesh import FloatArray
-from texbake.mesh.mesh import IntArray
 import math
+from dataclasses import dataclass
+
 import numpy as np
 
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
+from texbake.mapping.atlas.packing.poses import Outlines, Poses
+from texbake.mapping.atlas.packing.separate import Search, pair_weights, separate
+from texbake.mapping.atlas.packing.shapes import shapes_of
+from texbake.mesh.mesh import FloatArray, IntArray
 
 # Texels that a chart is taken to reach beyond its edge: half a unit of the 1/256 texel that
 # rasterizers snap to. Also more than float32 loses of a coordinate in a file.
@@ -54,8 +22,6 @@ _STEP, _LEAST_STEP = 0.004, 0.001  # of the scale, when charts grow
 _FIRST_STEP = 0.008  # of the scale, as long as they must shrink
 _MOST_SHRINKS = 40
 _SEARCH = Search(samples=24, radius=12, step=4, patience=80, work=300_000_000)
-
-_BASE_WEIGHT = 2048.0  # of a cell that overlaps; fractions of it are counted, in integers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,90 +138,3 @@ def _moved_apart(
     places = np.concatenate([places, np.zeros_like(places[:, :1])], axis=1)
     result = Settled(poses=poses, bitmaps=bitmaps, places=places, scale=scale)
     return result, overlap, work + steps + grid.width * grid.height // 4
-
-
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """How long and how far charts look for places.
-
-    Attributes
-    ----------
-    samples : int
-        Places that a move looks at before it follows the best ones downhill.
-    radius : int
-        Cells by which most moves go at most.
-    step : int
-        Cells of the first steps downhill.
-    patience : int
-        Sweeps over the charts without progress before it is given up.
-    work : int
-        Steps after which it is given up: a measure of time that is the same on every machine.
-    """
-
-    samples: int
-    radius: int
-    step: int
-    patience: int
-    work: int
-
-
-def pair_weights(areas: FloatArray) -> IntArray:
-    """(C, C) int32: what a cell of overlap costs each two charts, by their areas in cells.
-
-    More where a chart is small, which has few cells to lose but as far to go.
-    """
-    sides = np.sqrt(np.minimum.outer(areas, areas) + 1.0)
-    return np.asarray(np.clip(_BASE_WEIGHT / sides, 8.0, 2048.0), dtype=np.int32)
-
-
-def separate(
-    shapes: Shapes,
-    places: IntArray,
-    weights: IntArray,
-    *,
-    size: tuple[int, int],
-    search: Search,
-    seed: int,
-) -> tuple[IntArray, int, int]:
-    """Move charts until none touches what is out of bounds for it.
-
-    Parameters
-    ----------
-    shapes : Shapes
-    places : (C, 3) int32
-        Column, row and orientation of each chart, inside the grid.
-    weights : (C, C) int32
-        As from `pair_weights`.
-    size : (int, int)
-        Columns and rows of the grid.
-    search : Search
-    seed : int
-        Of the random samples.
-
-    Returns
-    -------
-    places : (C, 3) int32
-        Those of least overlap that were found.
-    overlap : int
-        Cells in which charts overlap there; 0 if they are apart.
-    work : int
-        Steps taken.
-    """
-    n_charts = len(places)
-    best_places = places.copy()
-    overlap, work = separate_kernel(
-        shapes,
-        places.copy(),
-        weights,
-        weights.copy(),
-        np.zeros((n_charts, n_charts), dtype=np.int32),
-        np.zeros((size[1], size[0] + 1), dtype=np.int32),
-        search.samples,
-        search.radius,
-        search.step,
-        search.patience,
-        search.work,
-        seed,
-        best_places,
-    )
-    return best_places, overlap, work

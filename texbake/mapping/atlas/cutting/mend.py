@@ -1,5 +1,4 @@
-"""[atlas.cutting.mend]
-What xatlas leaves undone in its charts, made good.
+"""What xatlas leaves undone in its charts, made good.
 
 It rounds the width and height of every chart up to whole texels, which stretches small charts, and
 leaves some charts mirrored: each chart gets the linear map that makes its stretch even over all
@@ -10,19 +9,16 @@ ignores get a point for coordinates.
 
 from __future__ import annotations
 
-from texbake.mapping.areas import signed_areas
-from texbake.mapping.areas import surface_areas
-from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.kernels.guided_local_search import move
-from texbake.mapping.overlap import overlap_layers
-from texbake.mapping.seams import connected_faces
-from texbake.mapping.seams import edge_ids
-from texbake.mesh.mesh import FloatArray
-from texbake.mesh.mesh import IntArray
 from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.overlap import overlap_layers
+from texbake.mapping.seams import connected_faces, edge_ids
+from texbake.mesh.mesh import FloatArray, IntArray
 
 # Cells along the longest side of the bounding box of the grid that points are snapped to.
 # Positions that lie 1e6 sizes away from the origin carry 2^-33 of the size; with cells this much

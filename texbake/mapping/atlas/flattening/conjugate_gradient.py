@@ -1,5 +1,4 @@
-"""[atlas.flattening.conjugate_gradient]
-Sparse symmetric systems of 2 x 2 blocks, solved by conjugate gradients.
+"""Sparse symmetric systems of 2 x 2 blocks, solved by conjugate gradients.
 
 What is solved for moves the vertices of a flat patch. The preconditioner adds up two corrections:
 each vertex for itself, by the inverse of its block; and whole regions of the patch, each moved and
@@ -14,17 +13,47 @@ levels, added).
 
 from __future__ import annotations
 
-from texbake.kernels import kernel
-from texbake.mapping.kernels.guided_local_search import move
-from texbake.mesh.mesh import FloatArray
-from texbake.mesh.mesh import IntArray
 import math
+
 import numpy as np
 
+from texbake.kernels import kernel
+from texbake.mesh.mesh import FloatArray, IntArray
+
+# Vertices of a region at the least, and halvings of the patch at the most: 64 regions are a system
+# of 192 unknowns, which takes about as long as ten iterations with 3,000 vertices.
+_REGION_SIZE = 64
+_MOST_HALVINGS = 6
 
 # What is added to the dense system, as a share of its diagonal: the patch as a whole is free to
 # move, so it is singular.
 _RIDGE = 1e-9
+
+
+def regions_of(uvs: FloatArray) -> IntArray:
+    """Halve a layout, and its parts, across their longer sides.
+
+    Parameters
+    ----------
+    uvs : (n, 2) float64
+
+    Returns
+    -------
+    (n,) int32
+        Regions from 0 without gaps; all 0 where the patch is too small for it to pay.
+    """
+    n = len(uvs)
+    regions = np.zeros(n, dtype=np.int64)
+    n_halvings = min(int(math.log2(max(n / _REGION_SIZE, 1.0))), _MOST_HALVINGS)
+    for level in range(n_halvings):
+        starts = np.arange(1 << level) * n // (1 << level)
+        order = np.argsort(regions, kind="stable")
+        by_region = uvs[order]
+        extents = np.maximum.reduceat(by_region, starts) - np.minimum.reduceat(by_region, starts)
+        axes = np.argmax(extents, axis=1)[regions]
+        order = np.lexsort((uvs[np.arange(n), axes], regions))
+        regions[order] = np.arange(n) * (2 << level) // n
+    return regions.astype(np.int32)
 
 
 @kernel

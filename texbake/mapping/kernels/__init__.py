@@ -1,1 +1,0 @@
-"""The compiled loops of the mappings: each file is named after its algorithm."""
