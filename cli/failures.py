@@ -20,7 +20,9 @@ from typing import IO, Any, NoReturn
 
 import click
 
-from texbake.errors import OptionError, TexbakeError
+from texbake import OptionError, TexbakeError
+
+from .flags import with_flags
 
 
 class Failure(click.ClickException):
@@ -66,9 +68,9 @@ def told_in_one_line(ctx: click.Context | None = None) -> Iterator[None]:
         message = error.format_message()
         raise _wrong_usage(message[:1].lower() + message[1:], error.ctx or ctx) from error
     except OptionError as error:
-        raise _wrong_usage(str(error), ctx) from error
+        raise _wrong_usage(with_flags(str(error), _command(ctx)), ctx) from error
     except TexbakeError as error:
-        raise Failure(f"texbake: {error}", 1) from error
+        raise Failure(f"texbake: {with_flags(str(error), _command(ctx))}", 1) from error
     except MemoryError as error:
         raise Failure(
             "texbake: out of memory; try a smaller --size, fewer --samples or fewer --threads", 1
@@ -77,6 +79,16 @@ def told_in_one_line(ctx: click.Context | None = None) -> Iterator[None]:
         raise Failure("texbake: terminated", 128 + error.signal_number) from error
     except KeyboardInterrupt as error:
         raise Failure("texbake: interrupted", 130) from error
+
+
+def _command(ctx: click.Context | None) -> click.Command | None:
+    """Return the command that was called, of a group the subcommand."""
+    if ctx is None:
+        return None
+    group, name = ctx.command, ctx.invoked_subcommand
+    if isinstance(group, click.Group) and name is not None:
+        return group.get_command(ctx, name)
+    return group
 
 
 def _wrong_usage(message: str, ctx: click.Context | None) -> Failure:

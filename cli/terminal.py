@@ -14,7 +14,9 @@ from typing import IO, TYPE_CHECKING, Any
 
 import click
 
-from texbake.errors import FileError
+from texbake import FileError
+
+from .flags import with_flags
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,7 +69,7 @@ class Terminal:
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
-        click.echo(f"texbake: warning: {text}", err=True)
+        click.echo(f"texbake: warning: {with_flags(text)}", err=True)
 
 
 def say(text: str) -> None:
@@ -85,7 +87,7 @@ def table(rows: Sequence[tuple[str, str]]) -> None:
     width = max((len(label) for label, value in rows if value), default=0)
     for label, value in rows:
         if value:
-            say(f"{label:<{width}}  {value}")
+            say(f"{label:<{width}}  {with_flags(value)}")
         else:
             say(click.style(label, bold=True))
 

@@ -4,11 +4,19 @@ A message says where, what, and what to do next, in one line::
 
     low.obj: it has no texture coordinates; make some with: texbake unwrap low.obj -o low_uv.obj
 
+Messages name parameters of the library: an `OptionError` opens with those at fault, as Python has
+them (`max_error: ...`), and elsewhere a parameter stands in backticks. The command line writes its
+flags in their place.
+
 The command line prints that line and exits 1, or 2 for an `OptionError`, which is wrong usage.
 Anything else that is raised is a bug and keeps its traceback.
 """
 
 from __future__ import annotations
+
+import re
+
+_OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
 
 
 class TexbakeError(Exception):
@@ -16,7 +24,17 @@ class TexbakeError(Exception):
 
 
 class OptionError(TexbakeError, ValueError):
-    """An option has a value that it cannot have, or two options contradict each other."""
+    """An option has a value that it cannot have, or two options contradict each other.
+
+    >>> OptionError("front, back: both are 0").parameters
+    ('front', 'back')
+    """
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters at fault, with which the message opens."""
+        opening = _OPENING.match(str(self))
+        return () if opening is None else tuple(opening[0].split(", "))
 
 
 class DependencyError(TexbakeError, ImportError):
