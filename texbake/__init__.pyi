@@ -180,37 +180,36 @@ from .study.result import StudyResult as StudyResult
 from .study.study import run_study as run_study
 from .study.write import write_study as write_study
 from .texture.checker import checker_image as checker_image
-from .texture.cube_lookup import sample_cube as sample_cube
+from .texture.cube_lookup import (
+    from_latitude_longitude as from_latitude_longitude,
+    sample_cube as sample_cube,
+    to_latitude_longitude as to_latitude_longitude,
+)
 from .texture.cube_map import CubeMap as CubeMap
 from .texture.height_options import (
     HeightToNormalOptions as HeightToNormalOptions,
     NormalToHeightOptions as NormalToHeightOptions,
 )
-from .texture.height_to_normal import height_to_normal as height_to_normal
+from .texture.heights_and_normals import (
+    HeightField as HeightField,
+    height_to_normal as height_to_normal,
+    normal_to_height as normal_to_height,
+)
 from .texture.image import (
     Image as Image,
     read_image as read_image,
     write_image as write_image,
 )
-from .texture.latitude_longitude import (
-    from_latitude_longitude as from_latitude_longitude,
-    to_latitude_longitude as to_latitude_longitude,
-)
+from .texture.lookup import ramp_lookup as ramp_lookup, volume_lookup as volume_lookup
 from .texture.mipmaps import (
     MipChain as MipChain,
     mip_chain as mip_chain,
-)
-from .texture.normal_to_height import (
-    HeightField as HeightField,
-    normal_to_height as normal_to_height,
 )
 from .texture.pack import (
     PackedTextures as PackedTextures,
     pack_textures as pack_textures,
 )
 from .texture.pack_options import PackOptions as PackOptions
-from .texture.ramp import ramp_lookup as ramp_lookup
 from .texture.sample import sample_texture as sample_texture
-from .texture.volume import volume_lookup as volume_lookup
 
 __version__: str

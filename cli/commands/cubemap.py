@@ -75,7 +75,7 @@ def cubemap(
     """
     options = CubeOptions(**choices)
     check_distinct([output], [source])
-    from texbake.texture.cube_convert import convert_cube
+    from texbake.texture.cube_files import convert_cube
 
     with terminal.progress():
         done = convert_cube(source, output, options, threads=threads)

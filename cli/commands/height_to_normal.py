@@ -87,9 +87,9 @@ def height_to_normal(
     check_distinct([output], [height])
     check_writable(output)
     import texbake
-    from texbake.texture.height_to_normal import height_scale
+    from texbake.texture.heights_and_normals import height_scale
+    from texbake.texture.image_files import write_normals
     from texbake.texture.image_formats import check_image_format
-    from texbake.texture.map_files import write_normals
 
     check_image_format(output, bits, channels=3, lossless=True)
     image = texbake.read_image(height, color=False, threads=threads)

@@ -75,8 +75,8 @@ def normal_to_height(
     check_distinct([output], [normal])
     check_writable(output)
     import texbake
+    from texbake.texture.image_files import write_heights
     from texbake.texture.image_formats import check_image_format
-    from texbake.texture.map_files import write_heights
 
     check_image_format(output, bits, channels=1, lossless=True)
     image = texbake.read_image(normal, color=False, threads=threads)

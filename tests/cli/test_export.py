@@ -6,7 +6,7 @@ import pytest
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import write_image
-from texbake.texture.map_files import write_normals
+from texbake.texture.image_files import write_normals
 
 
 @pytest.fixture

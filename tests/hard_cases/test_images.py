@@ -20,8 +20,7 @@ from texbake.texture.encoding import (
     height_range,
     quantize_unsigned,
 )
-from texbake.texture.nearest import nearest_owner
-from texbake.texture.padding import push_pull, spread
+from texbake.texture.padding import nearest_owner, push_pull, spread
 
 # Coordinates at the ends of what there is.
 PLACES = np.array(

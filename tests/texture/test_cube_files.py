@@ -2,12 +2,17 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.texture.cube_convert import convert_cube
-from texbake.texture.cube_files import cross_picture, cube_of_cross, in_convention, read_faces
+from texbake.texture.cube_files import (
+    convert_cube,
+    cross_picture,
+    cube_of_cross,
+    in_convention,
+    read_faces,
+)
+from texbake.texture.cube_lookup import from_latitude_longitude
 from texbake.texture.cube_map import CubeMap, cube_face_axes, texel_directions
 from texbake.texture.cube_options import CONVENTIONS, CubeOptions
 from texbake.texture.image import read_image, write_image
-from texbake.texture.latitude_longitude import from_latitude_longitude
 
 
 @pytest.fixture

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_chain import cube_chain
-from texbake.texture.cube_lookup import CUBE_FILTERS, resized, sample_cube
+from texbake.texture.cube_kernels import FACE_AXES
+from texbake.texture.cube_lookup import CUBE_FILTERS, resize_cube, sample_cube
 from texbake.texture.cube_map import (
-    FACE_AXES,
     CubeMap,
+    cube_chain,
     face_directions,
-    locate,
+    locate_directions,
     texel_directions,
 )
 
@@ -42,7 +42,7 @@ def test_through_a_texels_center_it_gives_the_texel(filter_name, size):
 
 
 def test_nearest_is_the_texel_that_holds_the_direction(noise, directions):
-    faces, st = locate(directions.astype(np.float64))
+    faces, st = locate_directions(directions.astype(np.float64))
     columns, rows = np.floor(st * 8).astype(int).T
     found = sample_cube(noise, directions, filter="nearest")
     np.testing.assert_array_equal(found, noise.faces[faces, rows, columns])
@@ -115,7 +115,7 @@ def test_a_smooth_function_is_followed_everywhere(directions):
     cube = CubeMap(smooth(texel_directions(size)))
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     error = np.abs(sample_cube(cube, directions) - smooth(unit))
-    _, st = locate(directions.astype(np.float64))
+    _, st = locate_directions(directions.astype(np.float64))
     at_edge = (np.abs(st - 0.5) > 0.5 - 0.5 / size).any(axis=1)
     # Linear interpolation: h²/8 of each second derivative, |k|² = 5.25, h = 2/64.
     assert error[~at_edge].max() < 2 * 5.25 * (2 / size) ** 2 / 8
@@ -185,13 +185,13 @@ def test_the_same_bytes_for_any_number_of_threads(noise):
 
 
 def test_resizing(noise):
-    assert resized(noise, 8) is noise
-    assert resized(noise, 3).size == 3
-    larger = resized(noise, 24)
+    assert resize_cube(noise, 8) is noise
+    assert resize_cube(noise, 3).size == 3
+    larger = resize_cube(noise, 24)
     # The middle one of each 3 x 3 has the direction of the old texel, to float32.
     np.testing.assert_allclose(larger.faces[:, 1::3, 1::3], noise.faces, atol=2e-6)
     with pytest.raises(OptionError, match="size: 0"):
-        resized(noise, 0)
+        resize_cube(noise, 0)
 
 
 def test_wrong_arguments_are_one_clear_error(noise):

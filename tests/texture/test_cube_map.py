@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_chain import CubeChain, cube_chain, reduced
 from texbake.texture.cube_map import (
+    CubeChain,
     CubeMap,
+    cube_chain,
     cube_face_axes,
     face_directions,
-    locate,
+    locate_directions,
+    shrink_cube,
     solid_angles,
     texel_directions,
 )
@@ -37,7 +39,7 @@ def noise():
 def test_axes_are_those_of_opengls_table(face):
     middle, s, t = map(axis, TABLE[face].split())
     point = middle + 0.5 * s - 0.25 * t
-    faces, st = locate(3.0 * point)
+    faces, st = locate_directions(3.0 * point)
     assert faces == face
     assert st.tolist() == [0.75, 0.375]
 
@@ -47,7 +49,7 @@ def test_a_camera_turned_by_the_axes_sees_the_face_mirrored(face):
     right, up, back = cube_face_axes(face)
     np.testing.assert_array_equal(np.cross(right, up), back)
     # What is at the right and top of its picture is at the left and top of the face.
-    faces, st = locate(-back + 0.5 * right + 0.5 * up)
+    faces, st = locate_directions(-back + 0.5 * right + 0.5 * up)
     assert faces == face
     assert st.tolist() == [0.25, 0.25]
     views = np.zeros((6, 4, 4, 1), np.float32)
@@ -57,7 +59,7 @@ def test_a_camera_turned_by_the_axes_sees_the_face_mirrored(face):
 
 def test_directions_of_texels_lie_on_them():
     for size in 1, 2, 5:
-        faces, st = locate(face_directions(size))
+        faces, st = locate_directions(face_directions(size))
         assert (faces == np.arange(6)[:, None, None]).all()
         centers = (np.arange(size) + 0.5) / size
         expected = np.stack(np.meshgrid(centers, centers), axis=-1)
@@ -140,14 +142,14 @@ def test_a_face_that_there_is_not():
 def test_reducing_keeps_a_constant_exactly(source, size):
     value = np.array([0.1, 3.3e4, 1e-6], np.float32)
     cube = CubeMap(np.broadcast_to(value, (6, source, source, 3)))
-    assert (reduced(cube, size).faces == value).all()
+    assert (shrink_cube(cube, size).faces == value).all()
 
 
 @pytest.mark.parametrize(("source", "size"), [(16, 8), (12, 4), (12, 1)])
 def test_reducing_by_a_whole_factor_keeps_the_energy(source, size):
     cube = CubeMap(np.random.default_rng(1).random((6, source, source, 2)).astype(np.float32))
     before = (cube.faces * solid_angles(source)[None, ..., None]).sum((0, 1, 2))
-    after = (reduced(cube, size).faces * solid_angles(size)[None, ..., None]).sum((0, 1, 2))
+    after = (shrink_cube(cube, size).faces * solid_angles(size)[None, ..., None]).sum((0, 1, 2))
     # Float32 rounding of the texels alone.
     np.testing.assert_allclose(after, before, rtol=1e-6)
 
@@ -157,15 +159,15 @@ def test_reducing_by_a_fraction_follows_a_smooth_function():
     # The mean over a texel of width h = 2/10 is off its middle by h²/24 times the second
     # derivatives, which on a face are at most 8 together: of e^0.99, and of the bend of directions.
     np.testing.assert_allclose(
-        reduced(cube, 10).faces, waves(texel_directions(10)), atol=8 * 0.2**2 / 24
+        shrink_cube(cube, 10).faces, waves(texel_directions(10)), atol=8 * 0.2**2 / 24
     )
 
 
 def test_reducing_to_a_size_that_cannot_be(noise):
-    assert reduced(noise, 7) is noise
+    assert shrink_cube(noise, 7) is noise
     for size in 0, 8:
         with pytest.raises(OptionError, match=f"size: {size} is not from 1 to 7"):
-            reduced(noise, size)
+            shrink_cube(noise, size)
 
 
 def test_a_chain_goes_down_to_one_texel_a_face(noise):
@@ -173,7 +175,7 @@ def test_a_chain_goes_down_to_one_texel_a_face(noise):
     assert chain.sizes.tolist() == [7, 3, 1]
     assert (chain.n_levels, chain.n_channels, chain.size) == (3, 3, 7)
     np.testing.assert_array_equal(chain.level(0).faces, noise.faces)
-    np.testing.assert_array_equal(chain.level(1).faces, reduced(noise, 3).faces)
+    np.testing.assert_array_equal(chain.level(1).faces, shrink_cube(noise, 3).faces)
     assert len(chain.texels) == 6 * (9**2 + 5**2 + 3**2)
 
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.texture.procedures import signed_noise
-from texbake.texture.procedures.gradient_noise import WEIGHTS, gradients
-from texbake.texture.procedures.lattice import _SplitMix64, lattice
+from texbake.texture.procedures.noise import WEIGHTS, _SplitMix64, gradients, lattice
 
 BOTH = pytest.mark.parametrize("weight", ["cubic", "quintic"])
 

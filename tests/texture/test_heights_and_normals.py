@@ -12,9 +12,8 @@ from texbake.texture.height_options import (
     HeightToNormalOptions,
     NormalToHeightOptions,
 )
-from texbake.texture.height_to_normal import height_to_normal
+from texbake.texture.heights_and_normals import height_to_normal, normal_to_height
 from texbake.texture.image import Image
-from texbake.texture.normal_to_height import normal_to_height
 
 Array = np.ndarray
 

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_lookup import sample_cube
+from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap, solid_angles, texel_directions
-from texbake.texture.latitude_longitude import from_latitude_longitude, to_latitude_longitude
 
 
 def image_directions(height, width):

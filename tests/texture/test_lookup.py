@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.lookup import WRAPS, lookup, row_of_v, texel_coordinates
+from texbake.texture.interpolation import row_of_v
+from texbake.texture.lookup import WRAPS, lookup, texel_coordinates
 
 
 @pytest.fixture

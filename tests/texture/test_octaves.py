@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.texture.procedures import evaluate, fractal_sum, signed_noise, turbulence_sum
-from texbake.texture.procedures.gradient_noise import WEIGHTS
+from texbake.texture.procedures.noise import WEIGHTS
 
 
 @pytest.fixture

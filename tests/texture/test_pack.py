@@ -8,8 +8,7 @@ from texbake.errors import OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.lookup import lookup
-from texbake.texture.pack import PackOptions, pack_textures
-from texbake.texture.rectangles import place_rectangles
+from texbake.texture.pack import PackOptions, pack_textures, place_rectangles
 
 Array = np.ndarray
 

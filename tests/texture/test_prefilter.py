@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_lookup import resized, sample_cube
+from texbake.texture.cube_lookup import resize_cube, sample_cube
 from texbake.texture.cube_map import CubeMap, solid_angles, texel_directions
 from texbake.texture.prefilter import hammersley, irradiance, specular_levels
 
@@ -81,7 +81,7 @@ def test_level_0_is_the_mirror():
     cube = cube_of(lamp, 32)
     np.testing.assert_array_equal(specular_levels(cube, size=32).level(0).faces, cube.faces)
     smaller = specular_levels(cube, n_levels=1, size=8)
-    np.testing.assert_array_equal(smaller.level(0).faces, resized(cube, 8).faces)
+    np.testing.assert_array_equal(smaller.level(0).faces, resize_cube(cube, 8).faces)
     assert smaller.n_levels == 1
 
 

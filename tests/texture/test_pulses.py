@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.texture.procedures import evaluate
-from texbake.texture.procedures.pulses import HARD, RAMP, SINE, box_mean
+from texbake.texture.procedures.pattern_kernels import (
+    HARD,
+    RAMP,
+    SINE,
+    box_mean,
+)
 
 
 def pattern_at(pattern, width, phase):

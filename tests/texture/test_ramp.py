@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.lookup import WRAPS
-from texbake.texture.ramp import ramp_lookup
+from texbake.texture.lookup import WRAPS, ramp_lookup
 
 STOPS = np.array([[0.0, 1.0], [2.0, 0.5], [3.0, 4.0], [-1.0, 0.0]], np.float32)
 

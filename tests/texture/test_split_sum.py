@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.split_sum import split_sum_table
+from texbake.texture.prefilter import split_sum_table
 
 
 def integrated(roughness, n_v, n_theta=800, n_phi=400):

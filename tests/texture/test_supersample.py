@@ -1,18 +1,18 @@
 import numpy as np
 
+from texbake.texture.filters import SUPERSAMPLES
 from texbake.texture.mipmaps import single_level
 from texbake.texture.sample import sample
-from texbake.texture.supersample import SAMPLES
 
 
 def test_its_points_all_differ_in_both_coordinates():
     # So an axis-aligned pattern of less than 256 periods a pixel is seen in 256 phases.
-    for coordinates in SAMPLES.T:
+    for coordinates in SUPERSAMPLES.T:
         np.testing.assert_array_equal(np.sort(coordinates), (np.arange(256) + 0.5) / 256 - 0.5)
 
 
 def test_its_points_are_mirrored_about_the_middle():
-    points = set(map(tuple, SAMPLES))
+    points = set(map(tuple, SUPERSAMPLES))
     assert len(points) == 256
     assert {(-x, -y) for x, y in points} == points
 

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.lookup import WRAPS, lookup
-from texbake.texture.volume import VOLUME_FILTERS, volume_lookup
+from texbake.texture.lookup import VOLUME_FILTERS, WRAPS, lookup, volume_lookup
 
 MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge", "border": "constant"}
 

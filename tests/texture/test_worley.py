@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.texture.procedures import evaluate
-from texbake.texture.procedures.lattice import lattice
+from texbake.texture.procedures.noise import lattice
 
 
 def brute_force(points, jitter, seed, reach=4):

@@ -143,7 +143,7 @@ class BakeInputs:
 
 def _decoded(data: bytes, name: str) -> npt.NDArray[np.float32]:
     """(H, W, 3) linear float32 image; gray becomes three equal channels, alpha is left out."""
-    from texbake.texture.encoded import decode_image
+    from texbake.texture.image import decode_image
 
     pixels = decode_image(data, name, color=True).pixels
     pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.repeat(pixels[:, :, :1], 3, axis=2)

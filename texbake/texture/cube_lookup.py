@@ -1,128 +1,46 @@
-"""Values of a cube map in directions.
+"""Values of cube maps in directions, and conversion from and to latitude-longitude images.
 
-`face_coordinates`, `cell_of` and `bilinear_in_cell` can be called from the kernels of other
-modules; they read the bordered faces of a `CubeChain`.
+A latitude-longitude image shows all directions at once: its middle looks along -z, +x is to the
+right of that and +y is up. With u from 0 at the left edge to 1 and v from 0 at the bottom to 1,
 
-Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14. Departs from it in that a direction
-that is 0 or not finite, for which there is no face, has the value 0 in every channel.
+    u = atan2(x, -z) / 2 pi + 1/2,    v = asin(y) / pi + 1/2,
+
+as seen from inside by a camera that looks along -z and has not been rotated.
+
+A texel of a converted image is the mean over all that it covers, weighted by solid angle: lookups
+are spread over it, at most half a texel of the source apart, where linearly interpolated values
+have next to nothing left that could alias. Toward the poles an image has ever more texels for ever
+less of the sphere; there its rows are first averaged over as many as lie between two lookups.
+
+Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14; Heckbert, "Fundamentals of Texture
+Mapping and Image Warping", 1989, for prefilter, reconstruction and resampling; Debevec, "Rendering
+Synthetic Objects into Real Scenes", 1998, for panoramas as light sources. Departs from the
+specification in that a direction that is 0 or not finite, which belongs to no face, has the value 0
+in every channel.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.kernels import kernel
 from texbake.parallel import run_bands
-from texbake.texture.cube_chain import CubeChain, reduced
-from texbake.texture.cube_map import CubeMap, texel_directions
+from texbake.texture.cube_kernels import (
+    CUBE_FILTER_CODES,
+    sample_cube_kernel,
+    to_cube_kernel,
+    to_latitude_longitude_kernel,
+)
+from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
 
-_MODES = {"nearest": 0, "bilinear": 1, "trilinear": 2}
-CUBE_FILTERS = tuple(_MODES)
-_TRILINEAR = _MODES["trilinear"]
-_NEAREST = _MODES["nearest"]
+CUBE_FILTERS = tuple(CUBE_FILTER_CODES)
 
 # Directions a band: some milliseconds of work.
 _BAND = 1 << 16
-
-
-@kernel
-def face_coordinates(x, y, z):  # type: ignore[no-untyped-def]
-    """Face (0 to 5; -1: none), s and t in [0, 1] of a direction of any length.
-
-    The same as `cube_map.locate`, without its table.
-    """
-    size_x = abs(x)
-    size_y = abs(y)
-    size_z = abs(z)
-    if size_x >= size_y and size_x >= size_z:
-        largest = size_x
-        face = 0 if x > 0.0 else 1
-        s = -z if x > 0.0 else z
-        t = -y
-    elif size_y >= size_z:
-        largest = size_y
-        face = 2 if y > 0.0 else 3
-        s = x
-        t = z if y > 0.0 else -z
-    else:
-        largest = size_z
-        face = 4 if z > 0.0 else 5
-        s = x if z > 0.0 else -x
-        t = -y
-    half = 0.5 / largest
-    s = s * half + 0.5
-    t = t * half + 0.5
-    # None of these holds for what is not a number; `half` is 0 where the largest is infinite.
-    if half > 0.0 and s >= -1.0 and t >= -1.0:
-        # Rounding can lead beyond an edge.
-        return face, min(max(s, 0.0), 1.0), min(max(t, 0.0), 1.0)
-    return -1, 0.0, 0.0
-
-
-@kernel
-def cell_of(offset, size, face, s, t):  # type: ignore[no-untyped-def]
-    """Find the four texels about (s, t).
-
-    Returns the index of the first, the texels a row has, and how far along x and y it lies.
-    """
-    stride = size + 2
-    x = s * size + 0.5
-    y = t * size + 0.5
-    left = int(x)
-    top = int(y)
-    first = offset + (face * stride + top) * stride + left
-    return first, stride, np.float32(x - left), np.float32(y - top)
-
-
-@kernel
-def bilinear_in_cell(texels, first, stride, along_x, along_y, channel):  # type: ignore[no-untyped-def]
-    """Interpolate one channel; exact where the four texels are equal."""
-    above = texels[first, channel]
-    below = texels[first + stride, channel]
-    above += along_x * (texels[first + 1, channel] - above)
-    below += along_x * (texels[first + stride + 1, channel] - below)
-    return above + along_y * (below - above)
-
-
-@kernel
-def _sample_kernel(texels, offsets, sizes, directions, levels, mode, out, start, stop):  # type: ignore[no-untyped-def]
-    n_channels = texels.shape[1]
-    last = np.float64(len(sizes) - 1)
-    for i in range(start, stop):
-        x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
-        face, s, t = face_coordinates(np.float64(x), np.float64(y), np.float64(z))
-        if face < 0:
-            for channel in range(n_channels):
-                out[i, channel] = 0.0
-            continue
-        level = np.float64(0.0)
-        if len(levels) > 0 and levels[i] > 0.0:
-            level = min(np.float64(levels[i]), last)
-        if mode != _TRILINEAR:
-            level = np.floor(level + 0.5)
-        fine = int(level)
-        if mode == _NEAREST:
-            size = sizes[fine]
-            row = face * (size + 2) + min(int(t * size), size - 1) + 1
-            index = offsets[fine] + row * (size + 2) + min(int(s * size), size - 1) + 1
-            for channel in range(n_channels):
-                out[i, channel] = texels[index, channel]
-            continue
-        first, stride, along_x, along_y = cell_of(offsets[fine], sizes[fine], face, s, t)
-        for channel in range(n_channels):
-            out[i, channel] = bilinear_in_cell(texels, first, stride, along_x, along_y, channel)
-        blend = np.float32(level - fine)
-        if blend > 0.0:
-            first, stride, along_x, along_y = cell_of(
-                offsets[fine + 1], sizes[fine + 1], face, s, t
-            )
-            for channel in range(n_channels):
-                value = bilinear_in_cell(texels, first, stride, along_x, along_y, channel)
-                out[i, channel] += blend * (value - out[i, channel])
 
 
 def sample_cube(
@@ -162,8 +80,10 @@ def sample_cube(
     >>> sample_cube(cube, np.array([[-2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])).ravel().tolist()
     [1.0, 4.0]
     """
-    if filter not in _MODES:
-        raise OptionError(f"filter: {filter!r} is not known; it is one of {', '.join(_MODES)}")
+    if filter not in CUBE_FILTER_CODES:
+        raise OptionError(
+            f"filter: {filter!r} is not known; it is one of {', '.join(CUBE_FILTERS)}"
+        )
     if isinstance(cube, CubeMap):
         texels = cube.bordered.reshape(-1, cube.n_channels)
         offsets, sizes = _only(0), _only(cube.size)
@@ -176,17 +96,17 @@ def sample_cube(
     if levels is not None and wanted.shape != directions.shape[:1]:
         raise OptionError(f"levels: the shape {wanted.shape} is not ({len(directions)},)")
     out = np.empty((len(directions), cube.n_channels), np.float32)
-    mode = _MODES[filter]
+    mode = CUBE_FILTER_CODES[filter]
 
     def work(start: int, stop: int) -> None:
-        _sample_kernel(texels, offsets, sizes, directions, wanted, mode, out, start, stop)
+        sample_cube_kernel(texels, offsets, sizes, directions, wanted, mode, out, start, stop)
 
     run_bands(work, len(directions), band=_BAND, threads=threads)
     return out
 
 
-def resized(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
-    """Cube map of another size: `reduced` to fewer texels, or interpolated to more.
+def resize_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
+    """Cube map of another size: `shrink_cube` to fewer texels, or interpolated to more.
 
     Raises
     ------
@@ -194,7 +114,7 @@ def resized(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
         The size is below 1.
     """
     if size <= cube.size:
-        return reduced(cube, size, threads=threads)
+        return shrink_cube(cube, size, threads=threads)
     directions = texel_directions(size).reshape(-1, 3)
     return CubeMap(sample_cube(cube, directions, threads=threads).reshape(6, size, size, -1))
 
@@ -211,3 +131,111 @@ def _readable(values: npt.ArrayLike) -> npt.NDArray[np.float32]:
     array = np.require(values, np.float32, "C").view()
     array.flags.writeable = False
     return array
+
+
+# Lookups a band: some milliseconds of work.
+_LATITUDE_BAND = 1 << 17
+
+
+def from_latitude_longitude(
+    image: npt.NDArray[Any], *, size: int | None = None, threads: int | None = None
+) -> CubeMap:
+    """Cube map of a latitude-longitude image.
+
+    Parameters
+    ----------
+    image : (H, W, C) float32
+        Linear, row 0 at the top; usually twice as wide as high. Values that are not finite
+        count as 0.
+    size
+        Texels along one side of a face; None: a quarter of the width, at which both have about the
+        same number of texels in a degree along the horizon.
+
+    Returns
+    -------
+    CubeMap
+
+    Raises
+    ------
+    OptionError
+        The size is below 1, or the image has no texel.
+    """
+    pixels = np.require(image, np.float32, "C")
+    if pixels.ndim != 3 or pixels.size == 0:
+        raise OptionError(f"image: the shape {pixels.shape} is not (height, width, channels)")
+    height, width, n_channels = pixels.shape
+    size = max(width // 4, 1) if size is None else size
+    if size < 1:
+        raise OptionError(f"size: {size} is too small; it must be at least 1")
+    # A texel in the middle of a face is the widest, with 2 / size radians.
+    finest = min(2 * math.pi / width, math.pi / height)
+    n_lookups = max(1, math.ceil(2.0 / size / (finest / 2)))
+    rows = _with_wide_texels(without_gaps(pixels), 2.0 / size / n_lookups)
+    out = np.empty((6, size, size, n_channels), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        to_cube_kernel(rows, n_lookups, out, start, stop)
+
+    run_bands(work, 6 * size, band=max(1, _LATITUDE_BAND // (size * n_lookups**2)), threads=threads)
+    return CubeMap(out)
+
+
+def to_latitude_longitude(
+    cube: CubeMap, *, height: int | None = None, threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """Latitude-longitude image of a cube map.
+
+    Parameters
+    ----------
+    cube
+        The cube map.
+    height
+        Of the image, which is twice as wide; None: twice the size of the cube map.
+
+    Returns
+    -------
+    (height, 2 height, C) float32
+
+    Raises
+    ------
+    OptionError
+        The height is below 1.
+    """
+    height = 2 * cube.size if height is None else height
+    if height < 1:
+        raise OptionError(f"height: {height} is too small; it must be at least 1")
+    texels = cube.bordered.reshape(-1, cube.n_channels)
+    # A texel in the middle of an edge, where faces are 1 / size radians a texel.
+    n_lookups = max(1, math.ceil(math.pi / height / (0.5 / cube.size)))
+    out = np.empty((height, 2 * height, cube.n_channels), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        to_latitude_longitude_kernel(texels, cube.size, n_lookups, out, start, stop)
+
+    run_bands(
+        work, height, band=max(1, _LATITUDE_BAND // (2 * height * n_lookups**2)), threads=threads
+    )
+    return out
+
+
+def _with_wide_texels(image: npt.NDArray[np.float32], width_rad: float) -> npt.NDArray[np.float32]:
+    """Average rows of an image over at least `width_rad` radians along its circle of latitude.
+
+    The mean of a row stays as it was; a row whose texels are as wide stays the same.
+    """
+    height, width, _ = image.shape
+    out = image.copy()
+    latitudes = ((np.arange(height) + 0.5) / height - 0.5) * np.pi
+    widths = np.minimum(width_rad / np.cos(latitudes) * width / (2 * np.pi), width)
+    centers = np.arange(width) + 0.5
+    for row in np.flatnonzero(widths > 1.0):
+        # The integral from the left edge on, and once around more, so that windows can reach over.
+        whole = np.concatenate([image[row]] * 3).astype(np.float64)
+        integral = np.concatenate([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)])
+        ends = np.stack([centers - widths[row] / 2, centers + widths[row] / 2]) + width
+        left = ends.astype(np.int64)
+        at_ends = integral[left] + (ends - left)[..., None] * whole[left]
+        out[row] = (at_ends[1] - at_ends[0]) / widths[row]
+        # Differences of sums leave a rounding error, which a constant row shall not show.
+        np.clip(out[row], image[row].min(axis=0), image[row].max(axis=0), out=out[row])
+    return out

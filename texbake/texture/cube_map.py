@@ -1,18 +1,26 @@
-"""Cube maps: six square images that hold a value for every direction, and where their texels lie.
+"""Cube maps: six square images that hold a value for every direction, and their smaller levels.
 
-A direction belongs to the face of its largest component; its other two components, divided by that
+A direction belongs to the face of its largest component. Its other two components, divided by that
 one, run from -1 to 1 over the face and become s and t from 0 to 1, s to the right and t down from
 the top row of the image.
 
-Based on: the OpenGL 4.6 specification, table 8.19 and section 8.13, which Vulkan, Direct3D, KTX and
-glTF's image-based lighting share: a shader that looks up a direction of the world reads the same
-texel. That table is left-handed: to an eye inside a right-handed world every face is mirrored left
-to right (`CubeMap.from_views` turns what a camera saw into faces). For the solid angle of a texel:
-Ström, "Solid angle of a cubemap texel", 2011.
+Lookups know no edges: every face is held with a border of one texel that repeats the texels beyond
+its edges, so that interpolation near an edge or a corner reads what lies there on the neighboring
+face and gives the same value from either side. In a corner, where only three texels meet, the
+fourth is their mean.
+
+Based on: the OpenGL 4.6 specification, table 8.19 and sections 8.13 and 8.14 (seamless cube maps),
+which Vulkan, Direct3D, KTX and glTF's image-based lighting share: a shader that looks up a
+direction of the world reads the same texel. That table is left-handed: seen from inside a
+right-handed world, every face is mirrored left to right (`CubeMap.from_views` turns what a camera
+saw into faces). For the solid angle of a texel: Ström, "Solid angle of a cubemap texel", 2011. A
+smaller level is the mean over the texels it covers, weighted by their solid angles, so that no
+level gains or loses energy.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -21,21 +29,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
+from texbake.parallel import run_bands
+from texbake.texture.cube_kernels import FACE_AXES, shrink_cube_kernel
 
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
-
-# Of each face: the directions in which s and t grow, and the direction of its middle.
-FACE_AXES = np.array(
-    [
-        [[0, 0, -1], [0, -1, 0], [1, 0, 0]],
-        [[0, 0, 1], [0, -1, 0], [-1, 0, 0]],
-        [[1, 0, 0], [0, 0, 1], [0, 1, 0]],
-        [[1, 0, 0], [0, 0, -1], [0, -1, 0]],
-        [[1, 0, 0], [0, -1, 0], [0, 0, 1]],
-        [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
-    ],
-    np.float64,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +172,9 @@ def solid_angles(size: int) -> npt.NDArray[np.float64]:
     return angles
 
 
-def locate(directions: npt.NDArray[np.float64]) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
+def locate_directions(
+    directions: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
     """Face, s and t of directions that are not 0.
 
     Parameters
@@ -230,8 +229,136 @@ def _beyond_edges(size: int) -> tuple[tuple[npt.NDArray[Any], ...], ...]:
     inward = (1.0 - 1.0 / size) * middle
     found = []
     for outward, other in (-right, down), (right, down), (-down, right), (down, right):
-        faces, st = locate(outward + inward + along[None, :, None] * other)
+        faces, st = locate_directions(outward + inward + along[None, :, None] * other)
         # Centers of texels exactly, but for rounding.
         columns, rows = np.moveaxis(np.floor(st * size).astype(np.int64), -1, 0)
         found.append((faces, rows, columns))
     return tuple(found)
+
+
+# Rows of faces a band.
+_BAND = 64
+
+
+@dataclass(frozen=True, eq=False)
+class CubeChain:
+    """Levels of a cube map, the finest first.
+
+    Attributes
+    ----------
+    texels : (N, C) float32
+        All levels one after another; of each the six faces, of each face its rows from the top,
+        with the border of one texel. Read-only.
+    offsets : (L,) int64
+        Index of the first texel of each level.
+    sizes : (L,) int64
+        Texels along one side of a face of each level, without the border.
+    """
+
+    texels: npt.NDArray[np.float32]
+    offsets: npt.NDArray[np.int64]
+    sizes: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for name in "texels", "offsets", "sizes":
+            array = getattr(self, name).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def of(cls, levels: Sequence[CubeMap]) -> CubeChain:
+        """Chain of cube maps of any sizes, in this order, with equally many channels.
+
+        Raises
+        ------
+        OptionError
+            There is none, or their channels differ.
+        """
+        channels = {level.n_channels for level in levels}
+        if len(channels) != 1:
+            raise OptionError(
+                f"levels: {len(levels)} cube maps with {sorted(channels)} channels; give at least "
+                "one, and all with equally many"
+            )
+        sizes = np.array([level.size for level in levels], np.int64)
+        lengths = 6 * (sizes + 2) ** 2
+        offsets = np.cumsum(lengths) - lengths
+        texels = np.empty((int(lengths.sum()), channels.pop()), np.float32)
+        for level, offset, length in zip(levels, offsets, lengths, strict=True):
+            side = level.size + 2
+            fill_bordered(level.faces, texels[offset : offset + length].reshape(6, side, side, -1))
+        return cls(texels, offsets, sizes)
+
+    @property
+    def n_levels(self) -> int:
+        """Number of levels."""
+        return len(self.sizes)
+
+    @property
+    def n_channels(self) -> int:
+        """Channels of a texel."""
+        return int(self.texels.shape[1])
+
+    @property
+    def size(self) -> int:
+        """Texels along one side of a face of the finest level."""
+        return int(self.sizes[0])
+
+    def level(self, index: int) -> CubeMap:
+        """Return one level, without its borders; it shares the chain's memory."""
+        side = int(self.sizes[index]) + 2
+        offset = int(self.offsets[index])
+        bordered = self.texels[offset : offset + 6 * side * side].reshape(6, side, side, -1)
+        return CubeMap(bordered[:, 1:-1, 1:-1])
+
+
+def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
+    """Cube map of fewer texels: means over what each covers, weighted by solid angle.
+
+    Parameters
+    ----------
+    cube
+        Returned as it is if it has that size.
+    size
+        Texels along one side; at most as many as the cube map has.
+
+    Raises
+    ------
+    OptionError
+        The size is below 1 or too large.
+
+    The integral over all directions stays as it was, exactly where the old size is a multiple of
+    the new; a constant stays exactly as it is.
+    """
+    if not 1 <= size <= cube.size:
+        raise OptionError(f"size: {size} is not from 1 to {cube.size}, the size of the cube map")
+    if size == cube.size:
+        return cube
+    faces = np.ascontiguousarray(cube.faces)
+    faces.flags.writeable = False
+    out = np.empty((6, size, size, cube.n_channels), np.float32)
+    weights = solid_angles(cube.size)
+
+    def work(start: int, stop: int) -> None:
+        shrink_cube_kernel(faces, weights, out, start, stop)
+
+    run_bands(work, 6 * size, band=_BAND, threads=threads)
+    return CubeMap(out)
+
+
+def cube_chain(cube: CubeMap, *, threads: int | None = None) -> CubeChain:
+    """Chain of a cube map and its smaller levels, each half as large, down to one texel a face.
+
+    Parameters
+    ----------
+    cube
+        Of any size; an odd one is halved rounding down.
+
+    Returns
+    -------
+    CubeChain
+    """
+    levels = [cube]
+    while levels[-1].size > 1:
+        levels.append(shrink_cube(levels[-1], levels[-1].size // 2, threads=threads))
+    return CubeChain.of(levels)

@@ -19,26 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.kernels import kernel
 from texbake.parallel import run_bands
+from texbake.texture.image_kernels import quantize_kernel
 
 _CONVENTIONS = ("opengl", "directx")
 _FLAT_NOISE = 4e-6
+
 # Texels a band: some milliseconds of work.
 _BAND = 1 << 19
-
-
-@kernel
-def _quantize_kernel(values, factors, offsets, noise, top, codes, start, stop):  # type: ignore[no-untyped-def]
-    n_channels = values.shape[1]
-    for i in range(start, stop):
-        for channel in range(n_channels):
-            value = np.float64(values[i, channel])
-            if abs(value) <= noise:
-                value = np.float64(0.0)
-            code = value * factors[channel] + offsets[channel] + 0.5
-            # Also what is not a number becomes 0.
-            codes[i, channel] = np.uint16(min(code, top)) if code > 0.0 else np.uint16(0)
 
 
 def _quantized(
@@ -56,7 +44,7 @@ def _quantized(
     top = float(max_code(bits))
 
     def work(start: int, stop: int) -> None:
-        _quantize_kernel(flat, factors, offsets, noise, top, codes, start, stop)
+        quantize_kernel(flat, factors, offsets, noise, top, codes, start, stop)
 
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.astype(code_type(bits), copy=False).reshape(values.shape)

@@ -1,16 +1,17 @@
-"""Anisotropic lookup: the mean over the ellipse that a pixel covers on the texture.
+"""Kernel of anisotropic filtering: the mean over the ellipse that a pixel covers on the texture.
 
-A pixel, seen as a round Gaussian, is an elliptical one on the texture. Its texels are read from the
-two mip levels on which the ellipse's minor axis is one to two texels long, so that detail across
-the axis is kept however long the ellipse is, and weighted from a table over the squared distance.
+A pixel, taken as a round Gaussian, becomes an elliptical one on the texture. Texels are read from
+the two mip levels on which the minor axis of the ellipse is one to two texels long, so that detail
+across that axis is kept however long the ellipse is. Their weights come from a table over the
+squared distance.
 
 Based on: Greene and Heckbert, "Creating Raster Omnimax Images from Multiple Perspective Views Using
 the Elliptical Weighted Average Filter", 1986; Heckbert, "Fundamentals of Texture Mapping and Image
 Warping", 1989; Pharr, Jakob and Humphreys, "Physically Based Rendering", for the bound on the ratio
 of the axes and the weights that end at 0. Departs from them in that the axes are those of the
-ellipse itself and not the derivatives, which need not be perpendicular; in that the pixel's part of
-the ellipse has the variance of a square pixel, which is narrower than their unit circle; and in
-that a magnified texture is interpolated, with a transition until the major axis is two texels long.
+ellipse and not the derivatives, which need not be perpendicular; in that the pixel's part of the
+ellipse has the variance of a square pixel, which is narrower than their unit circle; and in that a
+magnified texture is interpolated, with a transition until the major axis is two texels long.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.texture.lookup import (
-    between,
-    cell_at,
-    folded,
-    reduced,
+from texbake.texture.interpolation import (
+    bilinear_cell,
+    interpolate_cell,
     row_of_v,
     texel_at,
-    wrapped,
+    wrap_index,
+    wrap_to_period,
+    wrap_to_unit,
 )
 
 # Weights over r², the squared distance from the center with 1 on the ellipse: exp(-2 r²), lowered
@@ -111,7 +112,7 @@ def _ellipse_mean(texels, first, width, height, u, v, form, wrap, border, weight
         half = np.sqrt(max((slant * dy) ** 2 - along * (down * dy * dy - 1.0), 0.0)) / along
         start = int(np.ceil(center_x + middle - half))
         stop = int(np.floor(center_x + middle + half)) + 1
-        row_start = wrapped(row, height, wrap) * width
+        row_start = wrap_index(row, height, wrap) * width
         for column in range(start, stop):
             dx = column - center_x
             squared = along * dx * dx + (2.0 * slant * dx + down * dy) * dy
@@ -120,7 +121,7 @@ def _ellipse_mean(texels, first, width, height, u, v, form, wrap, border, weight
                 continue
             weight = weights[place]
             total += weight
-            column = wrapped(column, width, wrap)
+            column = wrap_index(column, width, wrap)
             inside = column >= 0 and row_start >= 0
             for channel in range(n_channels):
                 value = texels[first + row_start + column, channel] if inside else border[channel]
@@ -161,7 +162,7 @@ def ewa_kernel(  # type: ignore[no-untyped-def]
         share = np.float32(1.0)  # of interpolation
         if major > 1.0:
             share = np.float32(max(2.0 - major, 0.0))
-            u, v = reduced(uvs[i, 0], wrap), reduced(uvs[i, 1], wrap)
+            u, v = wrap_to_period(uvs[i, 0], wrap), wrap_to_period(uvs[i, 1], wrap)
             level = np.log2(minor) if minor > 1.0 else 0.0
             fine = int(level)
             blend = np.float32(level - fine)
@@ -175,10 +176,10 @@ def ewa_kernel(  # type: ignore[no-untyped-def]
                     near = mean[channel] if k == fine else out[i, channel]
                     out[i, channel] = near + blend * (mean[channel] - near)
         if share > 0.0:
-            u, v = folded(uvs[i, 0], wrap), folded(uvs[i, 1], wrap)
-            cell, x, y = cell_at(u, v, width, height, wrap, offsets[0])
+            u, v = wrap_to_unit(uvs[i, 0], wrap), wrap_to_unit(uvs[i, 1], wrap)
+            cell, x, y = bilinear_cell(u, v, width, height, wrap, offsets[0])
             x, y = np.float32(x), np.float32(y)
             for channel in range(n_channels):
-                value = between(texels, cell, x, y, channel, border[channel])
+                value = interpolate_cell(texels, cell, x, y, channel, border[channel])
                 mixed = value if share == 1.0 else out[i, channel]
                 out[i, channel] = mixed + share * (value - mixed)

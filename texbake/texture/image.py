@@ -1,11 +1,12 @@
-"""Image files to linear arrays and back, with what a map says of itself.
+"""Image files to linear arrays and back, with the metadata of maps.
 
 Pixels are `(H, W, C) float32`, linear, row 0 at the top. Color in integer formats is sRGB in the
-file; data never is. Files carry no date and come out the same bytes each time. What a map says of
-itself (`texbake.metadata`) is kept in the image description of PNG, TIFF, EXR, TGA and JPEG files;
-HDR and PPM files have no place for it, nor TGA for more than 324 characters, and it is left out.
+file; data never is. Files carry no date and come out as the same bytes each time. Metadata of a map
+(`texbake.metadata`) is kept in the image description of PNG, TIFF, EXR, TGA and JPEG files. HDR and
+PPM files have no place for it, nor have TGA files for more than 324 characters; there it is left
+out.
 
-OpenImageIO reads everything and writes all but PNG, which `texbake.png` writes.
+OpenImageIO reads everything and writes all formats but PNG, which `texbake.png` writes.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -317,3 +319,39 @@ def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -
     """What a library complained of, as the first line it said, about the file that is meant."""
     line = (reason.strip() or "no reason was given").splitlines()[0]
     return line.replace(str(temporary), str(path)) if temporary is not None else line
+
+
+_SUFFIXES = ((0, b"\x89PNG", ".png"), (8, b"WEBP", ".webp"), (0, b"II*\0", ".tif"),
+             (0, b"MM\0*", ".tif"), (0, b"\x76\x2f\x31\x01", ".exr"), (0, b"#?", ".hdr"),
+             (0, b"P6", ".ppm"), (0, b"\xff\xd8", ".jpg"))  # fmt: skip
+
+
+def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = None) -> Image:
+    """Read an image from the bytes of a file; its first bytes tell the format.
+
+    Parameters
+    ----------
+    name
+        What messages call it, and the suffix where the bytes tell nothing.
+    color, threads
+        As of `read_image`.
+
+    Raises
+    ------
+    FileFormatError
+        It is not an image, or damaged.
+    """
+    suffix = Path(name).suffix or ".jpg"
+    for start, magic, known in _SUFFIXES:
+        if data[start : start + len(magic)] == magic:
+            suffix = known
+            break
+    # OpenImageIO's Python interface reads files alone.
+    with TemporaryDirectory(prefix="texbake-") as folder:
+        path = Path(folder) / f"image{suffix}"
+        path.write_bytes(data)
+        try:
+            image = read_image(path, color=color, threads=threads)
+        except (FileError, FileFormatError) as error:
+            raise FileFormatError(str(error).replace(str(path), name)) from error
+    return Image(image.pixels, image.metadata, image.bits, image.is_float, name=name)

@@ -1,14 +1,13 @@
-"""Values between texels, and the one place where v up becomes rows down.
+"""Values of one-, two- and three-dimensional textures at coordinates, interpolated linearly.
 
-A texture coordinate (u, v) has v up and (0, 0) at the lower left corner of the image; row 0 of an
-image is its top. In texels, the continuous coordinates (x, y) have y down from the top edge, and
-the center of the texel in column i and row j is (i + 0.5, j + 0.5).
+`lookup` reads an image, `ramp_lookup` a row of colors along a line, `volume_lookup` a block of
+slices. `sample` has the filters that know how much of an image a pixel covers.
 
-`row_of_v`, `bilinear`, and what it is made of, can be called from the kernels of other modules.
+A volume is a stack of images: slice k holds what lies at (s, t, r) with r from k / depth to
+(k + 1) / depth. Its rows run down from the top, as those of any image, while t goes up.
 
-Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989, for texel centers and
-bilinear interpolation; the OpenGL 4.6 specification, section 8.14, for the wrap modes. Departs from
-the latter in that the weights are float64.
+Based on: the OpenGL 4.6 specification, section 8.14; Peachey, "Solid Texturing of Complex
+Surfaces", 1985, for volumes. Departs from the specification in the direction of rows.
 """
 
 from __future__ import annotations
@@ -19,23 +18,15 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.kernels import kernel
 from texbake.parallel import run_bands
+from texbake.texture.filters import lookup_kernel, ramp_kernel, volume_kernel
+from texbake.texture.interpolation import BORDER, CLAMP, MIRROR, REPEAT, row_of_v
 
-REPEAT = 0
-CLAMP = 1
-MIRROR = 2
-BORDER = 3
 _CODES = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "border": BORDER}
 WRAPS = tuple(_CODES)
 
-# Index of a texel that lies outside an image with a border.
-OUTSIDE = -1
-# Coordinates that do not repeat are limited to this, so that texels can be counted.
-_FARTHEST = float(1 << 30)
-
 # Lookups a band: some milliseconds of work.
-_BAND = 1 << 18
+_IMAGE_BAND = 1 << 18
 
 
 def wrap_code(wrap: str) -> int:
@@ -80,15 +71,6 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[
     return out
 
 
-@kernel
-def row_of_v(v, height):  # type: ignore[no-untyped-def]
-    """Continuous row, down from the top edge, of a v that goes up from the bottom edge.
-
-    Its own inverse on the unit square: `row_of_v(row / height, 1.0)` is the v of a row.
-    """
-    return (1.0 - v) * height
-
-
 def texel_coordinates(
     uvs: npt.NDArray[np.float64], width: int, height: int
 ) -> npt.NDArray[np.float64]:
@@ -114,172 +96,6 @@ def texel_coordinates(
     uvs = np.asarray(uvs, dtype=np.float64)
     with np.errstate(over="ignore"):  # beyond float64 is outside of every image
         return np.stack([uvs[..., 0] * width, row_of_v.py_func(uvs[..., 1], height)], axis=-1)
-
-
-@kernel
-def folded(u, wrap):  # type: ignore[no-untyped-def]
-    """Coordinate in [0, 1] that reads the same as `u`; with a border, `u` itself.
-
-    One that is not a number counts as 0, and so does an infinite one that repeats or is mirrored.
-    """
-    if wrap == REPEAT:
-        u -= np.floor(u)
-        # False for what is not a number, and for 1 left over from a negative number too small to
-        # subtract from 1.
-        return u if u < 1.0 else 0.0
-    if wrap == MIRROR:
-        u = abs(u - 2.0 * np.floor(0.5 * u + 0.5))
-        return u if u <= 1.0 else 0.0
-    if wrap == CLAMP:
-        return min(u, 1.0) if u > 0.0 else 0.0
-    return u if u == u else 0.0
-
-
-@kernel
-def reduced(u, wrap):  # type: ignore[no-untyped-def]
-    """Coordinate about which all texels stand as they do about `u`, small enough to count texels.
-
-    In [0, 1) where the image repeats and in [0, 2) where it is mirrored. Numbers that are none or
-    infinite count as in `folded`. To be used with `wrapped` by lookups that reach farther than to
-    the next texel.
-    """
-    if wrap == REPEAT:
-        return folded(u, wrap)
-    if wrap == MIRROR:
-        u -= 2.0 * np.floor(0.5 * u)
-        return u if u < 2.0 else 0.0
-    return max(min(u, _FARTHEST), -_FARTHEST) if u == u else 0.0
-
-
-@kernel
-def wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
-    """Row or column that stands at any index along an axis of `size` texels; OUTSIDE for none."""
-    if index >= 0 and index < size:
-        return index
-    if wrap == REPEAT:
-        return index % size
-    if wrap == MIRROR:
-        index %= 2 * size
-        return min(index, 2 * size - 1 - index)
-    if wrap == CLAMP:
-        return 0 if index < 0 else size - 1
-    return OUTSIDE
-
-
-@kernel
-def texel_at(column, row, width, height, wrap):  # type: ignore[no-untyped-def]
-    """Index, counted along rows, of the texel that stands in any column and row; or OUTSIDE."""
-    column = wrapped(column, width, wrap)
-    row = wrapped(row, height, wrap)
-    return row * width + column if column >= 0 and row >= 0 else OUTSIDE
-
-
-@kernel
-def _neighbors(x, size, wrap):  # type: ignore[no-untyped-def]
-    """Texels to either side of a place along an axis, and how far between them it lies.
-
-    `x` is 0 at the first center; beyond the edges it is `folded`, so that no division is needed.
-    """
-    # With a border, a texel beyond the edge there is nothing else to come.
-    x = min(max(x, -1.0), float(size))
-    floor = np.floor(x)
-    left = int(floor)
-    right = left + 1
-    if left < 0 or right >= size:
-        before = after = OUTSIDE
-        if wrap == REPEAT:
-            before, after = size - 1, 0
-        elif wrap != BORDER:
-            before, after = 0, size - 1
-        if left < 0:
-            left = before
-        elif left >= size:
-            left = after
-        if right >= size:
-            right = after
-    return left, right, x - floor
-
-
-@kernel
-def cell_at(u, v, width, height, wrap, first):  # type: ignore[no-untyped-def]
-    """Four texels about a `folded` coordinate, and how far between them it lies.
-
-    `first` is the index of the image's first texel. Returns the indices of the texels above left,
-    above right, below left and below right, OUTSIDE for the border, then x and y in [0, 1).
-    """
-    left, right, x = _neighbors(u * width - 0.5, width, wrap)
-    top, bottom, y = _neighbors(row_of_v(v, height) - 0.5, height, wrap)
-    above = first + top * width
-    below = first + bottom * width
-    if wrap == BORDER:
-        return (
-            (
-                above + left if left >= 0 and top >= 0 else OUTSIDE,
-                above + right if right >= 0 and top >= 0 else OUTSIDE,
-                below + left if left >= 0 and bottom >= 0 else OUTSIDE,
-                below + right if right >= 0 and bottom >= 0 else OUTSIDE,
-            ),
-            x,
-            y,
-        )
-    return (above + left, above + right, below + left, below + right), x, y
-
-
-@kernel
-def between(texels, cell, x, y, channel, outside):  # type: ignore[no-untyped-def]
-    """Interpolate one channel between the four texels of a cell; exact where they are equal.
-
-    Parameters
-    ----------
-    texels : (N, C) float32
-    cell, x, y
-        As from `cell_at`; the precision of the latter two is that of the result.
-    outside : float32
-        Value of the border.
-    """
-    above_left, above_right, below_left, below_right = cell
-    a = texels[above_left, channel] if above_left >= 0 else outside
-    b = texels[above_right, channel] if above_right >= 0 else outside
-    c = texels[below_left, channel] if below_left >= 0 else outside
-    d = texels[below_right, channel] if below_right >= 0 else outside
-    above = a + x * (b - a)
-    below = c + x * (d - c)
-    return above + y * (below - above)
-
-
-@kernel
-def bilinear(image, u, v, wrap, out):  # type: ignore[no-untyped-def]
-    """Interpolate the four texels about (u, v) into `out`; to be called from kernels.
-
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        C-contiguous, with at least one texel.
-    u, v : float64
-        Texture coordinates, v up. Whatever they are, no texel outside the image is read; one that
-        is not a number counts as 0, and so does an infinite one that repeats or is mirrored.
-    wrap : int
-        `REPEAT`, where the image tiles the plane; `MIRROR`, where every second tile is turned
-        around; `CLAMP`, where its border texels go on; `BORDER`, where 0 lies around it.
-    out : (C,) float32
-        Written. An image that is constant gives exactly its constant.
-    """
-    height, width, n_channels = image.shape
-    texels = image.reshape((height * width, n_channels))
-    cell, x, y = cell_at(folded(u, wrap), folded(v, wrap), width, height, wrap, 0)
-    for channel in range(n_channels):
-        out[channel] = between(texels, cell, x, y, channel, np.float32(0.0))
-
-
-@kernel
-def _lookup_kernel(image, uvs, wrap, border, out, start, stop):  # type: ignore[no-untyped-def]
-    height, width, n_channels = image.shape
-    texels = image.reshape((height * width, n_channels))
-    for i in range(start, stop):
-        u, v = folded(uvs[i, 0], wrap), folded(uvs[i, 1], wrap)
-        cell, x, y = cell_at(u, v, width, height, wrap, 0)
-        for channel in range(n_channels):
-            out[i, channel] = between(texels, cell, x, y, channel, border[channel])
 
 
 def lookup(
@@ -324,7 +140,139 @@ def lookup(
     out = np.empty((len(flat), image.shape[2]), np.float32)
 
     def work(start: int, stop: int) -> None:
-        _lookup_kernel(image, flat, code, outside, out, start, stop)
+        lookup_kernel(image, flat, code, outside, out, start, stop)
 
-    run_bands(work, len(flat), band=_BAND, threads=threads)
+    run_bands(work, len(flat), band=_IMAGE_BAND, threads=threads)
     return out.reshape(*uvs.shape[:-1], image.shape[2])
+
+
+# Values a band: some milliseconds of work.
+_RAMP_BAND = 1 << 18
+
+
+def ramp_lookup(
+    stops: npt.NDArray[Any],
+    values: npt.NDArray[Any],
+    *,
+    wrap: str = "clamp",
+    border: npt.ArrayLike | None = None,
+    threads: int | None = None,
+) -> npt.NDArray[np.float32]:
+    """Colors of a ramp, interpolated between its stops.
+
+    Parameters
+    ----------
+    stops : (k, C) float32
+        Linear colors at 0, 1 / (k - 1), ..., 1; a single one is the color of every value.
+    values : (n,) float32
+        Places on the ramp; one that is not a number counts as 0, and so does an infinite one that
+        repeats or is mirrored.
+    wrap
+        What lies outside [0, 1]: "clamp", "repeat", which jumps from the last stop to the first,
+        "mirror" or "border".
+    border : float or (C,), optional
+        Values of the border; 0 if not given.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (n, C) float32
+
+    Raises
+    ------
+    OptionError
+        There is no stop, an array has another shape, or `wrap` is something else.
+
+    Examples
+    --------
+    >>> stops = np.array([[0.0], [1.0], [5.0]])
+    >>> ramp_lookup(stops, np.array([0.25, 0.75, 2.0])).ravel().tolist()
+    [0.5, 3.0, 5.0]
+    """
+    code = wrap_code(wrap)
+    stops = np.require(stops, np.float32, "C")
+    if stops.ndim != 2 or stops.size == 0:
+        raise OptionError(f"stops: the shape {stops.shape} is not (stops, channels)")
+    values = np.require(values, np.float32, "C")
+    if values.ndim != 1:
+        raise OptionError(f"values: the shape {values.shape} is not (n,)")
+    stops, values = stops.view(), values.view()
+    stops.flags.writeable = values.flags.writeable = False  # one signature for the kernel
+    outside = border_values(border, stops.shape[1])
+    out = np.empty((len(values), stops.shape[1]), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        ramp_kernel(stops, values, code, outside, out, start, stop)
+
+    run_bands(work, len(values), band=_RAMP_BAND, threads=threads)
+    return out
+
+
+VOLUME_FILTERS = ("nearest", "trilinear")
+
+# Lookups a band: some milliseconds of work.
+_VOLUME_BAND = 1 << 17
+
+
+def volume_lookup(
+    volume: npt.NDArray[Any],
+    points: npt.NDArray[Any],
+    *,
+    wrap: str = "repeat",
+    filter: str = "trilinear",  # noqa: A002  # what the field calls it
+    border: npt.ArrayLike | None = None,
+    threads: int | None = None,
+) -> npt.NDArray[np.float32]:
+    """Values of a volume at points.
+
+    Parameters
+    ----------
+    volume : (D, H, W, C) float32
+        Slices of growing r, their rows from the top.
+    points : (n, 3) float64
+        (s, t, r), the volume in the unit cube, t up. Whatever they are, nothing outside is read;
+        what is not a number counts as 0, and so does what is infinite and repeats or is mirrored.
+    wrap
+        What lies outside the cube: "repeat", "mirror", "clamp" or "border".
+    filter
+        "nearest", or "trilinear": between the eight texels about a point.
+    border : float or (C,), optional
+        Values of the border; 0 if not given.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (n, C) float32
+        Of a constant volume, exactly the constant, wherever no border is read.
+
+    Raises
+    ------
+    OptionError
+        An option is unknown or an array has another shape.
+    """
+    code = wrap_code(wrap)
+    if filter not in VOLUME_FILTERS:
+        raise OptionError(
+            f"filter: {filter!r} is not known; it is one of {', '.join(VOLUME_FILTERS)}"
+        )
+    volume = np.require(volume, np.float32, "C")
+    if volume.ndim != 4 or volume.size == 0:
+        raise OptionError(
+            f"volume: the shape {volume.shape} is not (depth, height, width, channels)"
+        )
+    points = np.require(points, np.float64, "C")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise OptionError(f"points: the shape {points.shape} is not (n, 3)")
+    volume, points = volume.view(), points.view()
+    volume.flags.writeable = points.flags.writeable = False  # one signature for the kernel
+    outside = border_values(border, volume.shape[3])
+    out = np.empty((len(points), volume.shape[3]), np.float32)
+    nearest = filter == "nearest"
+
+    def work(start: int, stop: int) -> None:
+        volume_kernel(volume, points, nearest, code, outside, out, start, stop)
+
+    run_bands(work, len(points), band=_VOLUME_BAND, threads=threads)
+    return out

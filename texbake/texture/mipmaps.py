@@ -1,11 +1,11 @@
 """An image with its smaller levels, down to one texel.
 
 A level has half the width and height of the one above it, rounded down. Where those are even, its
-texels are the means of two by two; where they are odd, a texel covers more than two of the level
-above in each direction, and the weights of those it shares with its neighbors differ from place to
-place. So no texel is left out, no level is shifted, and each has the mean of the image.
+texels are the means of two by two. Where they are odd, a texel covers more than two of the level
+above in each direction, and the weights of those that it shares with its neighbors differ from
+place to place. So no texel is left out, no level is shifted, and each has the mean of the image.
 
-Values must be linear; colors of any other coding come out too dark.
+Values must be linear; colors in any other coding come out too dark.
 
 Based on: Williams, "Pyramidal Parametrics", 1983; Guthe and Heckbert, "Non-Power-of-Two Mipmap
 Creation", NVIDIA, 2005, for the box filter of odd sizes; Toksvig, "Mipmapping Normal Maps", 2005,
@@ -22,13 +22,13 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.kernels import kernel
 from texbake.parallel import run_bands
-from texbake.texture.lookup import MIRROR, REPEAT, wrap_code
+from texbake.texture.image_kernels import mip_kernel
+from texbake.texture.interpolation import MIRROR, REPEAT
+from texbake.texture.lookup import wrap_code
 
 KINDS = ("color", "data", "normal")
 MIP_FILTERS = ("box", "kaiser")
-
 _KAISER_RADIUS = 3.0  # texels of the smaller level
 _KAISER_ALPHA = 4.0
 
@@ -246,31 +246,6 @@ def _wrapped_indices(indices: npt.NDArray[np.int64], size: int, wrap: int) -> np
     return np.clip(indices, 0, size - 1)
 
 
-@kernel
-def _reduce_kernel(values, rows, row_weights, columns, column_weights, out, start, stop):  # type: ignore[no-untyped-def]
-    n_channels = out.shape[2]
-    n_values = values.shape[1]
-    line = np.empty(n_values, np.float32)
-    for row in range(start, stop):
-        # Differences from one of the texels, so that a constant stays exactly what it is.
-        base = rows[row, 0]
-        for k in range(n_values):
-            line[k] = values[base, k]
-        for tap in range(1, rows.shape[1]):
-            weight, other = row_weights[row, tap], rows[row, tap]
-            for k in range(n_values):
-                line[k] += weight * (values[other, k] - values[base, k])
-        for column in range(out.shape[1]):
-            first = columns[column, 0] * n_channels
-            for channel in range(n_channels):
-                value = line[first + channel]
-                total = value
-                for tap in range(1, columns.shape[1]):
-                    place = columns[column, tap] * n_channels + channel
-                    total += column_weights[column, tap] * (line[place] - value)
-                out[row, column, channel] = total
-
-
 def _reduce(
     level: npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
@@ -285,7 +260,7 @@ def _reduce(
     columns, column_weights = _taps(width, out.shape[1], filter, wrap)
 
     def work(start: int, stop: int) -> None:
-        _reduce_kernel(values, rows, row_weights, columns, column_weights, out, start, stop)
+        mip_kernel(values, rows, row_weights, columns, column_weights, out, start, stop)
 
     band = max(1, _BAND_VALUES // values.shape[1])
     run_bands(work, out.shape[0], band=band, threads=threads)

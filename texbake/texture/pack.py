@@ -1,8 +1,15 @@
-"""Several images in one, and meshes that find their own in it.
+"""Several images in one, and the texture coordinates of meshes moved to their part of it.
 
 Texels are copied one to one where there is room for them, so that a lookup in the packed image
-reads the same texels with the same weights as one in the image itself. Padding around each image
-carries that on to its border, where a lookup reads half a texel beyond it.
+reads the same texels with the same weights as one in the original. Padding around each image
+extends that to its border, where a lookup reads half a texel beyond it.
+
+Images are placed upright and at whole texels, because they are copied texel by texel. Charts of
+atlases need neither: `texbake.mapping.atlas.packing` rotates them and rounds their places to cells.
+
+Based on: Huang, Korf, "Optimal rectangle packing: an absolute placement approach", 2013, for trying
+several sizes of the bin; Jylänki, "A thousand ways to pack the bin", 2010, for the maximal free
+rectangles and the rule of the best short side.
 """
 
 from __future__ import annotations
@@ -18,7 +25,6 @@ from texbake.errors import OptionError, UvError
 from texbake.mapping.options.texture import MAX_SIZE
 from texbake.mesh.mesh import Mesh
 from texbake.texture.pack_options import PackOptions
-from texbake.texture.rectangles import Size, place_rectangles
 
 FloatImage = npt.NDArray[np.float32]
 
@@ -27,7 +33,6 @@ _OUTSIDE = 1e-6
 
 # Halvings of the range in which the scale of images lies that do not fit: to within 1 in 4000.
 _SCALE_STEPS = 12
-
 _NP_PAD = {"clamp": "edge", "repeat": "wrap"}
 
 
@@ -150,7 +155,7 @@ def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, floa
     """Width, height, scale and the left upper corners of the images with their padding."""
     if options.sides is None:
         for width, height in _bins():
-            corners = place_rectangles(_padded(sizes, 1.0, options.padding), width, height)
+            corners = place_rectangles(_padded_sizes(sizes, 1.0, options.padding), width, height)
             if corners is not None:
                 return width, height, 1.0, corners
         width = height = MAX_SIZE
@@ -158,12 +163,12 @@ def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, floa
         width, height = options.sides
     best, scale = None, 0.0
     too_large = 1.0
-    corners = place_rectangles(_padded(sizes, 1.0, options.padding), width, height)
+    corners = place_rectangles(_padded_sizes(sizes, 1.0, options.padding), width, height)
     if corners is not None:
         return width, height, 1.0, corners
     for _ in range(_SCALE_STEPS):
         middle = (scale + too_large) / 2.0
-        corners = place_rectangles(_padded(sizes, middle, options.padding), width, height)
+        corners = place_rectangles(_padded_sizes(sizes, middle, options.padding), width, height)
         if corners is None:
             too_large = middle
         else:
@@ -187,7 +192,7 @@ def _scaled(size: Size, scale: float) -> Size:
     return max(round(size[0] * scale), 1), max(round(size[1] * scale), 1)
 
 
-def _padded(sizes: Sequence[Size], scale: float, padding: int) -> list[Size]:
+def _padded_sizes(sizes: Sequence[Size], scale: float, padding: int) -> list[Size]:
     return [(w + 2 * padding, h + 2 * padding) for w, h in (_scaled(size, scale) for size in sizes)]
 
 
@@ -217,3 +222,91 @@ def _resized(image: FloatImage, width: int, height: int) -> FloatImage:
     roi = oiio.ROI(0, width, 0, height, 0, 1, 0, image.shape[2])
     smaller = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=roi)
     return np.asarray(smaller.get_pixels(oiio.FLOAT), np.float32).reshape(height, width, -1)
+
+
+Size = tuple[int, int]
+
+# Left, top, right and bottom.
+_Free = tuple[int, int, int, int]
+
+
+def place_rectangles(sizes: Sequence[Size], width: int, height: int) -> list[Size] | None:
+    """Place rectangles, large ones first, each where it fits a free rectangle best.
+
+    Parameters
+    ----------
+    sizes : sequence of (width, height)
+    width, height
+        Of what they are placed in.
+
+    Returns
+    -------
+    list of (left, top), or None
+        In the order of `sizes`; None if there is no room in some order that was tried.
+
+    Examples
+    --------
+    >>> place_rectangles([(2, 1), (2, 3), (1, 1)], 4, 3)
+    [(2, 0), (0, 0), (2, 1)]
+    """
+    if sum(w * h for w, h in sizes) > width * height:
+        return None
+    keys = (
+        lambda i: (-max(sizes[i]), -min(sizes[i]), i),
+        lambda i: (-sizes[i][1], -sizes[i][0], i),
+        lambda i: (-sizes[i][0], -sizes[i][1], i),
+        lambda i: (-sizes[i][0] * sizes[i][1], i),
+    )
+    for key in keys:
+        places = _placed_in_order(sizes, sorted(range(len(sizes)), key=key), width, height)
+        if places is not None:
+            return places
+    return None
+
+
+def _placed_in_order(
+    sizes: Sequence[Size], order: Sequence[int], width: int, height: int
+) -> list[Size] | None:
+    free: list[_Free] = [(0, 0, width, height)]
+    places: list[Size] = [(0, 0)] * len(sizes)
+    for i in order:
+        w, h = sizes[i]
+        fits = [
+            (min(right - left - w, bottom - top - h), top, left)
+            for left, top, right, bottom in free
+            if right - left >= w and bottom - top >= h
+        ]
+        if not fits:
+            return None
+        _, top, left = min(fits)
+        places[i] = left, top
+        free = _without(free, (left, top, left + w, top + h))
+    return places
+
+
+def _without(free: list[_Free], taken: _Free) -> list[_Free]:
+    """Return the maximal free rectangles that are left when one is taken."""
+    left, top, right, bottom = taken
+    rest: list[_Free] = []
+    for one in free:
+        if left >= one[2] or right <= one[0] or top >= one[3] or bottom <= one[1]:
+            rest.append(one)
+            continue
+        parts = (
+            (one[0], one[1], left, one[3]),
+            (right, one[1], one[2], one[3]),
+            (one[0], one[1], one[2], top),
+            (one[0], bottom, one[2], one[3]),
+        )
+        rest += [part for part in parts if part[0] < part[2] and part[1] < part[3]]
+    rest = list(dict.fromkeys(rest))
+    return [one for one in rest if not any(_holds(other, one) for other in rest if other != one)]
+
+
+def _holds(outer: _Free, inner: _Free) -> bool:
+    return (
+        outer[0] <= inner[0]
+        and outer[1] <= inner[1]
+        and outer[2] >= inner[2]
+        and outer[3] >= inner[3]
+    )

@@ -1,43 +1,101 @@
-"""Values carried past the border of charts, so that filtering never reads background.
+"""Padding: values carried past the borders of charts, so that filtering never reads the background.
 
-First by dilation: a texel that no chart owns takes the value of the owner nearest to it, up to so
-many texels away. One search for the nearest owners serves all maps of a bake. Then, where wanted,
-by push-pull, which fills all the rest smoothly, so that no mip level shows background.
+Padding is made by dilation: a texel that no chart owns takes the value of the nearest texel that
+one does, up to a given number of texels away. One search for the nearest owners serves all maps of
+a bake. Where wanted, push-pull then fills the rest of the image smoothly, so that no mip level
+shows the background.
 
 Based on: Gortler et al., "The Lumigraph", 1996, section 4.3, for push-pull. Departs from it in that
-weights are 0 or 1 in every level.
+weights are 0 or 1 in every level. The search for owners is in `distance_transform`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.nearest import NearestOwners, nearest_owner
+from texbake.texture.distance_transform import NO_OWNER, column_kernel, row_kernel
+from texbake.texture.image_kernels import pull_kernel, push_kernel, spread_kernel
 
-__all__ = ["NearestOwners", "nearest_owner", "push_pull", "spread"]
-
-# Rows a band: some milliseconds of work.
+# Columns of a band of the first pass, and rows of one of the second.
+_COLUMN_BAND = 256
 _ROW_BAND = 128
 
+
+@dataclass(frozen=True)
+class NearestOwners:
+    """Where padding takes its values from.
+
+    Attributes
+    ----------
+    indices : (H, W) int32
+        Flat index (row * W + column) of the nearest owner within the padding; a texel that a chart
+        owns has its own index, and one that is out of reach -1.
+    n_meeting : int
+        Texels that no chart owns, within the padding of two charts or more.
+    """
+
+    indices: npt.NDArray[np.int32]
+    n_meeting: int
+
+
+def nearest_owner(
+    chart_ids: npt.NDArray[np.int32], padding: int, *, threads: int | None = None
+) -> NearestOwners:
+    """Nearest owner of each texel, up to `padding` texels away.
+
+    The time grows with the padding: the paddings in use, up to 64 texels, cost less than reading
+    the image; one as wide as the image costs as much as trying every column for every texel.
+
+    Parameters
+    ----------
+    chart_ids : (H, W) int32
+        Chart that owns a texel, -1 where none does.
+    padding
+        Texels; 0 keeps only the owners.
+
+    Returns
+    -------
+    NearestOwners
+        All -1 where no chart owns a texel.
+
+    Raises
+    ------
+    OptionError
+        `padding` is negative or 16384 or more, or there are 2^31 texels or more.
+    """
+    if not 0 <= padding < NO_OWNER:
+        raise OptionError(f"padding: {padding} is not between 0 and {NO_OWNER - 1} texels")
+    charts = np.require(chart_ids, np.int32, ["C", "W"])
+    height, width = charts.shape
+    if charts.size >= 1 << 31:
+        raise OptionError(f"size: {width} x {height} is more texels than 32 bits can number")
+    # No distance is greater than this.
+    reach = min(padding, height + width)
+    nearest = np.empty((height, width), np.int16)
+    other = np.empty((height, width), np.int16)
+    indices = np.empty((height, width), np.int32)
+    meeting = np.empty(height, np.int64)
+
+    def search_columns(start: int, stop: int) -> None:
+        column_kernel(charts, reach, nearest, other, indices, start, stop)
+
+    def search_rows(start: int, stop: int) -> None:
+        row_kernel(charts, reach, nearest, other, indices, meeting, start, stop)
+
+    run_bands(search_columns, width, band=_COLUMN_BAND, threads=threads)
+    run_bands(search_rows, height, band=_ROW_BAND, threads=threads)
+    return NearestOwners(indices, int(meeting.sum()))
+
+
+# Rows a band: some milliseconds of work.
+_FILL_BAND = 128
 FloatImage = npt.NDArray[np.float32]
-
-
-@kernel
-def _spread_kernel(values, indices, background, out, start, stop):  # type: ignore[no-untyped-def]
-    n_channels = values.shape[1]
-    for i in range(start, stop):
-        source = indices[i]
-        finite = source >= 0
-        if source >= 0 and source != i:
-            for channel in range(n_channels):
-                finite = finite and np.isfinite(values[source, channel])
-        for channel in range(n_channels):
-            out[i, channel] = values[source, channel] if finite else background[channel]
 
 
 def spread(
@@ -70,58 +128,10 @@ def spread(
     out = np.empty_like(flat)
 
     def work(start: int, stop: int) -> None:
-        _spread_kernel(flat, sources, fill, out, start, stop)
+        spread_kernel(flat, sources, fill, out, start, stop)
 
-    run_bands(work, len(flat), band=_ROW_BAND * max(width, 1), threads=threads)
+    run_bands(work, len(flat), band=_FILL_BAND * max(width, 1), threads=threads)
     return out.reshape(height, width, n_channels)
-
-
-@kernel
-def _push_kernel(values, mask, coarse, coarse_mask, start, stop):  # type: ignore[no-untyped-def]
-    """Means of the valid, finite texels of each 2 x 2 block, for coarse rows start on."""
-    height, width, n_channels = values.shape
-    totals = np.empty(n_channels, np.float64)
-    for row in range(start, stop):
-        for column in range(coarse.shape[1]):
-            totals[:] = 0.0
-            count = 0
-            for y in range(2 * row, min(2 * row + 2, height)):
-                for x in range(2 * column, min(2 * column + 2, width)):
-                    if not mask[y, x]:
-                        continue
-                    finite = True
-                    for channel in range(n_channels):
-                        finite = finite and np.isfinite(values[y, x, channel])
-                    if finite:
-                        count += 1
-                        for channel in range(n_channels):
-                            totals[channel] += values[y, x, channel]
-            for channel in range(n_channels):
-                coarse[row, column, channel] = totals[channel] / max(count, 1)
-            coarse_mask[row, column] = count > 0
-
-
-@kernel
-def _pull_kernel(values, mask, coarse, start, stop):  # type: ignore[no-untyped-def]
-    """Fill rows start on, where not valid, with the coarser level, interpolated bilinearly."""
-    width, n_channels = values.shape[1:]
-    last_row = coarse.shape[0] - 1
-    last_column = coarse.shape[1] - 1
-    for y in range(start, stop):
-        near_row = y // 2
-        far_row = min(max(near_row + (1 if y % 2 else -1), 0), last_row)
-        for x in range(width):
-            if mask[y, x]:
-                continue
-            near = x // 2
-            far = min(max(near + (1 if x % 2 else -1), 0), last_column)
-            for channel in range(n_channels):
-                # Sixteenths of float32 add up exactly in float64, so a constant stays constant.
-                total = 9.0 * coarse[near_row, near, channel]
-                total += 3.0 * coarse[near_row, far, channel]
-                total += 3.0 * coarse[far_row, near, channel]
-                total += 1.0 * coarse[far_row, far, channel]
-                values[y, x, channel] = total / 16.0
 
 
 def push_pull(
@@ -164,9 +174,9 @@ def _pushed(
     coarse_mask = np.empty((height, width), np.bool_)
 
     def work(start: int, stop: int) -> None:
-        _push_kernel(values, mask, coarse, coarse_mask, start, stop)
+        push_kernel(values, mask, coarse, coarse_mask, start, stop)
 
-    run_bands(work, height, band=_ROW_BAND, threads=threads)
+    run_bands(work, height, band=_FILL_BAND, threads=threads)
     return coarse, coarse_mask
 
 
@@ -176,6 +186,6 @@ def _pull(
     """Fill `values` in place, where not in `mask`, from the next coarser level."""
 
     def work(start: int, stop: int) -> None:
-        _pull_kernel(values, mask, coarse, start, stop)
+        pull_kernel(values, mask, coarse, start, stop)
 
-    run_bands(work, len(values), band=_ROW_BAND, threads=threads)
+    run_bands(work, len(values), band=_FILL_BAND, threads=threads)

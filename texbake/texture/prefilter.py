@@ -1,40 +1,51 @@
-"""A cube map as light: what falls on a surface, and what surfaces of growing roughness mirror.
+"""Lighting from a cube map: irradiance, reflections by roughness, and the split-sum table.
 
 Based on: Karis, "Real Shading in Unreal Engine 4", 2013, for levels by roughness with the normal as
-the direction of view; Walter et al., "Microfacet Models for Refraction through Rough Surfaces",
-2007, for GGX; Krivanek and Colbert, "Real-time Shading with Filtered Importance Sampling", 2008,
-for reading each sample from a level as wide as what it stands for; Hammersley points after
-Dammertz, "Hammersley Points on the Hemisphere", 2012, so that the result is the same each time;
-Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+the viewing direction, and for the split sum; Walter et al., "Microfacet Models for Refraction
+through Rough Surfaces", 2007, for GGX; Krivanek and Colbert, "Real-time Shading with Filtered
+Importance Sampling", 2008, for reading each sample from a level as wide as its share of directions;
+Hammersley points after Dammertz, "Hammersley Points on the Hemisphere", 2012, so that the result is
+the same each time; Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
 
-Diffuse light is integrated, and not projected on spherical harmonics (Ramamoorthi and Hanrahan, "An
+Irradiance is integrated and not projected on spherical harmonics (Ramamoorthi and Hanrahan, "An
 Efficient Representation for Irradiance Environment Maps", 2001): their nine coefficients ring about
 a small strong sun and can go below 0, while the sum over a small cube map is exact to its size and
 costs a tenth of a second.
+
+The split-sum table departs from Karis in the masking and shadowing of microfacets, which are
+Smith's, height-correlated, as in the BRDF of glTF 2.0 (Heitz, "Understanding the Masking-Shadowing
+Function in Microfacet-Based BRDFs", 2014), and in that only visible facets are sampled (Heitz,
+"Sampling the GGX Distribution of Visible Normals", 2018), so that the weight of a sample stays
+below 1 and few samples are enough.
 """
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.kernels import kernel
 from texbake.parallel import run_bands
-from texbake.texture.cube_chain import CubeChain, cube_chain, reduced
-from texbake.texture.cube_lookup import (
-    bilinear_in_cell,
-    cell_of,
-    face_coordinates,
-    resized,
+from texbake.texture.cube_kernels import irradiance_kernel, specular_kernel
+from texbake.texture.cube_lookup import resize_cube
+from texbake.texture.cube_map import (
+    CubeChain,
+    CubeMap,
+    cube_chain,
+    shrink_cube,
+    solid_angles,
+    texel_directions,
 )
-from texbake.texture.cube_map import CubeMap, solid_angles, texel_directions
 
 # Texels of the result a band.
 _BAND = 256
+
 # Light that varies within 1/32 of a face, about 3 degrees, is smooth to a cosine of 180 degrees.
 _IRRADIANCE_SOURCE = 32
 _MOST_SAMPLES = 4096
+
 # Samples are moved outwards in the lobe, from 1 - u to its third power, and weighted by the
 # derivative. Much of the light of a studio comes through the long tail of GGX, where plain
 # importance sampling puts a few samples of a hundred: powers of 1, 2 and 3 left errors of 69, 22
@@ -66,7 +77,7 @@ def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> 
     """
     if size < 1:
         raise OptionError(f"size: {size} is too small; it must be at least 1")
-    source = reduced(cube, min(cube.size, _IRRADIANCE_SOURCE), threads=threads)
+    source = shrink_cube(cube, min(cube.size, _IRRADIANCE_SOURCE), threads=threads)
     normals = texel_directions(size).reshape(-1, 3)
     directions = texel_directions(source.size).reshape(-1, 3)
     angles = np.tile(solid_angles(source.size).ravel(), 6)
@@ -75,32 +86,10 @@ def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> 
     out = np.empty((len(normals), cube.n_channels), np.float32)
 
     def work(start: int, stop: int) -> None:
-        _irradiance_kernel(directions, angles, radiance, normals, out, start, stop)
+        irradiance_kernel(directions, angles, radiance, normals, out, start, stop)
 
     run_bands(work, len(normals), band=_BAND, threads=threads)
     return CubeMap(out.reshape(6, size, size, -1))
-
-
-@kernel
-def _irradiance_kernel(directions, angles, radiance, normals, out, start, stop):  # type: ignore[no-untyped-def]
-    n_channels = radiance.shape[1]
-    sums = np.zeros(n_channels)
-    for i in range(start, stop):
-        sums[:] = 0.0
-        total = 0.0
-        for j in range(len(directions)):
-            cosine = (
-                normals[i, 0] * directions[j, 0]
-                + normals[i, 1] * directions[j, 1]
-                + normals[i, 2] * directions[j, 2]
-            )
-            if cosine > 0.0:
-                weight = cosine * angles[j]
-                total += weight
-                for channel in range(n_channels):
-                    sums[channel] += weight * radiance[j, channel]
-        for channel in range(n_channels):
-            out[i, channel] = sums[channel] / total
 
 
 def specular_levels(
@@ -143,7 +132,7 @@ def specular_levels(
     ):
         if value < least:
             raise OptionError(f"{name}: {value} is too small; it must be at least {least}")
-    mirror = resized(cube, size, threads=threads)
+    mirror = resize_cube(cube, size, threads=threads)
     source = cube_chain(mirror, threads=threads)
     levels = [mirror]
     for index in range(1, n_levels):
@@ -205,38 +194,86 @@ def _rough(
     out = np.empty((len(normals), source.n_channels), np.float32)
 
     def work(start: int, stop: int) -> None:
-        _rough_kernel(source.texels, source.offsets, source.sizes, lobe, normals, out, start, stop)
+        specular_kernel(
+            source.texels, source.offsets, source.sizes, lobe, normals, out, start, stop
+        )
 
     run_bands(work, len(normals), band=_BAND, threads=threads)
     return CubeMap(out.reshape(6, size, size, -1))
 
 
-@kernel
-def _rough_kernel(texels, offsets, sizes, lobe, normals, out, start, stop):  # type: ignore[no-untyped-def]
-    n_channels = texels.shape[1]
-    sums = np.zeros(n_channels)
-    for i in range(start, stop):
-        nx = np.float64(normals[i, 0])
-        ny = np.float64(normals[i, 1])
-        nz = np.float64(normals[i, 2])
-        # Two directions that are square to the normal and to each other.
-        sign = 1.0 if nz >= 0.0 else -1.0
-        a = -1.0 / (sign + nz)
-        b = nx * ny * a
-        sums[:] = 0.0
-        total = 0.0
-        for j in range(len(lobe)):
-            along, across, up = lobe[j, 0], lobe[j, 1], lobe[j, 2]
-            level, weight = int(lobe[j, 3]), lobe[j, 4]
-            face, s, t = face_coordinates(
-                along * (1.0 + sign * nx * nx * a) + across * b + up * nx,
-                along * sign * b + across * (sign + ny * ny * a) + up * ny,
-                -along * sign * nx - across * ny + up * nz,
-            )
-            first, stride, along_x, along_y = cell_of(offsets[level], sizes[level], face, s, t)
-            for channel in range(n_channels):
-                value = bilinear_in_cell(texels, first, stride, along_x, along_y, channel)
-                sums[channel] += weight * value
-            total += weight
-        for channel in range(n_channels):
-            out[i, channel] = sums[channel] / total
+_TABLE_SAMPLES = 512
+_RIM_POWER = 3
+
+
+@lru_cache(maxsize=4)
+def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
+    """Scale and bias of F0 by the cosine to the eye and the roughness.
+
+    A surface with the specular color F0 reflects F0 scale + bias of prefiltered light.
+
+    Parameters
+    ----------
+    size
+        Rows and columns.
+
+    Returns
+    -------
+    (size, size, 2) float32
+        [row, column] is for roughness (row + 0.5) / size and n·v = (column + 0.5) / size: texel
+        centers. Read-only; computed once a process.
+
+    Raises
+    ------
+    OptionError
+        The size is below 1.
+    """
+    if size < 1:
+        raise OptionError(f"size: {size} is too small; it must be at least 1")
+    centers = (np.arange(size) + 0.5) / size
+    rows = [_scales_and_biases(roughness**2, centers) for roughness in centers]
+    table: npt.NDArray[np.float32] = np.array(rows, np.float32)
+    table.flags.writeable = False
+    return table
+
+
+def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Scale and bias (n, 2) by the cosine of the view with the normal, in (0, 1]."""
+    points = hammersley(_TABLE_SAMPLES)
+    view_z = cosines[:, None]
+    view_x = np.sqrt(1 - view_z**2)
+    # The view in the space in which the facets are a hemisphere.
+    length = np.hypot(alpha * view_x, view_z)
+    high_x, high_z = alpha * view_x / length, view_z / length
+    # Points on the disk of the hemisphere as the view sees it, part of which is hidden.
+    # More of them, of less weight each, near its rim, which stands for the long tail of GGX.
+    rest, turn = (1 - points[:, 0]) ** _RIM_POWER, 2 * np.pi * points[:, 1]
+    share = _RIM_POWER * (1 - points[:, 0]) ** (_RIM_POWER - 1)
+    radius = np.sqrt(1 - rest)
+    t1, t2 = radius * np.cos(turn), radius * np.sin(turn)
+    seen = 0.5 * (1 + high_z)
+    t2 = (1 - seen) * np.sqrt(1 - t1**2) + seen * t2
+    t3 = np.sqrt(np.maximum(0, 1 - t1**2 - t2**2))
+    # First axis y, second axis the view turned a quarter about it; then the facet stretched back.
+    half_x = alpha * (-high_z * t2 + high_x * t3)
+    half_y = alpha * np.broadcast_to(t1, half_x.shape)
+    half_z = np.maximum(high_x * t2 + high_z * t3, 0)
+    length = np.sqrt(half_x**2 + half_y**2 + half_z**2)
+    view_half = (view_x * half_x + view_z * half_z) / length
+    light_z = 2 * view_half * half_z / length - view_z
+    lit = light_z > 0
+    # Of facets that the eye sees, those that the light reaches too: G2 / G1.
+    view_root = _root(alpha, view_z)
+    light_root = _root(alpha, np.where(lit, light_z, 1.0))
+    weight = np.where(
+        lit, light_z * (view_root + view_z) / (light_z * view_root + view_z * light_root), 0
+    )
+    fresnel = np.clip(1 - view_half, 0, 1) ** 5
+    weight = weight * share / share.mean()
+    return np.stack([(weight * (1 - fresnel)).mean(1), (weight * fresnel).mean(1)], axis=1)
+
+
+def _root(alpha: float, cosine: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Root in Smith's functions of GGX."""
+    root: npt.NDArray[np.float64] = np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2)
+    return root

@@ -1,19 +1,8 @@
 """Values of images at texture coordinates, by any filter.
 
-Each filter is a module with one kernel, compiled when it is first used:
-
-============  ==========================================  =======================================
-filter        reads                                       module
-============  ==========================================  =======================================
-nearest       one texel of the finest level               this one
-bilinear      four texels of the finest level             `trilinear`
-bicubic       sixteen texels of the finest level          `bicubic`
-trilinear     four texels of each of two levels           `trilinear`
-ewa           an ellipse of each of two levels            `ewa`
-supersampled  256 bilinear lookups in the finest level    `supersample`
-============  ==========================================  =======================================
-
-The last three need to know what a pixel covers, as the derivatives of the coordinates.
+`FILTERS` lists them; their kernels, and what each reads, are in `filters` and `ewa`. `trilinear`,
+`ewa` and `supersampled` need to know how much of the image a pixel covers, as the derivatives of
+the coordinates.
 
 Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail.
 """
@@ -26,37 +15,24 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.kernels import kernel
 from texbake.parallel import run_bands
-from texbake.texture.bicubic import bicubic_kernel
 from texbake.texture.ewa import WEIGHTS, ewa_kernel
-from texbake.texture.lookup import (
-    WRAPS,
-    border_values,
-    folded,
-    row_of_v,
-    texel_at,
-    wrap_code,
+from texbake.texture.filters import (
+    SUPERSAMPLES,
+    bicubic_kernel,
+    levels_kernel,
+    nearest_kernel,
+    supersampled_kernel,
+    trilinear_kernel,
 )
+from texbake.texture.lookup import border_values, wrap_code
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
-from texbake.texture.supersample import SAMPLES, supersampled_kernel
-from texbake.texture.trilinear import footprint_level, trilinear_kernel
-
-__all__ = [
-    "FILTERS",
-    "FILTERS_WITH_FOOTPRINT",
-    "WRAPS",
-    "mip_levels",
-    "sample",
-    "sample_texture",
-]
 
 FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
 FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
 
 # Lookups a band: some milliseconds of work.
 _BAND = 1 << 16
-
 _NO_DERIVATIVES = np.empty((0, 4), np.float32)
 _NO_DERIVATIVES.flags.writeable = False
 
@@ -128,14 +104,14 @@ def sample(
     def work(start: int, stop: int) -> None:
         rows = out, start, stop
         if filter == "nearest":
-            _nearest_kernel(*levels, uvs, code, outside, *rows)
+            nearest_kernel(*levels, uvs, code, outside, *rows)
         elif filter == "bicubic":
             bicubic_kernel(*levels, uvs, code, outside, *rows)
         elif filter == "ewa":
             bound = float(max_anisotropy)
             ewa_kernel(*levels, uvs, changes, bound, code, outside, WEIGHTS, *rows)
         elif filter == "supersampled":
-            supersampled_kernel(*levels, uvs, changes, SAMPLES, code, outside, *rows)
+            supersampled_kernel(*levels, uvs, changes, SUPERSAMPLES, code, outside, *rows)
         else:
             trilinear_kernel(*levels, uvs, changes, code, outside, *rows)
 
@@ -234,7 +210,7 @@ def mip_levels(
     size = np.float32(width), np.float32(height)
 
     def work(start: int, stop: int) -> None:
-        _levels_kernel(changes, *size, out, start, stop)
+        levels_kernel(changes, *size, out, start, stop)
 
     run_bands(work, len(changes), band=_BAND, threads=threads)
     return out
@@ -247,27 +223,3 @@ def _readable(values: npt.NDArray[Any], dtype: Any, columns: int, name: str) -> 
         raise OptionError(f"{name}: the shape {array.shape} is not (n, {columns})")
     array.flags.writeable = False
     return array
-
-
-@kernel
-def _nearest_kernel(texels, offsets, sizes, uvs, wrap, border, out, start, stop):  # type: ignore[no-untyped-def]
-    height, width = sizes[0]
-    for i in range(start, stop):
-        column, row = _texel_of(folded(uvs[i, 0], wrap), folded(uvs[i, 1], wrap), width, height)
-        index = texel_at(column, row, width, height, wrap)
-        for channel in range(texels.shape[1]):
-            out[i, channel] = texels[index, channel] if index >= 0 else border[channel]
-
-
-@kernel
-def _texel_of(u, v, width, height):  # type: ignore[no-untyped-def]
-    """Column and row that hold a coordinate; a texel holds its left and its lower edge."""
-    column = int(np.floor(min(max(u * width, -1.0), float(width))))
-    row = int(np.ceil(min(max(row_of_v(v, height), 0.0), height + 1.0))) - 1
-    return column, row
-
-
-@kernel
-def _levels_kernel(derivatives, width, height, out, start, stop):  # type: ignore[no-untyped-def]
-    for i in range(start, stop):
-        out[i] = footprint_level(derivatives[i], width, height)

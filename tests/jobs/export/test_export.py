@@ -13,8 +13,8 @@ from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.metadata import CONVENTION
 from texbake.texture.image import read_image, write_image
+from texbake.texture.image_files import write_heights, write_normals
 from texbake.texture.layers import read_layers
-from texbake.texture.map_files import write_heights, write_normals
 
 SIZE = 32
 

@@ -26,7 +26,7 @@ from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.read import read_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import read_image, write_image
-from texbake.texture.map_files import write_normals
+from texbake.texture.image_files import write_normals
 
 PROGRAMS = Path(__file__).parents[2] / "benchmarks"
 UNAVAILABLE = 3  # exit code of a peer that is not here

@@ -15,9 +15,9 @@ from texbake.baking.texture.result import TextureBake, finished
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
+from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.options import COLORED_PROCEDURES
-from texbake.texture.ramp import ramp_lookup
 
 
 def bake_solid(

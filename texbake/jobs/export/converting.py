@@ -24,7 +24,7 @@ from texbake.jobs.export.sources import (
 from texbake.jobs.export.targets import PROGRAMS, Target
 from texbake.texture.dds import write_dds
 from texbake.texture.image import read_image, write_image
-from texbake.texture.map_files import write_heights, write_normals
+from texbake.texture.image_files import write_heights, write_normals
 
 # Channels of packed maps: kind, value where there is no such map, and whether it is turned round.
 PACKINGS: dict[str, tuple[tuple[str | None, float, bool], ...]] = {

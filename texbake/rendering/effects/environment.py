@@ -39,13 +39,10 @@ from texbake.rendering.plan.effect import (
 from texbake.rendering.plan.question import Question
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.studio_room import STUDIO_ROOM, studio_room
-from texbake.texture.cube_chain import CubeChain
-from texbake.texture.cube_lookup import sample_cube
-from texbake.texture.cube_map import CubeMap
+from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
+from texbake.texture.cube_map import CubeChain, CubeMap
 from texbake.texture.image import FloatImage
-from texbake.texture.latitude_longitude import from_latitude_longitude
-from texbake.texture.prefilter import irradiance, specular_levels
-from texbake.texture.split_sum import split_sum_table
+from texbake.texture.prefilter import irradiance, specular_levels, split_sum_table
 
 # Of the prefiltered environment: texels a side of its sharpest level, and how many levels.
 _SPECULAR_SIZE = 256

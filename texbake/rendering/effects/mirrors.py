@@ -41,8 +41,7 @@ from texbake.rendering.plan.effect import (
 from texbake.rendering.plan.question import Question
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
-from texbake.texture.cube_chain import CubeChain
-from texbake.texture.cube_map import CubeMap, cube_face_axes
+from texbake.texture.cube_map import CubeChain, CubeMap, cube_face_axes
 
 # Nearest that a rendered environment sees, in the size of its object.
 _NEAR = 1e-3

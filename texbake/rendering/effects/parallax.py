@@ -39,7 +39,8 @@ from texbake.rendering.plan.effect import Call, Effect, Target
 from texbake.rendering.plan.question import Question
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.rendering.surface_steps import steps_along_texture
-from texbake.texture.lookup import between, cell_at, folded, wrap_code
+from texbake.texture.interpolation import bilinear_cell, interpolate_cell, wrap_to_unit
+from texbake.texture.lookup import wrap_code
 from texbake.texture.sample import mip_levels
 
 _NAME = "parallax.texture"
@@ -146,9 +147,9 @@ def _above(texels, level, outside, ray, share):  # type: ignore[no-untyped-def]
     """How far the ray is above the map, at some share of its way down from 1 to 0."""
     first, width, height, wrap = level
     border, factor = outside
-    u, v = folded(ray[0] + share * ray[2], wrap), folded(ray[1] + share * ray[3], wrap)
-    cell, x, y = cell_at(u, v, width, height, wrap, first)
-    return 1.0 - share - np.float64(factor * between(texels, cell, x, y, 0, border))
+    u, v = wrap_to_unit(ray[0] + share * ray[2], wrap), wrap_to_unit(ray[1] + share * ray[3], wrap)
+    cell, x, y = bilinear_cell(u, v, width, height, wrap, first)
+    return 1.0 - share - np.float64(factor * interpolate_cell(texels, cell, x, y, 0, border))
 
 
 @kernel

@@ -18,8 +18,8 @@ from texbake.rendering.picture import Picture
 from texbake.rendering.plan.effect import Call, Effect, Target
 from texbake.rendering.plan.question import Question
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
+from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
-from texbake.texture.ramp import ramp_lookup
 
 # Slots of which nothing below 0 or above 1 means anything, whatever an image or a factor says.
 _SHARES = ("roughness", "metalness")

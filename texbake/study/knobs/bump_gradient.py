@@ -11,7 +11,7 @@ from texbake.study.truth.pictures import crop
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.waves import texel_grid, wave_heights, wave_normals
 from texbake.texture.height_options import HeightToNormalOptions
-from texbake.texture.height_to_normal import height_to_normal
+from texbake.texture.heights_and_normals import height_to_normal
 from texbake.texture.lookup import lookup
 
 _SIZES = (64, 128, 256, 512, 1024)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from texbake.study.case import Case
 from texbake.study.knob import Bench, Knob, Outcome, Setting
 from texbake.study.truth.pictures import crop
-from texbake.texture.procedures.octaves import fractal_sum
+from texbake.texture.procedures.noise import fractal_sum
 
 _TRUTH_OCTAVES = 16
 _OCTAVES = (1, 2, 3, 4, 6, 8, 10, 12)

@@ -18,15 +18,15 @@ from texbake.texture.procedures.options import (
 
 if TYPE_CHECKING:
     from texbake.texture.procedures.evaluation import PROCEDURES, Procedure, evaluate
-    from texbake.texture.procedures.octaves import fractal_sum, signed_noise, turbulence_sum
+    from texbake.texture.procedures.noise import fractal_sum, signed_noise, turbulence_sum
 
 _HOMES = {
     "PROCEDURES": "evaluation",
     "Procedure": "evaluation",
     "evaluate": "evaluation",
-    "fractal_sum": "octaves",
-    "signed_noise": "octaves",
-    "turbulence_sum": "octaves",
+    "fractal_sum": "noise",
+    "signed_noise": "noise",
+    "turbulence_sum": "noise",
 }
 
 __all__ = [

@@ -1,8 +1,7 @@
-"""Colors that go with the values of each procedure, evenly spaced from value 0 to value 1.
+"""The default colors of each procedure, evenly spaced from value 0 to value 1.
 
-A ramp is a 1D texture, interpolated between its stops in linear light. Marble, wood and granite
-take theirs where nothing else is asked for; the others are one number, and theirs are black and
-white.
+Marble, wood and granite have colors of their own. The other procedures are one number, and their
+ramps are black and white. Loads no numpy, so that scene files can be checked without it.
 """
 
 from __future__ import annotations
@@ -10,9 +9,7 @@ from __future__ import annotations
 from texbake.texture.procedures.options import COLORED_PROCEDURES, PROCEDURE_NAMES
 
 Rgb = tuple[float, float, float]
-
 _GRAY: tuple[Rgb, ...] = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-
 _COLORS: dict[str, tuple[Rgb, ...]] = {
     # Narrow dark veins in white stone.
     "marble": (
@@ -44,7 +41,6 @@ _COLORS: dict[str, tuple[Rgb, ...]] = {
         (0.76, 0.73, 0.69),
     ),
 }
-
 DEFAULT_RAMPS: dict[str, tuple[Rgb, ...]] = {
     name: _COLORS[name] if name in COLORED_PROCEDURES else _GRAY for name in PROCEDURE_NAMES
 }

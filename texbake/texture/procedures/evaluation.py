@@ -1,8 +1,8 @@
-"""Every procedure, and its values at points.
+"""All procedures, and their values at points.
 
-A procedure is evaluated at points of any space: x, y, z of an object, of the world, or (u, v).
-Given the width of a pixel it gives the mean over the pixel as well as is known: edges of checkers
-and stripes exactly, octaves of noise by fading to their mean.
+A procedure is evaluated at points of any space: x, y, z of an object or of the world, or (u, v).
+Given the width of a pixel, it gives the mean over the pixel as well as it is known: edges of
+checkers and stripes exactly, octaves of noise by fading to their mean.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.parallel import run_bands
-from texbake.texture.procedures.checker import checker
-from texbake.texture.procedures.gradient_noise import noise
-from texbake.texture.procedures.granite import granite
-from texbake.texture.procedures.marble import marble
-from texbake.texture.procedures.octaves import fractal, turbulence
+from texbake.texture.procedures.noise import fractal, noise, turbulence, worley
 from texbake.texture.procedures.options import (
     COLORED_PROCEDURES,
     PROCEDURE_DEFAULTS,
     checked_parameters,
 )
-from texbake.texture.procedures.samples import BAND, Samples, Work, checked_points, checked_widths
-from texbake.texture.procedures.stripes import stripes
-from texbake.texture.procedures.wood import wood
-from texbake.texture.procedures.worley import worley
+from texbake.texture.procedures.patterns import checker, granite, marble, stripes, wood
+from texbake.texture.procedures.points import (
+    BAND,
+    ProcedurePoints,
+    Work,
+    checked_points,
+    checked_widths,
+)
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,10 @@ class Procedure:
     name: str
     defaults: Mapping[str, Any]
     n_channels: int
-    work: Callable[[Samples, dict[str, Any]], Work]
+    work: Callable[[ProcedurePoints, dict[str, Any]], Work]
 
 
 _WORKS = (checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley)
-
 PROCEDURES: Mapping[str, Procedure] = MappingProxyType(
     {
         work.__name__: Procedure(
@@ -123,6 +122,9 @@ def evaluate(
     widths = checked_widths(footprint, rows)
     out = np.empty((len(rows), 1 if scalar else procedure.n_channels), np.float32)
     run_bands(
-        procedure.work(Samples(rows, widths, out), full), len(rows), band=BAND, threads=threads
+        procedure.work(ProcedurePoints(rows, widths, out), full),
+        len(rows),
+        band=BAND,
+        threads=threads,
     )
     return out

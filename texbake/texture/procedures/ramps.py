@@ -1,8 +1,7 @@
-"""From the value of a procedure to what it shows: the number itself, or a color of its ramp.
+"""The colors of marble, wood and granite, and their mean.
 
-A pattern finer than a pixel shows the mean of its colors, which is not the color of its mean value.
-
-`show` can be called from the kernels of other modules.
+A ramp is a one-dimensional texture, interpolated between its stops in linear light. A pattern finer
+than a pixel shows the mean of its colors, which is not the color of its mean value.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
 from texbake.texture.procedures.default_ramps import DEFAULT_RAMPS
 
 # Values a mean of colors is taken over; each ramp has a few stops only.
@@ -47,28 +45,3 @@ def own_ramp(name: str, distribution: str) -> Ramp:
     stops.flags.writeable = False
     mean.flags.writeable = False
     return Ramp(stops, mean)
-
-
-@kernel
-def show(out, i, value, sharp, kept, stops, mean_color):  # type: ignore[no-untyped-def]
-    """Write row i: `value`, or the color of `sharp`, of whose contrast `kept` is left.
-
-    Parameters
-    ----------
-    out : (n, 1 or 3) float32
-        Written: one channel is the value, three are the color.
-    value, sharp : float
-        The filtered value, and the one whose color is looked up; clamped to [0, 1].
-    kept : float
-        1: the color itself, 0: `mean_color`.
-    """
-    if out.shape[1] == 1:
-        out[i, 0] = min(max(value, 0.0), 1.0)
-        return
-    place = min(max(sharp, 0.0), 1.0) * (len(stops) - 1)
-    below = min(int(place), len(stops) - 2)
-    along = place - below
-    for channel in range(3):
-        low, mean = stops[below, channel], mean_color[channel]
-        color = low + along * (stops[below + 1, channel] - low)
-        out[i, channel] = mean + kept * (color - mean)

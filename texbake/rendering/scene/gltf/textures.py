@@ -20,8 +20,7 @@ from texbake.errors import FileError
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.source import require_file
 from texbake.rendering.scene.textures import Constant, ImageTexture
-from texbake.texture.encoded import decode_image
-from texbake.texture.image import Image
+from texbake.texture.image import Image, decode_image
 
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)

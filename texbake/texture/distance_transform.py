@@ -1,65 +1,42 @@
-"""The nearest texel that a chart owns, for every texel around charts.
+"""Kernels: the nearest texel that a chart owns, for every texel around the charts.
 
-Distances are Euclidean, between texel centers. Of owners equally near, the one that the fewest
-columns lie between wins, then the left, then the upper.
+Distances are Euclidean, between texel centers. Among owners at the same distance, the one with the
+fewest columns between wins, then the left one, then the upper one.
 
 Based on: Felzenszwalb and Huttenlocher, "Distance Transforms of Sampled Functions", 2012, and
 Meijster, Roerdink and Hesselink, "A General Algorithm for Computing Distance Transforms in Linear
-Time", 2000, for columns first and rows second. Departs from them in that rows are searched in a
-window as wide as the reach, which vectorizes and so is faster for the paddings in use; and in that
+Time", 2000, for columns first and rows second. Departs from them in two ways. Rows are searched in
+a window of the width of the padding, which vectorizes and so is faster for the paddings in use. And
 columns keep a second owner, the nearest of any other chart, which is enough to find every texel
-within reach of two charts.
+that lies within the padding of two charts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
-from texbake.errors import OptionError
 from texbake.kernels import kernel
-from texbake.parallel import run_bands
 
-# Columns of a band of the first pass, and rows of one of the second.
-_COLUMN_BAND = 256
-_ROW_BAND = 128
 # Texels of a row that the second pass searches together; those that are all owned it skips.
 _SEGMENT = 128
+
 # "No owner within reach", as an offset in texels; so the greatest padding is one less.
-_NONE = 16384
+NO_OWNER = 16384
+
 # Its square and more: no sum of two squared distances within reach comes near it.
 _FAR = 1 << 30
 
 
-@dataclass(frozen=True)
-class NearestOwners:
-    """Where padding takes its values from.
-
-    Attributes
-    ----------
-    indices : (H, W) int32
-        Flat index (row * W + column) of the nearest owner within the padding; a texel that a chart
-        owns has its own index, and one that is out of reach -1.
-    n_meeting : int
-        Texels that no chart owns, within the padding of two charts or more.
-    """
-
-    indices: npt.NDArray[np.int32]
-    n_meeting: int
-
-
 @kernel
-def _column_kernel(charts, reach, nearest, other, owners, start, stop):  # type: ignore[no-untyped-def]
+def column_kernel(charts, reach, nearest, other, owners, start, stop):  # type: ignore[no-untyped-def]
     """Vertical offsets, down, to the nearest owner and to the nearest of another chart.
 
-    For columns start on; `_NONE` where there is none within reach. `owners` gets the chart of the
-    nearest owner. One sweep down finds the owners above, one up those below.
+    Columns `start` to `stop`; `NO_OWNER` where there is none within the padding. `owners` gets the
+    chart of the nearest owner. One sweep down finds the owners above, one up those below.
     """
     height = charts.shape[0]
     width = stop - start
-    far = np.int32(2 * _NONE)
+    far = np.int32(2 * NO_OWNER)
     # Rows of the last owner met and of the last one of another chart than that, and its chart.
     last = np.full(width, -far, np.int32)
     before = np.full(width, -far, np.int32)
@@ -69,8 +46,8 @@ def _column_kernel(charts, reach, nearest, other, owners, start, stop):  # type:
         for x in range(width):
             offset = np.int32(last[x] - row)
             offset_2 = np.int32(before[x] - row)
-            nearest[row, start + x] = offset if offset >= -reach else _NONE
-            other[row, start + x] = offset_2 if offset_2 >= -reach else _NONE
+            nearest[row, start + x] = offset if offset >= -reach else NO_OWNER
+            other[row, start + x] = offset_2 if offset_2 >= -reach else NO_OWNER
             owners[row, start + x] = chart[x] if offset >= -reach else -1
     last[:] = height + far
     before[:] = height + far
@@ -95,7 +72,7 @@ def _column_kernel(charts, reach, nearest, other, owners, start, stop):  # type:
                 nearest[row, column] = down
                 owners[row, column] = chart[x]
                 if down_2 < rival:
-                    other[row, column] = down_2 if down_2 <= reach else _NONE
+                    other[row, column] = down_2 if down_2 <= reach else NO_OWNER
                 elif not same and up >= 0:
                     other[row, column] = -up
 
@@ -119,10 +96,10 @@ def _all_owned(charts, row, left, right):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  # type: ignore[no-untyped-def]
-    """Nearest owners of rows start on, and how many texels of each row two charts reach.
+def row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  # type: ignore[no-untyped-def]
+    """Nearest owners in rows `start` to `stop`, and how many texels of each lie near two charts.
 
-    `indices` comes with the charts of the columns' nearest owners.
+    `indices` initially holds the charts of the columns' nearest owners.
     """
     width = charts.shape[1]
     # A row with `reach` empty texels at both ends, so that windows need no bounds.
@@ -136,8 +113,8 @@ def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  
             offset = np.int32(nearest[row, x])
             offset_2 = np.int32(other[row, x])
             owners[reach + x] = indices[row, x]
-            squares[reach + x] = offset * offset if offset != _NONE else _FAR
-            other_squares[reach + x] = offset_2 * offset_2 if offset_2 != _NONE else _FAR
+            squares[reach + x] = offset * offset if offset != NO_OWNER else _FAR
+            other_squares[reach + x] = offset_2 * offset_2 if offset_2 != NO_OWNER else _FAR
         count = 0
         for left in range(0, width, _SEGMENT):
             right = min(left + _SEGMENT, width)
@@ -150,7 +127,7 @@ def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  
             for x in range(left, right):
                 dx = shift[x - left]
                 column = x + dx
-                found = dx != _NONE
+                found = dx != NO_OWNER
                 indices[row, x] = (row + nearest[row, column]) * width + column if found else -1
             count += _count_meeting(
                 owners[window], squares[window], other_squares[window], reach, right - left, shift
@@ -160,12 +137,12 @@ def _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop):  
 
 @kernel
 def _search_window(squares, reach, n, best, shift):  # type: ignore[no-untyped-def]
-    """Columns to the nearest owner for each of n texels, `_NONE` where there is none within reach.
+    """Columns to the nearest owner for each of n texels; `NO_OWNER` where it is too far away.
 
-    `squares` begins `reach` texels before the first of them.
+    `squares` begins `reach` texels, the width of the padding, before the first of them.
     """
     best[:] = np.int32(reach * reach + 1)
-    shift[:] = np.int32(_NONE)
+    shift[:] = np.int32(NO_OWNER)
     for step in range(2 * reach + 1):
         # 0, -1, 1, -2, 2, ...: what is found first stays among equals.
         dx = np.int32((step + 1) // 2 if step % 2 == 0 else -((step + 1) // 2))
@@ -180,7 +157,7 @@ def _search_window(squares, reach, n, best, shift):  # type: ignore[no-untyped-d
 
 @kernel
 def _count_meeting(owners, squares, other_squares, reach, n, shift):  # type: ignore[no-untyped-def]
-    """How many of n texels, not owned, have an owner of another chart than the nearest in reach."""
+    """Of n texels, how many have no owner but lie within the padding of two charts."""
     low = 1 << 30
     high = -1
     others = _FAR
@@ -193,7 +170,7 @@ def _count_meeting(owners, squares, other_squares, reach, n, shift):  # type: ig
     chart = np.empty(n, np.int32)
     meets = np.zeros(n, np.int32)
     for x in range(n):
-        chart[x] = owners[reach + x + shift[x]] if shift[x] != _NONE else -1
+        chart[x] = owners[reach + x + shift[x]] if shift[x] != NO_OWNER else -1
     for dx in range(-reach, reach + 1):
         most = np.int32(reach * reach - dx * dx)
         window = squares[reach + dx : reach + dx + n]
@@ -206,52 +183,3 @@ def _count_meeting(owners, squares, other_squares, reach, n, shift):  # type: ig
     for x in range(n):
         count += 1 if meets[x] and squares[reach + x] > 0 else 0
     return count
-
-
-def nearest_owner(
-    chart_ids: npt.NDArray[np.int32], padding: int, *, threads: int | None = None
-) -> NearestOwners:
-    """Nearest owner of each texel, up to `padding` texels away.
-
-    The time grows with the padding: the paddings in use, up to 64 texels, cost less than reading
-    the image; one as wide as the image costs as much as trying every column for every texel.
-
-    Parameters
-    ----------
-    chart_ids : (H, W) int32
-        Chart that owns a texel, -1 where none does.
-    padding
-        Texels; 0 keeps only the owners.
-
-    Returns
-    -------
-    NearestOwners
-        All -1 where no chart owns a texel.
-
-    Raises
-    ------
-    OptionError
-        `padding` is negative or 16384 or more, or there are 2^31 texels or more.
-    """
-    if not 0 <= padding < _NONE:
-        raise OptionError(f"padding: {padding} is not between 0 and {_NONE - 1} texels")
-    charts = np.require(chart_ids, np.int32, ["C", "W"])
-    height, width = charts.shape
-    if charts.size >= 1 << 31:
-        raise OptionError(f"size: {width} x {height} is more texels than 32 bits can number")
-    # No distance is greater than this.
-    reach = min(padding, height + width)
-    nearest = np.empty((height, width), np.int16)
-    other = np.empty((height, width), np.int16)
-    indices = np.empty((height, width), np.int32)
-    meeting = np.empty(height, np.int64)
-
-    def search_columns(start: int, stop: int) -> None:
-        _column_kernel(charts, reach, nearest, other, indices, start, stop)
-
-    def search_rows(start: int, stop: int) -> None:
-        _row_kernel(charts, reach, nearest, other, indices, meeting, start, stop)
-
-    run_bands(search_columns, width, band=_COLUMN_BAND, threads=threads)
-    run_bands(search_rows, height, band=_ROW_BAND, threads=threads)
-    return NearestOwners(indices, int(meeting.sum()))

@@ -1,0 +1,95 @@
+"""The points at which a procedure is evaluated, and the width of a pixel at each.
+
+A pixel is a box about its point: equally wide along every axis, or with its own width along each.
+The kernels that read points and widths are in `noise_kernels`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+
+# Work over points start to stop - 1.
+Work = Callable[[int, int], None]
+
+# Points a band: some milliseconds of work.
+BAND = 1 << 14
+
+
+@dataclass(frozen=True, eq=False)
+class ProcedurePoints:
+    """Points to evaluate, and where the results go.
+
+    Attributes
+    ----------
+    points : (n, 2 or 3) float64
+        Read-only, contiguous; a third coordinate that is not there is 0.
+    widths : (n, 1), (n, 2 or 3) or (0, 1) float32
+        Widths of the pixels along all axes or along each; none: nothing is filtered.
+    out : (n, 1 or 3) float32
+        Values from 0 to 1, or linear RGB.
+    """
+
+    points: npt.NDArray[np.float64]
+    widths: npt.NDArray[np.float32]
+    out: npt.NDArray[np.float32]
+
+    @property
+    def n_dimensions(self) -> int:
+        """Number of coordinates that the points have."""
+        return int(self.points.shape[1])
+
+
+def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return points as a contiguous, read-only array; raise `OptionError` on another shape."""
+    array = _readable(points, np.float64)
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        raise OptionError(
+            f"points: the shape {array.shape} is not (n, 3) or (n, 2); give one row a point"
+        )
+    return array
+
+
+def checked_widths(
+    footprint: npt.ArrayLike | None, points: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float32]:
+    """Return pixel widths as `ProcedurePoints` has them; raise `OptionError` on another shape."""
+    if footprint is None:
+        return _NO_WIDTHS
+    with np.errstate(over="ignore"):  # too wide for float32 is infinitely wide
+        array = _readable(footprint, np.float32)
+    if array.ndim == 1:
+        array = array.reshape(-1, 1)
+    n_points, n_dimensions = points.shape
+    if array.ndim != 2 or len(array) != n_points or array.shape[1] not in (1, n_dimensions):
+        raise OptionError(
+            f"footprint: the shape {np.shape(footprint)} is not ({n_points},) or "
+            f"({n_points}, {n_dimensions}); give the width of the pixel at each point"
+        )
+    return array
+
+
+def _readable(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
+    """Return values as a contiguous, read-only array, so that kernels have one signature."""
+    array = np.require(values, dtype, "C").view()
+    array.flags.writeable = False
+    return array
+
+
+_NO_WIDTHS = _readable(np.empty((0, 1)), np.float32)
+
+
+@lru_cache(maxsize=64)
+def unit_vector(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    """(3,) float64, read-only: a direction that has a length, normalized."""
+    vector = np.array(direction, np.float64) / math.hypot(*direction)
+    vector.flags.writeable = False
+    return vector
