@@ -1,9 +1,12 @@
 """What tests of every room share."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "raycast"))  # for embreex_oracle
 
 
 @pytest.fixture(scope="session")

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from embreex_oracle import EmbreexScene
 
 import texbake
 from texbake.baking import trace
 from texbake.baking.bake import bake, remap
-from texbake.baking.embreex_caster import EmbreexCaster
 from texbake.baking.options import BakeOptions
 from texbake.errors import CageError, MissError, OptionError, UvError
 from texbake.mesh.distance import surface_distance
@@ -254,11 +254,11 @@ def test_a_cage_and_a_front_distance_contradict_each_other():
 
 
 def test_a_bake_through_embreex_is_the_same(monkeypatch):
-    """Where the library beside the wheel is not found, by its public interface."""
+    """embreex's public interface as an independent oracle."""
     high, low = icosphere(5), uv_sphere(8, 12)
     options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
     native = bake(high, low, options)
-    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame))
+    monkeypatch.setattr(trace, "RayScene", EmbreexScene)
     through_embreex = bake(high, low, options)
     assert (native.report.caster, through_embreex.report.caster) == ("Embree, packets", "embreex")
     np.testing.assert_array_equal(native.has_data, through_embreex.has_data)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.id_colors import id_colors
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.map_names import MAP_NAMES
@@ -19,6 +19,7 @@ from texbake.mesh.materials import BaseColor, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.metadata import CURVATURE_MID, CURVATURE_SCALE, ID, POSITION_MAX, POSITION_MIN, SPACE
+from texbake.raycast.rays import NO_HIT
 from texbake.texture.encoding import decode_heights
 from texbake.texture.image import read_image, write_image
 

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from embreex_oracle import EmbreexScene
 
 import texbake
 from texbake.baking import trace
 from texbake.baking.bake import bake, remap
-from texbake.baking.embreex_caster import EmbreexCaster
 from texbake.baking.options import BakeOptions
 from texbake.baking.secondary.options import SecondaryOptions
 from texbake.errors import OptionError
@@ -16,6 +16,7 @@ from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.metadata import THICKNESS_SCALE
+from texbake.raycast.scene import RayScene
 
 SHORT = {"front": 0.05, "back": 0.05, "padding": 0}
 
@@ -122,9 +123,9 @@ def test_outer_and_inner_rays_are_cast_once_for_all_maps_that_need_them(ground):
         assert counts.secondary_rays == n * 64 * 16**2
 
 
-@pytest.mark.parametrize("caster", [trace.open_caster, EmbreexCaster])
-def test_where_nothing_is_hit_or_faces_nowhere_there_are_no_rays(caster, monkeypatch):
-    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: caster(high, frame))
+@pytest.mark.parametrize("scene", [RayScene, EmbreexScene])
+def test_where_nothing_is_hit_or_faces_nowhere_there_are_no_rays(scene, monkeypatch):
+    monkeypatch.setattr(trace, "RayScene", scene)
     options = BakeOptions(size=16, maps=("ao", "bent-normal", "thickness"), **SHORT)
     away = plane().replace(positions=plane().positions + np.array([0, 0, 5]))
     missed = bake(away, plane(), options)
@@ -188,10 +189,10 @@ def test_samples_that_adapt_to_normals_have_secondary_rays_too(ground):
         bake(ground, plane(), dataclasses.replace(options, maps=("ao",)))
 
 
-def test_without_embrees_library_the_maps_are_the_same_to_noise(ground, monkeypatch):
+def test_through_embreex_the_maps_are_the_same_to_noise(ground, monkeypatch):
     options = BakeOptions(size=24, maps=("ao", "thickness"), **SHORT)
     native = bake(ground, plane(), options)
-    monkeypatch.setattr(trace, "open_caster", lambda high, frame, **_: EmbreexCaster(high, frame))
+    monkeypatch.setattr(trace, "RayScene", EmbreexScene)
     plain = bake(ground, plane(), options)
     assert plain.report.caster == "embreex"
     for name in options.maps:

@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from texbake import FileError, OptionError
-from texbake.baking import cast
-from texbake.baking.chunked_caster import ChunkedCaster
 from texbake.building import locations
 from texbake.building.build import build, plan_build
 from texbake.building.keys import checksum
@@ -22,6 +20,8 @@ from texbake.building.store import Store
 from texbake.building.task import Outcome, Task, run_task
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
+from texbake.raycast.rays import RayHits, Rays
+from texbake.raycast.scene import RayScene
 from texbake.texture.image import read_image, write_image
 
 Write = Callable[..., Path]
@@ -82,10 +82,13 @@ def test_less_memory_gives_the_same_bytes(
     run(path)
     before = contents(path.parent / "build")
     made: list[int] = []
-    monkeypatch.setattr(
-        cast, "ChunkedCaster",
-        lambda *given, **more: made.append(given[2]) or ChunkedCaster(*given, **more),
-    )  # fmt: skip
+    cast_in_chunks = RayScene._cast_in_chunks
+
+    def spy(scene: RayScene, rays: Rays, cull: bool) -> RayHits:
+        made.append(len(rays))
+        return cast_in_chunks(scene, rays, cull)
+
+    monkeypatch.setattr(RayScene, "_cast_in_chunks", spy)
     again, steps = run(path, folder=path.parent / "small", max_memory="1M")
     assert again.ok and len(steps) == 6 and len(made) == 2
     assert contents(path.parent / "small") == before

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from texbake.baking.cast import open_caster
-from texbake.baking.hits import NO_HIT
-from texbake.baking.rays import Rays
-from texbake.baking.watertight import retry_watertight
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.normals import face_normals, vertex_normals
 from texbake.mesh.shapes import icosphere
+from texbake.raycast.exact_hits import retry_misses
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 
 N_DIRECTIONS = 10_000
 
@@ -32,17 +31,17 @@ def from_outside(targets, toward):
     )
 
 
-def found_with_a_second_look(mesh, rays, *, cull):
+def cast_and_retry(mesh, rays, *, cull):
     frame = LocalFrame.around(mesh)
-    caster = open_caster(mesh, frame)
-    found = caster.cast(rays, cull_back_faces=cull)
-    caster.close()
+    scene = RayScene.build(mesh, frame)
+    found = scene.cast(rays, cull_back_faces=cull)
+    scene.close()
     faces, distances = found.faces.copy(), found.distances.copy()
     missed = np.flatnonzero(faces == NO_HIT)
     if len(missed):
         few = Rays(*(np.ascontiguousarray(getattr(rays, name)[missed]) for name in
                      ("origins", "directions", "lengths", "fronts")))  # fmt: skip
-        again = retry_watertight(few, mesh, frame, cull_back_faces=cull)
+        again = retry_misses(few, mesh, frame, cull_back_faces=cull)
         faces[missed], distances[missed] = again.faces, again.distances
     return faces, distances
 
@@ -74,7 +73,7 @@ def into(mesh, rng):
 def test_no_hole_from_ten_thousand_directions(closed_case):
     mesh = closed_case.make()
     targets, inward = into(mesh, np.random.default_rng(1))
-    faces, _ = found_with_a_second_look(mesh, from_outside(targets, inward), cull=False)
+    faces, _ = cast_and_retry(mesh, from_outside(targets, inward), cull=False)
     assert (faces != NO_HIT).all()
 
 
@@ -82,7 +81,7 @@ def test_aimed_rays_hit_where_they_are_aimed(ray_case):
     """Or, where they only touch, nowhere else than near there."""
     aimed = ray_case.make()
     rays = from_outside(aimed.targets, aimed.directions)
-    faces, distances = found_with_a_second_look(aimed.mesh, rays, cull=True)
+    faces, distances = cast_and_retry(aimed.mesh, rays, cull=True)
     hit = faces != NO_HIT
     assert hit.all() or not aimed.must_hit
     # Touching lines graze a ball within half an edge, 0.02; those along a cube's faces enter by an
@@ -97,9 +96,9 @@ def test_a_ball_is_hit_where_its_radius_says(level):
     mesh = icosphere(level)
     frame = LocalFrame.around(mesh)
     toward = directions(N_DIRECTIONS)
-    caster = open_caster(mesh, frame)
-    found = caster.cast(from_outside(np.zeros_like(toward), toward))
-    caster.close()
+    scene = RayScene.build(mesh, frame)
+    found = scene.cast(from_outside(np.zeros_like(toward), toward))
+    scene.close()
     hit = found.faces != NO_HIT
     assert np.count_nonzero(~hit) <= 10  # through vertices and edges, without the second look
     corners = frame.to_local(mesh.positions)[mesh.faces]

@@ -30,7 +30,7 @@ from texbake.baking.coverage import (
     FaceBins,
     outlined_texels,
 )
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.map_errors import errors_of_map
 from texbake.baking.maps.kind import MapKind
@@ -57,6 +57,7 @@ from texbake.baking.texels import (
 from texbake.baking.trace import Casts, Lost, Trace
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
+from texbake.raycast.rays import NO_HIT
 
 # What four samples may be off by, in second differences: where that is too much, a texel gets 16 at
 # once.

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.baking.cast import Caster
-from texbake.baking.doubtful import drop_doubtful
-from texbake.baking.hits import NO_HIT
-from texbake.baking.rays import RayField, Rays
+from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
+from texbake.raycast.exact_hits import drop_uncertain_hits
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 
 _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000
@@ -39,7 +39,7 @@ class Reach:
 
 
 def measure_reach(
-    high: Mesh, low: Mesh, frame: LocalFrame, caster: Caster, kind: str, threads: int | None
+    high: Mesh, low: Mesh, frame: LocalFrame, caster: RayScene, kind: str, threads: int | None
 ) -> Reach:
     """Measure how far in front of the light surface rays must start and how far behind end.
 
@@ -82,7 +82,7 @@ def _from_light_mesh(
     high: Mesh,
     low: Mesh,
     frame: LocalFrame,
-    caster: Caster,
+    caster: RayScene,
     kind: str,
     limit: float,
     threads: int | None,
@@ -102,7 +102,7 @@ def _from_light_mesh(
     )
     # On its way out a ray meets the dense surface from behind.
     found = caster.cast(rays, cull_back_faces=False)
-    drop_doubtful(found, rays, high, frame, threads)
+    drop_uncertain_hits(found, rays, high, frame, threads)
     out, into = np.split(np.where(found.faces == NO_HIT, np.inf, found.distances), 2)
     return (
         _greatest(out[(out < into) & np.isfinite(out)]),

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.rows import Rows
-
-NO_HIT = -1
+from texbake.raycast.rays import Rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,11 +22,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
-from texbake.baking.secondary import N_COLUMNS
 from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
@@ -35,6 +34,8 @@ from texbake.mesh.files.source import require_file
 from texbake.mesh.materials import BaseColor, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
+from texbake.raycast.fans import N_COLUMNS
+from texbake.raycast.rays import NO_HIT
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

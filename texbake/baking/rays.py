@@ -7,12 +7,9 @@ cage it starts at the point of the cage that has the sample's barycentrics.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from texbake.baking.ray_maps import RayMaps, reshape_kernel, sample_uvs
-from texbake.baking.rows import Rows
 from texbake.baking.texels import Samples
 from texbake.errors import CageError
 from texbake.kernels import kernel
@@ -20,25 +17,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
 from texbake.parallel import run_bands
-
-
-@dataclass(frozen=True, eq=False)
-class Rays(Rows):
-    """Rays in the local frame, one a sample.
-
-    Attributes
-    ----------
-    origins, directions : (n, 3) float64
-        Directions are unit vectors, or zero where the light mesh gives none: such a ray has no
-        length and misses.
-    lengths, fronts : (n,) float64
-        How far the ray goes, and how far along it the light surface lies.
-    """
-
-    origins: FloatArray
-    directions: FloatArray
-    lengths: FloatArray
-    fronts: FloatArray
+from texbake.raycast.rays import Rays
 
 
 class RayField:

@@ -15,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.coverage import TEXEL, FaceBins, owner_at
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.texels import NO_FACE, Samples, write_weights
 from texbake.baking.trace import Casts
 from texbake.kernels import kernel
+from texbake.raycast.rays import NO_HIT
 
 N_SAMPLES, _GENERATOR = 13, 8  # Fibonacci numbers, one after the other
 _SHARE = 0.01  # of the texels

@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.budget_report import BudgetReport
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.sampling import SamplingReport
 from texbake.baking.trace import TraceCounts
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
+from texbake.raycast.rays import NO_HIT
 
 _PERCENTILES = (1, 5, 50, 95, 99)
 _EVERY = 8  # percentiles between the ends are taken over one hit in so many

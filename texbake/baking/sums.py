@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.kernels import kernel
 from texbake.parallel import run_bands
+from texbake.raycast.rays import NO_HIT
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.rows import Rows
 from texbake.errors import UvError
 from texbake.kernels import kernel
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import run_bands
+from texbake.raycast.rays import Rows
 from texbake.texture.lookup import texel_coordinates
 
 FRACTION_BITS = 11  # a sample is 2048 units wide

@@ -8,15 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from texbake.baking.cast import open_caster
-from texbake.baking.doubtful import drop_doubtful
-from texbake.baking.found import Found
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.ray_maps import RayMaps
-from texbake.baking.rays import RayField, Rays
+from texbake.baking.rays import RayField
 from texbake.baking.secondary.rays import SecondaryRays
-from texbake.baking.secondary.reach import Reach
 from texbake.baking.texels import (
     NO_FACE,
     TILE,
@@ -34,6 +30,10 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
 from texbake.progress import Stages
+from texbake.raycast.exact_hits import drop_uncertain_hits
+from texbake.raycast.fans import OcclusionRange
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.scene import RayScene
 
 _SAMPLES_AT_ONCE = 1 << 20
 
@@ -132,7 +132,7 @@ class Trace:
             The meshes are so small or large that float32 maps cannot hold their lengths.
         """
         trees = self.trees or self._own_trees()
-        self.caster = trees.caster.name
+        self.caster = trees.caster.caster
         try:
             reach = None
             if self.secondary is not None:
@@ -218,7 +218,7 @@ class Casts:
     trace: Trace
     trees: Trees
     field: RayField
-    reach: Reach | None
+    reach: OcclusionRange | None
     n_doubtful: int = 0  # hits that wait for the second look
 
     def look(self, samples: Samples) -> tuple[Hits, Lost | None]:
@@ -226,7 +226,7 @@ class Casts:
         with self.trace.stages.part("cast rays"):
             rays = self.field.rays(samples)
             found = self.trees.caster.cast(rays, cull_back_faces=self.trace.options.cull_back_faces)
-            self.n_doubtful += drop_doubtful(
+            self.n_doubtful += drop_uncertain_hits(
                 found, rays, self.trace.high, self.trees.frame, self.trace.options.threads
             )
             self._count(found)
@@ -239,13 +239,13 @@ class Casts:
 
     def look_again(self, missed: list[Lost]) -> Hits:
         """Hits of those that missed only by rounding, and the other misses, in their order."""
-        from texbake.baking.watertight import retry_watertight
+        from texbake.raycast.exact_hits import retry_misses
 
         trace = self.trace
         with trace.stages.stage("retry missed rays", unit="rays"):
             samples = Samples.joined([part for part, _ in missed])
             rays = Rays.joined([part for _, part in missed])
-            found = retry_watertight(
+            found = retry_misses(
                 rays,
                 trace.high,
                 self.trees.frame,
@@ -270,7 +270,7 @@ class Casts:
         self.trace.counts.secondary_rays += n_rays
         return hits
 
-    def _count(self, found: Found) -> None:
+    def _count(self, found: RayHits) -> None:
         counts = self.trace.counts
         counts.rays_cast += len(found.faces)
         counts.rays_missed += int(np.count_nonzero(found.faces == NO_HIT))
@@ -288,12 +288,12 @@ def open_trees(
 ) -> Trees:
     """Build the tree over a dense mesh, in a frame around both meshes if none is given.
 
-    `chunk_faces` is as for `open_caster`.
+    `chunk_faces` is as for `RayScene.build`.
     """
     frame = LocalFrame.around(high, low) if frame is None else frame
     _check_size(frame, low)
     with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
-        return Trees(frame, open_caster(high, frame, chunk_faces=chunk_faces, threads=threads))
+        return Trees(frame, RayScene.build(high, frame, chunk_faces=chunk_faces, threads=threads))
 
 
 def rows_at_once(grid: SampleGrid) -> int:
@@ -304,7 +304,7 @@ def rows_at_once(grid: SampleGrid) -> int:
 
 
 def _hits(
-    samples: Samples, rays: Rays, found: Found, frame: LocalFrame, threads: int | None
+    samples: Samples, rays: Rays, found: RayHits, frame: LocalFrame, threads: int | None
 ) -> Hits:
     """Put rays and what they found together, lengths in model units."""
     n = len(samples)

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from texbake.baking.cast import Caster
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
+from texbake.raycast.scene import RayScene
 
 if TYPE_CHECKING:
     from texbake.baking.distances import Reach
@@ -24,18 +24,18 @@ class Trees:
     Attributes
     ----------
     frame : LocalFrame
-    caster : Caster
+    caster : RayScene
         Over the dense mesh.
     occluders : Mesh, optional
         What secondary rays meet in place of the dense mesh, all of it in the frame.
-    around : Caster, optional
+    around : RayScene, optional
         Over the occluders.
     """
 
     frame: LocalFrame
-    caster: Caster
+    caster: RayScene
     occluders: Mesh | None = None
-    around: Caster | None = None
+    around: RayScene | None = None
     _reaches: dict[tuple[str, ...], Reach] = field(default_factory=dict)
 
     def reach(self, high: Mesh, low: Mesh, kinds: Sequence[str], threads: int | None) -> Reach:

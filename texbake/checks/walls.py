@@ -9,22 +9,21 @@ cast at the middle of each face.
 
 from __future__ import annotations
 
-from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.cast import open_caster
 from texbake.baking.distances import Reach, measure_reach
-from texbake.baking.hits import NO_HIT
 from texbake.baking.options import BakeOptions
-from texbake.baking.rays import RayField, Rays
+from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
 from texbake.checks.finding import Finding, found
 from texbake.checks.pair import Pair
 from texbake.checks.subject import BoolArray
 from texbake.mesh.mesh import FloatArray
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 
 _MOST_FACES = 100_000  # of the light mesh that rays are cast at
 # Of the local frame's unit size: where a ray leaves the face it is cast at, ten float32 roundings.
@@ -67,23 +66,23 @@ def crossed(pair: Pair) -> Crossed:
     faces = faces[light.has_area[faces]]
     middles = np.full((len(faces), 2), 1.0 / 3.0)
     samples = Samples(np.zeros(len(faces), np.int32), faces.astype(np.int32), middles)
-    with closing(open_caster(pair.dense.mesh, frame, threads=threads)) as caster:
+    with RayScene.build(pair.dense.mesh, frame, threads=threads) as scene:
         kind = BakeOptions.rays
-        reach = measure_reach(pair.dense.mesh, light.mesh, frame, caster, kind, threads)
+        reach = measure_reach(pair.dense.mesh, light.mesh, frame, scene, kind, threads)
         field = RayField(
             light.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
         )
         rays = field.rays(samples)
-        hits = caster.cast(rays)
+        hits = scene.cast(rays)
     heights = np.where(hits.faces == NO_HIT, np.nan, rays.fronts - hits.distances)
     on_face = rays.origins + rays.fronts[:, None] * rays.directions
-    with closing(open_caster(light.mesh, frame, threads=threads)) as caster:
+    with RayScene.build(light.mesh, frame, threads=threads) as scene:
         ways = []
         for sign, length in ((1.0, field.back), (-1.0, field.front)):
             there = sign * rays.directions
             lengths = np.where(rays.lengths > 0.0, max(length - _LEAVES, 0.0), 0.0)
             probe = Rays(on_face + _LEAVES * there, there, lengths, np.zeros(len(faces)))
-            met = caster.cast(probe, cull_back_faces=False)
+            met = scene.cast(probe, cull_back_faces=False)
             # The back of a wall is left, and looks the way that the ray goes.
             facing = np.einsum("ij,ij->i", light.normals[met.faces], there)
             meets = (met.faces != NO_HIT) & ((facing > 0.0) if sign > 0.0 else True)

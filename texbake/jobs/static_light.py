@@ -13,13 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.baking.cast import Caster, open_caster
-from texbake.baking.hits import NO_HIT
-from texbake.baking.rays import Rays
 from texbake.baking.texels import Samples
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, shading_normals
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 from texbake.rendering.effects.ambient import add_ambient
 from texbake.rendering.effects.light_profile import Slide, slide_colors, slide_of
 from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
@@ -60,16 +59,16 @@ class StaticLight:
             for mesh, item in zip(meshes, scene.objects, strict=True)
             if item.casts_shadows
         ]
-        self._caster: Caster | None = None
+        self._scene: RayScene | None = None
         if casters and any(light.shadow is not None for light in self._lights):
             world = joined(casters)
             everything = Mesh(positions=world.positions, faces=world.faces, name=scene.name)
-            self._caster = open_caster(everything, self._frame, threads=threads)
+            self._scene = RayScene.build(everything, self._frame, threads=threads)
 
     def close(self) -> None:
         """Free the ray tree."""
-        if self._caster is not None:
-            self._caster.close()
+        if self._scene is not None:
+            self._scene.close()
 
     def light_at(
         self, points: FloatArray, normals: Floats, sides: FloatArray, *, receives: bool
@@ -85,7 +84,7 @@ class StaticLight:
             found = arriving(at, points, normals)
             if slide is not None:
                 found.radiance = found.radiance * slide_colors(slide, points)
-            if receives and light.shadow is not None and self._caster is not None:
+            if receives and light.shadow is not None and self._scene is not None:
                 facing = np.einsum(
                     "ij,ij->i", normals, np.broadcast_to(found.directions, out.shape)
                 )
@@ -97,7 +96,7 @@ class StaticLight:
 
     def _hidden(self, light: PlacedLight, points: FloatArray, sides: FloatArray) -> Floats:
         """(n,) bool: whether something stands between points and a lamp."""
-        assert self._caster is not None
+        assert self._scene is not None
         origins = self._frame.to_local(points)
         if light.kind == "directional":
             toward = np.broadcast_to(-light.direction, origins.shape)
@@ -112,7 +111,7 @@ class StaticLight:
         leaving = np.where(np.einsum("ij,ij->i", sides, toward) < 0.0, -_START, _START)
         origins += leaving[:, None] * sides
         rays = Rays(origins, np.ascontiguousarray(toward), lengths, np.zeros(len(points)))
-        return np.asarray(self._caster.cast(rays, cull_back_faces=False).faces != NO_HIT)
+        return np.asarray(self._scene.cast(rays, cull_back_faces=False).faces != NO_HIT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,26 +2,26 @@
 
 import numpy as np
 import pytest
+from embreex_oracle import EmbreexScene
 
-from texbake.baking.embreex_caster import EmbreexCaster
 from texbake.baking.hits import Hits
-from texbake.baking.native_caster import NativeCaster
-from texbake.baking.secondary import (
-    DEPTH,
-    N_COLUMNS,
-    OPEN,
-    OPEN_DIRECTION,
-)
-from texbake.baking.secondary.directions import direction_sets
 from texbake.baking.secondary.fans import fans_of, start_offset
-from texbake.baking.secondary.reach import Reach
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
+from texbake.raycast.fans import (
+    DEPTH,
+    N_COLUMNS,
+    OPEN,
+    OPEN_DIRECTION,
+    OcclusionRange,
+    direction_sets,
+)
+from texbake.raycast.scene import RayScene
 
-CASTERS = [NativeCaster, EmbreexCaster]
+CASTERS = [RayScene.build, EmbreexScene]
 
 
 def hits_on(mesh, faces, *, seed=0, weights=None):
@@ -41,11 +41,11 @@ def fans_on(mesh, hits, frame, *, flat=True, **extra):
     return fans_of(hits, mesh, (normals, frozen(corners)), frame, **extra)
 
 
-def look(mesh, hits, *, caster=NativeCaster, n_rays=64, outer=np.inf, inner=None, flat=True):
+def look(mesh, hits, *, caster=RayScene.build, n_rays=64, outer=np.inf, inner=None, flat=True):
     """What the rays of hits meet; all lengths are model units."""
     frame = LocalFrame.around(mesh)
     inner = mesh.diagonal if inner is None else inner
-    reach = Reach(start_offset(mesh, frame), outer * frame.scale, inner * frame.scale)
+    reach = OcclusionRange(start_offset(mesh, frame), outer * frame.scale, inner * frame.scale)
     fans = fans_on(mesh, hits, frame, flat=flat)
     met = caster(mesh, frame).cast_fans(fans, direction_sets(n_rays), reach)
     met[:, DEPTH] /= frame.scale
@@ -251,11 +251,11 @@ def test_threads_and_the_order_of_hits_change_nothing():
     mesh = join_meshes([icosphere(3), disk(1.2)])
     frame = LocalFrame.around(mesh)
     hits = hits_on(mesh, random_faces(mesh, 5000))
-    reach, sets = Reach(start_offset(mesh, frame), np.inf, 1.0), direction_sets(16)
+    reach, sets = OcclusionRange(start_offset(mesh, frame), np.inf, 1.0), direction_sets(16)
     results = []
     for threads in (1, 3):
         fans = fans_on(mesh, hits, frame, threads=threads)
-        caster = NativeCaster(mesh, frame, threads=threads)
+        caster = RayScene.build(mesh, frame, threads=threads)
         results.append(caster.cast_fans(fans, sets, reach).tobytes())
     assert results[0] == results[1]
     odd = np.arange(5000) % 2 == 1
@@ -269,8 +269,8 @@ def test_what_is_not_asked_for_is_not_cast(caster):
     frame = LocalFrame.around(mesh)
     fans = fans_on(mesh, hits_on(mesh, [0, 1, 2]), frame)
     for reach, missing in (
-        (Reach(1e-7, 1.0, 0.0), [DEPTH]),
-        (Reach(1e-7, 0.0, 1.0), [OPEN, 1, 2, 3]),
+        (OcclusionRange(1e-7, 1.0, 0.0), [DEPTH]),
+        (OcclusionRange(1e-7, 0.0, 1.0), [OPEN, 1, 2, 3]),
     ):
         met = caster(mesh, frame).cast_fans(fans, direction_sets(16), reach)
         assert met.shape == (3, N_COLUMNS)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from texbake import read_mesh, write_image
-from texbake.baking.cast import open_caster
-from texbake.baking.rays import RayField, Rays
+from texbake.baking.rays import RayField
 from texbake.baking.texture.camera import PhotoCamera
 from texbake.baking.texture.coverage import Coverage
 from texbake.baking.texture.options import PhotoOptions
@@ -23,6 +22,8 @@ from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.progress import Stages
+from texbake.raycast.rays import Rays
+from texbake.raycast.scene import RayScene
 
 Array = np.ndarray
 Colors = Callable[[Array], Array]
@@ -58,11 +59,11 @@ def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, heig
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     eye = frame.to_local(np.array([camera.position]))
     origins = np.repeat(eye, len(rays), axis=0)
-    caster = open_caster(mesh, frame)
-    found = caster.cast(
+    scene = RayScene.build(mesh, frame)
+    found = scene.cast(
         Rays(origins, rays, np.full(len(rays), 20.0), np.zeros(len(rays))), cull_back_faces=False
     )
-    caster.close()
+    scene.close()
     hit = found.faces >= 0
     points = (origins + rays * found.distances[:, None]) / frame.scale + frame.center
     picture = np.zeros((len(rays), 4), np.float32)

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from catalog.contrast import Contrast, degrees_between, not_finite
 from catalog.geometry import mesh_of, moved, with_faces
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 
 from texbake import Mesh
-from texbake.baking.cast import open_caster
-from texbake.baking.embreex_caster import EmbreexCaster
-from texbake.baking.hits import NO_HIT
-from texbake.baking.rays import Rays
-from texbake.baking.watertight import retry_watertight
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.normals import face_normals, smooth_normals, vertex_normals
 from texbake.mesh.shapes import cube, icosphere
 from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows
+from texbake.raycast.exact_hits import retry_misses
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 
 # A rotation of no special angle, so that no coordinate is 0 by luck.
 _TURN = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
@@ -101,20 +101,26 @@ def _aimed_at_vertices() -> tuple[Mesh, Rays]:
 
 def _embree(data: tuple[Mesh, Rays]) -> Any:
     mesh, rays = data
-    return EmbreexCaster(mesh, LocalFrame.around(mesh)).cast(rays).faces
+    scene = EmbreeScene(robust=True)
+    # The scene uses the mesh as long as it lives.
+    triangles = TriangleMesh(scene, _to_local(mesh), mesh.faces)
+    lines = (rays.origins, rays.directions, rays.lengths)
+    hits = scene.run(*(a.astype(np.float32) for a in lines), query="INTERSECT", output=True)
+    del triangles
+    return hits["primID"].astype(np.int32)
 
 
 def _with_second_look(data: tuple[Mesh, Rays]) -> Any:
     mesh, rays = data
     frame = LocalFrame.around(mesh)
-    caster = open_caster(mesh, frame)
-    faces = caster.cast(rays).faces.copy()
-    caster.close()
+    scene = RayScene.build(mesh, frame)
+    faces = scene.cast(rays).faces.copy()
+    scene.close()
     missed = np.flatnonzero(faces == NO_HIT)
     if len(missed):
         names = ("origins", "directions", "lengths", "fronts")
         few = Rays(*(np.ascontiguousarray(getattr(rays, name)[missed]) for name in names))
-        faces[missed] = retry_watertight(few, mesh, frame, cull_back_faces=True).faces
+        faces[missed] = retry_misses(few, mesh, frame, cull_back_faces=True).faces
     return faces
 
 

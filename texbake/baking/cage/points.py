@@ -7,17 +7,12 @@ find those. A vertex lies over the point of the light surface whose smooth norma
 
 from __future__ import annotations
 
-from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.cast import Caster, open_caster
 from texbake.baking.distances import measure_reach
-from texbake.baking.hits import NO_HIT
-from texbake.baking.rays import Rays
-from texbake.baking.rows import Rows
 from texbake.kernels import kernel
 from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mesh.frame import LocalFrame
@@ -25,6 +20,8 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
+from texbake.raycast.rays import NO_HIT, Rays, Rows
+from texbake.raycast.scene import RayScene
 
 _MOST_RAYS = 1 << 20
 _MOST_STEPS = 16  # of a lattice along an edge of the light mesh
@@ -68,10 +65,10 @@ def outer_points(
         Smooth normals of the light mesh.
     """
     positions = frame.to_local(low.positions)
-    with closing(open_caster(high, frame, threads=threads)) as caster:
-        reach = measure_reach(high, low, frame, caster, "smooth", threads)
+    with RayScene.build(high, frame, threads=threads) as scene:
+        reach = measure_reach(high, low, frame, scene, "smooth", threads)
         limit = float(frame.length_to_local(reach.front))
-        over_lattice = _along_rays(high, positions, low.faces, normals, frame, caster, limit)
+        over_lattice = _along_rays(high, positions, low.faces, normals, frame, scene, limit)
     points = OuterPoints.joined(
         [over_lattice, _over_vertices(high, positions, low.faces, normals, frame, threads)]
     )
@@ -86,7 +83,7 @@ def _along_rays(
     faces: IntArray,
     normals: FloatArray,
     frame: LocalFrame,
-    caster: Caster,
+    scene: RayScene,
     limit: float,
 ) -> OuterPoints:
     """Where rays from a lattice on each light face, outward, leave the dense mesh."""
@@ -98,7 +95,7 @@ def _along_rays(
     lengths = np.sqrt(np.einsum("nx,nx->n", outward, outward))
     outward /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
     ends = np.where(lengths > 0.0, limit, 0.0)
-    found = caster.cast(Rays(origins, outward, ends, np.zeros(len(owners))), cull_back_faces=False)
+    found = scene.cast(Rays(origins, outward, ends, np.zeros(len(owners))), cull_back_faces=False)
     hit = np.flatnonzero(found.faces != NO_HIT)
     corners = high.positions[high.faces[found.faces[hit]]]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

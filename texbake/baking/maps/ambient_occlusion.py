@@ -14,8 +14,8 @@ import numpy as np
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
-from texbake.baking.secondary import OPEN
 from texbake.baking.secondary.rays import OUTER, met_by
+from texbake.raycast.fans import OPEN
 
 
 def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:

@@ -14,8 +14,8 @@ from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.maps.normal import NORMAL, to_tangent_space
-from texbake.baking.secondary import OPEN_DIRECTION
 from texbake.baking.secondary.rays import OUTER, met_by
+from texbake.raycast.fans import OPEN_DIRECTION
 
 
 def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:

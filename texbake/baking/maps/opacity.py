@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
+from texbake.raycast.rays import NO_HIT
 
 
 def opacity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:

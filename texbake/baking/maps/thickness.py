@@ -13,8 +13,8 @@ import numpy as np
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
-from texbake.baking.secondary import DEPTH
 from texbake.baking.secondary.rays import INNER, met_by
+from texbake.raycast.fans import DEPTH
 
 
 def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:

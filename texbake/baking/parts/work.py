@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from texbake.baking.bake import bake_inputs
-from texbake.baking.cast import Caster, open_caster
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
@@ -39,6 +38,7 @@ from texbake.errors import UvError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import Stages
+from texbake.raycast.scene import RayScene
 
 # Images that change the rays of a set of maps.
 RayMapsOf = Callable[[Canvas], RayMaps | None]
@@ -66,7 +66,7 @@ class Work:
     trees: Trees | None = None
     frame: LocalFrame | None = None
     occluders: Mesh | None = None
-    around: Caster | None = None
+    around: RayScene | None = None
     figures: list[PartFigures] = field(default_factory=list)
     without: list[str] = field(default_factory=list)
 
@@ -77,7 +77,7 @@ class Work:
         self.occluders, _ = self.dense.joined(pieces)
         self.frame = LocalFrame.around(self.occluders, *low)
         with self.stages.stage("build ray tree", total=self.occluders.n_faces, unit="triangles"):
-            self.around = open_caster(self.occluders, self.frame, threads=self.options.threads)
+            self.around = RayScene.build(self.occluders, self.frame, threads=self.options.threads)
 
     def bake(
         self, layout: Layout, matching: Matching | None, parts: PartsOptions, folder: Path | None

@@ -7,43 +7,18 @@ and a convex surface is open all around however few faces it has.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.hits import Hits
-from texbake.baking.rows import Rows
-from texbake.baking.secondary.directions import mixed
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
+from texbake.raycast.fans import Fans, mixed
 
 _BAND = 1 << 15
 _UNIT_ROUNDOFF = 2.0**-24  # of float32, relative
-
-
-@dataclass(frozen=True, eq=False)
-class Fans(Rows):
-    """Bundles of rays in the local frame, each from one point.
-
-    Attributes
-    ----------
-    points : (n, 3) float64
-        On the dense surface.
-    axes : (n, 3) float32
-        Unit shading normals; zero where there is none, and then the fan sees nothing.
-    planes : (n, 3) float32
-        Unit normals of the faces, on the side of the axis; the axis where a face has no area.
-    set_ids : (n,) uint32
-        Hashes that choose a set of directions for each.
-    """
-
-    points: FloatArray
-    axes: npt.NDArray[np.float32]
-    planes: npt.NDArray[np.float32]
-    set_ids: npt.NDArray[np.uint32]
 
 
 def fans_of(
@@ -138,43 +113,3 @@ def _inverse_length(vector):  # type: ignore[no-untyped-def]
     """One over the length of a vector, 0 for a zero vector."""
     square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
     return 1.0 / np.sqrt(square) if square > 0.0 else 0.0
-
-
-@kernel
-def frames_kernel(axes, planes, first, frames):  # type: ignore[no-untyped-def]
-    """Write two tangents, the axis and the plane of fans into the columns of `frames` (12, m).
-
-    They are the fans from the given one on, as many as there are and as find room.
-
-    Based on: Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
-    """
-    for i in range(min(frames.shape[1], len(axes) - first)):
-        x, y, z = axes[first + i, 0], axes[first + i, 1], axes[first + i, 2]
-        sign = np.float32(1.0) if z >= 0.0 else np.float32(-1.0)
-        a = -1.0 / (sign + z)
-        b = x * y * a
-        frames[0, i], frames[1, i], frames[2, i] = 1.0 + sign * x * x * a, sign * b, -sign * x
-        frames[3, i], frames[4, i], frames[5, i] = b, sign + y * y * a, -y
-        for k in range(3):
-            frames[6 + k, i] = axes[first + i, k]
-            frames[9 + k, i] = planes[first + i, k]
-
-
-@kernel
-def directions_kernel(frames, set_ids, sets, j, side, directions):  # type: ignore[no-untyped-def]
-    """Write the j-th direction of each fan into `directions` (3, m).
-
-    `side` is 1 for the rays that go out, and -1 for their opposites, which go in. Everything is
-    float32, so that the loop runs on all lanes of a packet at once.
-    """
-    for i in range(frames.shape[1]):
-        x, y, z = sets[set_ids[i], j, 0], sets[set_ids[i], j, 1], sets[set_ids[i], j, 2]
-        dx = x * frames[0, i] + y * frames[3, i] + z * frames[6, i]
-        dy = x * frames[1, i] + y * frames[4, i] + z * frames[7, i]
-        dz = x * frames[2, i] + y * frames[5, i] + z * frames[8, i]
-        height = dx * frames[9, i] + dy * frames[10, i] + dz * frames[11, i]
-        below = min(height, np.float32(0.0))
-        below += below
-        directions[0, i] = side * (dx - below * frames[9, i])
-        directions[1, i] = side * (dy - below * frames[10, i])
-        directions[2, i] = side * (dz - below * frames[11, i])

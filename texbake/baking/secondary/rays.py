@@ -10,15 +10,14 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.secondary import DEPTH, N_COLUMNS, OPEN
-from texbake.baking.secondary.directions import direction_sets
-from texbake.baking.secondary.fans import Fans, fans_of, start_offset
-from texbake.baking.secondary.reach import Reach
+from texbake.baking.secondary.fans import fans_of, start_offset
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
+from texbake.raycast.fans import DEPTH, N_COLUMNS, OPEN, Fans, OcclusionRange, direction_sets
+from texbake.raycast.rays import NO_HIT
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -28,7 +27,7 @@ OUTER, INNER = "outer rays", "inner rays"  # what `MapKind.needs` says
 class FanCaster(Protocol):
     """Casts fans of rays at the occluders; every caster of the bake can."""
 
-    def cast_fans(self, fans: Fans, sets: Float32Array, reach: Reach) -> Float32Array:
+    def cast_fans(self, fans: Fans, sets: Float32Array, reach: OcclusionRange) -> Float32Array:
         """Cast all rays; (n, N_COLUMNS), as `texbake.baking.secondary` says."""
 
 
@@ -57,19 +56,19 @@ class SecondaryRays:
         """Rays that each hit gets."""
         return self.inputs.options.secondary_rays * len(self.needs)
 
-    def reach(self, frame: LocalFrame, occluders: Mesh | None = None) -> Reach:
+    def reach(self, frame: LocalFrame, occluders: Mesh | None = None) -> OcclusionRange:
         """How far they go, and from where; the occluders are the dense mesh if not given."""
         options = self.inputs.options
         outer = math.inf if options.occluder_distance is None else options.occluder_distance
         inner = options.thickness_distance or self.inputs.high.diagonal
-        return Reach(
+        return OcclusionRange(
             start_offset(occluders or self.inputs.high, frame),
             outer * frame.scale if OUTER in self.needs else 0.0,
             inner * frame.scale if INNER in self.needs else 0.0,
         )
 
     def look_around(
-        self, hits: Hits, frame: LocalFrame, caster: FanCaster, reach: Reach
+        self, hits: Hits, frame: LocalFrame, caster: FanCaster, reach: OcclusionRange
     ) -> tuple[Hits, int]:
         """Hits with what their secondary rays met, and the number of rays that were cast."""
         options = self.inputs.options

@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.cast import open_caster
-from texbake.baking.hits import NO_HIT
-from texbake.baking.rays import Rays
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 
 # Beyond the unit cube from any point of it, in local units.
 _OUTSIDE = 2.0
@@ -36,7 +35,7 @@ class Visibility:
     """
 
     def __init__(self, mesh: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
-        self._caster = open_caster(mesh, frame, threads=threads)
+        self._scene = RayScene.build(mesh, frame, threads=threads)
 
     def hidden(
         self,
@@ -73,9 +72,9 @@ class Visibility:
             np.maximum(reach - _CONTACT - slack, 0.0),
             reach,
         )
-        met = self._caster.cast(rays, cull_back_faces=False).faces
+        met = self._scene.cast(rays, cull_back_faces=False).faces
         return np.asarray((met != NO_HIT) & (met != faces))
 
     def close(self) -> None:
         """Free the ray tree."""
-        self._caster.close()
+        self._scene.close()

@@ -14,9 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.cast import open_caster
 from texbake.baking.distances import measure_reach
-from texbake.baking.hits import NO_HIT
 from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
 from texbake.mesh.distance import sample_surface
@@ -24,6 +22,8 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
+from texbake.raycast.rays import NO_HIT
+from texbake.raycast.scene import RayScene
 from texbake.study.case import Pair
 from texbake.texture.lookup import lookup
 
@@ -96,17 +96,17 @@ def probe(pair: Pair, n: int, *, kind: str = "smooth", threads: int | None = Non
     high, low = pair.high, pair.low
     _, faces, barycentrics = sample_surface(low, n, threads=threads)
     frame = LocalFrame.around(high, low)
-    caster = open_caster(high, frame, threads=threads)
+    scene = RayScene.build(high, frame, threads=threads)
     try:
-        reach = measure_reach(high, low, frame, caster, kind, threads)
+        reach = measure_reach(high, low, frame, scene, kind, threads)
         field = RayField(low, frame, kind=kind, front=reach.front, back=reach.back, threads=threads)
         samples = Samples(
             np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])
         )
         rays = field.rays(samples)
-        found = caster.cast(rays)
+        found = scene.cast(rays)
     finally:
-        caster.close()
+        scene.close()
     heights = (rays.fronts - found.distances) / frame.scale
     hit = found.faces != NO_HIT
     high_normals, high_corners = shading_normals(high, threads=threads)

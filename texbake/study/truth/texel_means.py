@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.hits import NO_HIT, Hits
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.trace import Trace
 from texbake.mesh.mesh import FloatArray
 from texbake.progress import Stages
+from texbake.raycast.rays import NO_HIT
 from texbake.study.case import Pair
 
 # Fine texels along a side of each, and the samples of those: a grid of 16 x 16 in all.

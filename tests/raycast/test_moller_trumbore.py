@@ -2,16 +2,17 @@
 
 import numpy as np
 
-from texbake.baking.found import Found, refine_kernel
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
+from texbake.raycast.moller_trumbore import refine_kernel
+from texbake.raycast.rays import RayHits
 
 WALL = Mesh(positions=[[0, 0, 0], [0, 1, 0], [0, 0, 1]], faces=[[0, 1, 2]])
 
 
 def refined(origin, direction):
     """What is found on the wall by one ray that a float32 caster takes for a hit."""
-    found = Found.nothing(1)
+    found = RayHits.misses(1)
     found.faces[0] = 0
     frame = LocalFrame(np.zeros(3), 1.0)
     frame.center.flags.writeable = False

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.baking.secondary.directions import (
+from texbake.raycast.fans import (
     concentric_disk,
     direction_sets,
     mixed,

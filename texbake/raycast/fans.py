@@ -1,37 +1,97 @@
-"""Directions over a hemisphere: sets of them, each evenly spread by itself, unlike the others.
+"""Fans of rays that start on a surface: how open its surroundings are, and how thick it is.
 
-Each set is a scrambled net: of its n points in the unit square exactly one lies in every cell of a
-grid of n cells, whatever the set. The points are sorted by those cells, so that the j-th directions
-of all sets are about the same, and rays in packets of the j-th direction of neighboring samples
-stay together. The scrambling of different sets is independent, so what is left of the error is
-noise without a pattern from sample to sample, and its mean is the truth.
+From a point of the surface, the outer rays spread over the hemisphere of the shading normal, and
+the inner rays go the opposite way. Directions that would point below the plane of the face are
+mirrored at it, so that no ray enters the face it starts on, and a convex surface is fully open
+however few faces it has.
 
-Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995, for the scrambling;
-Burley, "Practical Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4), 2020,
-for its permutation by a hash; Sobol', "On the Distribution of Points in a Cube", 1967, its first
-two dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997; Malley's method
-(points of a disk raised to the hemisphere are spread by the cosine).
+What the rays of a fan hit is summed up in these columns:
+
+- `OPEN`: the share of the outer rays that hit nothing, 0 to 1;
+- `OPEN_DIRECTION`: the mean of their directions, not normalized; the axis of the fan where all
+  outer rays hit something;
+- `DEPTH`: the mean distance that the inner rays go.
+
+A column whose rays are not cast holds NaN.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import frozen
+from texbake.mesh.mesh import FloatArray, frozen
+from texbake.raycast.rays import Rows
+
+OPEN = 0
+OPEN_DIRECTION = slice(1, 4)
+DEPTH = 4
+N_COLUMNS = 5
 
 UintArray = npt.NDArray[np.uint32]
 
-# Directions of all sets together: 3/4 MB, which stays in a processor's second cache.
+# Directions of all sets together: 3/4 MB, which fits into the second-level cache of a processor.
 _DIRECTIONS = 1 << 16
 _BITS = 32
 
 
+@dataclass(frozen=True, eq=False)
+class Fans(Rows):
+    """Fans of rays in the local frame, each from one point.
+
+    Attributes
+    ----------
+    points : (n, 3) float64
+        On the surface.
+    axes : (n, 3) float32
+        Unit shading normals; zero where there is none, and then the fan hits nothing.
+    planes : (n, 3) float32
+        Unit normals of the faces, on the side of the axis; the axis where a face has no area.
+    set_ids : (n,) uint32
+        Hashes that select a set of directions for each fan.
+    """
+
+    points: FloatArray
+    axes: npt.NDArray[np.float32]
+    planes: npt.NDArray[np.float32]
+    set_ids: npt.NDArray[np.uint32]
+
+
+class OcclusionRange(NamedTuple):
+    """How far the rays of fans go, in local units.
+
+    Attributes
+    ----------
+    offset : float
+        Rays start this far above or below the surface.
+    outer, inner : float
+        Length of the outer rays, which may be infinite, and of the inner rays; 0: none are cast.
+    """
+
+    offset: float
+    outer: float
+    inner: float
+
+
 @lru_cache(maxsize=2)
 def direction_sets(n_rays: int) -> npt.NDArray[np.float32]:
-    """Sets of unit vectors about +z, their density proportional to the cosine to it.
+    """Sets of unit vectors about +z, with a density proportional to the cosine of the angle to it.
+
+    Each set is a scrambled net: of its n points in the unit square exactly one lies in every cell
+    of a grid of n cells. The points are sorted by those cells, so that the j-th directions of all
+    sets are nearly the same, and packets of the j-th rays of neighboring samples stay together.
+    The scrambling of different sets is independent, so that the remaining error is noise without a
+    pattern, and its mean is exact.
+
+    Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995, for the scrambling;
+    Burley, "Practical Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4),
+    2020, for its permutation by a hash; Sobol', "On the Distribution of Points in a Cube", 1967,
+    its first two dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997;
+    Malley's method (points of a disk raised to the hemisphere are distributed by the cosine).
 
     Parameters
     ----------
@@ -41,8 +101,8 @@ def direction_sets(n_rays: int) -> npt.NDArray[np.float32]:
     Returns
     -------
     (S, n_rays, 3) float32
-        S is a power of two. The mean over a set of any function of the direction estimates its
-        mean over the hemisphere, weighted by the cosine.
+        S is a power of two. The mean of any function of the direction over a set estimates its
+        cosine-weighted mean over the hemisphere.
 
     Examples
     --------
@@ -64,15 +124,15 @@ def scrambled_nets(n_sets: int, n_points: int) -> UintArray:
         Coordinates in the unit square times 2^32.
     """
     ids = np.arange(n_points, dtype=np.uint32)
-    # The first coordinate mirrors the bits of the index at the point; scrambling wants its bits
-    # mirrored once more, so that it begins with the index itself.
+    # The first coordinate is the index with its bits reversed. Scrambling works on reversed bits,
+    # so this begins with the index itself.
     mirrored = np.stack([ids, _mirrored(_second_sobol(ids))], axis=-1)
     seeds = mixed(np.arange(2 * n_sets, dtype=np.uint32)).reshape(n_sets, 1, 2)
     return _mirrored(_permuted(mirrored[np.newaxis], seeds))
 
 
 def concentric_disk(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Points of the unit square, (..., 2) in (0, 1), on the unit disk; areas keep their ratios."""
+    """Map points of the unit square, (..., 2) in (0, 1), to the unit disk, preserving areas."""
     x, y = np.moveaxis(2.0 * points - 1.0, -1, 0)
     wide = np.abs(x) > np.abs(y)
     radius = np.where(wide, x, y)
@@ -85,7 +145,7 @@ def concentric_disk(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def mixed(values: UintArray) -> UintArray:
-    """A hash of each number: every bit of it changes with every bit of the number.
+    """Hash of each number; every bit of the hash depends on every bit of the number.
 
     Based on: Appleby, MurmurHash3, 2011, its final steps.
     """
@@ -113,7 +173,7 @@ def _permuted(mirrored: UintArray, seeds: UintArray) -> UintArray:
 
 
 def _mirrored(values: UintArray) -> UintArray:
-    """The bits of each number in the opposite order."""
+    """Reverse the bits of each number."""
     for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
         step, kept = np.uint32(shift), np.uint32(mask)
         values = ((values >> step) & kept) | ((values & kept) << step)
@@ -121,7 +181,7 @@ def _mirrored(values: UintArray) -> UintArray:
 
 
 def _sorted(nets: UintArray) -> UintArray:
-    """Each net's points in the order of the cells of one grid, of which each has one point."""
+    """Sort the points of each net by the cells of a grid that has one point in every cell."""
     bits = nets.shape[1].bit_length() - 1
     columns, rows = (bits + 1) // 2, bits // 2
     cells = _top_bits(nets[..., 0], columns) << np.uint32(rows) | _top_bits(nets[..., 1], rows)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.baking.rows import Rows
+from texbake.raycast.rays import Rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.baking.quads import pair_faces
 from texbake.mesh.shapes import grid_sphere, icosphere, plane
+from texbake.raycast.embree import pair_faces
 
 
 def triangles_of(quads, first_faces):

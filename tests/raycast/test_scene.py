@@ -1,19 +1,17 @@
-"""Rays against closed forms, and the three ways to cast them against each other."""
+"""Rays against closed forms, and three independent ways to cast them against each other."""
 
 import numpy as np
 import pytest
+from embreex_oracle import EmbreexScene
 
-from texbake.baking import cast
-from texbake.baking.cast import open_caster
-from texbake.baking.embreex_caster import EmbreexCaster
-from texbake.baking.hits import NO_HIT
-from texbake.baking.native_caster import NativeCaster
-from texbake.baking.rays import Rays
-from texbake.baking.watertight import retry_watertight
 from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
+from texbake.raycast import embree
+from texbake.raycast.exact_hits import retry_misses
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 
 
 def rays_at(targets, directions, before=0.2, after=0.2):
@@ -28,17 +26,17 @@ def rays_at(targets, directions, before=0.2, after=0.2):
     )
 
 
-class ExactCaster:
-    """The watertight retry with the interface of the others."""
+class ExactScene:
+    """The exact retry with the interface of the others."""
 
     def __init__(self, high, frame):
         self.high, self.frame = high, frame
 
     def cast(self, rays, *, cull_back_faces=True):
-        return retry_watertight(rays, self.high, self.frame, cull_back_faces=cull_back_faces)
+        return retry_misses(rays, self.high, self.frame, cull_back_faces=cull_back_faces)
 
 
-CASTERS = [NativeCaster, EmbreexCaster, ExactCaster]
+CASTERS = [RayScene.build, EmbreexScene, ExactScene]
 
 
 @pytest.mark.parametrize("caster", CASTERS)
@@ -63,7 +61,7 @@ def test_points_on_a_plane_are_hit_where_they_are(caster):
 
 
 @pytest.mark.parametrize("caster", CASTERS)
-def test_back_faces_are_passed_through_and_told(caster):
+def test_back_faces_are_passed_through_and_reported(caster):
     high = cube()
     frame = LocalFrame.around(high)
     center = np.zeros((50, 3))
@@ -144,7 +142,7 @@ def test_no_vertex_or_edge_of_a_closed_mesh_is_missed(level):
     frame = LocalFrame.around(high)
     targets = frame.to_local(targets_of(high))
     outward = targets / np.linalg.norm(targets, axis=1, keepdims=True)
-    caster = NativeCaster(high, frame)
+    scene = RayScene.build(high, frame)
     rng = np.random.default_rng(level)
     n_lost = 0
     for spread in (0.0, 0.2, 0.7):
@@ -152,13 +150,13 @@ def test_no_vertex_or_edge_of_a_closed_mesh_is_missed(level):
         cosines = -np.einsum("ij,ij->i", directions, outward) / np.linalg.norm(directions, axis=1)
         # Not along the surface: there a ray touches the silhouette, and is free to miss.
         rays = rays_at(targets, directions).where(cosines > 0.4)
-        found = caster.cast(rays)
+        found = scene.cast(rays)
         lost = found.faces == NO_HIT
         n_lost += lost.sum()
-        again = retry_watertight(rays.where(lost), high, frame, cull_back_faces=True)
+        again = retry_misses(rays.where(lost), high, frame, cull_back_faces=True)
         assert (again.faces != NO_HIT).all()
         np.testing.assert_allclose(again.distances, 0.2, atol=1e-6)
-    # What this test is about: by itself Embree lets some of the 40,962 vertices through.
+    # What this test is about: Embree alone lets some of the 40,962 vertices through.
     assert level < 6 or n_lost > 0
 
 
@@ -168,7 +166,7 @@ def test_the_exact_caster_misses_no_vertex_or_edge():
     targets = frame.to_local(targets_of(high))
     rng = np.random.default_rng(0)
     directions = -targets + 0.15 * rng.uniform(-1, 1, targets.shape)
-    found = retry_watertight(rays_at(targets, directions), high, frame, cull_back_faces=True)
+    found = retry_misses(rays_at(targets, directions), high, frame, cull_back_faces=True)
     assert (found.faces != NO_HIT).all()
 
 
@@ -179,19 +177,19 @@ def test_same_bytes_for_any_number_of_threads():
     targets = rng.normal(size=(40_000, 3))
     targets *= 0.45 / np.linalg.norm(targets, axis=1, keepdims=True)
     rays = rays_at(targets, -targets)
-    results = [NativeCaster(high, frame, threads=n).cast(rays) for n in (1, 2, 5)]
+    results = [RayScene.build(high, frame, threads=n).cast(rays) for n in (1, 2, 5)]
     for other in results[1:]:
         for mine, theirs in zip(results[0].arrays(), other.arrays(), strict=True):
             assert mine.tobytes() == theirs.tobytes()
 
 
-def test_without_the_native_library_embreex_is_used(monkeypatch):
-    def fail(*arguments, **options):
-        raise DependencyError("embreex: no Embree library lies beside the package")
-
-    monkeypatch.setattr(cast, "load_library", fail)
+def test_a_missing_embree_library_says_what_to_install(monkeypatch, tmp_path):
+    """An embreex built from source carries no library that could be called directly."""
+    monkeypatch.setattr(embree, "Path", lambda _: tmp_path / "embreex" / "__init__.py")
+    embree.load_library.cache_clear()
     high = cube()
-    assert isinstance(open_caster(high, LocalFrame.around(high)), EmbreexCaster)
+    with pytest.raises(DependencyError, match=r"no Embree library beside .*; install the wheel"):
+        RayScene.build(high, LocalFrame.around(high))
 
 
 def test_degenerate_triangles_are_never_hit_and_hide_nothing():

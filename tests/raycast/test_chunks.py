@@ -1,25 +1,21 @@
-"""Chunks of a dense mesh against one ray tree over all of it: the same bytes, every one."""
+"""A mesh traced in chunks against one ray tree over all of it: byte for byte the same."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from texbake.baking import cast
 from texbake.baking.bake import bake
-from texbake.baking.chunked_caster import ChunkedCaster
-from texbake.baking.doubtful import drop_doubtful
-from texbake.baking.hits import NO_HIT
 from texbake.baking.memory import MOST_CHUNKS, bake_memory, chunk_faces
-from texbake.baking.native_caster import NativeCaster
 from texbake.baking.options import BakeOptions
-from texbake.baking.quads import pair_faces
-from texbake.baking.rays import Rays
-from texbake.baking.watertight import retry_watertight
-from texbake.errors import DependencyError, OptionError
+from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.mesh.shapes import plane, uv_sphere
+from texbake.raycast.embree import pair_faces
+from texbake.raycast.exact_hits import drop_uncertain_hits, retry_misses
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.scene import RayScene
 
 MAPS = ("normal", "displacement", "vector-displacement", "position", "curvature", "opacity")
 
@@ -66,10 +62,13 @@ def test_chunks_find_what_one_tree_finds(
     n_rays = 20_000 if n_chunks == 100 else 60_000
     rays = rays_at(layered, frame, n_rays, seed=n_chunks)
     size = -(-layered.n_faces // n_chunks)
-    casters = NativeCaster(layered, frame), ChunkedCaster(layered, frame, size, threads=2)
-    whole, parts = (caster.cast(rays, cull_back_faces=cull) for caster in casters)
+    scenes = (
+        RayScene.build(layered, frame),
+        RayScene.build(layered, frame, chunk_faces=size, threads=2),
+    )
+    whole, parts = (scene.cast(rays, cull_back_faces=cull) for scene in scenes)
     for found in whole, parts:
-        drop_doubtful(found, rays, layered, frame, 1)
+        drop_uncertain_hits(found, rays, layered, frame, 1)
     for one, other in zip(whole.arrays(), parts.arrays(), strict=True):
         assert np.array_equal(one, other)
     assert (whole.faces != NO_HIT).mean() > 0.5
@@ -78,8 +77,8 @@ def test_chunks_find_what_one_tree_finds(
 def test_no_hit_depends_on_the_rays_beside_it(layered: Mesh, frame: LocalFrame) -> None:
     rays = rays_at(layered, frame, 50_000, seed=0)
     order = np.random.default_rng(1).permutation(len(rays))
-    caster = NativeCaster(layered, frame)
-    found, mixed = caster.cast(rays), caster.cast(Rays(*(row[order] for row in rays.arrays())))
+    scene = RayScene.build(layered, frame)
+    found, mixed = scene.cast(rays), scene.cast(Rays(*(row[order] for row in rays.arrays())))
     assert np.array_equal(found.faces[order], mixed.faces)
 
 
@@ -90,19 +89,18 @@ def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
     rays = rays_at(several, frame, 5000, seed=3)
     down = np.tile([0.0, 0.0, -1.0], (5000, 1))
     rays = Rays(rays.origins + 0.1 * (rays.directions - down), down, rays.lengths, rays.fronts)
-    for caster in NativeCaster(several, frame), ChunkedCaster(several, frame, 9):
-        assert set(np.unique(caster.cast(rays).faces)) - {NO_HIT} == {0, 1}
+    for size in None, 9:
+        hits = RayScene.build(several, frame, chunk_faces=size).cast(rays)
+        assert set(np.unique(hits.faces)) - {NO_HIT} == {0, 1}
 
 
-def test_doubtful_hits_are_few_and_found_by_the_second_look(
-    layered: Mesh, frame: LocalFrame
-) -> None:
+def test_uncertain_hits_are_few_and_the_retry_finds_them(layered: Mesh, frame: LocalFrame) -> None:
     """Of rays that are aimed inside faces; what is dropped lies near an edge of its face."""
     rays = rays_at(layered, frame, 100_000, seed=5)
     rays = rays.where(slice(50_000, None))
-    found = NativeCaster(layered, frame).cast(rays)
+    found = RayScene.build(layered, frame).cast(rays)
     before = found.faces.copy()
-    drop_doubtful(found, rays, layered, frame, 2)
+    drop_uncertain_hits(found, rays, layered, frame, 2)
     dropped = (found.faces == NO_HIT) & (before != NO_HIT)
     assert 0 < dropped.sum() < 50
     corners = frame.to_local(layered.positions)[layered.faces[before[dropped]]]
@@ -114,14 +112,14 @@ def test_doubtful_hits_are_few_and_found_by_the_second_look(
     # Corners are at most 0.15 away, of which a millionth is doubtful; 1e-7 for their own rounding.
     passing = np.abs(moments) / np.linalg.norm(edges, axis=2)
     assert passing.min(axis=1).max() < 0.15e-6 + 1e-7
-    again = retry_watertight(rays.where(dropped), layered, frame, cull_back_faces=True)
+    again = retry_misses(rays.where(dropped), layered, frame, cull_back_faces=True)
     assert (again.faces != NO_HIT).mean() > 0.9
 
 
 def test_chunks_do_not_cut_pairs_of_faces(layered: Mesh, frame: LocalFrame) -> None:
     quads, _ = pair_faces(layered.faces)
     for size in (2, 3, 100, 1001, layered.n_faces):
-        chunks = list(ChunkedCaster(layered, frame, size)._chunks())
+        chunks = list(RayScene.build(layered, frame, chunk_faces=size).chunks())
         assert np.array_equal(np.vstack([part for _, part, _ in chunks]), quads)
         firsts = np.concatenate([first + ends[:-1] for first, _, ends in chunks])
         assert np.array_equal(firsts, pair_faces(layered.faces)[1][:-1])
@@ -153,13 +151,16 @@ def test_a_bake_has_the_same_bytes(
     options = BakeOptions(maps=MAPS, size=128, samples=4, keep_hits=True, padding=2)
     whole = bake(*pair, options)
     made: list[int] = []
-    monkeypatch.setattr(
-        cast, "ChunkedCaster",
-        lambda *given, **more: made.append(given[2]) or ChunkedCaster(*given, **more),
-    )  # fmt: skip
+    cast_in_chunks = RayScene._cast_in_chunks
+
+    def spy(scene: RayScene, rays: Rays, cull: bool) -> RayHits:
+        made.append(-(-scene.mesh.n_faces // (scene._chunk_faces or 1)))
+        return cast_in_chunks(scene, rays, cull)
+
+    monkeypatch.setattr(RayScene, "_cast_in_chunks", spy)
     most = limit(pair, options, n_chunks)
     parts = bake(*pair, BakeOptions(**{**vars(options), "max_memory": most}))
-    assert [-(-pair[0].n_faces // size) for size in made] == [n_chunks]
+    assert set(made) == {n_chunks}
     assert parts.hits is not None and whole.hits is not None
     for one, other in zip(whole.hits.arrays(), parts.hits.arrays(), strict=True):
         assert (one is None and other is None) or np.array_equal(one, other)
@@ -189,15 +190,8 @@ def test_how_large_chunks_are() -> None:
     assert BakeOptions(max_memory="1G").chunk_faces(10**8, 10) == 10**8 // MOST_CHUNKS
 
 
-def test_what_cannot_be(pair: tuple[Mesh, Mesh], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be(pair: tuple[Mesh, Mesh]) -> None:
     with pytest.raises(OptionError, match="max-memory: 'much' is no amount of memory"):
         BakeOptions(max_memory="much")
     with pytest.raises(OptionError, match="need all of it at once"):
         bake(*pair, BakeOptions(maps=("ao",), size=16, max_memory=1))
-
-    def missing() -> None:
-        raise DependencyError("embreex: no Embree library lies beside the package")
-
-    monkeypatch.setattr(cast, "load_library", missing)
-    with pytest.raises(DependencyError, match="no Embree library"):
-        bake(cube(), pair[1], BakeOptions(size=16, max_memory=1))
