@@ -1,9 +1,9 @@
-"""Every mesh of a folder through the whole job, with a table of the results.
+"""Run the whole job on every mesh of a folder and write a table of the results.
 
 python asset_folder.py [IN_FOLDER] [OUT_FOLDER] [--faces N] [--size PX]
 
-Without folders it makes some meshes first. One asset that fails does not stop the others; the exit
-code is 1 if any did, or if one came out worse than the limits below.
+Without folders it makes some meshes first. A failed asset stops no other; the exit code is 1 if one
+failed or came out worse than the limits below.
 """
 
 import argparse
@@ -19,7 +19,7 @@ MOST_DEGREES = 10.0
 
 
 def make_some_meshes(folder: Path) -> None:
-    """Write three dense meshes, one of them broken on purpose."""
+    """Write three high-poly meshes, one of them broken on purpose."""
     from texbake.mesh.shapes import icosphere, orange
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -29,7 +29,7 @@ def make_some_meshes(folder: Path) -> None:
 
 
 def process(path: Path, folder: Path, options: texbake.RunOptions) -> dict[str, str]:
-    """Do one asset; what goes wrong with it is part of its row."""
+    """Run one asset and return its row of the table, with the error if it failed."""
     row = {"asset": path.name, "result": "good", "faces": "", "missed %": "", "degrees": ""}
     try:
         result = texbake.run(texbake.read_mesh(path), folder / path.stem, options)
@@ -46,7 +46,7 @@ def process(path: Path, folder: Path, options: texbake.RunOptions) -> dict[str, 
 
 
 def main() -> int:
-    """Do all assets and write the table; return the exit code."""
+    """Run all assets, write the table and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("assets", nargs="?", type=Path)
     parser.add_argument("out", nargs="?", type=Path, default=Path("asset_folder_sample"))

@@ -1,7 +1,7 @@
 """Draw the gallery: a picture of every scene in scenes/, and the page that shows them.
 
-python gallery.py              # draws all sources, all pictures and the page
-python gallery.py marble fog   # draws these pictures alone
+python gallery.py              # draws all textures, all pictures and the page
+python gallery.py marble fog   # draws only these pictures
 """
 
 import sys
@@ -18,13 +18,13 @@ from texbake.jobs.preview import open_preview, render_side_by_side, side_by_side
 HERE = Path(__file__).parent
 SCENES, PICTURES, PAGE = HERE / "scenes", HERE / "gallery", HERE / "gallery.md"
 
-# Scenes that are shown as they are, in the order of the page.
+# Scenes in the order of the page.
 SECTIONS = {
     "The orange, four ways": (
         "orange_colored", "orange_mapped", "orange_bump", "orange_displaced",
     ),
-    "Maps on a planet": ("earth_spherical", "earth_cylindrical"),
-    "Textures by formula": (
+    "A planet": ("earth_spherical", "earth_cylindrical"),
+    "Procedures": (
         "marble", "wood", "granite", "worley", "stripes", "checker", "noise", "fractal_turbulence",
         "ramp", "baked_marble",
     ),
@@ -40,7 +40,7 @@ SECTIONS = {
         "projected_texture", "hemisphere", "ambient_occlusion", "light_map_room", "light_map",
         "fog",
     ),
-    "Surroundings": (
+    "Environments": (
         "reflection", "cube_map", "refraction", "rendered_environment", "environment_light",
     ),
     "Filters and coordinates": ("filters", "magnified", "wrap_modes", "affine", "scanline"),
@@ -49,42 +49,43 @@ SECTIONS = {
         "buffer_texel-grid", "buffer_mip-level", "rings", "buffer_overdraw",
     ),
 }  # fmt: skip
-# What `texbake preview` is told beside the scene: keys of `side_by_side_options`.
+# Options of `side_by_side_options` beside the scene.
 COMPARED = {
     "filters": {"filters": ("nearest", "bilinear", "trilinear", "ewa", "supersampled")},
     "magnified": {"filters": ("nearest", "bilinear", "bicubic")},
     "affine": {"interpolations": ("affine", "perspective")},
 }
-# Of each buffer the scene that shows it, and what one sees.
+# For each buffer, the scene that shows it and its caption.
 BUFFERS = {
-    "depth": ("buffers", "Distance: white at the nearest surface, black at the farthest."),
-    "normals": ("buffers", "Normals: (n + 1) / 2 as a color."),
-    "uv": ("buffers", "Texture coordinates: u as red and v as green, within each tile."),
-    "object-id": ("buffers", "A color for each object."),
-    "texel-grid": ("texels", "Texels as a checker, gray where they are smaller than pixels."),
+    "depth": ("buffers", "Depth: white at the nearest surface, black at the farthest."),
+    "normals": ("buffers", "Normals, shown as the color (n + 1) / 2."),
+    "uv": ("buffers", "Texture coordinates within each tile: u as red, v as green."),
+    "object-id": ("buffers", "One color per object."),
+    "texel-grid": ("texels", "A checker of texels, gray where they are smaller than pixels."),
     "mip-level": (
         "texels",
-        "The mip level that is read: a hue for each, gray where it is level 0.",
+        "The mip level that is read: one hue per level, gray for level 0.",
     ),
-    "overdraw": ("rings", "How many triangles lie on a sample: the brighter, the more."),
+    "overdraw": ("rings", "How many triangles cover a sample: brighter for more."),
 }
 INTRODUCTION = """\
 # Gallery
 
-A picture for every effect, with the scene file that made it. All of it is made by
-[`gallery.py`](gallery.py), its textures and meshes by [`gallery_sources.py`](gallery_sources.py).
-[Scene files](../docs/reference/scenes.md) are explained in the documentation, and so are
-[passes](../docs/explanation/rendering.md): those named under a picture are all that
-`texbake preview SCENE --explain` lists for it, but for rasterizing, fragments and pixels, which
-every picture has. No line of the others was run.
+A picture of every effect, with the scene file that made it. [`gallery.py`](gallery.py) draws the
+pictures, [`gallery_sources.py`](gallery_sources.py) the textures and meshes.
+
+[Scene files](../docs/reference/scenes.md) and [passes](../docs/explanation/rendering.md) are
+explained in the documentation. Under each picture stand the passes that
+`texbake preview SCENE --explain` lists for it, except rasterizing, fragments and pixels, which every
+picture has. Nothing else was run.
 """
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture of the page: a scene, and how it is looked at.
+    """A picture of the page: a scene, and the options it is drawn with.
 
-    `ways` are options of `side_by_side_options`; several pictures lie in a row.
+    `ways` are options of `side_by_side_options`; several pictures stand in a row.
     """
 
     name: str
@@ -94,17 +95,17 @@ class Shot:
 
     @property
     def scene_file(self) -> Path:
-        """Where the scene is."""
+        """Path of the scene file."""
         return SCENES / f"{self.scene}.toml"
 
     @property
     def picture_file(self) -> Path:
-        """Where its picture is kept."""
+        """Path of the picture."""
         return PICTURES / f"{self.name}.png"
 
     @property
     def options(self) -> str:
-        """What `texbake preview` is told beside the scene."""
+        """Command-line options beside the scene."""
         return " ".join(f"--{key[:-1]} {','.join(names)}" for key, names in self.ways.items())
 
 
@@ -121,7 +122,7 @@ def shots() -> list[Shot]:
 
 
 def caption(scene: str) -> str:
-    """Return what a scene file says of itself in the comment on its first lines."""
+    """Return the comment at the head of a scene file."""
     words = []
     for line in (SCENES / f"{scene}.toml").read_text().splitlines():
         if not line.startswith("#"):
@@ -157,7 +158,7 @@ def draw(shot: Shot) -> Image.Image:
 
 
 def page() -> str:
-    """Write out the page."""
+    """Text of the page."""
     by_name = {shot.name: shot for shot in shots()}
     parts = [INTRODUCTION]
     for title, names in SECTIONS.items():
@@ -167,7 +168,7 @@ def page() -> str:
 
 
 def entry(shot: Shot) -> str:
-    """Write out what the page has of one picture."""
+    """Text of one picture on the page."""
     title = shot.name.replace("_", " ").replace("-", " ").capitalize()
     options = f", with `{shot.options}`" if shot.options else ""
     return (
@@ -178,7 +179,7 @@ def entry(shot: Shot) -> str:
 
 
 def main(names: list[str]) -> None:
-    """Draw what is asked for, or everything."""
+    """Draw the named pictures, or all of them, and the page."""
     PICTURES.mkdir(exist_ok=True)
     if not names:
         gallery_sources.main(SCENES)

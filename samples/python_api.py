@@ -1,4 +1,4 @@
-"""The job from Python: a mesh made with numpy, one trace, and several maps of it.
+"""The job in Python: a mesh made with NumPy, and several maps from one set of rays.
 
 python python_api.py [FOLDER]
 """
@@ -12,7 +12,7 @@ import texbake
 
 
 def fluted_vase(n_rows: int = 400, n_columns: int = 800) -> texbake.Mesh:
-    """A closed vase with flutes that wind around it and a fine hammered finish."""
+    """Make a closed vase with winding flutes and a hammered finish."""
     height = np.linspace(-1, 1, n_rows)[:, np.newaxis]
     angle = np.linspace(0, 2 * np.pi, n_columns, endpoint=False)[np.newaxis]
     profile = 0.45 + 0.2 * np.cos(2.6 * height) + 0.05 * np.sin(5 * height)
@@ -30,17 +30,17 @@ def fluted_vase(n_rows: int = 400, n_columns: int = 800) -> texbake.Mesh:
 
 
 def main(folder: Path) -> None:
-    """Make the vase, a light version of it and its maps in a folder."""
+    """Make the vase, a low-poly version of it and its maps in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     high = fluted_vase()
 
-    # A mesh is never changed: each step returns a new one that shares what stayed the same.
+    # A mesh never changes: each step returns a new one, which shares the arrays that stay the same.
     low = texbake.simplify(high, 1500)
     low = texbake.unwrap(low, size=1024, padding=4)
     print(f"{high.n_faces:,} triangles to {low.n_faces:,}")
     print(f"stretch (Sander L2, 1 is best): {texbake.distortion(low).stretch.l2:.3f}")
 
-    # One trace. `keep_hits` keeps it, so that other maps need no second one.
+    # `keep_hits` keeps what the rays hit, so that further maps cast none.
     options = texbake.BakeOptions(size=1024, samples=4, padding=4, keep_hits=True)
     baked = texbake.bake(high, low, options)
     for label, figure in baked.report.table():
@@ -54,14 +54,14 @@ def main(folder: Path) -> None:
     remapped.maps["displacement"].write(folder / "displacement.exr")
     remapped.maps["normal"].write(folder / "normal_object.png")
 
-    # Files for other programs, a picture, and how close it comes.
+    # Files for other programs, a picture, and how close the result comes to the high-poly mesh.
     texbake.write_mesh(low, folder / "vase.glb", normal_map=folder / "normal.png")
     frame = texbake.render(low, normal_map=normal_map.values)
     frame.write(folder / "preview.png")
     comparison = texbake.compare(high, low, normal_map=normal_map.values)
     print(
-        f"normals are off by {comparison.mapped.mean_deg:.2f} degrees in the mean, "
-        f"without the map by {comparison.bare.mean_deg:.2f}"
+        f"mean angle between normals: {comparison.mapped.mean_deg:.2f} degrees, "
+        f"{comparison.bare.mean_deg:.2f} without the map"
     )
 
 

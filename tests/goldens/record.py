@@ -29,7 +29,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 GOLDENS = HERE / "goldens.json"
 SAMPLES = HERE.parents[1] / "samples"
-FOR_PEOPLE = {".json", ".html", ".csv", ".txt", ".md", ".log"}
+FOR_PEOPLE = {".json", ".html", ".csv", ".txt", ".md", ".log", ".toml"}
 ENVIRONMENT = {
     "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL",
     "PYTHONWARNINGS": "ignore",
