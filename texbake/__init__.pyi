@@ -135,10 +135,6 @@ from .rendering.compare import (
     compare as compare,
 )
 from .rendering.options import RenderOptions as RenderOptions
-from .rendering.picture_report import (
-    PictureBudget as PictureBudget,
-    PictureSampling as PictureSampling,
-)
 from .rendering.plan.plan import Plan as Plan
 from .rendering.render import (
     plan_scene as plan_scene,
@@ -175,6 +171,8 @@ from .rendering.scene.textures import (
     ImageTexture as ImageTexture,
     ProcedureTexture as ProcedureTexture,
 )
+from .sampling.report import SamplingReport as SamplingReport
+from .sampling.time_budget import TimeBudget as TimeBudget
 from .study.options import StudyOptions as StudyOptions
 from .study.result import StudyResult as StudyResult
 from .study.study import run_study as run_study

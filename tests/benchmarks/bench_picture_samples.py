@@ -23,9 +23,9 @@ import numpy as np
 import texbake
 from texbake.jobs.preview import with_light
 from texbake.progress import Stages
+from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
 from texbake.rendering.draw import laid_out, prepare
-from texbake.rendering.pixel_samples import PixelSampler, Sides
-from texbake.rendering.pixel_sums import PixelSums
 from texbake.rendering.plan.question import Question
 from texbake.rendering.scene.view import camera_of
 from texbake.texture.encoding import encode_srgb

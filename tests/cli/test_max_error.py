@@ -28,8 +28,8 @@ def test_an_error_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None
     assert "error of normal" in result.output
     sampling = json.loads(report.read_text())["sampling"]
     assert sampling["max_error"] == "0.5deg"
-    assert sum(sampling["texel_percents"].values()) == pytest.approx(100)
-    assert sampling["maps"][0]["measured_within_percent"] > 95
+    assert sum(sampling["sample_percents"].values()) == pytest.approx(100)
+    assert sampling["errors"][0]["measured_within_percent"] > 95
 
 
 def test_heights_take_a_share_of_the_diagonal(pair: list[str], tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_a_time_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
     ("words", "told"),
     [
         (["--max-error", "0.5"], "bounds nothing of normal"),
-        (["--max-error", "small"], "is no error"),
+        (["--max-error", "small"], "is not an error"),
         (["--time-budget", "later"], "is no time"),
         (["--samples", "4", "--max-error", "1deg"], "leave nothing to choose"),
         (["--samples", "some"], "samples: some is not one of"),

@@ -29,10 +29,10 @@ def test_an_error_is_asked_for_and_told(mesh: str, tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     result = preview(mesh, tmp_path, "--max-error", "2/255", "--report", str(report))
     assert result.exit_code == 0, result.output
-    assert "error in steps of 255" in result.output
+    assert "error of color" in result.output
     told = json.loads(report.read_text())
-    assert told["sampling"]["max_error"] == pytest.approx(2.0)
-    assert sum(told["sampling"]["seen_percents"].values()) == pytest.approx(100)
+    assert told["sampling"]["max_error"] == "2/255"
+    assert sum(told["sampling"]["sample_percents"].values()) == pytest.approx(100)
     assert "passes" in told and "budget" not in told
 
 
@@ -59,7 +59,7 @@ def test_turns_take_an_error(mesh: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--max-error", "0.5deg"], "is no error of a picture"),
+        (["--max-error", "0.5deg"], "is not an error of a picture"),
         (["--time-budget", "later"], "is no time"),
         (["--max-error", "0.01", "--supersampling", "4"], "leaves --max-error nothing to choose"),
         (["--time-budget", "9s", "--edges", "supersample"], "leaves --time-budget nothing"),

@@ -19,7 +19,6 @@ from texbake.baking.ray_maps import RayMaps
 from texbake.baking.rays import check_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult
-from texbake.baking.sampling import SamplingReport
 from texbake.baking.secondary.rays import SecondaryRays
 from texbake.baking.sums import TexelSums
 from texbake.baking.surround import Surroundings
@@ -30,6 +29,7 @@ from texbake.errors import MissError, OptionError, UvError
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
+from texbake.sampling.report import SamplingReport
 
 # Options that belong to a trace, and stay as they were when other maps are made of it.
 _OF_TRACE = (
@@ -138,13 +138,19 @@ def _bake_in_time(
     ray_maps: RayMaps | None,
     progress: ProgressSink | None,
 ) -> BakeResult:
-    from texbake.baking.budget import plan_bake
+    from texbake.baking.adaptive_texels.budget import plan_bake
 
     start = time.perf_counter()
     stages = Stages(progress)
-    with stages.stage("probe"):
-        planned, budget = plan_bake(inputs, kinds, cage, ray_maps)
-    result = bake_inputs(kinds, planned, cage, ray_maps, stages)
+    secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
+    trace = Trace(inputs.high, inputs.low, inputs.options, cage, stages, secondary, ray_maps)
+    trees = trace.own_trees()
+    try:
+        with stages.stage("probe"):
+            planned, budget = plan_bake(inputs, kinds, cage, ray_maps, trees, start)
+        result = bake_inputs(kinds, planned, cage, ray_maps, stages, trees)
+    finally:
+        trees.close()
     budget = replace(budget, actual_seconds=time.perf_counter() - start)
     measured = _measures(inputs.options, cage)
     return replace(result, report=replace(result.report, budget=budget, measured=measured))
@@ -169,7 +175,7 @@ def bake_inputs(
     kept: list[Hits] = []
     distances = distances or DistanceSummary()
     if options.is_adaptive:
-        from texbake.baking.adaptive import AdaptiveSamples
+        from texbake.baking.adaptive_texels.samples import AdaptiveSamples
 
         sampling = AdaptiveSamples(kinds, trace, inputs, stages, distances).cast(sums)
         return _result(kinds, sums, trace, inputs, stages, None, distances, sampling)

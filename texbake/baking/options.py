@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from texbake.baking.memory import bake_memory, chunk_faces, parse_bytes
 from texbake.baking.secondary.options import SecondaryOptions
-from texbake.baking.targets import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
 from texbake.durations import parse_seconds
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
+from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")

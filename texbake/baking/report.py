@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.budget_report import BudgetReport
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
-from texbake.baking.sampling import SamplingReport
 from texbake.baking.trace import TraceCounts
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 from texbake.raycast.rays import NO_HIT
+from texbake.sampling.report import SamplingReport
+from texbake.sampling.time_budget import TimeBudget
 
 _PERCENTILES = (1, 5, 50, 95, 99)
 _EVERY = 8  # percentiles between the ends are taken over one hit in so many
@@ -91,7 +91,7 @@ class BakeReport:
     versions : dict
     sampling : SamplingReport or None
         What adaptive samples reached.
-    budget : BudgetReport or None
+    budget : TimeBudget or None
         What a time budget was turned into.
     """
 
@@ -116,7 +116,7 @@ class BakeReport:
     stages: list[StageRecord]
     versions: dict[str, str]
     sampling: SamplingReport | None = None
-    budget: BudgetReport | None = None
+    budget: TimeBudget | None = None
 
     @property
     def miss_percent(self) -> float:

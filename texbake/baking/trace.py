@@ -131,7 +131,7 @@ class Trace:
         MeshError
             The meshes are so small or large that float32 maps cannot hold their lengths.
         """
-        trees = self.trees or self._own_trees()
+        trees = self.trees or self.own_trees()
         self.caster = trees.caster.caster
         try:
             reach = None
@@ -142,7 +142,8 @@ class Trace:
             if self.trees is None:
                 trees.close()
 
-    def _own_trees(self) -> Trees:
+    def own_trees(self) -> Trees:
+        """Open the ray trees that the trace needs; the caller closes them."""
         n_light = self.low.n_faces * (1 if self.cage is None else 2)
         chunk = self.options.chunk_faces(self.high.n_faces, n_light)
         if chunk is not None and self.secondary is not None:
@@ -166,7 +167,7 @@ class Trace:
             if self.front is None and self.cage is None:
                 self.front = reach.front
             self.back = reach.back if self.back is None else self.back
-        with self.stages.part("prepare light mesh"):
+        with self.stages.part("prepare low-poly mesh"):
             return RayField(
                 self.low,
                 trees.frame,

@@ -21,10 +21,10 @@ from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
-from texbake.rendering.draw_picture import draw_picture
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
+from texbake.rendering.render import draw_picture
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene

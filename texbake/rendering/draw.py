@@ -93,7 +93,7 @@ def draw(
     """Draw a scene from one camera.
 
     Every pixel has as many samples as `RenderOptions.supersampling` says;
-    `texbake.rendering.draw_picture` draws with as many as each needs, where that is asked for.
+    `texbake.rendering.render` draws with as many as each needs, where that is asked for.
 
     Parameters
     ----------

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from texbake.durations import parse_seconds
 from texbake.errors import OptionError
-from texbake.rendering.picture_error import parse_max_error
 from texbake.rendering.scene.textures import FILTERS
+from texbake.sampling.bounds import parse_picture_bound
 
 MAX_SIZE = 16384  # pixels a side
 MAX_SUPERSAMPLING = 16
@@ -146,7 +146,7 @@ class RenderOptions:
     def _check_targets(self) -> None:
         """Raise `OptionError` where an error or a time is asked for that cannot be."""
         if self.max_error is not None:
-            parse_max_error(self.max_error)
+            parse_picture_bound(self.max_error)
         if self.time_budget is not None:
             parse_seconds(self.time_budget)
         asked = "max-error" if self.max_error is not None else "time-budget"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import plan_of, prepare
-from texbake.rendering.draw_picture import draw_picture
+from texbake.rendering.draw import Prepared, draw, plan_of, prepare
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan.plan import Plan
@@ -141,3 +142,22 @@ def plan_scene(
     """
     options = options or RenderOptions()
     return plan_of(prepare(scene, options), camera or camera_of(scene, options))
+
+
+def draw_picture(
+    prepared: Prepared,
+    camera: Camera,
+    *,
+    keep: Collection[str] = (),
+    progress: ProgressSink | None = None,
+) -> Frame:
+    """Draw a prepared scene from one camera, with fixed or adaptive samples as its options say.
+
+    Parameters and errors are those of `texbake.rendering.draw.draw`.
+    """
+    if not prepared.options.is_adaptive:
+        return draw(prepared, camera, keep=keep, progress=progress)
+    # Imported here, so that pictures with fixed samples load nothing of it.
+    from texbake.rendering.adaptive_pixels.samples import draw_adaptively
+
+    return draw_adaptively(prepared, camera, keep=keep, progress=progress)

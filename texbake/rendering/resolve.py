@@ -16,9 +16,10 @@ from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.picture import Costs
-from texbake.rendering.picture_report import PictureBudget, PictureSampling
 from texbake.rendering.plan.plan import Plan
 from texbake.rendering.raster.visibility import Visibility
+from texbake.sampling.report import SamplingReport
+from texbake.sampling.time_budget import TimeBudget
 from texbake.texture.image import FloatImage, write_image
 
 # Rows of pixels a band.
@@ -40,9 +41,9 @@ class Frame:
         What was computed for it.
     costs : Costs
         What that took.
-    sampling : PictureSampling, optional
+    sampling : SamplingReport, optional
         What adaptive samples reached, where they were asked for.
-    budget : PictureBudget, optional
+    budget : TimeBudget, optional
         What a time budget was turned into, where there was one.
     """
 
@@ -53,8 +54,8 @@ class Frame:
     _visibility: Visibility
     _near: float
     _normals: FloatImage | None = field(default=None)
-    sampling: PictureSampling | None = None
-    budget: PictureBudget | None = None
+    sampling: SamplingReport | None = None
+    budget: TimeBudget | None = None
 
     @property
     def height(self) -> int:

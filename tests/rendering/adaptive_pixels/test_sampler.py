@@ -1,0 +1,125 @@
+"""Samples of pixels against pictures that are drawn whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from texbake.mesh.shapes import cube, icosphere
+from texbake.progress import Stages
+from texbake.rendering.adaptive_pixels import sampler
+from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
+from texbake.rendering.draw import laid_out, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.plan.question import Question
+from texbake.rendering.render import render_scene
+from texbake.rendering.scene.lights import (
+    Environment,
+    Fog,
+    Light,
+    Lighting,
+)
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ProcedureTexture
+from texbake.rendering.scene.view import camera_of
+
+OPTIONS = RenderOptions(width=48, height=32, supersampling=4, max_error=0.01)
+LAMP = Light(name="lamp", direction=(1.0, -1.0, -1.0))
+
+
+def a_scene(name):
+    marble = Material(base_color=ProcedureTexture(procedure="marble"), roughness=0.3)
+    glass = Material(base_color=(0.2, 0.4, 0.9), opacity=0.4)
+    ball, box = (
+        SceneObject(mesh=icosphere(2), material=marble),
+        SceneObject(mesh=cube(), material=glass),
+    )
+    sky = Environment(color=(0.3, 0.5, 0.9), background=True)
+    return {
+        "opaque": Scene(objects=(ball,), lighting=Lighting(lights=(LAMP,))),
+        "glass": Scene(objects=(ball, box), lighting=Lighting(lights=(LAMP,))),
+        "sky": Scene(objects=(ball,), lighting=Lighting(lights=(LAMP,), environment=sky)),
+        "fog": Scene(objects=(ball,), lighting=Lighting(lights=(LAMP,), fog=Fog())),
+    }[name]
+
+
+def sampled(scene, options, sides, *, wanted=None):
+    camera = camera_of(scene, options)
+    picture, _ = laid_out(
+        prepare(scene, options), Question(scene, options, camera), Stages(), all_objects=True
+    )
+    sums = PixelSums.empty(options.height, options.width)
+    sampler = PixelSampler(picture)
+    everywhere = np.ones(sums.counts.shape, np.bool_)
+    sampler.take(everywhere if wanted is None else wanted, sides, sums)
+    return sampler, sums
+
+
+@pytest.mark.parametrize("background", [None, (0.2, 0.3, 0.4)])
+@pytest.mark.parametrize("name", ["opaque", "glass", "sky", "fog"])
+@pytest.mark.parametrize(("sides", "edges"), [(Sides(4, 4), "supersample"),
+                                              (Sides(4, 1), "multisample")])  # fmt: skip
+def test_they_are_those_of_a_whole_picture(name, background, sides, edges):
+    scene, options = a_scene(name), replace(OPTIONS, background=background)
+    _, sums = sampled(scene, options, sides)
+    frame = render_scene(scene, replace(options, max_error=None, edges=edges))
+    means = sums.means
+    color = means[..., :3] / np.maximum(means[..., 3:], 1e-9)
+    # The rounding of float32 sums of 16.
+    np.testing.assert_allclose(means[..., 3], frame.color[..., 3], atol=1e-6)
+    np.testing.assert_allclose(color, frame.color[..., :3], atol=2e-6)
+    np.testing.assert_allclose(sums.coverage, frame.coverage, atol=1e-6)
+
+
+def test_cells_between_one_and_all_are_small_pixels():
+    """2 x 2 cells of 2 x 2 samples are the picture of twice the size, scaled down."""
+    scene = a_scene("opaque")
+    plain = replace(scene.objects[0].material, base_color=(0.8, 0.3, 0.2))
+    scene = replace(scene, objects=(replace(scene.objects[0], material=plain),))
+    _, sums = sampled(scene, OPTIONS, Sides(4, 2))
+    large = replace(OPTIONS, width=96, height=64, supersampling=2, max_error=None)
+    frame = render_scene(scene, large)
+    halved = frame.color.reshape(32, 2, 48, 2, 4).mean(axis=(1, 3))
+    np.testing.assert_allclose(sums.means[..., :3], halved[..., :3], atol=2e-6)
+
+
+def test_squares_are_those_of_the_samples():
+    """The variance of a pixel half covered by c over b is (c - b)^2 / 4 of its share."""
+    white = Material(base_color=(1.0, 1.0, 1.0), shading="unlit")
+    scene = Scene(objects=(SceneObject(mesh=cube(), material=white),))
+    _, sums = sampled(scene, replace(OPTIONS, background=(0.0, 0.0, 0.0)), Sides(8, 1))
+    share = sums.means[..., 0]
+    variance = sums.squares[..., 0] / sums.counts - share**2
+    np.testing.assert_allclose(variance, share * (1.0 - share), atol=1e-9)
+    assert 0.0 < share[sums.coverage < 1.0].max() < 1.0
+
+
+@pytest.mark.parametrize("name", ["opaque", "glass"])
+def test_only_what_is_wanted_is_sampled(name):
+    wanted = np.zeros((32, 48), np.bool_)
+    wanted[3:5, 20:30] = wanted[30, 7] = wanted[17:20, 22] = True
+    sampler, some = sampled(a_scene(name), OPTIONS, Sides(4, 2), wanted=wanted)
+    _, everything = sampled(a_scene(name), OPTIONS, Sides(4, 2))
+    assert sampler.n_shaded == 4 * np.count_nonzero(wanted & (everything.coverage > 0.0))
+    assert not some.light[~wanted].any() and not some.counts[~wanted].any()
+    # Windows have grids of their own: a vertex may lie on another 1/256 of a sample.
+    np.testing.assert_allclose(some.means[wanted], everything.means[wanted], atol=2e-3)
+
+
+def test_strips_hold_all_that_is_wanted(monkeypatch):
+    _, whole = sampled(a_scene("opaque"), OPTIONS, Sides(4, 1))
+    monkeypatch.setattr(sampler, "_WINDOW", 48 * 5 * 16)
+    in_strips, strips = sampled(a_scene("opaque"), OPTIONS, Sides(4, 1))
+    assert in_strips.n_windows == 7  # of 5 rows, the last of 2
+    off = np.abs(strips.means - whole.means).max(axis=-1)
+    # One of 16 samples may fall on the other side of an edge that is snapped to another place.
+    assert np.count_nonzero(off > 1e-5) < 0.01 * off.size and off.max() < 0.1
+
+
+def test_nothing_in_the_picture():
+    white = Material(shading="unlit")
+    scene = Scene(objects=(SceneObject(mesh=cube(), material=white, visible=False),))
+    _, sums = sampled(scene, replace(OPTIONS, background=None), Sides(4, 4))
+    assert not sums.light.any() and not sums.coverage.any() and (sums.counts == 16).all()

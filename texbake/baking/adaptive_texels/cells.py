@@ -1,0 +1,166 @@
+"""Texels divided into quarters, and these again, where neighboring samples disagree.
+
+Cells of level 0 are the texels, all of them; a cell that is divided has four children on the next
+level. Each cell has one sample, where `quadtree.sample_spot` puts it. A texel that is sure to need
+it is divided twice at once: its cells of level 1 have no samples.
+
+Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
+23(6), 1980. Departs from it by samples at the middles of cells, which are exact where values change
+evenly, and by one bound for the whole texel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.adaptive_texels.coverage import TexelCoverage
+from texbake.baking.adaptive_texels.quadtree import (
+    NO_CHART,
+    NO_CHILD,
+    add_leaves,
+    keep_values,
+    write_children,
+    write_in_tiles,
+)
+from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
+
+LAST_LEVEL = 3  # 64 cells per texel
+
+FloatArray32 = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """The cells of one level; those of one parent, and of one texel, stand together.
+
+    Attributes
+    ----------
+    first : int
+        Place of the first one among all cells; the others follow.
+    texels : (n,) int32
+        Row times width plus column.
+    spots : (n,) uint8
+        `FINE` times row plus column of the cell within its texel.
+    weights : (n,) uint8
+        How many of its sub-squares are covered.
+    """
+
+    first: int
+    texels: IntArray
+    spots: npt.NDArray[np.uint8]
+    weights: npt.NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.texels)
+
+
+class Cells:
+    """All cells: the texels, each at the place of its id, then one level after another.
+
+    Attributes
+    ----------
+    values : (n, C) float32
+        Values of the samples, of all maps side by side.
+    charts : (n,) int32
+        Chart that the sample lies in, `NO_CHART` where there is no value.
+    children : (n,) int32
+        Place of the first of four children, `NO_CHILD` for none.
+    levels : list of Level
+        From level 1 on.
+    """
+
+    def __init__(self, n_texels: int, n_channels: int) -> None:
+        # Memory that is never written to costs nothing, so this leaves room for many levels.
+        n_room = 4 * n_texels + 1024
+        self._n = n_texels
+        self.values = np.empty((n_room, n_channels), dtype=np.float32)
+        self.charts = np.empty(n_room, dtype=np.int32)
+        self.children = np.empty(n_room, dtype=np.int32)
+        self.charts[:n_texels] = NO_CHART
+        self.children[:n_texels] = NO_CHILD
+        self.levels: list[Level] = []
+
+    def add(self, divided: IntArray, coverage: TexelCoverage) -> Level:
+        """Divide some cells of the last level, given by their places, into four children each."""
+        first, n = self._n, 4 * len(divided)
+        self._make_room(first + n)
+        new = slice(first, first + n)
+        self.charts[new] = NO_CHART
+        self.children[new] = NO_CHILD
+        level = Level(
+            first,
+            np.empty(n, dtype=np.int32),
+            np.empty(n, dtype=np.uint8),
+            np.empty(n, dtype=np.uint8),
+        )
+        k, parents = len(self.levels) + 1, self.levels[-1] if self.levels else None
+        texels = divided if parents is None else parents.texels[divided - parents.first]
+        spots = (
+            np.zeros(len(divided), dtype=np.uint8)
+            if parents is None
+            else parents.spots[divided - parents.first]
+        )
+        write_children(
+            (k, first), (divided, texels, spots), coverage.arrays,
+            self.children, (level.texels, level.spots, level.weights),
+        )  # fmt: skip
+        self.levels.append(level)
+        self._n = first + n
+        return level
+
+    def _make_room(self, n: int) -> None:
+        if n <= len(self.charts):
+            return
+        n_room = max(n, 2 * len(self.charts))
+        for name in ("values", "charts", "children"):
+            old = getattr(self, name)
+            new = np.empty((n_room, *old.shape[1:]), dtype=old.dtype)
+            new[: self._n] = old[: self._n]
+            setattr(self, name, new)
+
+    def keep(
+        self, places: IntArray, charts: IntArray, values: FloatArray32, first_channel: int,
+        threads: int | None,
+    ) -> None:  # fmt: skip
+        """Keep the values of some cells of one map, whose channels begin at `first_channel`."""
+
+        def keep(start: int, stop: int) -> None:
+            keep_values(
+                places[start:stop], charts[start:stop], values[start:stop], first_channel,
+                self.charts, self.values,
+            )  # fmt: skip
+
+        run_bands(keep, len(places), band=1 << 16, threads=threads)
+
+    def firsts(self, n_texels: int, channels: slice) -> FloatArray32:
+        """(n_texels, C) float32: value of the first sample of each texel that hit, or 0."""
+        values = np.zeros((n_texels, channels.stop - channels.start), dtype=np.float32)
+        is_set = self.charts[:n_texels] != NO_CHART
+        values[is_set] = self.values[:n_texels][is_set, channels]
+        for level in self.levels:
+            has_value = self.charts[level.first : level.first + len(level)] != NO_CHART
+            new = np.flatnonzero(has_value & ~is_set[level.texels])
+            texels = level.texels[new]
+            values[texels[::-1]] = self.values[level.first + new[::-1], channels]
+            is_set[texels] = True
+        return values
+
+
+def in_tiles(chosen: BoolArray, n_chosen: int) -> IntArray:
+    """Return the ids of the chosen texels, given as (height, width) bool, tile by tile."""
+    ids = np.empty(n_chosen, dtype=np.int32)
+    write_in_tiles(chosen, ids)
+    return ids
+
+
+def gather(cells: Cells, level: Level, sums: FloatArray32, areas: FloatArray32) -> None:
+    """Add the undivided cells of a level to sums (n_texels, C) and covered areas (n_texels,)."""
+    add_leaves(
+        level.first, level.texels, level.weights,
+        (cells.children, cells.charts, cells.values), sums, areas,
+    )  # fmt: skip

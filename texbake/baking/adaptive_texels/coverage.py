@@ -1,0 +1,235 @@
+"""How much of each texel the low-poly mesh covers, and where in its texels samples lie.
+
+A texel is covered wholly or not at all, except where the outline of a chart passes through it:
+there each of its `FINE` x `FINE` sub-squares is tested.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.adaptive_texels.edge_functions import (
+    BIN,
+    FINE,
+    FULL,
+    bin_faces,
+    mark_lines,
+    write_masks,
+)
+from texbake.baking.adaptive_texels.quadtree import (
+    N_CHECK_SAMPLES,
+    write_check_samples,
+    write_samples,
+)
+from texbake.baking.texels import NO_FACE, SampleGrid, Samples, snap_uvs
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.parallel import run_bands
+from texbake.raycast.rays import Rows
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FaceBins:
+    """Faces of the low-poly mesh, listed for each square of texels that they overlap.
+
+    Attributes
+    ----------
+    corners : (F, 3, 2) int64
+        x to the right and y down, in units of which `TEXEL` make up a texel.
+    firsts : (bins + 1,) int64
+        Where the faces of each square, or bin, begin.
+    faces : (n,) int32
+        In their own order within each bin.
+    n_columns : int
+        Bins side by side.
+    """
+
+    corners: npt.NDArray[np.int64]
+    firsts: npt.NDArray[np.int64]
+    faces: IntArray
+    n_columns: int
+
+    @classmethod
+    def of(cls, low: Mesh, width: int, height: int) -> FaceBins:
+        """Sort the faces of a low-poly mesh into the bins of a map.
+
+        Raises
+        ------
+        UvError
+            As in `snap_uvs`.
+        """
+        corners = snap_uvs(low, SampleGrid(width, height, FINE)).corners
+        n_rows, n_columns = -(-height // BIN), -(-width // BIN)
+        firsts = np.zeros(n_rows * n_columns + 1, dtype=np.int64)
+        faces = np.empty(0, dtype=np.int32)
+        bin_faces(corners, (n_rows, n_columns, False), firsts, faces)
+        firsts = np.concatenate([[0], np.cumsum(firsts[:-1])])
+        faces = np.empty(int(firsts[-1]), dtype=np.int32)
+        bin_faces(corners, (n_rows, n_columns, True), firsts.copy(), faces)
+        return cls(corners, firsts, faces, n_columns)
+
+    @property
+    def arrays(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray, int]:
+        """The fields in the order in which kernels take them."""
+        return self.corners, self.firsts, self.faces, self.n_columns
+
+
+@dataclass(frozen=True, eq=False)
+class TexelCoverage:
+    """How much of each texel is covered.
+
+    Attributes
+    ----------
+    counts : (n_texels,) uint8
+        Covered sub-squares, out of `FULL`; at least 1 where the center is covered.
+    masks : (n_texels,) int64
+        Covered sub-squares of partly covered texels, one bit each, row by row from bit 0.
+    """
+
+    counts: npt.NDArray[np.uint8]
+    masks: npt.NDArray[np.int64]
+
+    @classmethod
+    def none(cls, n_texels: int) -> TexelCoverage:
+        """Return a coverage of nothing."""
+        return cls(np.zeros(n_texels, dtype=np.uint8), np.zeros(n_texels, dtype=np.int64))
+
+    @property
+    def arrays(self) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+        """The fields in the order in which kernels take them."""
+        return self.counts, self.masks
+
+    def measure(
+        self, bins: FaceBins, owners: IntArray, outlined: BoolArray, rows: range,
+        threads: int | None,
+    ) -> None:  # fmt: skip
+        """Fill in some rows of texels.
+
+        Parameters
+        ----------
+        owners : (len(rows), width) int32
+            Faces that own the centers of these texels.
+        outlined : (height, width) bool
+            Texels that outlines pass through, by `outlined_texels`.
+        """
+        width = owners.shape[1]
+        band = slice(rows.start * width, rows.stop * width)
+        counts, masks = self.counts[band], self.masks[band]
+        flat = owners.reshape(-1)
+        np.multiply(flat != NO_FACE, np.uint8(FULL), out=counts)
+        texels = np.flatnonzero(outlined[rows.start : rows.stop])
+
+        def measure(start: int, stop: int) -> None:
+            write_masks(bins.arrays, (rows.start, width), texels[start:stop], flat, counts, masks)
+
+        run_bands(measure, len(texels), band=1 << 12, threads=threads)
+
+
+def outlined_texels(bins: FaceBins, width: int, height: int) -> BoolArray:
+    """(height, width) bool: texels that an edge without a face on its other side passes through.
+
+    All others are wholly covered where their center is covered, and not at all where it is not.
+    """
+    outlined = np.zeros((height, width), dtype=np.bool_)
+    mark_lines(_outlines(bins.corners), outlined)
+    return outlined
+
+
+def _outlines(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """(E, 2, 2) edges that no face with an area has in the opposite direction."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    doubled = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    oriented = np.where((doubled < 0)[:, np.newaxis, np.newaxis], corners[:, ::-1], corners)
+    oriented = oriented[doubled != 0]
+    # Coordinates are within 2^29 of the origin, so that both of a point fit into one number.
+    keys = (oriented[..., 0] << 31) + oriented[..., 1]
+    points, ids = np.unique(keys, return_inverse=True)
+    ids = ids.reshape(-1, 3).astype(np.int64)
+    ends = np.roll(ids, -1, axis=1)
+    n = len(points)
+    is_outline = ~np.isin(ids * n + ends, ends * n + ids)
+    edges = np.stack([oriented, np.roll(oriented, -1, axis=1)], axis=2)
+    return np.ascontiguousarray(edges[is_outline])
+
+
+@dataclass(frozen=True, eq=False)
+class CellSamples(Rows):
+    """Samples of cells, in the order in which they are cast; see `Samples` for the other fields.
+
+    Attributes
+    ----------
+    places : (n,) int32
+        Places of the cells among all cells; see `texbake.baking.adaptive_texels.cells`.
+    """
+
+    places: IntArray
+    texel_ids: IntArray
+    faces: IntArray
+    barycentrics: npt.NDArray[np.float64]
+
+    @classmethod
+    def of_texels(cls, samples: Samples) -> CellSamples:
+        """Take the samples of whole texels, whose places are their ids."""
+        return cls(samples.texel_ids, samples.texel_ids, samples.faces, samples.barycentrics)
+
+    @property
+    def samples(self) -> Samples:
+        """The samples without the places of their cells."""
+        return Samples(self.texel_ids, self.faces, self.barycentrics)
+
+
+def cell_samples(
+    bins: FaceBins,
+    coverage: TexelCoverage,
+    level: int,
+    centers: IntArray,
+    cells: tuple[IntArray, IntArray, npt.NDArray[np.uint8]],
+    *,
+    threads: int | None,
+) -> CellSamples:
+    """Place the samples of some cells of one level, and find the faces that they lie on.
+
+    A cell is left out if no face covers it, even at its most central covered sub-square.
+
+    Parameters
+    ----------
+    centers : (height, width) int32
+        Faces that own the centers of the texels.
+    cells
+        Places, texels and spots of the cells.
+    """
+    places, texels, spots = cells
+    owners = np.empty(len(places), dtype=np.int32)
+    weights = np.empty((len(places), 2))
+
+    def fill(start: int, stop: int) -> None:
+        write_samples(
+            bins.arrays, coverage.arrays, (level, centers.shape[1]),
+            (centers.reshape(-1), texels[start:stop], spots[start:stop]),
+            owners[start:stop], weights[start:stop],
+        )  # fmt: skip
+
+    run_bands(fill, len(places), band=1 << 14, threads=threads)
+    samples = CellSamples(places, texels, owners, weights)
+    is_owned = owners != NO_FACE
+    return samples if is_owned.all() else samples.where(is_owned)
+
+
+def check_samples(bins: FaceBins, width: int, texels: npt.NDArray[np.int64]) -> CellSamples:
+    """Place the `N_CHECK_SAMPLES` of each of some texels, on a Fibonacci lattice.
+
+    None of them is a sample of a cell. The place of each is its rank among the samples of all these
+    texels; a sample that lies on no face is left out.
+
+    Based on: Sloan, Joe, "Lattice Methods for Multiple Integration", Oxford 1994, section 4.3.
+    """
+    n = len(texels) * N_CHECK_SAMPLES
+    owners, weights = np.empty(n, dtype=np.int32), np.empty((n, 2))
+    write_check_samples(bins.arrays, width, texels, owners, weights)
+    places = np.arange(n, dtype=np.int32)
+    ids = np.repeat(texels.astype(np.int32), N_CHECK_SAMPLES)
+    return CellSamples(places, ids, owners, weights).where(owners != NO_FACE)

@@ -1,0 +1,212 @@
+"""How far the samples of a texel may be from the mean over it, estimated from those beside it.
+
+Texels with one sample are judged by the second difference s of the values along each axis, taken
+from the texels on both sides or, at the border of a chart, from two on one side. Where the values
+bend by s along a line through the center, the mean is off by s / 8; where they leap by s, by up to
+s / 2; where they curve evenly, by s / 24, always towards the neighbors. A share of s is therefore
+added to the sample: 1 / 18 leaves the least squares over bends at random places, and a third of the
+error of values that curve evenly. Partly covered texels are not sampled at their centers and do not
+show how values change. They are judged by the wholly covered texels beside them, and by how far
+they deviate from an even change.
+
+Texels with four more samples are judged by how far these deviate from what the first sample and its
+neighbors predict. Their mean takes a share of both: the shares that leave the least squares over
+maps of scans. Finer cells are judged like texels, by the cells beside them. At the border of a
+chart the middle of the covered part of a cell is not where its sample is.
+
+All of this is an estimate: what lies between all samples goes unnoticed.
+
+Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
+23(6), 1980; the shares of bends and leaps follow by integration over lines through squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.adaptive_texels.cell_differences import (
+    choose_divided,
+    judge_cell_samples,
+    judge_four_samples,
+)
+from texbake.baking.adaptive_texels.cells import LAST_LEVEL, BoolArray, Cells, FloatArray32, Level
+from texbake.baking.adaptive_texels.coverage import TexelCoverage
+from texbake.baking.adaptive_texels.quadtree import NO_CHILD
+from texbake.baking.adaptive_texels.second_differences import judge_partly_covered, judge_samples
+from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
+
+# What one sample, and what four samples, may be off by, in second differences.
+ONE_SAMPLE = np.float32(0.2)
+FOUR_SAMPLES = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """Measures differences of values in multiples of what each map may be off by.
+
+    Attributes
+    ----------
+    firsts : (maps + 1,) int32
+        First channel of each map, then the number of channels.
+    scales : (maps,) float64
+        1 / bound of each map; 0 for maps without a bound.
+    """
+
+    firsts: IntArray
+    scales: npt.NDArray[np.float64]
+
+    @property
+    def arrays(self) -> tuple[IntArray, npt.NDArray[np.float64]]:
+        """The fields in the order in which kernels take them."""
+        return self.firsts, self.scales
+
+
+@dataclass(frozen=True, eq=False)
+class TexelError:
+    """Estimates errors, in bounds of the metric: above 1 is too far off.
+
+    Attributes
+    ----------
+    cells : Cells
+        The samples cast so far.
+    coverage : TexelCoverage
+    shape : (int, int)
+        Height and width of the map.
+    metric : Metric
+    threads : int, optional
+    """
+
+    cells: Cells
+    coverage: TexelCoverage
+    shape: tuple[int, int]
+    metric: Metric
+    threads: int | None
+
+    def of_samples(self) -> tuple[FloatArray32, FloatArray32]:
+        """Estimate means from one sample per texel, and how evenly values change there.
+
+        Returns
+        -------
+        means : (n_texels, C) float32
+            0 where there is no value.
+        steps : (n_texels,) float32
+            Second differences in bounds, summed over both axes, of the map where they are greatest.
+            Infinite where too little is known and there may be more to see.
+        """
+        n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]
+        means = np.zeros((n, n_channels), dtype=np.float32)
+        steps = np.empty(n, dtype=np.float32)
+        sampled = (self.cells.charts, self.cells.values)
+
+        def judge(start: int, stop: int) -> None:
+            judge_samples(
+                (self.shape, start), self.coverage.counts, sampled, self.metric.arrays,
+                steps[start:stop], means[start:stop],
+            )  # fmt: skip
+
+        run_bands(judge, n, band=1 << 15, threads=self.threads)
+        partly = np.flatnonzero(steps < 0.0)
+        judged = np.empty(len(partly), dtype=np.float32)
+
+        def judge_partly(start: int, stop: int) -> None:
+            judge_partly_covered(
+                self.shape, self.coverage.arrays, sampled, self.metric.arrays, steps,
+                partly[start:stop], judged[start:stop], np.empty((2, n_channels)),
+            )  # fmt: skip
+
+        run_bands(judge_partly, len(partly), band=1 << 12, threads=self.threads)
+        steps[partly] = judged
+        return means, steps
+
+    def of_four(self, steps: FloatArray32, parents: IntArray, means: FloatArray32) -> FloatArray32:
+        """Estimate errors of texels with four more samples, and write their means.
+
+        Parameters
+        ----------
+        steps : (n_texels,) float32
+            By `of_samples`.
+        parents : (n,) int32
+            The texels.
+        means : (n_texels, C) float32
+            Gets the means of these texels.
+        """
+        errors = np.empty(len(parents), dtype=np.float32)
+        n_channels = self.cells.values.shape[1]
+
+        def judge(start: int, stop: int) -> None:
+            judge_four_samples(
+                self.shape, self.coverage.arrays, (self.cells.charts, self.cells.values),
+                self.metric.arrays, steps, (parents[start:stop], self.cells.children), means,
+                errors[start:stop], (np.empty((2, n_channels)), np.empty((5, 2)), np.empty(4)),
+            )  # fmt: skip
+
+        run_bands(judge, len(parents), band=1 << 13, threads=self.threads)
+        return errors
+
+    def of_cells(self, k: int) -> FloatArray32:
+        """Estimate errors of the cells of the k-th level, without their children."""
+        level = self.cells.levels[k - 1]
+        errors = np.empty(len(level), dtype=np.float32)
+
+        def judge(start: int, stop: int) -> None:
+            judge_cell_samples(
+                (k, self.shape, level.first + start),
+                (level.texels[start:stop], level.spots[start:stop], level.weights[start:stop]),
+                (self.cells.children, self.cells.charts, self.cells.values),
+                self.metric.arrays,
+                errors[start:stop],
+            )
+
+        run_bands(judge, len(errors), band=1 << 14, threads=self.threads)
+        return errors
+
+    def divide(
+        self, level: Level, k: int, errors: FloatArray32, texel_errors: FloatArray32
+    ) -> BoolArray:
+        """Choose the cells of the k-th level to divide; add the errors of the others to texels.
+
+        Where the error of a texel is above its bound, those of its cells are divided that add more
+        than an even share of half of the bound.
+        """
+        divided = np.zeros(len(level), dtype=np.bool_)
+        choose_divided(
+            k < LAST_LEVEL, (level.texels, level.weights), errors, self.coverage.counts,
+            texel_errors, divided,
+        )  # fmt: skip
+        return divided
+
+    def of_divided(self) -> FloatArray32:
+        """Estimate errors of all texels, divided as far as they are.
+
+        While texels are divided, only the error of the map that is farthest off is kept. Where
+        there are several maps, this estimates the errors of one of them, from the same samples.
+
+        Returns
+        -------
+        (n_texels,) float32
+            0 where nothing is covered.
+        """
+        cells = self.cells
+        means, steps = self.of_samples()
+        errors = ONE_SAMPLE * steps
+        if not cells.levels:
+            return errors
+        quarters = cells.levels[0]
+        parents = quarters.texels[::4].copy()
+        judged = self.of_four(steps, parents, means)
+        children = cells.children[quarters.first : quarters.first + len(quarters)]
+        is_further = (children.reshape(-1, 4) != NO_CHILD).any(axis=1)
+        errors[parents] = np.where(is_further, np.float32(0.0), judged)
+        for k, level in enumerate(cells.levels[1:], start=2):
+            of_cells = self.of_cells(k)
+            children = cells.children[level.first : level.first + len(level)]
+            kept = np.flatnonzero((children == NO_CHILD) & (level.weights > 0))
+            texels = level.texels[kept]
+            np.add.at(
+                errors, texels, level.weights[kept] * of_cells[kept] / self.coverage.counts[texels]
+            )
+        return errors

@@ -1,0 +1,118 @@
+"""Sums over the samples of pixels, with squares, which show how much the samples differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.rendering.adaptive_pixels.sample_statistics import (
+    add_fragments,
+    add_samples,
+    write_window,
+)
+
+Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class PixelSums:
+    """Sums over the samples of each pixel.
+
+    Attributes
+    ----------
+    light, squares : (H, W, 4) float64
+        Sums of light and opacity, and of their squares. Light is composed over what shows behind
+        surfaces, or over black.
+    covered : (H, W) float32
+        How many samples show a surface.
+    counts : (H, W) int32
+        How many samples there are.
+    """
+
+    light: FloatArray
+    squares: FloatArray
+    covered: Float32Array
+    counts: IntArray
+
+    @classmethod
+    def empty(cls, height: int, width: int) -> PixelSums:
+        """Return sums of no samples."""
+        return cls(
+            np.zeros((height, width, 4)),
+            np.zeros((height, width, 4)),
+            np.zeros((height, width), np.float32),
+            np.zeros((height, width), np.int32),
+        )
+
+    @property
+    def means(self) -> FloatArray:
+        """(H, W, 4) float64 means; 0 where there is no sample."""
+        return self.light / np.maximum(self.counts, 1)[..., None]
+
+    @property
+    def coverage(self) -> Float32Array:
+        """(H, W) float32 shares of the samples that show a surface."""
+        return np.asarray(self.covered / np.maximum(self.counts, 1), np.float32)
+
+    def add(self, pixels: IntArray, counts: Float32Array, light: Float32Array) -> None:
+        """Add opaque fragments to their pixels, each as many times as it has samples."""
+        add_fragments(
+            pixels, counts, light,
+            self.light.reshape(-1, 4), self.squares.reshape(-1, 4), self.covered.reshape(-1),
+        )  # fmt: skip
+
+    def add_samples(
+        self,
+        light: Float32Array,
+        passed: Float32Array,
+        seen: npt.NDArray[np.bool_],
+        behind: Float32Array,
+        first_row: int,
+        side: int,
+    ) -> None:
+        """Add samples, (h side, w side), of some rows of pixels, over what shows behind them.
+
+        Parameters
+        ----------
+        light, passed, seen
+            Light of each sample, the share of what lies behind it that it lets through, and whether
+            it shows a surface.
+        behind : (H, W, 3) or (1, 1, 3) float32
+        """
+        add_samples(
+            light, passed, seen, behind, first_row, side, self.light, self.squares, self.covered
+        )
+
+    def write_to(
+        self,
+        sums: PixelSums,
+        corner: tuple[int, int],
+        mask: npt.NDArray[np.bool_],
+        behind: Float32Array | None,
+        *,
+        side: int,
+        is_opaque: bool,
+    ) -> None:
+        """Write the masked pixels of a window to the sums of a whole picture.
+
+        Parameters
+        ----------
+        corner
+            Row and column of the window's first pixel.
+        behind : (h, w, 3) or (1, 1, 3) float32, optional
+            Light at samples that show no surface; None where the sums include it.
+        side
+            Samples of a pixel along one side.
+        is_opaque
+            Whether all samples count as opaque, because something shows behind all surfaces.
+        """
+        write_window(
+            mask, *corner, side, _DARK if behind is None else behind, is_opaque, behind is not None,
+            self.light, self.squares, self.covered, sums.light, sums.squares, sums.covered,
+        )  # fmt: skip
+
+
+_DARK = np.zeros((1, 1, 3), np.float32)

@@ -1,0 +1,128 @@
+"""Some pixels sampled again, with other and more samples, to see whether estimates can be trusted.
+
+The second samples are `SIDE` x `SIDE` per pixel, each of them shaded. That is an odd number, so
+except for the very middle none of them is one of the first samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.rendering.adaptive_pixels.pixel_error import code_means
+from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
+from texbake.sampling.bounds import CODES, in_codes
+from texbake.sampling.check import (
+    ErrorSummary,
+    generator,
+    n_to_check,
+    percent_within,
+    percentiles_of,
+)
+from texbake.sampling.report import SamplingReport, listed
+
+if TYPE_CHECKING:
+    from texbake.rendering.adaptive_pixels.samples import AdaptivePicture
+
+SIDE = 15
+# Pixels are drawn from this many times as many, which lie in runs of rows: few are rasterized.
+AMONG = 10
+RUN = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureSampling(SamplingReport):
+    """What the adaptive samples of a picture achieved.
+
+    Triangles in one cell of a pixel share a shading, however many samples show them.
+
+    Attributes
+    ----------
+    shaded_percents : dict of int to float
+        Number of shaded cells in a pixel, and the percent of the pixels that have so many.
+    shadings_per_pixel : float
+        Cells shaded in all, also those that finer ones replaced, per pixel that shows a surface.
+    """
+
+    shaded_percents: dict[int, float]
+    shadings_per_pixel: float
+
+    element: ClassVar[str] = "pixel"
+    most_samples: ClassVar[int] = 256
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, for a person."""
+        shadings = f"{listed(self.shaded_percents)}; {self.shadings_per_pixel:.2f} taken on average"
+        return [
+            ("shadings per pixel", shadings),
+            ("samples per pixel", listed(self.sample_percents)),
+            *super().table(),
+        ]
+
+
+def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
+    """Sample one pixel in a hundred again, always the same ones, and report on all samples.
+
+    Parameters
+    ----------
+    adaptive
+        A finished picture.
+    bound
+        For sRGB-coded channels, where black to white is 1; None if there was none.
+    """
+    sampler, sums, errors = adaptive.sampler, adaptive.sums, adaptive.errors()
+    shows = sums.covered > 0.0
+    n_pixels = int(np.count_nonzero(shows))
+    n_shaded = sampler.n_shaded
+    chosen = _chosen(shows)
+    again = PixelSums.empty(*shows.shape)
+    sampler.take(chosen, Sides(SIDE, SIDE), again)
+    codes = np.zeros_like(adaptive.codes)
+    code_means(again, codes, threads=adaptive.threads)
+    apart = np.abs(adaptive.codes[chosen] - codes[chosen]).max(axis=-1)
+    summary = ErrorSummary(
+        name="color",
+        unit=f"/ {CODES}",
+        bound=None if bound is None else CODES * bound,
+        estimated=percentiles_of(errors[shows], CODES),
+        measured=percentiles_of(apart, CODES),
+        measured_within_percent=percent_within(apart, bound),
+    )
+    return PictureSampling(
+        max_error=None if bound is None else in_codes(bound),
+        sample_percents=_percents(sums.counts[shows]),
+        within_percent=percent_within(errors[shows], bound),
+        n_checked=len(apart),
+        samples_of_check=SIDE**2,
+        errors=(summary,),
+        shaded_percents=_percents(adaptive.shaded[shows] ** 2),
+        shadings_per_pixel=n_shaded / max(n_pixels, 1),
+    )
+
+
+def _chosen(shows: BoolArray) -> BoolArray:
+    """(H, W) bool: pixels drawn at random from runs of rows that are drawn first."""
+    rng = generator()
+    by_row = np.count_nonzero(shows, axis=1)
+    runs = np.add.reduceat(by_row, np.arange(0, len(by_row), RUN))
+    n_wanted = n_to_check(int(by_row.sum()))
+    order = rng.permutation(len(runs))
+    n_runs = 1 + int(np.searchsorted(np.cumsum(runs[order]), AMONG * n_wanted))
+    among = np.zeros(len(runs), np.bool_)
+    among[order[:n_runs]] = True
+    rows = np.repeat(among, RUN)[: len(by_row)]
+    candidates = np.flatnonzero((shows & rows[:, None]).ravel())
+    chosen = np.zeros(shows.size, np.bool_)
+    chosen[rng.choice(candidates, min(n_wanted, len(candidates)), replace=False)] = True
+    return chosen.reshape(shows.shape)
+
+
+def _percents(numbers: npt.NDArray[np.int32]) -> dict[int, float]:
+    """Return each number that occurs, and its percentage."""
+    values, counts = np.unique(numbers, return_counts=True)
+    shares = 100.0 * counts / max(len(numbers), 1)
+    return dict(zip(values.tolist(), shares.tolist(), strict=True))

@@ -1,0 +1,297 @@
+"""Samples of some pixels of a picture, with as many samples and shadings as they need.
+
+A pixel has `sides.seen` x `sides.seen` samples, each of which shows one triangle. It is divided
+into `sides.shaded` x `sides.shaded` cells, in each of which every triangle is shaded once, in the
+middle of the samples that show it, as in `texbake.rendering.raster.fragments` for whole pixels. So
+an edge costs many samples and few shadings, a sharp highlight few samples and many shadings. A
+shading covers as much of a texture as a whole pixel does, so all samples of a pixel show the same
+picture.
+
+The picture is taken in windows, strips of it as wide as the pixels that are wanted, so that memory
+is bounded however many samples they have.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
+from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
+from texbake.rendering.adaptive_pixels.sample_statistics import drop_unwanted
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import behind_surfaces
+from texbake.rendering.effects.transparency import put_behind
+from texbake.rendering.picture import Picture
+from texbake.rendering.raster.fragments import FragmentRows, fragment_rows
+from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.seen import find_visibility
+from texbake.rendering.shaded import shaded_objects
+
+BoolArray = npt.NDArray[np.bool_]
+
+# Cells shaded together by one thread, as `texbake.rendering.draw` has it.
+_CELLS = 1 << 15
+# Samples of a window, of eight bytes each, and as many again for each transparent layer.
+_WINDOW = 1 << 23
+# Unwanted rows beyond which there are two windows; each window projects all vertices.
+_GAP = 16
+
+
+@dataclass(frozen=True, order=True)
+class Sides:
+    """Samples and shaded cells of a pixel along one side; `shaded` divides `seen`."""
+
+    seen: int
+    shaded: int
+
+
+@dataclass(frozen=True)
+class PixelWindow:
+    """Some rows and columns of a picture, in pixels."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.bottom - self.top, self.right - self.left
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WindowCamera(Camera):
+    """A camera that shows one window of a picture on the whole screen.
+
+    Attributes
+    ----------
+    window : PixelWindow
+    width, height : int
+        Pixels of the whole picture.
+    """
+
+    window: PixelWindow
+    width: int
+    height: int
+
+    def clip_from_world(self, aspect: float) -> FloatArray:
+        """(4, 4) float64: world to clip space; the aspect is always that of the whole picture."""
+        rows, columns = self.window.shape
+        zoom = np.eye(4)
+        zoom[0, 0], zoom[1, 1] = self.width / columns, self.height / rows
+        zoom[0, 3] = (self.width - self.window.left - self.window.right) / columns
+        zoom[1, 3] = (self.window.top + self.window.bottom - self.height) / rows
+        return zoom @ super().clip_from_world(self.width / self.height)
+
+
+def windows(wanted: npt.NDArray[np.bool_], side: int) -> Iterator[PixelWindow]:
+    """Yield strips of a picture that hold all wanted pixels, each no wider than it must be."""
+    rows = np.flatnonzero(wanted.any(axis=1))
+    most = max(1, _WINDOW // (wanted.shape[1] * side**2))
+    # A strip ends before a gap that is large enough for a new one.
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) > _GAP) + 1):
+        while len(run):
+            top = int(run[0])
+            inside = run[run < top + most]
+            bottom = int(inside[-1]) + 1
+            columns = np.flatnonzero(wanted[top:bottom].any(axis=0))
+            yield PixelWindow(top, bottom, int(columns[0]), int(columns[-1]) + 1)
+            run = run[len(inside) :]
+
+
+class PixelSampler:
+    """Takes samples of pixels.
+
+    Parameters
+    ----------
+    picture
+        By `texbake.rendering.draw.laid_out`, with all objects prepared.
+
+    Attributes
+    ----------
+    is_opaque : bool
+        Whether something shows behind all surfaces; then every sample has an opacity of 1.
+    n_shaded : int
+        Cells shaded so far in pixels that show a surface; a cell with an edge counts once.
+    n_windows : int
+        Windows rasterized so far.
+    seconds : float
+        Wall-clock time of all this.
+    """
+
+    def __init__(self, picture: Picture) -> None:
+        self._picture = picture
+        self._behind = _behind_all(picture)
+        self.is_opaque = self._behind is not None
+        self._has_layers = picture.plan.has("layers")
+        self.n_shaded = 0
+        self.n_windows = 0
+        self.seconds = 0.0
+
+    def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
+        """Sample pixels anew, in place of what they had.
+
+        Parameters
+        ----------
+        wanted : (H, W) bool
+            The pixels.
+        sides
+            How finely.
+        sums
+            Gets the sums of these pixels.
+        """
+        start = time.perf_counter()
+        sums.counts[wanted] = sides.seen**2
+        for window in windows(wanted, sides.seen):
+            self.n_windows += 1
+            self._take_window(window, wanted, sides, sums)
+        n_shown = int(np.count_nonzero(wanted & (sums.covered > 0.0)))
+        self.n_shaded += n_shown * sides.shaded**2
+        self.seconds += time.perf_counter() - start
+
+    def _take_window(
+        self, window: PixelWindow, wanted: BoolArray, sides: Sides, sums: PixelSums
+    ) -> None:
+        mask = np.ascontiguousarray(wanted[window.top : window.bottom, window.left : window.right])
+        layers = self._seen(window, mask, sides)
+        rows, columns = window.shape
+        sums_here = PixelSums.empty(rows, columns)
+        n_cells = int(np.count_nonzero(mask)) * sides.shaded**2
+        behind = self._behind_window(window)
+
+        def work(start: int, stop: int) -> None:
+            if self._has_layers:
+                self._compose(layers, window, (start, stop), sides, sums_here, behind)
+            else:
+                self._add(layers[0], window, (start, stop), sides, sums_here)
+
+        band = max(1, min(rows, rows * _CELLS // max(n_cells, 1)))
+        run_bands(work, rows, band=band, threads=self._picture.threads)
+        sums_here.write_to(
+            sums,
+            (window.top, window.left),
+            mask,
+            None if self._has_layers else behind,
+            side=sides.seen,
+            is_opaque=self.is_opaque,
+        )
+
+    def _seen(self, window: PixelWindow, mask: BoolArray, sides: Sides) -> list[Visibility]:
+        """Find what the wanted samples of a window show: transparent layers, then opaque."""
+        picture = self._picture
+        rows, columns = window.shape
+        camera = picture.camera
+        question = replace(
+            picture.question,
+            camera=WindowCamera(
+                eye=camera.eye, axes=camera.axes, fov=camera.fov, near=camera.near,
+                window=window, width=picture.options.width, height=picture.options.height,
+            ),
+            options=replace(
+                picture.options, width=columns, height=rows, supersampling=sides.seen
+            ),
+        )  # fmt: skip
+        part = replace(picture, question=question, values=dict(picture.values))
+        layers = [find_visibility(part)]
+        for item in part.plan.passes:
+            if item.name == "layers" and item.effect.prepare is not None:
+                with picture.costs.timed(item.name):
+                    layers = [*item.effect.prepare(part, None).layers, *layers]
+        for visibility in layers:
+            drop_unwanted(visibility.face_ids, mask, sides.seen)
+        return layers
+
+    def _fragments(
+        self, visibility: Visibility, window: PixelWindow, rows: tuple[int, int], sides: Sides
+    ) -> tuple[FragmentRows, IntArray]:
+        """Return the fragments of some rows of a window, and their pixels in the picture."""
+        picture, fine = self._picture, sides.shaded
+        with picture.costs.timed("fragments"):
+            fragments = fragment_rows(
+                visibility.face_ids,
+                picture.world,
+                (rows[0] * fine, rows[1] * fine),
+                side=sides.seen // fine,
+                wants_samples=self._has_layers,
+            )
+            columns = window.shape[1]
+            down, right = np.divmod(fragments.pixels, np.int32(columns * fine))
+            down, right = down // np.int32(fine), right // np.int32(fine)
+            corner = np.array([window.left, window.top], np.float32)
+            places = fragments.places / np.float32(fine) + corner
+            whole = picture.options.width
+            pixels = (down + np.int32(window.top)) * np.int32(whole) + right + np.int32(window.left)
+        return replace(fragments, places=places, pixels=pixels), down * np.int32(columns) + right
+
+    def _add(
+        self,
+        visibility: Visibility,
+        window: PixelWindow,
+        rows: tuple[int, int],
+        sides: Sides,
+        sums: PixelSums,
+    ) -> None:
+        """Add opaque fragments to their pixels."""
+        fragments, places = self._fragments(visibility, window, rows, sides)
+        first = 0
+        for shaded in shaded_objects(self._picture, None, fragments):
+            with self._picture.costs.timed("pixels"):
+                sums.add(places[first : first + len(shaded)], shaded.counts, shaded.light)
+            first += len(shaded)
+
+    def _compose(
+        self,
+        layers: list[Visibility],
+        window: PixelWindow,
+        rows: tuple[int, int],
+        sides: Sides,
+        sums: PixelSums,
+        behind: Float32Array,
+    ) -> None:
+        """Put the layers behind one another at each sample, and add the samples to their pixels."""
+        side = sides.seen
+        shape = (rows[1] - rows[0]) * side, window.shape[1] * side
+        light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
+        covered, normals = np.zeros(shape, np.bool_), np.empty((0, 0, 3), np.float32)
+        for layer in layers:
+            fragments, _ = self._fragments(layer, window, rows, sides)
+            put_behind(
+                self._picture, fragments.of_samples,
+                shaded_objects(self._picture, None, fragments),
+                light, passed, normals, covered, opaque=layer is layers[-1],
+            )  # fmt: skip
+        with self._picture.costs.timed("pixels"):
+            sums.add_samples(light, passed, covered, behind, rows[0], side)
+
+    def _behind_window(self, window: PixelWindow) -> Float32Array:
+        """(h, w, 3) or (1, 1, 3) light behind surfaces in a window; 0 where nothing shows."""
+        behind = self._behind
+        if behind is None:
+            return np.zeros((1, 1, 3), np.float32)
+        if behind.ndim == 1:
+            return np.ascontiguousarray(behind.reshape(1, 1, 3))
+        here = behind[window.top : window.bottom, window.left : window.right]
+        return np.ascontiguousarray(here)
+
+
+def _behind_all(picture: Picture) -> Float32Array | None:
+    """Find what shows behind surfaces at every pixel: any of them may have a sample of it."""
+    for item in picture.plan.passes:
+        if item.effect.behind is not None and item.effect.prepare is not None:
+            shape = picture.options.height, picture.options.width
+            nothing = Visibility(np.full(shape, -1, np.int32), np.zeros(shape, np.float32))
+            options = replace(picture.options, supersampling=1)
+            question = replace(picture.question, options=options)
+            values = {**picture.values, ("visibility", None): nothing}
+            empty = replace(picture, question=question, values=values)
+            with picture.costs.timed(item.name):
+                values[item.name, None] = item.effect.prepare(empty, None)
+            return behind_surfaces(empty)
+    return behind_surfaces(picture)
