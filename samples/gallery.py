@@ -76,8 +76,8 @@ pictures, [`gallery_sources.py`](gallery_sources.py) the textures and meshes.
 
 [Scene files](../docs/reference/scenes.md) and [passes](../docs/explanation/rendering.md) are
 explained in the documentation. Under each picture stand the passes that
-`texbake preview SCENE --explain` lists for it, except rasterizing, fragments and pixels, which every
-picture has. Nothing else was run.
+`texbake preview SCENE --explain` lists for it, except rasterizing, fragments and pixels, which
+every picture has. Nothing else was run.
 """
 
 

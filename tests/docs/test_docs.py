@@ -73,9 +73,8 @@ def world(tmp_path_factory) -> Path:
     )
     baked.maps["normal"].write(folder / "normal.png")
     baked.maps["displacement"].write(folder / "height.exr")
-    texbake.write_mesh(
-        high.replace(colors=colors), folder / "scan.glb", base_color=folder / "photo.png"
-    )
+    colored = high.replace(colors=colors)
+    texbake.write_mesh(colored, folder / "scan.glb", base_color=folder / "photo.png")
     for name in "scene.toml", "room.toml":
         (folder / name).write_text(SCENE)
     for name in "scans/a.ply", "hero/hero_v12.ply":
