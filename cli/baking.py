@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from texbake.baking.options import BakeOptions
 from texbake.files import check_folder, check_writable, make_folder
+from texbake.jobs.outputs import check_distinct, check_picture, check_report
 from texbake.progress import Stages
 
 from .html import command_line
-from .outputs import check_distinct, check_picture, check_report
 from .terminal import Terminal
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def bake_to_files(
     _check_outputs(files, folder, miss_map, (report, html, hits), options)
     import texbake
     from texbake.baking.hits_file import write_hits
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
     from texbake.pages.page_maps import as_asked, page_options
 
     with terminal.progress() as progress:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from texbake.baking.options import BakeOptions
 from texbake.files import check_folder, make_folder
+from texbake.jobs.outputs import check_distinct
 from texbake.progress import Stages
 
-from .outputs import check_distinct
 from .terminal import Terminal
 
 if TYPE_CHECKING:
-    from texbake.jobs.light_map import LightMaps
+    from texbake.jobs.light_maps import LightMaps
     from texbake.rendering.scene.scene import Scene
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
@@ -40,7 +40,7 @@ def bake_light_to_files(
 
     check_image_format(folder / f"map.{suffix}", options.bits, color=True, channels=3)
     check_folder(folder)
-    from texbake.jobs.light_map import bake_light_maps
+    from texbake.jobs.light_maps import bake_light_maps
     from texbake.rendering.scene.read import read_scene
 
     with terminal.progress() as progress:

@@ -12,11 +12,11 @@ from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.files import check_folder, make_folder
+from texbake.jobs.outputs import check_distinct, check_picture, check_report
 from texbake.progress import Stages
 
 from .baking import OF_MATERIALS, check_map_files, clipped, materials_of, ray_image
 from .map_options import FORMATS
-from .outputs import check_distinct, check_picture, check_report
 from .parts_options import Asked
 from .terminal import Terminal
 
@@ -109,7 +109,7 @@ def bake_parts_to_files(
             for canvas, path in misses.items():
                 texbake.write_image(result.canvases[canvas].miss_map(), path)
     if report is not None:
-        from texbake.jobs.report import write_report
+        from texbake.jobs.outputs import write_report
 
         coded = [asdict(file) for file in written]
         write_report(report, {**result.report.to_json(), "bake": asdict(options), "files": coded})
@@ -164,7 +164,7 @@ def _tell_matching(
     """Print who would be baked from whom; a report has it as JSON."""
     from texbake.baking.parts.bake_parts import match_parts
     from texbake.baking.parts.matching import Match, Matching
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
 
     matching: Matching
     if asked.options.match_by_name:

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from texbake.files import check_folder, make_folder
+from texbake.jobs.outputs import check_distinct, check_report
 from texbake.progress import Stages
 
 from .baking import check_map_files, clipped
 from .map_options import map_files
-from .outputs import check_distinct, check_report
 from .terminal import Terminal
 
 
@@ -41,7 +41,7 @@ def remap_to_files(
     check_report(report)
     from texbake.baking.bake import remap_hits
     from texbake.baking.hits_file import read_hits
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
 
     with terminal.progress() as progress:
         stages = Stages(progress)

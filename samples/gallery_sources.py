@@ -15,7 +15,7 @@ from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.baking.texture.photo import Photo
 from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.solid import bake_solid
-from texbake.jobs.light_map import bake_light_maps
+from texbake.jobs.light_maps import bake_light_maps
 from texbake.texture.height_options import HeightToNormalOptions
 from texbake.texture.heights_and_normals import height_to_normal
 from texbake.texture.procedures import evaluate

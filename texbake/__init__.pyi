@@ -41,10 +41,13 @@ from .baking.texture.result import (
 )
 from .baking.texture.solid import bake_solid as bake_solid
 from .building.build import (
+    PlannedStep as PlannedStep,
     build as build,
     plan_build as plan_build,
 )
 from .building.options import BuildOptions as BuildOptions
+from .building.overview import write_overview as write_overview
+from .building.progress import BuildEvent as BuildEvent
 from .building.report import BuildResult as BuildResult
 from .building.watch import watch as watch
 from .checks.check import (
@@ -66,26 +69,76 @@ from .errors import (
     UnwrapError as UnwrapError,
     UvError as UvError,
 )
-from .jobs.check_picture import render_findings as render_findings
-from .jobs.checker import render_checker as render_checker
-from .jobs.demo import demo as demo
+from .jobs.check_meshes import (
+    check_mesh_files as check_mesh_files,
+    render_findings as render_findings,
+)
+from .jobs.comparison import (
+    compare_files as compare_files,
+    comparison_table as comparison_table,
+)
 from .jobs.export.export import (
     ExportResult as ExportResult,
     export_asset as export_asset,
+    export_files as export_files,
 )
 from .jobs.export.options import ExportOptions as ExportOptions
-from .jobs.layout import write_layout as write_layout
-from .jobs.light_map import (
+from .jobs.images import (
+    cubemap_files as cubemap_files,
+    height_to_normal_file as height_to_normal_file,
+    mipmap_files as mipmap_files,
+    normal_to_height_file as normal_to_height_file,
+    pack_texture_files as pack_texture_files,
+)
+from .jobs.light_maps import (
     LightMaps as LightMaps,
+    bake_light_map_files as bake_light_map_files,
     bake_light_maps as bake_light_maps,
+)
+from .jobs.maps import (
+    MapFiles as MapFiles,
+    bake_files as bake_files,
+    remap_files as remap_files,
+)
+from .jobs.meshes import (
+    MeshFileInfo as MeshFileInfo,
+    Relief as Relief,
+    cage_file as cage_file,
+    info_file as info_file,
+    make_file as make_file,
+    repair_file as repair_file,
+    simplify_file as simplify_file,
+    simplify_levels as simplify_levels,
 )
 from .jobs.options import (
     DemoOptions as DemoOptions,
     RunOptions as RunOptions,
 )
+from .jobs.outputs import JobResult as JobResult
+from .jobs.parts import (
+    PartsFiles as PartsFiles,
+    bake_parts_files as bake_parts_files,
+    match_parts_files as match_parts_files,
+    needs_parts as needs_parts,
+)
+from .jobs.preview import (
+    PreviewFiles as PreviewFiles,
+    preview_files as preview_files,
+)
 from .jobs.run import (
     RunResult as RunResult,
+    demo as demo,
     run as run,
+    run_files as run_files,
+)
+from .jobs.textures import bake_texture_files as bake_texture_files
+from .jobs.unwrapping import (
+    UnwrapFiles as UnwrapFiles,
+    unwrap_files as unwrap_files,
+)
+from .jobs.uv_pictures import (
+    render_checker as render_checker,
+    write_layout as write_layout,
 )
 from .mapping.distortion import (
     Distortion as Distortion,
@@ -121,6 +174,11 @@ from .mesh.materials import (
 from .mesh.mesh import Mesh as Mesh
 from .mesh.parametric.make import make as make
 from .mesh.parametric.options import MakeOptions as MakeOptions
+from .mesh.repair import (
+    RepairReport as RepairReport,
+    repair as repair,
+)
+from .mesh.repair_options import RepairOptions as RepairOptions
 from .mesh.simplify import (
     SimplifyReport as SimplifyReport,
     simplify as simplify,

@@ -12,6 +12,7 @@ from texbake.baking.options import FILLS
 from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
 from texbake.errors import OptionError
 from texbake.files import check_writable
+from texbake.jobs.outputs import check_distinct, check_picture, check_report
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 
 from ..options import (
@@ -26,7 +27,6 @@ from ..options import (
     size_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_picture, check_report
 from ..sections import SectionedCommand
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf, Numbers
@@ -159,7 +159,7 @@ def bake_texture(
     check_picture(unseen_map)
     check_report(report)
     import texbake
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
     from texbake.texture.image_formats import check_image_format
 
     check_image_format(output, bits, color=not data)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from texbake.building.options import BuildOptions
+from texbake.jobs.outputs import check_page
 
 from ..build_options import build_options
 from ..building import shown, tell_result
 from ..html import command_line
-from ..outputs import check_page
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 

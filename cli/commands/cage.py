@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
+from texbake.jobs.outputs import check_distinct, check_mesh
+
 from ..options import (
     WRITABLE_MESH_SUFFIXES,
     mesh_argument,
     output_file,
     threads_option,
 )
-from ..outputs import check_distinct, check_mesh
 from ..terminal import Terminal, terminal_options
 
 

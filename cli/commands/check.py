@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.jobs.outputs import check_distinct, check_picture, check_report
 
 from ..options import (
     MESH_SUFFIXES,
@@ -22,7 +23,6 @@ from ..options import (
     size_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_picture, check_report
 from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf
 
@@ -100,7 +100,7 @@ def check(
     check_picture(sides)
     check_report(report)
     from texbake.checks.check import check_files
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
 
     with terminal.progress() as progress:
         checked = check_files(mesh, low, options, progress=progress)
@@ -137,7 +137,7 @@ def _draw(
         if not any(len(finding.faces) for finding in checked.findings):
             terminal.warn(f"{sides}: not drawn; nothing was found at any face")
         else:
-            from texbake.jobs.check_picture import render_findings
+            from texbake.jobs.check_meshes import render_findings
 
             threads = checked.options.threads
             picture = render_findings(checked, threads=threads, progress=progress)

@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from texbake.jobs.outputs import (
+    check_distinct,
+    check_page,
+    check_picture,
+    check_report,
+)
+
 from ..html import command_line, html_option
 from ..options import (
     image_option,
@@ -15,7 +22,6 @@ from ..options import (
     report_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_page, check_picture, check_report
 from ..terminal import Terminal, table, terminal_options
 from ..types import FileOf
 
@@ -73,7 +79,8 @@ def compare(
     check_report(report)
     check_page(html)
     import texbake
-    from texbake.jobs.report import comparison_report, comparison_table, write_report
+    from texbake.jobs.comparison import comparison_report, comparison_table
+    from texbake.jobs.outputs import write_report
     from texbake.pages.asset_page import AssetPage, write_asset_page
 
     with terminal.progress() as progress:

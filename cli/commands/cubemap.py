@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
+from texbake.jobs.outputs import check_distinct
 from texbake.texture.cube_options import CONVENTIONS, FACE_FORMATS, LAYOUTS, CubeOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, number_option, threads_option
-from ..outputs import check_distinct
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 

@@ -8,6 +8,7 @@ import click
 
 from texbake.baking.options import CONVENTIONS, BakeOptions
 from texbake.files import check_writable
+from texbake.jobs.outputs import check_distinct
 from texbake.texture.height_options import (
     DEFAULT_SCALE,
     DERIVATIVES,
@@ -16,7 +17,6 @@ from texbake.texture.height_options import (
 )
 
 from ..options import IMAGE_SUFFIXES, choice_option, number_option, output_file, threads_option
-from ..outputs import check_distinct
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
+from texbake.jobs.outputs import check_distinct, check_mesh
 from texbake.mesh.parametric.options import SHAPE_DEFAULTS, SHAPES, MakeOptions
 
 from ..options import IMAGE_SUFFIXES, WRITABLE_MESH_SUFFIXES, Decorator, number_option, output_file
-from ..outputs import check_distinct, check_mesh
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf, Size
 

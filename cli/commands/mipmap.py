@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
+from texbake.jobs.outputs import check_distinct
 from texbake.texture.mip_options import MIP_FILTERS, MIP_KINDS, MIP_WRAPS, MipOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, threads_option
-from ..outputs import check_distinct
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 

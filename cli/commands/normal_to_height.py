@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from texbake.files import check_writable
+from texbake.jobs.outputs import check_distinct
 from texbake.texture.height_options import CONVENTIONS, METHODS, WRAPS, NormalToHeightOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, number_option, output_file, threads_option
-from ..outputs import check_distinct
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 

@@ -9,6 +9,7 @@ import click
 
 from texbake.errors import OptionError
 from texbake.files import check_folder, check_writable, make_folder
+from texbake.jobs.outputs import check_distinct, check_mesh
 from texbake.texture.pack_options import EDGES, PackOptions
 
 from ..options import (
@@ -20,7 +21,6 @@ from ..options import (
     size_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_mesh
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 

@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from texbake.files import check_folder
+from texbake.jobs.outputs import check_distinct, check_picture, check_report
 from texbake.rendering.options import (
     BUFFERS,
     EDGES,
@@ -28,7 +29,6 @@ from ..options import (
     report_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_picture, check_report
 from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf, Names, Turntable
 
@@ -320,7 +320,7 @@ def _tell(
 
     told = plan_report(plan, costs) | ({} if frame is None else frame.sampling_report())
     if report is not None:
-        from texbake.jobs.report import write_report
+        from texbake.jobs.outputs import write_report
 
         write_report(report, told)
     if form == "json":

@@ -10,6 +10,7 @@ import click
 from texbake.baking.options import CONVENTIONS
 from texbake.files import check_folder
 from texbake.jobs.options import RunOptions
+from texbake.jobs.outputs import check_page
 from texbake.mesh.simplify_options import QUALITIES
 from texbake.rendering.options import UPS
 
@@ -24,7 +25,6 @@ from ..options import (
     threads_option,
     view_option,
 )
-from ..outputs import check_page
 from ..terminal import Terminal, terminal_options
 
 

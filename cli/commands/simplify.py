@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from texbake.jobs.outputs import check_distinct, check_mesh, check_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, QUALITIES
 
 from ..options import (
@@ -17,7 +18,6 @@ from ..options import (
     report_option,
     threads_option,
 )
-from ..outputs import check_distinct, check_mesh, check_report
 from ..terminal import Terminal, terminal_options
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def simplify(
     check_mesh(output)
     check_report(report)
     import texbake
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
 
     with terminal.progress() as progress:
         lighter, figures = texbake.simplify_with_report(

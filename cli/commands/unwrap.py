@@ -10,12 +10,17 @@ import click
 
 from texbake.errors import OptionError
 from texbake.files import check_folder, make_folder
+from texbake.jobs.outputs import (
+    check_distinct,
+    check_mesh,
+    check_picture,
+    check_report,
+)
 from texbake.mapping.options import UnwrapOptions
 
 from ..mapping import mapping_options, sections
 from ..measures import distortion_rows
 from ..options import MESH_SUFFIXES, report_option, threads_option
-from ..outputs import check_distinct, check_mesh, check_picture, check_report
 from ..sections import SectionedCommand
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
@@ -81,8 +86,8 @@ def unwrap(
     check_picture(checker)
     check_report(report)
     import texbake
-    from texbake.jobs.layout import check_layout
-    from texbake.jobs.report import write_report
+    from texbake.jobs.outputs import write_report
+    from texbake.jobs.uv_pictures import check_layout
 
     if layout is not None:
         check_layout(layout)

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.jobs.preview import with_light
+from texbake.jobs.preview import with_lighting
 from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
@@ -58,7 +58,7 @@ def figures_of(color, truth, shows):
 
 def measure(name, width, n_rounds):
     """Seconds, shadings a pixel and error figures of every setting."""
-    scene = with_light(texbake.read_scene(SCENES / f"{name}.toml"))
+    scene = with_lighting(texbake.read_scene(SCENES / f"{name}.toml"))
     own = scene.options(interpolation="perspective", buffer=None)
     options = replace(own, width=width, height=max(1, width * own.height // own.width))
     truth, shows = truth_of(scene, options)

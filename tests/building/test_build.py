@@ -458,9 +458,9 @@ def test_a_store_without_space(scans: Path, run: Run, monkeypatch: pytest.Monkey
 def test_what_texbake_itself_gets_wrong_is_told_with_its_trace(
     scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from texbake.building.steps import repair
+    from texbake.jobs import meshes
 
-    monkeypatch.setattr(repair, "repaired", lambda mesh, options: 1 // 0)
+    monkeypatch.setattr(meshes, "repair", lambda mesh, options: 1 // 0)
     result, _ = run(scans)
     step = result.failed[0].steps[0]
     assert step.error == (

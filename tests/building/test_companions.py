@@ -148,16 +148,17 @@ def test_one_that_changes_after_it_was_looked_at(tmp_path: Path, write: Any, inl
 def test_one_that_changes_while_it_is_read(
     tmp_path: Path, write: Any, run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from texbake.building.steps import repair
+    from texbake.jobs import meshes
+    from texbake.mesh.repair import RepairReport
 
     (tmp_path / "a.obj").write_text(OBJ)
     (tmp_path / "my stuff.mtl").write_text(MTL)
 
     def change(mesh: Any, options: Any) -> Any:
         (tmp_path / "my stuff.mtl").write_text("# another")
-        return mesh, {}
+        return mesh, RepairReport(mesh.n_faces, {})
 
-    monkeypatch.setattr(repair, "repaired", change)
+    monkeypatch.setattr(meshes, "repair", change)
     result, _ = run(write('[[assets]]\ninputs.high = "a.obj"\n', STEPS))
     assert "my stuff.mtl: it changed while r read it" in result.failed[0].error
 

@@ -91,7 +91,7 @@ def test_differences_say_what_changed() -> None:
 def test_settings_are_checked_by_their_classes() -> None:
     with pytest.raises(OptionError, match="maps: 'nrmal' is not one of normal"):
         STEP_KINDS["bake"].settings({"maps": ("nrmal",)})
-    with pytest.raises(OptionError, match="format: 'displacement' is none of the maps"):
+    with pytest.raises(OptionError, match="format: 'displacement' is not one of the maps"):
         STEP_KINDS["bake"].settings({"format": {"displacement": "exr"}})
     with pytest.raises(OptionError, match="each level must have fewer"):
         STEP_KINDS["simplify"].settings({"faces": (9, 9)})

@@ -7,16 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from texbake.building.step import Job
+from texbake.building.step import Job, steady
 from texbake.building.steps import STEP_KINDS
-from texbake.building.steps.figures import steady
-from texbake.building.steps.repair import RepairStep, repaired
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
-from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
-from texbake.mesh.topology import find_edges
+from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.image import read_image, write_image
 
 Do = Callable[..., tuple[dict[str, Path], dict[str, Any]]]
@@ -142,7 +138,7 @@ def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
     np.testing.assert_allclose(theirs[..., 1], 1.0 - ours[..., 1], atol=2 / 255)
 
 
-def test_a_page_tells_what_the_files_do(do: Do, ball: Path) -> None:
+def test_a_page_of_files(do: Do, ball: Path) -> None:
     given = {"maps": ("normal", "displacement"), "size": 32, "padding": 1}
     maps, _ = do("bake", given, high=ball, low=ball)
     files, figures = do(
@@ -150,7 +146,7 @@ def test_a_page_tells_what_the_files_do(do: Do, ball: Path) -> None:
         displacement=maps["displacement"], misses=maps["misses"],
     )  # fmt: skip
     text = files["page"].read_text()
-    assert "<title>a: baked from its dense mesh</title>" in text
+    assert "<title>a: baked from its high-poly mesh</title>" in text
     assert 'id="distances"' in text and 'id="errors"' in text and str(ball.parent) not in text
     # A mesh baked onto itself: what is left comes from 8 and 16 bit codes and 64 pixels.
     assert figures["error_deg"] < 0.5 and figures["bare_error_deg"] < 0.5
@@ -168,71 +164,3 @@ def test_limits(do: Do, ball: Path, tmp_path: Path) -> None:
     write_mesh(plane().replace(uvs=[[1, 0], [0, 0], [1, 1], [0, 1]]), tmp_path / "mirrored.obj")
     with pytest.raises(MeshError, match="the check found mirrored"):
         do("check", {"fail_on": "warning"}, mesh=tmp_path / "mirrored.obj")
-
-
-def spoiled(mesh: Mesh, seed: int) -> Mesh:
-    """The same surface with vertices split, faces turned, repeated and without area."""
-    random = np.random.default_rng(seed)
-    faces = np.arange(3 * mesh.n_faces).reshape(-1, 3)
-    turned = random.random(len(faces)) < 0.4
-    faces[turned] = faces[turned][:, ::-1]
-    more = random.integers(0, len(faces), 5)
-    flat = np.stack([faces[:3, 0], faces[:3, 1], faces[:3, 1]], axis=1)
-    return Mesh(
-        positions=mesh.positions[mesh.faces].reshape(-1, 3),
-        faces=np.concatenate([faces, faces[more], flat]),
-    )
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", ["icosphere", "torus", "cube"])
-def test_a_closed_mesh_is_mended_to_what_it_was(name: str, seed: int) -> None:
-    meshes = {"icosphere": icosphere(2), "torus": make("torus", resolution=(9, 6)), "cube": cube()}
-    mesh = meshes[name]
-    mended, counts = repaired(spoiled(mesh, seed))
-    assert counts["duplicate faces"] == 5 and counts["faces without area"] == 3
-    assert counts["vertices merged"] == 3 * mesh.n_faces - mesh.n_vertices
-    # Corner by corner, up to where each face begins.
-    before, after = (m.positions[m.faces] for m in (mesh, mended))
-    firsts = [np.abs(np.roll(after, k, axis=1) - before).max(axis=(1, 2)) for k in range(3)]
-    assert np.min(firsts, axis=0).max() == 0.0
-
-
-def test_an_open_mesh_keeps_the_side_that_most_faces_show() -> None:
-    mesh = plane(4, 4)
-    faces = mesh.faces.copy()
-    faces[:5] = faces[:5, ::-1]
-    mended, counts = repaired(Mesh(positions=mesh.positions, faces=faces))
-    assert counts["faces turned"] == 5
-    assert not find_edges(mended.faces).misoriented.any()
-    normals = np.cross(
-        *(
-            mended.positions[mended.faces[:, k]] - mended.positions[mended.faces[:, 0]]
-            for k in (1, 2)
-        )
-    )
-    assert (normals[:, 2] > 0).all()
-
-
-def test_what_has_one_side_is_left_as_it_is() -> None:
-    strip = make("mobius", resolution=(16, 2))
-    mended, counts = repaired(strip)
-    assert counts["faces turned"] == 0
-    assert np.array_equal(mended.faces, repaired(mended)[0].faces)
-
-
-def test_turned_faces_take_their_normals_and_coordinates_with_them() -> None:
-    ball = uv_sphere(4, 8)
-    normals = ball.positions / np.linalg.norm(ball.positions, axis=1)[:, None]
-    ball = ball.replace(normals=normals, normal_faces=ball.faces)
-    inside_out = {
-        name: np.ascontiguousarray(getattr(ball, name)[:, ::-1])
-        for name in ("faces", "uv_faces", "normal_faces")
-    }
-    turned = ball.replace(**inside_out, normals=-ball.normals)
-    mended, counts = repaired(turned, RepairStep(merge=False))
-    assert counts["faces turned"] == ball.n_faces
-    assert np.array_equal(mended.faces, ball.faces)
-    assert np.array_equal(mended.corner_uvs(), ball.corner_uvs())
-    assert mended.normals is not None
-    assert np.array_equal(mended.normals[mended.normal_faces], ball.normals[ball.normal_faces])

@@ -9,17 +9,19 @@ import pytest
 
 import texbake.jobs.run as run_module
 from texbake import (
+    DemoOptions,
     FileError,
     Mesh,
     OptionError,
     RunOptions,
     RunResult,
     TexbakeError,
+    demo,
     read_image,
     read_mesh,
     run,
 )
-from texbake.mesh.shapes import icosphere
+from texbake.mesh.shapes import icosphere, orange
 
 FILES = {
     "ball_low.obj",
@@ -173,3 +175,18 @@ def test_a_folder_that_cannot_be_is_told_before_the_work(
 def test_wrong_options_are_told_when_they_are_made(wrong: dict, message: str) -> None:
     with pytest.raises(OptionError, match=message):
         RunOptions(**wrong)
+
+
+def test_the_demo_is_the_whole_job_on_an_orange(tmp_path: Path) -> None:
+    result = demo(tmp_path, DemoOptions(triangles=20_000, faces=200, size=256))
+    assert result.files["high"] == tmp_path / "orange_high.ply"
+    np.testing.assert_array_equal(read_mesh(result.files["high"]).faces, orange(20_000).faces)
+    assert result.files["mesh"] == tmp_path / "orange_low.obj"
+    assert all(path.is_file() for path in result.files.values())
+    assert result.stages[0].name == "make the orange"
+    assert result.comparison.mapped.mean_deg < 0.5 * result.comparison.bare.mean_deg
+
+
+def test_an_orange_needs_triangles_for_its_pores() -> None:
+    with pytest.raises(OptionError, match="triangles: 999"):
+        DemoOptions(triangles=999)

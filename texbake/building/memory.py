@@ -1,8 +1,8 @@
-"""How much memory a step is going to take, told from the sizes of its files before it starts.
+"""How much memory a step will take at most, estimated before it starts from the sizes of its files.
 
-Figures were measured as the highest resident memory of worker processes (docs/build.md has them),
-and rounded up: a step that is thought to need more than it does waits a little longer, one that is
-thought to need less may bring the machine down.
+The figures were measured as the highest resident memory of worker processes (docs/build.md lists
+them) and rounded up: a step that is overestimated waits a little longer, one that is underestimated
+may exhaust the machine.
 """
 
 from __future__ import annotations
@@ -11,29 +11,35 @@ import os
 import re
 from pathlib import Path
 
-from texbake.baking.memory import MB as MB, PROCESS, TEXEL as TEXEL
-from texbake.building.step import InputSize, Sizes
+from texbake.baking.memory import MB, PROCESS, TEXEL, bake_memory
+from texbake.building.step import InputSize, Settings, Sizes
 
-# A worker that has loaded everything, with what it does not give back after its steps.
+# Bytes of a worker that has loaded everything, with what it keeps between steps.
 IDLE_WORKER = PROCESS
-# A triangle of a mesh that is read.
+# Bytes per triangle of a mesh that is read, simplified, or unwrapped ...
 READ_FACE = 130
-# A triangle that is simplified, or laid flat.
 SIMPLIFIED_FACE = 300
 FLATTENED_FACE = 6_000
-# A pixel of a picture, a sample.
+# ... and of the small triangles that displacement divides a mesh into.
+_DISPLACED_FACE = 150
+# Bytes per sample of a picture.
 PIXEL_SAMPLE = 120
+# Bytes of floats per byte of a compressed image: decoded; with mip levels; decoded and converted.
+_DECODED = 40
+_WITH_LEVELS = 60
+_CONVERTED = 80
+# What a page holds of a high-poly mesh and of maps at once.
+_PAGE = 400 * MB
 
-
-# Bytes of a file a triangle, where no header tells: a little less than files have.
-_BYTES_A_FACE = {".obj": 60, ".ply": 24, ".stl": 50, ".off": 40, ".glb": 24, ".gltf": 24}
+# Bytes of a file per triangle, a little less than files have, for files without a header.
+_BYTES_PER_FACE = {".obj": 60, ".ply": 24, ".stl": 50, ".off": 40, ".glb": 24, ".gltf": 24}
 _PLY_FACES = re.compile(rb"element face (\d+)")
 
 
 def size_of(path: Path) -> InputSize:
-    """Size of a file; its triangles by its header where it has one, else by its length.
+    """Return the size of a file; its triangles by its header, else estimated by its length.
 
-    A file that is not there has none: the step that reads it will say so.
+    A missing file has size 0: the step that reads it reports that.
     """
     try:
         n_bytes = path.stat().st_size
@@ -48,19 +54,101 @@ def size_of(path: Path) -> InputSize:
 
 
 def size_by_length(name: str, n_bytes: int) -> InputSize:
-    """Size of a file of which only name and length are known."""
+    """Return the size of a file of which only name and length are known."""
     suffix = os.path.splitext(name)[1].lower()  # noqa: PTH122  # a URL is no path
-    return InputSize(n_bytes, n_bytes // _BYTES_A_FACE[suffix] if suffix in _BYTES_A_FACE else 0)
-
-
-def faces_of(sizes: Sizes, role: str) -> int:
-    """Triangles of all meshes of a role."""
-    return sum(size.n_faces for size in sizes.get(role, ()))
+    per_face = _BYTES_PER_FACE.get(suffix)
+    return InputSize(n_bytes, 0 if per_face is None else n_bytes // per_face)
 
 
 def machine_memory() -> int:
-    """Memory of this machine in bytes; 8 GB where the system does not tell."""
+    """Return the memory of this machine in bytes; 8 GB if the system does not report it."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):
         return 8 << 30
+
+
+def _faces(sizes: Sizes, *roles: str) -> int:
+    return sum(size.n_faces for role in roles for size in sizes.get(role, ()))
+
+
+def _bytes(sizes: Sizes, *roles: str) -> int:
+    return sum(size.n_bytes for role in roles for size in sizes.get(role, ()))
+
+
+def _texels(settings: Settings) -> int:
+    side = settings["size"]
+    return int(side[0] * side[1] if isinstance(side, list) else side * side)
+
+
+def make_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for a mesh that is made."""
+    sides = settings["resolution"] or 128
+    n_u, n_v = sides if isinstance(sides, list) else (sides, sides)
+    n_faces = settings["triangles"] if settings["shape"] == "orange" else 2 * n_u * n_v
+    return int(IDLE_WORKER + 2 * READ_FACE * n_faces + 8 * _bytes(sizes, "image"))
+
+
+def repair_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for repairing a mesh."""
+    return IDLE_WORKER + 2 * SIMPLIFIED_FACE * _faces(sizes, "mesh")
+
+
+def simplify_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for levels of detail, which are made one after another."""
+    return IDLE_WORKER + SIMPLIFIED_FACE * _faces(sizes, "mesh")
+
+
+def unwrap_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for unwrapping a mesh."""
+    return IDLE_WORKER + FLATTENED_FACE * _faces(sizes, "mesh")
+
+
+def check_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for checking a mesh or a pair."""
+    faces = _faces(sizes, "mesh", "low")
+    return int(IDLE_WORKER + 2 * READ_FACE * faces + TEXEL * _texels(settings))
+
+
+def maps_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for baking maps without a memory limit."""
+    n_low = _faces(sizes, "low", "cage")
+    return bake_memory(_faces(sizes, "high"), n_low, _texels(settings), len(settings["maps"]))
+
+
+def texture_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for baking a procedure."""
+    return int(IDLE_WORKER + READ_FACE * _faces(sizes, "mesh") + TEXEL * _texels(settings))
+
+
+def pack_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for packing images into one."""
+    pixels = _DECODED * _bytes(sizes, "images")
+    return IDLE_WORKER + 64 * MB + 2 * pixels + READ_FACE * _faces(sizes, "mesh")
+
+
+def mipmap_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for the mip levels of an image."""
+    return IDLE_WORKER + 64 * MB + _WITH_LEVELS * _bytes(sizes, "image")
+
+
+def preview_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for a picture of a mesh with its maps."""
+    samples = settings["width"] * settings["height"] * settings["supersampling"] ** 2
+    divided = _DISPLACED_FACE * settings["max_triangles"] if sizes.get("displacement") else 0
+    images = _DECODED * _bytes(sizes, "normal_map", "displacement", "albedo")
+    mesh = READ_FACE * _faces(sizes, "mesh")
+    return int(IDLE_WORKER + 64 * MB + PIXEL_SAMPLE * samples + mesh + images + divided)
+
+
+def page_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for the page of an asset."""
+    images = _CONVERTED * _bytes(sizes, "normal_map", "displacement", "albedo", "misses")
+    return int(IDLE_WORKER + _PAGE + images + 2 * READ_FACE * _faces(sizes, "high", "low"))
+
+
+def export_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for exporting an asset; all roles but `mesh` and `levels` are images."""
+    images = [role for role in sizes if role not in ("mesh", "levels")]
+    faces = _faces(sizes, "mesh", "levels")
+    return IDLE_WORKER + 64 * MB + _CONVERTED * _bytes(sizes, *images) + 2 * READ_FACE * faces

@@ -1,4 +1,4 @@
-"""What a kind of step is: what it takes, which choices it has, what it makes, and how."""
+"""A kind of step: its inputs and options, the files it makes, and the job that makes them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
+from texbake.errors import OptionError
+from texbake.progress import StageRecord
 from texbake.rendering.scene.file.faults import fault, shown
 from texbake.rendering.scene.file.tables import Table, table
 from texbake.rendering.scene.file.values import Text
@@ -16,17 +18,23 @@ from texbake.rendering.scene.file.values import Text
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]
 
+# Formats of files that steps write.
+MESH_FORMATS = ("obj", "ply", "glb", "stl", "off")
+IMAGE_FORMATS = ("png", "exr", "tif", "tga")
+# Figures that depend on the machine and the moment.
+_UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
+
 
 @dataclass(frozen=True)
 class InputSize:
-    """How large an input is, as far as that is known without reading it.
+    """The size of an input, as far as it is known without reading it.
 
     Attributes
     ----------
     n_bytes : int
-        Of the file.
+        Length of the file.
     n_faces : int
-        Triangles, about; 0 of what is no mesh.
+        About how many triangles; 0 for files that are not meshes.
     """
 
     n_bytes: int
@@ -53,23 +61,23 @@ class InputRole:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One step of one asset, as its kind is asked to do it.
+    """One step of one asset, to be run.
 
     Attributes
     ----------
     settings : dict
-        All choices, as `StepKind.settings` gave them.
+        All options, as `StepKind.settings` returns them.
     inputs : dict of str to tuple of Path
         By role; a role that was not given is missing.
     outputs : dict of str to Path
-        Where each output is to be put: all of them in one empty folder. One without suffix is a
-        folder, which the step makes.
+        Path of each output, all in one empty folder. An output without a suffix is a folder, which
+        the step makes.
     threads : int
-        To work with; no result may depend on it.
+        No result may depend on it.
     most_memory : int, optional
-        Bytes that it should keep to where it can; no result may depend on it.
+        Bytes that the step should not exceed if it can avoid it; no result may depend on it.
     asset : str
-        Its name; may be used only by kinds with `names_asset`.
+        Name of the asset; only kinds with `names_asset` may use it.
     """
 
     settings: Settings
@@ -98,29 +106,29 @@ class StepKind:
     name : str
         What `do` says in a pipeline file.
     does : str
-        A line for a table of all kinds.
+        One line for a table of all kinds.
     options : type
-        Dataclass of its choices, which checks them; it imports no numpy.
+        Dataclass of its options, which checks them; it imports no numpy.
     without : tuple of str
-        Fields of that class that are no choices in a pipeline: files, which are `inputs`, and
+        Fields of that class that are not options in a pipeline: files, which are `inputs`, and
         `threads`.
     required : tuple of str
-        Fields that must be given though they have a default.
+        Fields that must be given although they have a default.
     inputs : tuple of InputRole
     outputs : callable
-        Settings to the files that the step makes: name to file name. The first is what a reference
-        to the step alone means. A name without a suffix is a folder.
+        Takes settings and returns the files that the step makes, name to file name. A reference to
+        the step alone means the first. A file name without a suffix is a folder.
     run : callable
-        Does a `Job` and returns figures of it, as plain values for JSON; imports what is heavy
-        when it is called. It raises `TexbakeError` where the asset is at fault.
+        Runs a `Job` and returns figures of it as plain values for JSON; imports heavy modules when
+        it is called. It raises `TexbakeError` where the asset is at fault.
     memory : callable
-        Settings and sizes of the inputs to the bytes that it is going to hold at most, about.
+        Takes settings and sizes of the inputs and estimates the most bytes that the step holds.
     check : callable, optional
-        Raises `OptionError` where settings do not fit together with the roles that are given.
+        Raises `OptionError` where settings contradict the roles that are given.
     revision : int
-        Raised whenever the same settings give other results than before.
+        Incremented whenever the same settings give other results than before.
     names_asset : bool
-        Whether the name of the asset is part of what it makes.
+        Whether the result contains the name of the asset.
     """
 
     name: str
@@ -155,7 +163,7 @@ class StepKind:
         return [item.name for item in fields(self.options) if item.name not in self.without]
 
     def settings(self, given: Mapping[str, Any]) -> Settings:
-        """Every choice, with defaults, as plain values for JSON.
+        """Return every option, defaults included, as plain values for JSON.
 
         Parameters
         ----------
@@ -165,7 +173,7 @@ class StepKind:
         Raises
         ------
         OptionError
-            A value is not possible, or some do not fit together.
+            A value is out of range, or two contradict each other.
         """
         chosen = {name: given[name] for name in self.choices if name in given}
         values = asdict(self.options(**chosen))
@@ -176,12 +184,12 @@ class StepKind:
         return settings
 
     def made(self, settings: Settings, **more: Any) -> Any:
-        """Return the options that settings stand for, with fields that are no choices."""
+        """Return an instance of `options` from settings and from fields that are not settings."""
         return self.options(**{name: tupled(settings[name]) for name in self.choices}, **more)
 
 
 def plain(value: Any) -> Any:
-    """Value as JSON has it: tuples become lists."""
+    """Return a value as JSON has it: tuples become lists."""
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -190,7 +198,7 @@ def plain(value: Any) -> Any:
 
 
 def tupled(value: Any) -> Any:
-    """Value of JSON as options classes have it: lists become tuples."""
+    """Return a value of JSON as options classes have it: lists become tuples."""
     if isinstance(value, dict):
         return {key: tupled(item) for key, item in value.items()}
     return tuple(map(tupled, value)) if isinstance(value, list) else value
@@ -204,3 +212,23 @@ def _references(value: Any) -> Any:
 
 
 References = Annotated[list[str], BeforeValidator(_references)]
+
+
+def check_format(value: object, known: tuple[str, ...]) -> None:
+    """Raise `OptionError` if a format is not known."""
+    if value not in known:
+        raise OptionError(f"format: {value!r} is not one of {', '.join(known)}")
+
+
+def steady(report: Any) -> Any:
+    """Return a report without times and threads, so that the same inputs give the same bytes."""
+    if isinstance(report, Mapping):
+        return {key: steady(value) for key, value in report.items() if key not in _UNSTEADY}
+    if isinstance(report, list | tuple):
+        return [steady(value) for value in report]
+    return report
+
+
+def stage_seconds(stages: list[StageRecord]) -> dict[str, float]:
+    """Return the seconds of each stage, by its name."""
+    return {stage.name: stage.seconds for stage in stages}

@@ -1,14 +1,13 @@
-"""What `texbake preview` shows: a mesh, a glTF file or a scene, once, around, or in several ways.
+"""Pictures of a mesh, a glTF file or a scene: one, several side by side, or a turntable.
 
-A mesh is shown under the light of the studio; so is a scene in which nothing gives light. Options
-that name several ways to draw (filters, interpolations, buffers) give one picture of them all side
-by side.
+A mesh is lit by the studio, and so is a scene without lights. Several filters, interpolations or
+buffers give pictures of all their combinations, side by side in one file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,15 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import OptionError
-from texbake.files import PathLike, make_folder
+from texbake.files import PathLike, check_folder, make_folder
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_picture,
+    check_report,
+    given,
+    write_report,
+)
 from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
@@ -24,7 +31,10 @@ from texbake.rendering.draw import prepare
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
-from texbake.rendering.render import draw_picture
+from texbake.rendering.picture import Costs
+from texbake.rendering.plan.explain import plan_report, plan_table
+from texbake.rendering.plan.plan import Plan
+from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
@@ -32,9 +42,9 @@ from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.studio_room import STUDIO_ROOM
 from texbake.rendering.scene.view import camera_of, turntable_cameras
 from texbake.rendering.studio import STUDIO, studio_scene
-from texbake.texture.image import FloatImage
+from texbake.texture.image import FloatImage, write_image
 
-# Texels a side of the room that metals mirror where a file brings no environment.
+# Texels along one side of the room that metals reflect if a file has no environment.
 _ROOM_SIZE = 128
 
 
@@ -45,26 +55,29 @@ def open_preview(
     displacement: MapSource | None = None,
     albedo: MapSource | None = None,
     options: Mapping[str, Any] | None = None,
+    as_mesh: bool = False,
     progress: ProgressSink | None = None,
 ) -> tuple[Scene, RenderOptions]:
-    """Read what is to be shown, and how.
+    """Read a scene to draw, and the options to draw it with.
 
     Parameters
     ----------
     path
-        A mesh, a glTF file or a `.toml` scene. A glTF file is shown with its own materials, unless
-        maps are given; then it is a mesh like any other.
+        A mesh, a glTF file or a `.toml` scene. A glTF file is drawn with its own materials, unless
+        maps are given.
     normal_map, displacement, albedo
         Of a mesh, as in `texbake.rendering.render.render`.
     options
-        Fields of `RenderOptions` that stand above those of the scene's file.
+        Fields of `RenderOptions` that override those of the scene file.
+    as_mesh
+        Draw a glTF file as a mesh without materials of its own, also if no maps are given.
     progress
-        Told of the reading.
+        Receives the reading.
 
     Raises
     ------
     OptionError
-        Maps are given for a scene, which has its own.
+        Maps are given for a scene, which has materials of its own.
     TexbakeError
         As `read_mesh` and `read_scene` do.
     """
@@ -73,14 +86,14 @@ def open_preview(
         "displacement": displacement,
         "albedo": albedo,
     }
-    given = [name for name, source in maps.items() if source is not None]
+    named = [name for name, source in maps.items() if source is not None]
     suffix = Path(path).suffix.lower()
-    if suffix == ".toml" and given:
-        raise OptionError(f"{given[0]}: a scene has its own materials; name the map in {path}")
+    if suffix == ".toml" and named:
+        raise OptionError(f"{named[0]}: a scene has its own materials; name the map in {path}")
     changes = dict(options or {})
-    if suffix == ".toml" or (suffix in (".glb", ".gltf") and not given):
-        scene = with_light(read_scene(path, progress=progress))
-        if "view" in changes:  # stands above the camera of the file
+    if suffix == ".toml" or (suffix in (".glb", ".gltf") and not (named or as_mesh)):
+        scene = with_lighting(read_scene(path, progress=progress))
+        if "view" in changes:  # overrides the camera of the file
             scene = replace(scene, view=None)
         return scene, scene.options(**changes)
     chosen = replace(RenderOptions(), **changes)
@@ -88,24 +101,171 @@ def open_preview(
     return studio_scene(mesh, **maps, options=chosen), chosen
 
 
-def with_light(scene: Scene) -> Scene:
-    """Return the scene, under the light of the studio if nothing lights its surfaces.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreviewFiles(JobResult[Frame | None]):
+    """What `preview_files` drew; `report` is the first picture, or None where only planned.
 
-    What gives off light itself, or is unlit, lights nothing else. Light maps hold the light of a
-    scene.
+    Attributes
+    ----------
+    plan : Plan
+        Which passes were chosen, and why.
+    """
 
-    Where a material is a metal, it is the room of the studio instead, which metals mirror.
+    plan: Plan
+
+    @property
+    def costs(self) -> Costs | None:
+        """What each pass took; None where nothing was drawn."""
+        return None if self.report is None else self.report.costs
+
+    def table(self) -> list[tuple[str, str]]:
+        """Return rows of what adaptive samples and a time budget have reached."""
+        frame = self.report
+        parts = () if frame is None else (frame.sampling, frame.budget)
+        return [row for part in parts if part is not None for row in part.table()]
+
+    def plan_tables(self) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+        """Return the passes with their reasons and costs, and what was left out and why."""
+        rows, left_out = plan_table(self.plan, self.costs)
+        return [*rows], [*left_out]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the plan, its costs, and what samples have reached, as plain values."""
+        reached = {} if self.report is None else self.report.sampling_report()
+        return plan_report(self.plan, self.costs) | reached
+
+
+def preview_files(
+    path: PathLike,
+    output: PathLike | None,
+    options: Mapping[str, Any] | None = None,
+    *,
+    normal_map: PathLike | None = None,
+    displacement: PathLike | None = None,
+    albedo: PathLike | None = None,
+    filters: Sequence[str] = (),
+    interpolations: Sequence[str] = (),
+    buffers: Sequence[str] = (),
+    n_views: int | None = None,
+    as_mesh: bool = False,
+    report: PathLike | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> PreviewFiles:
+    """Draw a mesh file with its maps, or a scene file.
+
+    Parameters
+    ----------
+    path, options, normal_map, displacement, albedo, as_mesh
+        As for `open_preview`.
+    output
+        The picture; with `n_views` a folder. None to plan the passes and draw nothing.
+    filters, interpolations, buffers
+        Draw all combinations of these, side by side.
+    n_views
+        Draw a turntable of as many pictures.
+    report
+        File for the plan, its costs, and what samples have reached, as JSON.
+    threads
+        None for every processor.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    OptionError
+        A turntable has several filters, interpolations or buffers.
+    TexbakeError
+        As `open_preview` and `render_scene` do.
+    """
+    if n_views is not None and max(map(len, (filters, interpolations, buffers))) > 1:
+        raise OptionError("view: a turntable has one filter, interpolation and buffer; name one")
+    check_distinct([output, report], [path, normal_map, displacement, albedo])
+    check_report(report)
+    if output is not None and n_views is None:
+        check_picture(output)
+    elif output is not None:
+        check_folder(output)
+    scene, chosen = open_preview(
+        path,
+        normal_map=normal_map,
+        displacement=displacement,
+        albedo=albedo,
+        options=options,
+        as_mesh=as_mesh,
+        progress=progress,
+    )
+    pictures = _pictures(output, n_views)
+    check_distinct([*pictures, report], scene.files)
+    variants = side_by_side_options(
+        chosen, filters=filters, interpolations=interpolations, buffers=buffers
+    )
+    frame = None
+    if output is not None and n_views is not None:
+        frame = write_turntable(
+            scene, variants[0][1], n_views, output, threads=threads, progress=progress
+        )
+    elif output is not None:
+        frame = _write_picture(scene, variants, output, threads, progress)
+    done = PreviewFiles(
+        files=given(output, report),
+        report=frame,
+        plan=plan_scene(scene, variants[0][1]) if frame is None else frame.plan,
+        warnings=tuple(_warnings(path, scene, frame)),
+    )
+    if report is not None:
+        write_report(report, done.to_json())
+    return done
+
+
+def _pictures(output: PathLike | None, n_views: int | None) -> Sequence[Path]:
+    if output is None or n_views is None:
+        return given(output)
+    return turntable_files(output, n_views)
+
+
+def _write_picture(
+    scene: Scene,
+    variants: Sequence[tuple[str, RenderOptions]],
+    output: PathLike,
+    threads: int | None,
+    progress: ProgressSink | None,
+) -> Frame:
+    """Write one picture, or several side by side; return the first."""
+    if len(variants) == 1:
+        frame = render_scene(scene, variants[0][1], threads=threads, progress=progress)
+        frame.write(output, threads=threads)
+        return frame
+    color, frames = render_side_by_side(scene, variants, threads=threads, progress=progress)
+    write_image(color, output, color=True, threads=threads)
+    return frames[0]
+
+
+def _warnings(path: PathLike, scene: Scene, frame: Frame | None) -> Iterator[str]:
+    if frame is not None:
+        yield from (f"{path}: {note}" for note in scene.notes)
+        for part in (frame.sampling, frame.budget):
+            if part is not None:
+                yield from part.warnings
+
+
+def with_lighting(scene: Scene) -> Scene:
+    """Return the scene, lit by the studio if nothing lights its surfaces.
+
+    Emissive and unlit materials light nothing else; light maps count as lighting. If a material is
+    a metal, the room of the studio lights the scene instead, so that the metal has something to
+    reflect.
     """
     lighting = scene.lighting
     materials = [item.material for item in scene.objects]
-    shines = (
+    is_lit = (
         lighting.lights
         or any(lighting.ambient.color)
         or any(lighting.ambient.ground or ())
         or lighting.environment is not None
         or any(item.light_map is not None for item in materials)
     )
-    if shines or all(item.shading == "unlit" for item in materials):
+    if is_lit or all(item.shading == "unlit" for item in materials):
         return scene
     if any(item.metalness != 0.0 for item in materials):
         room = Environment(image=STUDIO_ROOM, size=_ROOM_SIZE, background=False, lighting=True)
@@ -114,7 +274,7 @@ def with_light(scene: Scene) -> Scene:
 
 
 def turntable_files(folder: PathLike, n_views: int) -> list[Path]:
-    """Names of the pictures of a turn, in their order.
+    """Return the files of a turntable's pictures, in their order.
 
     >>> [file.name for file in turntable_files("frames", 2)]
     ['000.png', '001.png']
@@ -132,14 +292,14 @@ def write_turntable(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> Frame:
-    """Draw one turn about the scene's middle into a folder, as `000.png`, `001.png` ...
+    """Draw one turn around the scene into a folder, as `000.png`, `001.png` and so on.
 
-    The folder is made if missing; each file in it appears whole or not at all.
+    The folder is made if it is missing; each file in it appears whole or not at all.
 
     Returns
     -------
     Frame
-        The last one.
+        The last picture.
 
     Raises
     ------
@@ -167,15 +327,15 @@ def side_by_side_options(
     interpolations: Sequence[str] = (),
     buffers: Sequence[str] = (),
 ) -> list[tuple[str, RenderOptions]]:
-    """Every combination of what was named, each with a caption.
+    """Return options for every combination of what is given, each with a caption.
 
     Raises
     ------
     OptionError
         A name is not known.
     """
-    ways = {"filter": filters, "interpolation": interpolations, "buffer": buffers}
-    several = {name: tuple(choices) for name, choices in ways.items() if choices}
+    given = {"filter": filters, "interpolation": interpolations, "buffer": buffers}
+    several = {name: tuple(choices) for name, choices in given.items() if choices}
     combined = []
     for choice in product(*several.values()):
         changes: dict[str, Any] = dict(zip(several, choice, strict=True))
@@ -185,29 +345,30 @@ def side_by_side_options(
 
 def render_side_by_side(
     scene: Scene,
-    ways: Sequence[tuple[str, RenderOptions]],
+    variants: Sequence[tuple[str, RenderOptions]],
     *,
     camera: Camera | None = None,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> tuple[FloatImage, list[Frame]]:
-    """Draw a scene in several ways, and lay the pictures in a row.
+    """Draw a scene with several options, and put the pictures side by side.
 
     Returns
     -------
     color : (H, W, 3) float32
-        Linear light, with a caption below each picture.
+        Linear, with a caption below each picture.
     frames : list of Frame
         The pictures themselves.
     """
     frames = []
-    for _, options in ways:
+    for _, options in variants:
         prepared = prepare(scene, options, threads=threads)
         frames.append(
             draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
         )
     panels = [
-        Panel(frame.color, caption, "") for frame, (caption, _) in zip(frames, ways, strict=True)
+        Panel(frame.color, caption, "")
+        for frame, (caption, _) in zip(frames, variants, strict=True)
     ]
     shown = np.ones(frames[0].coverage.shape, bool)
     return side_by_side(panels, shown), frames

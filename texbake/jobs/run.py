@@ -1,16 +1,16 @@
-"""The whole job: a dense mesh to a light one with its maps, and what there is to see and know.
+"""The whole job: from a high-poly mesh to a low-poly one with its maps, pictures and a report.
 
     high ─ simplify ─ unwrap ─► low.obj ─ bake ─► normal.png, displacement.exr ─► low.glb
       └───────────────────────────── compare ─► preview.png, compare.png ─► report.json
 
-Every file appears whole and only when its stage has succeeded; what an earlier run left there is
-kept until then.
+Every file appears whole, and only when its stage has succeeded; until then a file of an earlier
+run is kept. The demo does the whole job on an orange with thousands of pores, made by code.
 """
 
 from __future__ import annotations
 
 import tempfile
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,15 @@ import numpy as np
 
 from texbake.baking.bake import bake
 from texbake.baking.result import BakeResult
-from texbake.files import PathLike, check_writable, make_folder
-from texbake.jobs.options import RunOptions
-from texbake.jobs.report import comparison_report, comparison_table, write_report
+from texbake.files import PathLike, check_folder, check_writable, make_folder
+from texbake.jobs.comparison import comparison_report, comparison_table
+from texbake.jobs.options import DEMO_FOLDER, DemoOptions, RunOptions
+from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mapping.unwrap_report import UnwrapReport
-from texbake.mesh.files import write_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import orange
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.camera import Camera
@@ -34,7 +36,7 @@ from texbake.rendering.render import render
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
 
-# What the files are called, after the name of the asset.
+# Ends of the file names, after the name of the asset.
 _NAMES = {
     "mesh": "_low.obj",
     "normal": "_normal.png",
@@ -48,20 +50,20 @@ _NAMES = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult:
-    """Everything that `run` made.
+    """What `run` made.
 
     Attributes
     ----------
     files : dict of str to Path
         `mesh`, `normal`, `displacement`, `glb`, `preview`, `compare` and `report`.
     low : Mesh
-        The light mesh, with texture coordinates.
+        The low-poly mesh, with texture coordinates.
     simplified : SimplifyReport
     unwrapped : UnwrapReport
     baked : BakeResult
     comparison : Comparison
     stages : list of StageRecord
-        What the stages took, with writing their files.
+        What the stages took, including writing their files.
     """
 
     files: dict[str, Path]
@@ -74,22 +76,22 @@ class RunResult:
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should look at, a sentence each."""
+        """Return what the user should look at, a sentence each."""
         return [*self.simplified.notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person: stages, and how close the result comes."""
+        """Return rows of a label and a figure: the stages, and how closely the result matches."""
         distance = self.simplified.distance
         return [
             ("Stages", ""),
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
             ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
-            *_asked_for(self.baked),
-            ("Closeness to the dense mesh", ""),
+            *_sampling_rows(self.baked),
+            ("Compared with the high-poly mesh", ""),
             (
-                "  surface of the light mesh",
-                f"off by RMS {100 * distance.rms_relative:.3f} %, "
-                f"greatest {100 * distance.max_relative:.3f} % of the diagonal",
+                "  Distance of the surfaces",
+                f"RMS {100 * distance.rms_relative:.3f} %, "
+                f"maximum {100 * distance.max_relative:.3f} % of the diagonal",
             ),
             *((f"  {label}", figures) for label, figures in comparison_table(self.comparison)),
         ]
@@ -113,23 +115,23 @@ def run(
     *,
     progress: ProgressSink | None = None,
 ) -> RunResult:
-    """Make a light mesh with maps of a dense mesh, pictures of both, and a report.
+    """Make a low-poly mesh with maps from a high-poly mesh, pictures of both, and a report.
 
     Parameters
     ----------
     high
-        The dense mesh. The files are named after it: `scan.ply` gives `scan_low.obj` and so on.
+        The high-poly mesh. The files are named after it: `scan.ply` gives `scan_low.obj` and so on.
     folder
         For the files; made if it is missing.
     options
         None for the defaults.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Raises
     ------
     FileError
-        The folder cannot be made or written to; told before the work begins.
+        The folder cannot be made or written to; raised before the work begins.
     UnwrapError
         No atlas could be made.
     """
@@ -169,8 +171,8 @@ def run(
     return result
 
 
-def _asked_for(baked: BakeResult) -> list[tuple[str, str]]:
-    """Rows of what an error or a time that the bake was asked for has come to."""
+def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
+    """Return rows of what adaptive samples and a time budget have reached."""
     parts = [part for part in (baked.report.sampling, baked.report.budget) if part is not None]
     rows = [(f"  {label}", figures) for part in parts for label, figures in part.table()]
     return [("Samples of the maps", ""), *rows] if rows else []
@@ -195,7 +197,7 @@ def _write_maps(
     with Stages(progress).stage("write maps"):
         baked.maps["normal"].write(files["normal"])
         baked.maps["displacement"].write(files["displacement"])
-        # glTF has +Y up whatever the user's other programs want, and its viewers keep 8 bits.
+        # glTF normal maps are +Y whatever the user's other programs need, and have 8 bits.
         with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
             normal_map = Path(folder) / files["normal"].name
             baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
@@ -210,7 +212,7 @@ def _compared(
     options: RunOptions,
     progress: ProgressSink | None,
 ) -> Comparison:
-    """Compare with the maps as their files have them, and draw both pictures."""
+    """Compare with the maps as they were written, and draw both pictures."""
     picture = options.render_options()
     comparison = compare(
         high,
@@ -221,7 +223,7 @@ def _compared(
         threads=options.threads,
         progress=progress,
     )
-    # What most viewers show: the light mesh's own shape under the dense mesh's normals.
+    # As most viewers show it: the shape of the low-poly mesh with the high-poly mesh's normals.
     with_normals = render(
         low,
         normal_map=files["normal"],
@@ -230,19 +232,19 @@ def _compared(
         threads=options.threads,
         progress=progress,
     )
-    dense, bare, displaced = (
+    shown, bare, displaced = (
         comparison.high_frame,
         comparison.bare_frame,
         comparison.mapped_frame,
     )
     high_name, low_name, _ = comparison.names
     panels = [
-        Panel(dense.color, high_name, ""),
+        Panel(shown.color, high_name, ""),
         Panel(bare.color, low_name, _off_by(comparison.bare)),
         Panel(with_normals.color, "... with its normal map", ""),
         Panel(displaced.color, "... and displaced as well", _off_by(comparison.mapped)),
     ]
-    seen = np.logical_or.reduce([frame.coverage > 0 for frame in (dense, bare, displaced)])
+    seen = np.logical_or.reduce([frame.coverage > 0 for frame in (shown, bare, displaced)])
     write_image(side_by_side(panels, seen), files["preview"], color=True)
     write_image(comparison.side_by_side(), files["compare"], color=True)
     return comparison
@@ -250,3 +252,87 @@ def _compared(
 
 def _off_by(closeness: Closeness) -> str:
     return f"normals off by {closeness.mean_deg:.2f}° in the mean"
+
+
+def run_files(
+    high: PathLike,
+    folder: PathLike,
+    options: RunOptions | None = None,
+    *,
+    html: PathLike | None = None,
+    command: str = "",
+    progress: ProgressSink | None = None,
+) -> RunResult:
+    """Do the whole job on a mesh file; see `run`.
+
+    Parameters
+    ----------
+    high
+        The high-poly mesh.
+    folder, options, progress
+        As for `run`.
+    html
+        File for a page to look at, which the result then has as `html` among its files.
+    command
+        What the page shows as the command that made it.
+    """
+    options = options or RunOptions()
+    check_page(html)
+    check_folder(folder)
+    mesh = read_mesh(high, progress=progress)
+    result = run(mesh, folder, options, progress=progress)
+    if html is None:
+        return result
+    from texbake.pages.asset_page import AssetPage, write_asset_page
+
+    page = AssetPage(
+        high=mesh,
+        low=result.low,
+        baked=result.baked,
+        comparison=result.comparison,
+        stages=result.stages,
+        figures=[*result.table(), ("Bake", ""), *result.baked.report.table()],
+        warnings=result.warnings,
+        command=command,
+        picture=options.render_options(),
+    )
+    write_asset_page(html, page)
+    return replace(result, files={**result.files, "html": Path(html)})
+
+
+def demo(
+    folder: PathLike = DEMO_FOLDER,
+    options: DemoOptions | None = None,
+    *,
+    progress: ProgressSink | None = None,
+) -> RunResult:
+    """Make an orange as a high-poly mesh, and do the whole job on it.
+
+    Parameters
+    ----------
+    folder
+        For the files; made if it is missing. The high-poly mesh is written as well, as
+        `orange_high.ply`, the file `high` of the result.
+    options
+        None for the defaults.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    FileError
+        The folder cannot be made or written to.
+    """
+    options = options or DemoOptions()
+    check_folder(folder)
+    high_file = make_folder(folder) / "orange_high.ply"
+    stages = Stages(progress)
+    with stages.stage("make the orange"):
+        high = orange(options.triangles)
+        write_mesh(high, high_file)
+    result = run(high, folder, options.run_options(), progress=progress)
+    return replace(
+        result,
+        files={"high": high_file, **result.files},
+        stages=[*stages.records, *result.stages],
+    )

@@ -1,10 +1,10 @@
-"""The light of a scene that does not move, at points of its surfaces, with shadows by rays.
+"""Static lighting at points on the surfaces of a scene, with shadows cast by rays.
 
-Lamps are what they are in a picture (`texbake.rendering.effects.lights`), slides in them included,
-and only those cast shadows that do so there.
+Lamps light a surface as they do in a picture (`texbake.rendering.effects.lights`), including images
+that they project, and only those cast shadows that do so in a picture.
 
 Based on: Wächter, Binder, "A fast and robust method for avoiding self-intersection", Ray Tracing
-Gems, 2019, for how far off the surface rays start.
+Gems, 2019, for the distance from the surface at which rays start.
 """
 
 from __future__ import annotations
@@ -28,21 +28,22 @@ from texbake.rendering.raster.world import joined
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import Scene
 
-# How far off the surface rays start, in units of the scene's size: 256 steps of a float32 there.
+# Distance from the surface at which rays start, in units of the scene's size: 256 steps of a
+# float32 there.
 _START = 2.0**-17
-# Longer than any way through the local frame.
+# Longer than any segment in the local frame.
 _THROUGH = 2.0
 _WHITE = np.ones((1, 3), np.float32)
 _ALL = np.ones(1, np.float32)
 
 
 def is_static(light: Light) -> bool:
-    """Whether a light is there before any camera is, so that it can be baked."""
+    """Whether a light can be baked: it is static, and independent of the camera."""
     return light.static and not light.follows_camera
 
 
 class StaticLight:
-    """All light that goes into maps, and what stands in its way."""
+    """All lights that go into maps, and the geometry that shadows them."""
 
     def __init__(self, scene: Scene, meshes: list[Mesh], threads: int | None) -> None:
         self._lights = [light for light in scene.lighting.lights if is_static(light)]
@@ -73,29 +74,29 @@ class StaticLight:
     def light_at(
         self, points: FloatArray, normals: Floats, sides: FloatArray, *, receives: bool
     ) -> Floats:
-        """(n, 3) float32: light that white, dull points send out.
+        """(n, 3) float32: light that white, matte points reflect.
 
-        `normals` are those that light falls on, `sides` (n, 3) those of the faces that points lie
-        on.
+        `normals` are the shading normals, `sides` (n, 3) the normals of the faces that the points
+        lie on.
         """
         out = np.zeros((len(points), 3), np.float32)
         add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
         for light, at, slide in zip(self._lights, self._placed, self._slides, strict=True):
-            found = arriving(at, points, normals)
+            arrived = arriving(at, points, normals)
             if slide is not None:
-                found.radiance = found.radiance * slide_colors(slide, points)
+                arrived.radiance = arrived.radiance * slide_colors(slide, points)
             if receives and light.shadow is not None and self._scene is not None:
                 facing = np.einsum(
-                    "ij,ij->i", normals, np.broadcast_to(found.directions, out.shape)
+                    "ij,ij->i", normals, np.broadcast_to(arrived.directions, out.shape)
                 )
-                dark = (facing <= 0.0) | ~found.radiance.any(axis=1)
+                dark = (facing <= 0.0) | ~arrived.radiance.any(axis=1)
                 dark[~dark] = self._hidden(at, points[~dark], sides[~dark])
-                found.radiance = found.radiance * ~dark[:, None]
-            add_lambert(normals, found, _WHITE, out)
+                arrived.radiance = arrived.radiance * ~dark[:, None]
+            add_lambert(normals, arrived, _WHITE, out)
         return out
 
     def _hidden(self, light: PlacedLight, points: FloatArray, sides: FloatArray) -> Floats:
-        """(n,) bool: whether something stands between points and a lamp."""
+        """(n,) bool: whether something lies between points and a lamp."""
         assert self._scene is not None
         origins = self._frame.to_local(points)
         if light.kind == "directional":
@@ -105,9 +106,9 @@ class StaticLight:
             toward = self._frame.to_local(light.position) - origins
             lengths = np.linalg.norm(toward, axis=1)
             toward = toward / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-            # What the lamp itself lies on does not hide it.
+            # The surface that the lamp itself lies on does not hide it.
             lengths = np.maximum(lengths - 2.0 * _START, 0.0)
-        # On the side of the face that the ray leaves to.
+        # Start on the side of the face toward which the ray leaves.
         leaving = np.where(np.einsum("ij,ij->i", sides, toward) < 0.0, -_START, _START)
         origins += leaving[:, None] * sides
         rays = Rays(origins, np.ascontiguousarray(toward), lengths, np.zeros(len(points)))
@@ -115,8 +116,8 @@ class StaticLight:
 
 
 @dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """A placed mesh, as samples find their points and normals on it."""
+class LitSurface:
+    """A placed mesh with the normals that light maps interpolate."""
 
     mesh: Mesh
     normals: FloatArray
@@ -124,7 +125,7 @@ class SurfacePoints:
     sides: FloatArray
 
     @classmethod
-    def of(cls, mesh: Mesh, threads: int | None) -> SurfacePoints:
+    def of(cls, mesh: Mesh, threads: int | None) -> LitSurface:
         """Return a placed mesh with its normals."""
         return cls(mesh, *shading_normals(mesh, threads=threads), face_normals(mesh))
 

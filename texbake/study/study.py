@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
-from texbake.jobs.preview import with_light
+from texbake.jobs.preview import with_lighting
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import resolve_threads
 from texbake.progress import ProgressSink, Stages
@@ -66,7 +66,7 @@ def run_study(
     if (high is None) != (low is None):
         raise OptionError("study: a pair is a dense and a light mesh; give both, or none")
     start = time.perf_counter()
-    shown = None if scene is None else with_light(scene)
+    shown = None if scene is None else with_lighting(scene)
     case = Case(high, low, shown, quick=options.quick, threads=options.threads)
     stages = Stages(progress)
     found = {name: _studied(name, case, options, stages) for name in options.ordered_knobs}

@@ -6,8 +6,8 @@ import pytest
 from texbake.errors import FileError, OptionError, UvError
 from texbake.jobs.export.export import SETTINGS, export_asset
 from texbake.jobs.export.options import TARGETS, ExportOptions
+from texbake.jobs.export.programs import PROGRAMS
 from texbake.jobs.export.sources import find_maps, kind_of, source_maps
-from texbake.jobs.export.targets import PROGRAMS
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.shapes import grid_sphere, uv_sphere

@@ -1,22 +1,13 @@
-"""One module a kind of step, and one list of them; a further kind is a module and a line here."""
+"""All kinds of steps; a further kind is a `StepKind` in one of these modules and a line here."""
 
 from __future__ import annotations
 
 from texbake.building.step import StepKind
-from texbake.building.steps.bake import BAKE
-from texbake.building.steps.bake_texture import BAKE_TEXTURE
-from texbake.building.steps.check import CHECK
-from texbake.building.steps.export import EXPORT
-from texbake.building.steps.make import MAKE
-from texbake.building.steps.mipmap import MIPMAP
-from texbake.building.steps.pack_textures import PACK_TEXTURES
-from texbake.building.steps.page import PAGE
-from texbake.building.steps.preview import PREVIEW
-from texbake.building.steps.repair import REPAIR
-from texbake.building.steps.simplify import SIMPLIFY
-from texbake.building.steps.unwrap import UNWRAP
+from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
+from texbake.building.steps.meshes import MAKE, REPAIR, SIMPLIFY, UNWRAP
+from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
 
-# In the order in which a job uses them.
+# In the order in which a pipeline usually has them.
 STEP_KINDS: dict[str, StepKind] = {
     kind.name: kind
     for kind in (

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from texbake.errors import OptionError
 from texbake.files import replacing
 from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.programs import PROGRAMS, ExportedMap, Target
 from texbake.jobs.export.sources import (
     COLORS,
     KINDS,
@@ -21,7 +22,6 @@ from texbake.jobs.export.sources import (
     heights_of,
     normal_vectors,
 )
-from texbake.jobs.export.targets import PROGRAMS, Target
 from texbake.texture.dds import write_dds
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals
@@ -38,26 +38,6 @@ PACKINGS: dict[str, tuple[tuple[str | None, float, bool], ...]] = {
     ),
 }
 _PACKED = ("ao", "roughness", "metalness")
-
-
-@dataclass(frozen=True, kw_only=True)
-class WrittenMap:
-    """A map in the folder.
-
-    Attributes
-    ----------
-    kind, tile
-        What it is; kinds of packed maps are `orm` and `mask-map`.
-    path
-    mid, scale
-        Of heights: level of the surface, and meters from black to white (1 of a float file).
-    """
-
-    kind: str
-    tile: str
-    path: Path
-    mid: float = 0.0
-    scale: float = 1.0
 
 
 @dataclass(eq=False)
@@ -84,7 +64,7 @@ class Converter:
         """What the program expects."""
         return PROGRAMS[self.options.target]
 
-    def write(self, sources: Sequence[SourceMap]) -> list[WrittenMap]:
+    def write(self, sources: Sequence[SourceMap]) -> list[ExportedMap]:
         """Convert and write all maps, packed ones at the end."""
         packing = self.target.packing
         packed = [source for source in sources if packing and source.kind in _PACKED]
@@ -97,7 +77,7 @@ class Converter:
             if missing:
                 words = " and no ".join(missing)
                 self.notes.append(f"{path.name}: no {words} was given; it is constant there")
-            written.append(WrittenMap(kind=str(packing), tile=tile, path=path))
+            written.append(ExportedMap(kind=str(packing), tile=tile, path=path))
         return written
 
     def place(self, name: str) -> Path:
@@ -153,7 +133,7 @@ class Converter:
         image = read_image(source.path, color=True, threads=self.options.threads)
         write_image(image.pixels, path, color=True, bits=8, threads=self.options.threads)
 
-    def _write_one(self, source: SourceMap) -> WrittenMap:
+    def _write_one(self, source: SourceMap) -> ExportedMap:
         kind, tile = source.kind, source.tile
         if tile and not self.target.tile_mark:
             self.notes.append(f"{source.path.name}: {self.target.title} knows no UDIM tiles")
@@ -163,7 +143,7 @@ class Converter:
             path = self._file(kind, tile, source.path.suffix.lower())
             with replacing(path) as temporary:
                 shutil.copyfile(source.path, temporary)
-            return WrittenMap(kind=kind, tile=tile, path=path)
+            return ExportedMap(kind=kind, tile=tile, path=path)
         path = self._file(kind, tile, self._texture_suffix())
         if kind in ("normal", "bent-normal"):
             self._write_normals(source, path)
@@ -172,9 +152,9 @@ class Converter:
             self._write_texture(image.pixels, path, "color", "bc7")
         else:
             self._write_texture(self._data(source)[..., None], path, "data", "bc4")
-        return WrittenMap(kind=kind, tile=tile, path=path)
+        return ExportedMap(kind=kind, tile=tile, path=path)
 
-    def _write_heights(self, source: SourceMap) -> WrittenMap:
+    def _write_heights(self, source: SourceMap) -> ExportedMap:
         image = read_image(source.path, color=False, threads=self.options.threads)
         heights, note = heights_of(image)
         if note:
@@ -184,7 +164,7 @@ class Converter:
             source.kind, source.tile, ".exr" if self.target.heights == "float" else ".png"
         )
         mid, scale = write_heights(heights, path, threads=self.options.threads)
-        return WrittenMap(kind=source.kind, tile=source.tile, path=path, mid=mid, scale=scale)
+        return ExportedMap(kind=source.kind, tile=source.tile, path=path, mid=mid, scale=scale)
 
     def _write_normals(self, source: SourceMap, path: Path) -> None:
         vectors, bits = self._normals(source)

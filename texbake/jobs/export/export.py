@@ -1,4 +1,4 @@
-"""An asset as a folder for another program.
+"""An asset folder for another program, from a mesh and its maps.
 
     mesh ─ turn, scale ─► .glb, .obj or USD, with the material where the program takes it
     maps ─ green, heights, channels, format ─► files by the program's names
@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import OptionError, UvError
-from texbake.files import PathLike, make_folder, replacing
-from texbake.jobs.export.converting import Converter, WrittenMap
+from texbake.files import PathLike, check_folder, make_folder, replacing
+from texbake.jobs.export.converting import Converter
 from texbake.jobs.export.options import ExportOptions
-from texbake.jobs.export.settings import settings_text
-from texbake.jobs.export.sources import COLORS, SourceMap, source_maps
-from texbake.jobs.export.targets import PROGRAMS
-from texbake.mesh.files import write_mesh
+from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
+from texbake.jobs.export.sources import COLORS, SourceMap, find_maps, source_maps
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.transform import transformed
@@ -46,22 +45,27 @@ class ExportResult:
     ----------
     mesh : Path
     textures : tuple of Path
-        Images that the mesh's file refers to, where they do not lie in it.
-    maps : tuple of WrittenMap
+        Images that the mesh file refers to instead of containing them.
+    maps : tuple of ExportedMap
     settings : Path
-        The text that says what to set where.
+        The text that says what to set in the program.
     layers : Path, optional
-        The EXR file of all maps, where it was asked for.
+        The EXR file of all maps, if `ExportOptions.layers` is set.
     notes : tuple of str
-        What was taken for granted, or could not be done, a sentence each.
+        What was assumed or could not be done, a sentence each.
     """
 
     mesh: Path
     textures: tuple[Path, ...]
-    maps: tuple[WrittenMap, ...]
+    maps: tuple[ExportedMap, ...]
     settings: Path
     layers: Path | None = None
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notes, as every job calls them."""
+        return self.notes
 
     @property
     def files(self) -> list[Path]:
@@ -69,6 +73,53 @@ class ExportResult:
         layers = [] if self.layers is None else [self.layers]
         maps = [written.path for written in self.maps]
         return [self.mesh, *self.textures, *maps, *layers, self.settings]
+
+
+def export_files(
+    mesh: PathLike,
+    folder: PathLike,
+    options: ExportOptions,
+    *,
+    maps: PathLike | None = None,
+    named_maps: Mapping[str, PathLike] | None = None,
+    levels: Sequence[PathLike] = (),
+    progress: ProgressSink | None = None,
+) -> ExportResult:
+    """Write a mesh file and its maps as another program reads them.
+
+    Parameters
+    ----------
+    mesh
+    folder
+        Made if it is missing.
+    options
+        The target program and how to export.
+    maps
+        A folder with images named after maps, such as `bake_files` writes; see `find_maps`.
+    named_maps
+        Image files by the name of their map, which take precedence over those of the folder.
+    levels
+        Mesh files of levels of detail for a GLB file, the finest first.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    TexbakeError
+        As `read_mesh`, `find_maps` and `export_asset` do.
+    """
+    check_folder(folder)
+    images = dict(named_maps or {}) if maps is None else find_maps(maps, named_maps)
+    meshes = [read_mesh(path, progress=progress) for path in (mesh, *levels)]
+    return export_asset(
+        meshes[0],
+        images,
+        folder,
+        options,
+        levels=meshes[1:],
+        inputs=(mesh, *levels),
+        progress=progress,
+    )
 
 
 def export_asset(
@@ -81,7 +132,7 @@ def export_asset(
     inputs: Sequence[PathLike] = (),
     progress: ProgressSink | None = None,
 ) -> ExportResult:
-    """Write an asset as a program reads it, with a text of what to set where.
+    """Write an asset as a program reads it, with a text that says what to set in the program.
 
     Parameters
     ----------
@@ -89,24 +140,24 @@ def export_asset(
         With texture coordinates, if there are maps.
     maps
         Image files by the name of the map: `normal`, `displacement`, `base-color`, `ao`,
-        `roughness`, `metalness`, `emissive`, `opacity`, `bent-normal` and the usual other words for
-        them; `normal:1002` of a UDIM tile. Maps of other names are copied as they are.
+        `roughness`, `metalness`, `emissive`, `opacity`, `bent-normal` and their usual synonyms;
+        `normal:1002` is that of a UDIM tile. Maps of other names are copied unchanged.
     folder
         Made if it is missing.
     options
-        The target, and the rest.
+        The target program and how to export.
     levels
-        Coarser meshes for where the asset is small, the finest first; in GLB files.
+        Levels of detail for a GLB file, the finest first.
     inputs
-        Files that nothing may overwrite, beside the maps: those that the meshes came from.
+        Files that must not be overwritten, besides the maps: those that the meshes were read from.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Raises
     ------
     OptionError
-        The target does not take what is asked for, a normal map is in another space, maps that are
-        packed into one differ in size, or a file would overwrite one that is read.
+        The target does not support an option, a normal map is not in tangent space, maps that are
+        packed into one differ in size, or a file would overwrite an input.
     UvError
         There are maps, and the mesh has no texture coordinates.
     DependencyError

@@ -1,66 +1,49 @@
-"""A mesh without what later stages would only count: the safe repairs, which move nothing.
+"""Safe repairs of a mesh: those that move nothing on its surface.
 
-Vertices at one position are joined; faces without area and faces that are there twice are left out;
-neighbors are turned to wind the same way, and closed parts to wind counter-clockwise seen from
-outside. What cannot be mended without changing the surface (holes, edges of three faces, parts that
-cut each other) is left as it is; `check` names it.
+Vertices at one position are joined; faces without area and duplicate faces are removed; neighbors
+are turned over so that they wind alike, and closed parts so that they face outwards. What cannot be
+repaired without changing the surface (holes, edges with three faces, parts that intersect) is left
+as it is; `texbake.check` names it.
 
 Based on: Herbert Edelsbrunner, John Harer, "Computational Topology", American Mathematical Society,
-2010 (the orientable double cover, by which all faces are turned at once).
+2010 (the orientable double cover, by which all faces are oriented at once).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.building.memory import IDLE_WORKER, SIMPLIFIED_FACE, faces_of
-from texbake.building.step import (
-    InputRole,
-    Job,
-    Settings,
-    Sizes,
-    StepKind,
-)
-from texbake.building.steps.formats import MESH_FORMATS, check_format
-
-if TYPE_CHECKING:
-    from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.repair_options import RepairOptions
+from texbake.mesh.topology import degenerate_faces, duplicate_faces
+from texbake.mesh.weld import weld_rows
 
 _CORNERS = ("faces", "uv_faces", "normal_faces")
 
 
-@dataclass(frozen=True, kw_only=True)
-class RepairStep:
-    """Which repairs are done.
+@dataclass(frozen=True)
+class RepairReport:
+    """What `repair` did.
 
     Attributes
     ----------
-    merge, degenerate, duplicates, winding : bool
-        Join vertices of one position; leave out faces without area; faces that are there twice;
-        turn faces alike.
-    coordinates : bool
-        Keep texture coordinates. Where they are made anew later, `simplify` comes closer to the
-        surface without their seams.
-    format : str
+    n_faces : int
+        Of the repaired mesh.
+    counts : dict of str to int
+        How many vertices or faces each repair changed, by its name.
     """
 
-    merge: bool = True
-    degenerate: bool = True
-    duplicates: bool = True
-    winding: bool = True
-    coordinates: bool = True
-    format: str = "ply"
-
-    def __post_init__(self) -> None:
-        check_format(self.format, MESH_FORMATS)
+    n_faces: int
+    counts: Mapping[str, int]
 
 
-def repaired(mesh: Mesh, options: RepairStep | None = None) -> tuple[Mesh, dict[str, int]]:
-    """Mend a mesh.
+def repair(mesh: Mesh, options: RepairOptions | None = None) -> tuple[Mesh, RepairReport]:
+    """Repair a mesh without moving its surface.
 
     Parameters
     ----------
@@ -71,19 +54,16 @@ def repaired(mesh: Mesh, options: RepairStep | None = None) -> tuple[Mesh, dict[
     Returns
     -------
     mesh : Mesh
-        Faces keep their order, texture coordinates, normals, groups and colors. Normals of faces
-        that are turned over are turned with them.
-    counts : dict of str to int
-        How much of each was mended.
+        Faces keep their order, texture coordinates, normals, groups and colors. Faces that are
+        turned over take their normals with them.
+    report : RepairReport
 
     Raises
     ------
     MeshError
         No face has an area.
     """
-    from texbake.mesh.topology import degenerate_faces, duplicate_faces
-
-    options = options or RepairStep()
+    options = options or RepairOptions()
     counts = {}
     if not options.coordinates:
         mesh = mesh.replace(uvs=None, uv_faces=None, tangents=None)
@@ -101,13 +81,11 @@ def repaired(mesh: Mesh, options: RepairStep | None = None) -> tuple[Mesh, dict[
         turned = _misoriented(mesh)
         counts["faces turned"] = int(turned.sum())
         mesh = _turned(mesh, turned)
-    return mesh, counts
+    return mesh, RepairReport(mesh.n_faces, counts)
 
 
 def _merged(mesh: Mesh) -> tuple[Mesh, int]:
     """Join vertices of one position and color, and leave out those that no face uses."""
-    from texbake.mesh.weld import weld_rows
-
     rows = mesh.positions
     if mesh.colors is not None:
         rows = np.concatenate([rows, mesh.colors.astype(np.float64)], axis=1)
@@ -131,12 +109,12 @@ def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
 
 
 def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """(F,) bool: faces to be turned over, so that neighbors agree and closed parts face outwards.
+    """(F,) bool: faces to turn over so that neighbors agree and closed parts face outwards.
 
-    In a part without an inside the side that most of its faces show is kept, and one that has only
-    one side, as a Möbius strip, is left as it is. Each face stands in a graph twice, as it is and
-    turned over; neighbors that agree are linked as they are, others crosswise. A connected
-    component then is one way to turn a part.
+    A part without an inside keeps the side that most of its faces show, and one with a single side,
+    such as a Möbius strip, is left as it is. Each face is two nodes of a graph, one as it is and
+    one turned over; neighbors that agree are linked like with like, others crosswise. A connected
+    component is then one way to orient a part.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -147,8 +125,8 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     rows = np.concatenate([first, first + n])
     columns = np.concatenate([second + crossed, second + (n - crossed)])
     links = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(2 * n, 2 * n))
-    _, ways = connected_components(links, directed=False)
-    as_is, over = ways[:n], ways[n:]
+    _, components = connected_components(links, directed=False)
+    as_is, over = components[:n], components[n:]
     parts = np.minimum(as_is, over)
     flags: npt.NDArray[np.bool_] = as_is > over
     is_open = np.zeros(2 * n, dtype=np.bool_)
@@ -202,27 +180,3 @@ def _turned(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
         changes["normals"] = np.concatenate([mesh.normals, -mesh.normals])
         changes["normal_faces"] = corners
     return mesh.replace(**changes)
-
-
-def _run(job: Job) -> dict[str, Any]:
-    from texbake.mesh.files import read_mesh, write_mesh
-
-    mesh, counts = repaired(read_mesh(job.file("mesh")), REPAIR.made(job.settings))
-    write_mesh(mesh, job.outputs["mesh"])
-    return {"faces": mesh.n_faces, "repairs": counts}
-
-
-def _memory(settings: Settings, sizes: Sizes) -> int:
-    return IDLE_WORKER + 2 * SIMPLIFIED_FACE * faces_of(sizes, "mesh")
-
-
-REPAIR = StepKind(
-    name="repair",
-    does="mends a mesh without moving anything",
-    options=RepairStep,
-    without=(),
-    inputs=(InputRole(name="mesh"),),
-    outputs=lambda settings: {"mesh": f"repaired.{settings['format']}"},
-    run=_run,
-    memory=_memory,
-)

@@ -8,7 +8,7 @@ import pytest
 
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError, UvError
-from texbake.jobs.light_map import LightMap, bake_light_maps
+from texbake.jobs.light_maps import LightMap, bake_light_maps
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.options import RenderOptions

@@ -1,19 +1,22 @@
-"""Light maps: the static light of a scene, gathered once for every texel of its objects.
+"""Light maps: the static lighting of a scene, computed once for every texel of its objects.
 
-A texel holds what a white, dull surface there would send out: ambient light, and of every static
-lamp its light times the cosine at which it falls, with shadows by rays
-(`texbake.jobs.static_light`). A picture multiplies the map by the color of the surface.
+A texel holds what a white, matte surface reflects at that place: ambient light, and the light of
+each static lamp times the cosine of its angle of incidence, with shadows cast by rays
+(`texbake.jobs.static_light`). A renderer multiplies the map by the color of the surface.
 
-What a map cannot hold is left out: highlights, which look different from every side, normal and
-bump maps, and displacement. It is that of the front of a surface.
+A map leaves out what depends on the point of view or on finer geometry: highlights, normal and bump
+maps, and displacement. It holds the lighting of the front of a surface.
 
 Based on: Abrash, "Quake's lighting model: surface caching", Dr. Dobb's Sourcebook, 1996.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +34,9 @@ from texbake.baking.texels import (
 )
 from texbake.baking.trace import rows_at_once
 from texbake.errors import OptionError, UvError
-from texbake.files import PathLike
-from texbake.jobs.static_light import StaticLight, SurfacePoints, is_static
+from texbake.files import PathLike, check_folder, make_folder
+from texbake.jobs.outputs import JobResult, check_distinct
+from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
@@ -40,9 +44,11 @@ from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
 from texbake.rendering.scene.placing import placed
+from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import write_image
+from texbake.texture.image_formats import check_image_format
 
 # Samples a band: as many as the caster takes at once.
 _BAND = 1 << 14
@@ -50,20 +56,20 @@ _BAND = 1 << 14
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LightMap:
-    """Light that arrives at one object.
+    """The lighting of one object.
 
     Attributes
     ----------
     index, name : int, str
         Of the object in the scene.
     values : (H, W, 3) float32
-        Linear, not limited to 1; row 0 at the top. 0 where there is no surface, but for padding.
+        Linear, not limited to 1; row 0 at the top. 0 outside the charts and their padding.
     has_data : (H, W) bool
-        Texels with surface.
+        Texels that a face covers.
     n_overlapping : int
-        Samples that more than one face covers: they have the light of one of them alone.
+        Samples that more than one face covers; they have the lighting of one of them.
     n_outside : int
-        Faces with coordinates outside the unit square; what lies outside is not baked.
+        Faces that extend beyond the unit square; what lies outside is not baked.
     """
 
     index: int
@@ -74,7 +80,7 @@ class LightMap:
     n_outside: int
 
     def write(self, path: PathLike, *, bits: int | None = None, threads: int | None = None) -> None:
-        """Write an image file: as it is in EXR, TIFF and HDR of floats, else sRGB up to 1.
+        """Write an image file: linear values in files of floats, else sRGB limited to 1.
 
         Raises as `texbake.texture.image.write_image` does.
         """
@@ -90,7 +96,7 @@ class LightMaps:
     maps : tuple of LightMap
         In the order of the objects.
     warnings : tuple of str
-        What is not in them, or may not look as expected.
+        What is missing from them, or may look unexpected.
     stages : list of StageRecord
     """
 
@@ -98,13 +104,22 @@ class LightMaps:
     warnings: tuple[str, ...]
     stages: list[StageRecord]
 
+    def table(self) -> list[tuple[str, str]]:
+        """Return rows of a label and a figure, one for each map."""
+        rows = []
+        for item in self.maps:
+            covered = item.values[item.has_data]
+            brightest = float(covered.max()) if len(covered) else 0.0
+            rows.append((item.name, f"{len(covered):,} texels, brightest {brightest:.3g}"))
+        return rows
+
     def shown_in(self, scene: Scene) -> Scene:
-        """Return the scene with its maps in place of the light that they hold.
+        """Return the scene with its maps in place of the lights that they hold.
 
         Raises
         ------
         OptionError
-            An object that light falls on has no map, and would be dark.
+            A lit object has no map, and would turn dark.
         """
         by_index = {item.index: item.values for item in self.maps}
         objects = []
@@ -123,19 +138,92 @@ class LightMaps:
         return replace(scene, objects=tuple(objects), lighting=lighting)
 
 
+def bake_light_map_files(
+    scene: PathLike,
+    folder: PathLike,
+    options: BakeOptions | None = None,
+    *,
+    format: str = "exr",  # noqa: A002
+    progress: ProgressSink | None = None,
+) -> JobResult[LightMaps]:
+    """Bake the light maps of a scene file, and write one image for each object.
+
+    Parameters
+    ----------
+    scene
+        A `.toml` scene or a glTF file.
+    folder
+        For the maps, which are named after the objects; made if it is missing.
+    options
+        Only `size`, `samples`, `bits`, `padding`, `fill` and `threads` are used. None for the
+        defaults.
+    format
+        exr, tif, png or tga.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    TexbakeError
+        As `read_scene` and `bake_light_maps` do.
+    """
+    options = options or BakeOptions()
+    folder = Path(folder)
+    check_image_format(folder / f"map.{format}", options.bits, color=True, channels=3)
+    check_folder(folder)
+    stages = Stages(progress)
+    with stages.part("read scene"):
+        read = read_scene(scene, progress=progress)
+    baked = bake_light_maps(read, options, progress=progress)
+    with stages.stage("write maps"):
+        make_folder(folder)
+        names = file_names([item.name for item in baked.maps])
+        files = [folder / f"{name}.{format}" for name in names]
+        check_distinct(files, [path for path in read.files if path not in _light_maps_of(read)])
+        for item, path in zip(baked.maps, files, strict=True):
+            item.write(path, bits=options.bits, threads=options.threads)
+    return JobResult(files=tuple(files), report=baked, warnings=baked.warnings)
+
+
+def _light_maps_of(scene: Scene) -> set[Path]:
+    """Files that the scene's light maps are read from, which a new bake may replace."""
+    slots = [item.material.light_map for item in scene.objects]
+    images = [getattr(slot, "image", None) for slot in slots]
+    return {Path(image) for image in images if isinstance(image, str | os.PathLike)}
+
+
+def file_names(names: Sequence[str]) -> list[str]:
+    """Return distinct file names for objects, whose names may repeat and have any character.
+
+    >>> file_names(["lamp", "lamp", "a/b"])
+    ['lamp', 'lamp_2', 'a_b']
+    """
+    taken: set[str] = set()
+    distinct = []
+    for name in names:
+        plain = re.sub(r"[^\w.-]+", "_", name).strip(".") or "object"
+        candidate, count = plain, 1
+        while candidate.lower() in taken:
+            count += 1
+            candidate = f"{plain}_{count}"
+        taken.add(candidate.lower())
+        distinct.append(candidate)
+    return distinct
+
+
 def bake_light_maps(
     scene: Scene, options: BakeOptions | None = None, *, progress: ProgressSink | None = None
 ) -> LightMaps:
-    """Bake the static light of a scene into a map for each object with texture coordinates.
+    """Bake the static lighting of a scene into a map for each object with texture coordinates.
 
     Parameters
     ----------
     scene
         As `texbake.rendering.scene.read.read_scene` reads it, or made in Python.
     options
-        `size`, `samples`, `padding`, `fill` and `threads` count; None for the defaults.
+        Only `size`, `samples`, `padding`, `fill` and `threads` are used. None for the defaults.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Returns
     -------
@@ -145,9 +233,9 @@ def bake_light_maps(
     Raises
     ------
     UvError
-        No object that light falls on has texture coordinates, or they cover nothing.
+        No lit object has texture coordinates, or they cover no texel.
     TexbakeError
-        A slide cannot be read.
+        The image of a projector lamp cannot be read.
 
     Examples
     --------
@@ -169,8 +257,8 @@ def bake_light_maps(
     ]
     if not chosen:
         raise UvError(
-            f"{scene.name}: no object that light falls on has texture coordinates, which light "
-            "maps need; make some with: texbake unwrap MESH -o OUT"
+            f"{scene.name}: none of its lit objects has the texture coordinates that light maps "
+            "need; make some with: texbake unwrap MESH -o OUT"
         )
     with stages.stage("build ray tree"):
         lamps = StaticLight(scene, meshes, options.threads)
@@ -185,12 +273,12 @@ def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
     has_map = {item.index for item in maps}
     for index, item in enumerate(scene.objects):
         if item.material.shading != "unlit" and index not in has_map:
-            yield f"{item.name}: it has no texture coordinates, and so gets no light map"
+            yield f"{item.name}: it has no texture coordinates and gets no light map"
         elif index in has_map and item.material.displacement is not None:
-            yield f"{item.name}: its light is that of the surface before displacement"
+            yield f"{item.name}: its light map is that of the surface without displacement"
     for light in scene.lighting.lights:
         if light.static and light.follows_camera:
-            yield f"light {light.name}: it follows the camera, and so is in no light map"
+            yield f"light {light.name}: it follows the camera and is left out of the light maps"
     for map_ in maps:
         if map_.n_overlapping:
             yield (
@@ -198,7 +286,7 @@ def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
                 "one face; give each face coordinates of its own with: texbake unwrap"
             )
         if map_.n_outside:
-            yield f"{map_.name}: {map_.n_outside:,} faces reach out of the unit square"
+            yield f"{map_.name}: {map_.n_outside:,} faces extend beyond the unit square"
 
 
 def _baked(
@@ -207,7 +295,7 @@ def _baked(
     item = scene.objects[index]
     grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
     faces = snap_uvs(mesh, grid)
-    surface = SurfacePoints.of(mesh, options.threads)
+    surface = LitSurface.of(mesh, options.threads)
     values = np.zeros((grid.height, grid.width, 3), np.float32)
     texel_faces = np.full((grid.height, grid.width), NO_FACE, np.int32)
     n_overlapping = 0
@@ -244,13 +332,13 @@ def _samples_of(
 
 
 def _light_of(
-    surface: SurfacePoints,
+    surface: LitSurface,
     samples: Samples,
     lamps: StaticLight,
     receives: bool,
     threads: int | None,
 ) -> Floats:
-    """(n, 3) float32: light at samples, some of them at a time."""
+    """(n, 3) float32: lighting at samples, computed in bands."""
     light = np.empty((len(samples), 3), np.float32)
 
     def work(start: int, stop: int) -> None:
@@ -265,7 +353,7 @@ def _light_of(
 def _add_means(
     samples: Samples, light: Floats, rows: range, values: Floats, texel_faces: IntArray
 ) -> None:
-    """Write the means of samples into their texels, and the face of the first of each."""
+    """Write the mean of each texel's samples into it, and the face of its first sample."""
     width = values.shape[1]
     texels = samples.texel_ids - rows.start * width
     n_texels = len(rows) * width

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from texbake import FileError
-from texbake.jobs.report import write_report
+from texbake.jobs.outputs import write_report
 
 
 def test_a_report_comes_back_as_it_was(tmp_path: Path) -> None:

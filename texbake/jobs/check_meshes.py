@@ -1,4 +1,4 @@
-"""Where on the meshes the findings of a check are: each from four sides, its faces colored."""
+"""A check of mesh files before a bake, with pictures of where its findings are."""
 
 from __future__ import annotations
 
@@ -7,10 +7,21 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.checks.check import check_files as read_and_check
 from texbake.checks.finding import Finding
+from texbake.checks.options import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.checks.report import CheckReport
 from texbake.errors import OptionError
+from texbake.files import PathLike
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_picture,
+    check_report,
+    given,
+    write_report,
+)
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import face_normals
@@ -21,14 +32,67 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
 from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import decode_srgb
+from texbake.texture.image import write_image
 
-# Faces turned over are what some findings are about, so they are drawn.
-PANELS = RenderOptions(
+# Some findings are about faces that are turned over, so back faces are drawn.
+FINDINGS_PICTURE = RenderOptions(
     width=420, height=420, supersampling=2, view=(25.0, 20.0), back_faces="show", filter="nearest"
 )
 _SIDES = (0.0, 90.0, 180.0, 270.0)
-_SURFACE = (0.72, 0.73, 0.75)  # sRGB, of faces that are not concerned
+_SURFACE = (0.72, 0.73, 0.75)  # sRGB, of all other faces
 _RING = (1.0, 1.0, 1.0)
+
+
+def check_mesh_files(
+    mesh: PathLike,
+    low: PathLike | None = None,
+    options: CheckOptions | None = None,
+    *,
+    layout: PathLike | None = None,
+    sides: PathLike | None = None,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[CheckReport]:
+    """Check one mesh file, or a pair, and draw where the findings are.
+
+    Parameters
+    ----------
+    mesh, low, options
+        As for `texbake.check`, but paths. A file that holds no mesh is a finding.
+    layout, sides
+        Picture files: the findings in the texture, and on the meshes from four sides. A picture
+        without anything to show is not written, and a warning says so.
+    report
+        File for the findings as JSON.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    FileError
+        A file is missing or cannot be read.
+    """
+    check_distinct([layout, sides, report], [mesh, low])
+    check_picture(layout)
+    check_picture(sides)
+    check_report(report)
+    checked = read_and_check(mesh, low, options, progress=progress)
+    files, warnings = [], []
+    if layout is not None and checked.has_layout:
+        write_image(checked.picture(), layout, color=True)
+        files.append(layout)
+    elif layout is not None:
+        warnings.append(f"{layout}: not drawn; there are no texture coordinates to draw in")
+    if sides is not None and any(len(finding.faces) for finding in checked.findings):
+        threads = checked.options.threads
+        picture = render_findings(checked, threads=threads, progress=progress)
+        write_image(picture, sides, color=True, threads=threads)
+        files.append(sides)
+    elif sides is not None:
+        warnings.append(f"{sides}: not drawn; no finding is at any face")
+    if report is not None:
+        write_report(report, checked.to_json())
+    return JobResult(files=given(*files, report), report=checked, warnings=tuple(warnings))
 
 
 def render_findings(
@@ -45,24 +109,24 @@ def render_findings(
     report : CheckReport
     options : RenderOptions, optional
         Of each picture; `view` is the first, and the others are 90 degrees apart. None for
-        `PANELS`.
+        `FINDINGS_PICTURE`.
     threads
         None for every processor.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Returns
     -------
     (H, W, 3) float32
-        Linear light: a row for each finding that is somewhere, in the order of the report. The
-        worst faces are ringed on the side that they face, whether something hides them or not.
+        Linear: a row for each finding at some face, in the order of the report. The worst faces are
+        ringed on the side that they face, even if something hides them.
 
     Raises
     ------
     OptionError
         No finding is at any face.
     """
-    options = options or PANELS
+    options = options or FINDINGS_PICTURE
     shown = [finding for finding in report.findings if len(finding.faces)]
     if not shown:
         raise OptionError("check: no finding is at any face; there is nothing to draw")
@@ -74,7 +138,7 @@ def render_findings(
             rows.append(_row(mesh, finding, options, threads))
             advance(1)
     width = max(row.shape[1] for row in rows)
-    # The paper of the widest row, so that the others end in it.
+    # Shorter rows are continued in their background.
     padded = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), "edge") for row in rows]
     return np.concatenate(padded)
 
@@ -112,7 +176,7 @@ def _row(
 
 
 def _colored(mesh: Mesh, finding: Finding) -> Mesh:
-    """Return a mesh whose texture coordinates pick one of two colors a face."""
+    """Return a mesh whose texture coordinates pick one of two colors for each face."""
     flagged = np.zeros(mesh.n_faces, dtype=np.int32)
     flagged[finding.faces] = 1
     frame = LocalFrame.around(mesh)  # so that no size is too large to be drawn
@@ -126,9 +190,9 @@ def _colored(mesh: Mesh, finding: Finding) -> Mesh:
 
 
 def _facing(camera: Camera, points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Cosine between each face's normal and the way to the camera."""
-    ways = camera.eye - points
-    return np.asarray(np.einsum("ij,ij->i", ways, normals) / np.linalg.norm(ways, axis=1))
+    """Cosine between each face's normal and the direction to the camera."""
+    to_eye = camera.eye - points
+    return np.asarray(np.einsum("ij,ij->i", to_eye, normals) / np.linalg.norm(to_eye, axis=1))
 
 
 def _pixels(

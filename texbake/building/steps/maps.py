@@ -1,0 +1,241 @@
+"""Steps that make images: `bake`, `bake-texture`, `pack-textures`, `mipmap`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.options import BakeOptions
+from texbake.baking.texture.options import SolidOptions
+from texbake.building.memory import maps_memory, mipmap_memory, pack_memory, texture_memory
+from texbake.building.step import (
+    IMAGE_FORMATS,
+    MESH_FORMATS,
+    InputRole,
+    Job,
+    Settings,
+    StepKind,
+    check_format,
+    stage_seconds,
+    steady,
+)
+from texbake.errors import OptionError
+from texbake.texture.mip_options import MipOptions
+from texbake.texture.pack_options import PackOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeStep(BakeOptions):
+    """How maps are baked; further attributes are those of `BakeOptions`.
+
+    Attributes
+    ----------
+    format : str or dict of str to str
+        Image format of all maps, or of each by its name; png for a map without one.
+    """
+
+    format: Any = "png"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.maps:
+            if name not in MAP_NAMES:
+                raise OptionError(f"maps: {name!r} is not one of {', '.join(MAP_NAMES)}")
+        formats = self.format if isinstance(self.format, dict) else {"": self.format}
+        for name, value in formats.items():
+            if name and name not in self.maps:
+                raise OptionError(
+                    f"format: {name!r} is not one of the maps, {', '.join(self.maps)}"
+                )
+            check_format(value, IMAGE_FORMATS)
+
+
+def _bake(job: Job) -> dict[str, Any]:
+    from texbake.baking.maps import map_kinds
+    from texbake.jobs.maps import bake_files
+    from texbake.jobs.outputs import write_report
+
+    # A limit changes no byte; some maps need the high-poly mesh as a whole.
+    whole = any(kind.needs != "hits" for kind in map_kinds(job.settings["maps"]))
+    limit = None if whole else job.most_memory
+    done = bake_files(
+        job.file("high"),
+        job.file("low"),
+        {name: job.outputs[name] for name in job.settings["maps"]},
+        BAKE.made(job.settings, threads=job.threads, max_memory=limit),
+        cage=job.input("cage"),
+        high_texture=job.input("high_texture"),
+        miss_map=job.outputs["misses"],
+    )
+    report = done.to_json()
+    for file in report["files"].values():
+        file["path"] = file["path"].name  # the folder is a temporary one
+    write_report(job.outputs["report"], steady(report))
+    return {
+        "faces": done.report.n_low_faces,
+        "miss_percent": done.report.miss_percent,
+        "texels_covered": done.report.texels_covered,
+        "distance_percentiles": {str(k): v for k, v in done.report.distance_percentiles.items()},
+        "notes": list(done.report.warnings),
+        "stages": stage_seconds(done.report.stages),
+    }
+
+
+def _map_files(settings: Settings) -> dict[str, str]:
+    formats = settings["format"]
+    suffixes = {
+        name: formats.get(name, "png") if isinstance(formats, dict) else formats
+        for name in settings["maps"]
+    }
+    maps = {name: f"{name}.{suffix}" for name, suffix in suffixes.items()}
+    return {**maps, "misses": "misses.png", "report": "report.json"}
+
+
+BAKE = StepKind(
+    name="bake",
+    does="bakes maps of a high-poly mesh for a low-poly mesh",
+    options=BakeStep,
+    # What a time budget allows depends on the machine; the same inputs must give the same bytes.
+    without=("threads", "max_memory", "keep_hits", "time_budget"),
+    inputs=(
+        InputRole(name="high"),
+        InputRole(name="low"),
+        InputRole(name="cage", required=False),
+        InputRole(name="high_texture", required=False),
+    ),
+    outputs=_map_files,
+    run=_bake,
+    memory=maps_memory,
+    revision=3,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeTextureStep(SolidOptions):
+    """How a texture is baked; further attributes are those of `SolidOptions`.
+
+    Attributes
+    ----------
+    data : bool
+        The values are data, such as roughness, and not colors.
+    bits : int, optional
+        Bits per channel.
+    format : str
+        Image format.
+    """
+
+    data: bool = False
+    bits: int | None = None
+    format: str = "png"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_format(self.format, IMAGE_FORMATS)
+
+
+def _bake_texture(job: Job) -> dict[str, Any]:
+    from texbake.jobs.textures import bake_texture_files
+
+    options: BakeTextureStep = BAKE_TEXTURE.made(job.settings, threads=job.threads)
+    done = bake_texture_files(
+        job.file("mesh"), job.outputs["texture"], options, data=options.data, bits=options.bits
+    )
+    return {"notes": list(done.warnings)}
+
+
+BAKE_TEXTURE = StepKind(
+    name="bake-texture",
+    does="bakes a procedure, such as marble, into a texture",
+    options=BakeTextureStep,
+    inputs=(InputRole(name="mesh"),),
+    outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
+    run=_bake_texture,
+    memory=texture_memory,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PackTexturesStep(PackOptions):
+    """How images are packed; further attributes are those of `PackOptions`.
+
+    Attributes
+    ----------
+    data : bool
+        The images hold data and not colors.
+    format, mesh_format : str
+        Formats of the image and of the meshes.
+    meshes : int
+        How many meshes move with the images: none, or one for each.
+    """
+
+    data: bool = False
+    format: str = "png"
+    mesh_format: str = "obj"
+    meshes: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_format(self.format, IMAGE_FORMATS)
+        check_format(self.mesh_format, MESH_FORMATS)
+
+
+def _pack_textures(job: Job) -> dict[str, Any]:
+    from texbake.jobs.images import pack_texture_files
+
+    options: PackTexturesStep = PACK_TEXTURES.made(job.settings)
+    meshes = job.inputs.get("mesh", ())
+    packed = pack_texture_files(
+        job.inputs["images"],
+        job.outputs["texture"],
+        options,
+        meshes=meshes,
+        mesh_outputs=[job.outputs[f"mesh{i}"] for i in range(len(meshes))] or None,
+        data=options.data,
+        threads=job.threads,
+    ).report
+    return {"filled": packed.filled, "scale": packed.scale}
+
+
+def _packed_files(settings: Settings) -> dict[str, str]:
+    suffix = settings["mesh_format"]
+    meshes = {f"mesh{i}": f"mesh{i}.{suffix}" for i in range(settings["meshes"])}
+    return {"texture": f"texture.{settings['format']}", **meshes}
+
+
+def _check_meshes(settings: Settings, roles: frozenset[str]) -> None:
+    if ("mesh" in roles) != (settings["meshes"] > 0):
+        raise OptionError("meshes: it is the number of names in mesh; give both or neither")
+
+
+PACK_TEXTURES = StepKind(
+    name="pack-textures",
+    does="packs several images into one, and moves their meshes' texture coordinates",
+    options=PackTexturesStep,
+    inputs=(InputRole(name="images", many=True), InputRole(name="mesh", required=False, many=True)),
+    outputs=_packed_files,
+    run=_pack_textures,
+    memory=pack_memory,
+    check=_check_meshes,
+)
+
+
+def _mipmap(job: Job) -> dict[str, Any]:
+    from texbake.jobs.images import mipmap_files
+
+    folder = job.outputs["levels"]
+    folder.mkdir()
+    options = MIPMAP.made(job.settings)
+    return {"levels": mipmap_files(job.file("image"), folder, options, threads=job.threads).report}
+
+
+MIPMAP = StepKind(
+    name="mipmap",
+    does="makes the mip levels of an image",
+    options=MipOptions,
+    without=(),
+    inputs=(InputRole(name="image"),),
+    outputs=lambda settings: {"levels": "levels"},
+    run=_mipmap,
+    memory=mipmap_memory,
+)

@@ -1,0 +1,277 @@
+"""Steps that make or change a mesh: `make`, `repair`, `simplify`, `unwrap`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from texbake.building.memory import (
+    make_memory,
+    repair_memory,
+    simplify_memory,
+    unwrap_memory,
+)
+from texbake.building.step import (
+    MESH_FORMATS,
+    InputRole,
+    Job,
+    Settings,
+    StepKind,
+    check_format,
+    stage_seconds,
+    tupled,
+)
+from texbake.errors import OptionError
+from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
+from texbake.mesh.repair_options import RepairOptions
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
+from texbake.texture.procedures.options import PROCEDURE_NAMES
+
+_ORANGE = "orange"
+_FILES = ("profile", "patches", "image")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MakeStep(MakeOptions):
+    """How a mesh is made; further attributes are those of `MakeOptions`.
+
+    Attributes
+    ----------
+    shape : str
+        A shape that `texbake make` knows, or `orange`.
+    triangles : int
+        About how many an orange has.
+    relief : str, optional
+        A procedure, such as `worley`, that raises the surface along its normals.
+    relief_height : float
+        How far a value of 1 raises the surface, in model units; a negative one sinks it.
+    relief_scale : float
+        Factor of positions for the procedure.
+    format : str
+        Format of the mesh file.
+    """
+
+    shape: str = "sphere"
+    triangles: int = 100_000
+    relief: str | None = None
+    relief_height: float = 0.02
+    relief_scale: float = 8.0
+    format: str = "ply"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_format(self.format, MESH_FORMATS)
+        if self.shape not in (*SHAPES, _ORANGE):
+            raise OptionError(f"shape: {self.shape} is not one of {', '.join((*SHAPES, _ORANGE))}")
+        if not isinstance(self.triangles, int) or not 20 <= self.triangles <= MAX_TRIANGLES:
+            raise OptionError(f"triangles: {self.triangles} is not from 20 to {MAX_TRIANGLES:,}")
+        if self.relief is not None and self.relief not in PROCEDURE_NAMES:
+            raise OptionError(f"relief: {self.relief} is not one of {', '.join(PROCEDURE_NAMES)}")
+        if not all(map(math.isfinite, (self.relief_height, self.relief_scale))):
+            raise OptionError("relief_height, relief_scale: give finite numbers")
+
+
+def _surface(settings: Settings, files: Mapping[str, Any]) -> MakeOptions:
+    """Return those of the settings that are options of a parametric surface."""
+    names = {item.name for item in fields(MakeOptions)} & settings.keys()
+    return MakeOptions(**{name: tupled(settings[name]) for name in names}, **files)
+
+
+def _check_shape(settings: Settings, roles: frozenset[str]) -> None:
+    """Raise where the shape does not use what is given, or lacks what it needs."""
+    if settings["shape"] != _ORANGE:
+        _surface(settings, dict.fromkeys(roles, "given")).settings(settings["shape"])
+
+
+def _make(job: Job) -> dict[str, Any]:
+    from texbake.jobs.meshes import Relief, make_file
+
+    settings = job.settings
+    relief = None
+    if settings["relief"] is not None:
+        relief = Relief(
+            procedure=settings["relief"],
+            height=settings["relief_height"],
+            scale=settings["relief_scale"],
+        )
+    (output,) = job.outputs.values()
+    mesh = make_file(
+        settings["shape"],
+        output,
+        _surface(settings, {role: job.input(role) for role in _FILES}),
+        triangles=settings["triangles"],
+        relief=relief,
+        threads=job.threads,
+    ).report
+    return {"faces": mesh.n_faces, "vertices": mesh.n_vertices}
+
+
+MAKE = StepKind(
+    name="make",
+    does="makes a mesh of a parametric surface",
+    options=MakeStep,
+    without=_FILES,
+    required=("shape",),
+    inputs=tuple(InputRole(name=name, required=False) for name in _FILES),
+    outputs=lambda settings: {"mesh": f"{settings['shape']}.{settings['format']}"},
+    run=_make,
+    memory=make_memory,
+    check=_check_shape,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairStep(RepairOptions):
+    """How a mesh is repaired; further attributes are those of `RepairOptions`.
+
+    Attributes
+    ----------
+    format : str
+        Format of the mesh file.
+    """
+
+    format: str = "ply"
+
+    def __post_init__(self) -> None:
+        check_format(self.format, MESH_FORMATS)
+
+
+def _repair(job: Job) -> dict[str, Any]:
+    from texbake.jobs.meshes import repair_file
+
+    done = repair_file(job.file("mesh"), job.outputs["mesh"], REPAIR.made(job.settings))
+    return {"faces": done.report.n_faces, "repairs": dict(done.report.counts)}
+
+
+REPAIR = StepKind(
+    name="repair",
+    does="repairs a mesh without moving its surface",
+    options=RepairStep,
+    without=(),
+    inputs=(InputRole(name="mesh"),),
+    outputs=lambda settings: {"mesh": f"repaired.{settings['format']}"},
+    run=_repair,
+    memory=repair_memory,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimplifyStep:
+    """How many triangles a mesh is reduced to.
+
+    Attributes
+    ----------
+    faces : int or list of int
+        Triangles of each level of detail, the finest first; `lod0` is the first.
+    quality : str
+        As for `simplify`.
+    format : str
+        Format of the mesh files.
+    """
+
+    faces: int | tuple[int, ...] = 500
+    quality: str = DEFAULT_QUALITY
+    format: str = "obj"
+
+    def __post_init__(self) -> None:
+        check_format(self.format, MESH_FORMATS)
+        if self.quality not in QUALITIES:
+            raise OptionError(f"quality: {self.quality} is not one of {', '.join(QUALITIES)}")
+        if not self.levels:
+            raise OptionError("faces: it is empty; give the triangles of at least one level")
+        for count in self.levels:
+            if not isinstance(count, int) or isinstance(count, bool) or count < MIN_FACES:
+                raise OptionError(f"faces: {count!r} is not a whole number of at least {MIN_FACES}")
+        if any(fine <= coarse for fine, coarse in zip(self.levels, self.levels[1:], strict=False)):
+            raise OptionError("faces: each level must have fewer triangles than the one before")
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Triangles of each level."""
+        return self.faces if isinstance(self.faces, tuple) else (self.faces,)
+
+
+def _simplify(job: Job) -> dict[str, Any]:
+    from texbake.jobs.meshes import simplify_levels
+
+    options: SimplifyStep = SIMPLIFY.made(job.settings)
+    levels = list(zip(options.levels, job.outputs.values(), strict=True))
+    done = simplify_levels(job.file("mesh"), levels, quality=options.quality, threads=job.threads)
+    return {
+        "levels": [
+            {
+                "faces": level.report.n_faces,
+                "distance_rms_relative": level.report.distance.rms_relative,
+                "distance_max_relative": level.report.distance.max_relative,
+                "notes": list(level.report.notes),
+            }
+            for level in done
+        ]
+    }
+
+
+def _levels(settings: Settings) -> dict[str, str]:
+    levels = settings["faces"] if isinstance(settings["faces"], list) else [settings["faces"]]
+    return {f"lod{level}": f"lod{level}.{settings['format']}" for level in range(len(levels))}
+
+
+SIMPLIFY = StepKind(
+    name="simplify",
+    does="reduces a mesh to one or several levels of detail",
+    options=SimplifyStep,
+    without=(),
+    required=("faces",),
+    inputs=(InputRole(name="mesh"),),
+    outputs=_levels,
+    run=_simplify,
+    memory=simplify_memory,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnwrapStep(UnwrapOptions):
+    """How a mesh is unwrapped; further attributes are those of `UnwrapOptions`.
+
+    Attributes
+    ----------
+    format : str
+        Format of the mesh file.
+    """
+
+    format: str = "obj"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_format(self.format, MESH_FORMATS)
+
+
+def _unwrap(job: Job) -> dict[str, Any]:
+    from texbake.jobs.unwrapping import unwrap_files
+
+    (report,) = unwrap_files(
+        job.file("mesh"), job.outputs["mesh"], UNWRAP.made(job.settings), threads=job.threads
+    ).report
+    measured = report.distortion
+    return {
+        "faces": report.n_faces,
+        "charts": report.n_charts,
+        "fill": report.fill,
+        "stretch_l2": None if measured is None else measured.turned_stretch.l2,
+        "notes": list(report.notes),
+        "stages": stage_seconds(report.stages),
+    }
+
+
+UNWRAP = StepKind(
+    name="unwrap",
+    does="gives a mesh texture coordinates",
+    options=UnwrapStep,
+    without=("matrix",),
+    inputs=(InputRole(name="mesh"),),
+    outputs=lambda settings: {"mesh": f"unwrapped.{settings['format']}"},
+    run=_unwrap,
+    memory=unwrap_memory,
+)

@@ -1,0 +1,248 @@
+"""Steps that judge, show and hand over an asset: `check`, `preview`, `page`, `export`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from texbake.building.memory import check_memory, export_memory, page_memory, preview_memory
+from texbake.building.step import InputRole, Job, StepKind, steady
+from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.errors import MeshError, OptionError, UvError
+from texbake.jobs.export.options import ExportOptions
+from texbake.rendering.options import RenderOptions
+
+if TYPE_CHECKING:
+    from texbake.checks.report import CheckReport
+
+_NEVER = "never"
+# Maps that `preview` and `page` show.
+_SHOWN = ("normal_map", "displacement", "albedo")
+# Maps that have a place in materials of other programs, by the key of their file.
+_EXPORTED = (
+    "normal", "displacement", "base_color", "ao", "roughness", "metalness", "emissive", "opacity",
+    "bent_normal",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckStep(CheckOptions):
+    """Which findings and figures are allowed; further attributes are those of `CheckOptions`.
+
+    Attributes
+    ----------
+    fail_on : str
+        The least severity at which a finding fails the asset, or `never`.
+    max_stretch : float, optional
+        Greatest L2 stretch of the low-poly mesh's texture coordinates as a whole, above 1.
+    max_faces : int, optional
+        Greatest number of triangles of the low-poly mesh.
+    """
+
+    fail_on: str = SEVERITIES[0]
+    max_stretch: float | None = None
+    max_faces: int | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fail_on not in (*SEVERITIES, _NEVER):
+            known = ", ".join((*SEVERITIES, _NEVER))
+            raise OptionError(f"fail_on: {self.fail_on!r} is not one of {known}")
+        if self.max_stretch is not None and not 1.0 < self.max_stretch < math.inf:
+            raise OptionError(f"max_stretch: {self.max_stretch} must be above 1, such as 1.2")
+        if self.max_faces is not None and self.max_faces < 1:
+            raise OptionError(f"max_faces: {self.max_faces} must be at least 1")
+
+
+def _check(job: Job) -> dict[str, Any]:
+    from texbake.jobs.check_meshes import check_mesh_files
+    from texbake.jobs.outputs import write_report
+
+    options: CheckStep = CHECK.made(job.settings, threads=job.threads)
+    report = check_mesh_files(job.file("mesh"), job.input("low"), options).report
+    stretch = _stretch(report)
+    _check_limits(report, stretch, options, job.file("mesh").name)
+    write_report(job.outputs["report"], steady({**report.to_json(), "stretch_l2": stretch}))
+    return {
+        "errors": report.count("error"),
+        "warnings": report.count("warning"),
+        "stretch_l2": stretch,
+        "notes": [f"{f.kind.title}: {f.counted}" for f in report.findings],
+    }
+
+
+def _stretch(report: CheckReport) -> float | None:
+    """L2 stretch of the low-poly mesh; None if its texture coordinates cannot be measured."""
+    from texbake.mapping.distortion import distortion
+
+    if not report.has_layout or report.light is None:
+        return None
+    try:
+        size = report.options.width_px, report.options.height_px
+        return distortion(report.light, size, threads=report.options.threads).turned_stretch.l2
+    except UvError:
+        return None
+
+
+def _check_limits(
+    report: CheckReport, stretch: float | None, options: CheckStep, name: str
+) -> None:
+    """Raise where a limit is exceeded."""
+    if options.fail_on != _NEVER and report.fails(options.fail_on):
+        severe = SEVERITIES[: SEVERITIES.index(options.fail_on) + 1]
+        findings = [
+            f"{finding.kind.title.lower()} ({finding.counted})"
+            for finding in report.findings
+            if finding.severity in severe
+        ]
+        raise MeshError(f"{name}: the check found {', '.join(findings)}; see: texbake check")
+    low = report.light
+    if options.max_faces is not None and low is not None and low.n_faces > options.max_faces:
+        raise MeshError(
+            f"{name}: {low.n_faces:,} triangles are more than max_faces, {options.max_faces:,}"
+        )
+    if options.max_stretch is not None and not (stretch or math.inf) <= options.max_stretch:
+        shown = "not measurable" if stretch is None else f"{stretch:.4g}"
+        raise UvError(
+            f"{name}: L2 stretch is {shown}, max_stretch is {options.max_stretch:g}; "
+            "unwrap it with that max_stretch"
+        )
+
+
+CHECK = StepKind(
+    name="check",
+    does="fails if a mesh or a pair exceeds limits",
+    options=CheckStep,
+    inputs=(InputRole(name="mesh"), InputRole(name="low", required=False)),
+    outputs=lambda settings: {"report": "check.json"},
+    run=_check,
+    memory=check_memory,
+)
+
+
+def _preview(job: Job) -> dict[str, Any]:
+    from texbake.jobs.preview import preview_files
+
+    maps: dict[str, Any] = {name: job.input(name) for name in _SHOWN}
+    preview_files(
+        job.file("mesh"),
+        job.outputs["picture"],
+        vars(PREVIEW.made(job.settings)),
+        **maps,
+        as_mesh=True,
+        threads=job.threads,
+    )
+    return {}
+
+
+PREVIEW = StepKind(
+    name="preview",
+    does="draws a mesh with its maps",
+    options=RenderOptions,
+    without=("time_budget",),
+    inputs=(
+        InputRole(name="mesh"),
+        *(InputRole(name=name, required=False) for name in _SHOWN),
+    ),
+    outputs=lambda settings: {"picture": "preview.png"},
+    run=_preview,
+    memory=preview_memory,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageStep:
+    """From where the pictures and the view of a page look at the asset.
+
+    Attributes
+    ----------
+    view, up
+        As in `RenderOptions`.
+    size : int
+        Pixels along each side of its pictures.
+    """
+
+    view: tuple[float, float] | tuple[float, float, float | None] = RenderOptions.view
+    up: str = RenderOptions.up
+    size: int = 560
+
+    def __post_init__(self) -> None:
+        _ = self.picture  # raises what is wrong with them
+
+    @property
+    def picture(self) -> RenderOptions:
+        """Options of the pictures."""
+        return RenderOptions(width=self.size, height=self.size, view=self.view, up=self.up)
+
+
+def _page(job: Job) -> dict[str, Any]:
+    from texbake.jobs.comparison import page_file
+
+    options: PageStep = PAGE.made(job.settings)
+    maps: dict[str, Any] = {name: job.input(name) for name in (*_SHOWN, "misses")}
+    comparison = page_file(
+        job.file("high"),
+        job.file("low"),
+        job.outputs["page"],
+        options.picture,
+        name=job.asset,
+        **maps,
+        threads=job.threads,
+    ).report
+    if comparison is None:
+        return {}
+    return {"error_deg": comparison.mapped.mean_deg, "bare_error_deg": comparison.bare.mean_deg}
+
+
+PAGE = StepKind(
+    name="page",
+    does="writes a page of an asset: the meshes, their maps, errors",
+    options=PageStep,
+    without=(),
+    inputs=(
+        InputRole(name="high"),
+        InputRole(name="low"),
+        *(InputRole(name=role, required=False) for role in (*_SHOWN, "misses")),
+    ),
+    outputs=lambda settings: {"page": "page.html"},
+    run=_page,
+    memory=page_memory,
+    names_asset=True,
+)
+
+
+def _export(job: Job) -> dict[str, Any]:
+    from texbake.jobs.export.export import export_files
+
+    name = job.settings["name"] or job.asset.rpartition("/")[2]
+    done = export_files(
+        job.file("mesh"),
+        job.outputs["folder"],
+        EXPORT.made({**job.settings, "name": name}, threads=job.threads),
+        named_maps={
+            role.replace("_", "-"): file for role in _EXPORTED if (file := job.input(role))
+        },
+        levels=job.inputs.get("levels", ()),
+    )
+    return {
+        "bytes": sum(path.stat().st_size for path in done.files),
+        "notes": list(done.notes),
+    }
+
+
+EXPORT = StepKind(
+    name="export",
+    does="writes an asset as another program reads it",
+    options=ExportOptions,
+    inputs=(
+        InputRole(name="mesh"),
+        InputRole(name="levels", required=False, many=True),
+        *(InputRole(name=name, required=False) for name in _EXPORTED),
+    ),
+    outputs=lambda settings: {"folder": "export"},
+    run=_export,
+    revision=2,
+    memory=export_memory,
+    names_asset=True,
+)

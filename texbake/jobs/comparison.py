@@ -1,0 +1,188 @@
+"""How closely a low-poly mesh with its maps resembles the high-poly mesh, from files to files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from texbake.files import PathLike
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_page,
+    check_picture,
+    check_report,
+    given,
+    write_report,
+)
+from texbake.mesh.files import read_mesh
+from texbake.progress import ProgressSink
+from texbake.rendering.compare import Comparison, compare
+from texbake.rendering.options import RenderOptions
+from texbake.texture.image import write_image
+
+
+def compare_files(
+    high: PathLike,
+    low: PathLike,
+    output: PathLike | None = None,
+    options: RenderOptions | None = None,
+    *,
+    normal_map: PathLike | None = None,
+    displacement: PathLike | None = None,
+    albedo: PathLike | None = None,
+    report: PathLike | None = None,
+    html: PathLike | None = None,
+    command: str = "",
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[Comparison]:
+    """Compare two mesh files from six sides, and write the pictures side by side.
+
+    Parameters
+    ----------
+    high, low
+        Mesh files.
+    output
+        The pictures. None for the low-poly mesh's name and `_compare.png`, in the current folder.
+    options
+        Of the pictures; None for the defaults.
+    normal_map, displacement, albedo
+        Maps of the low-poly mesh.
+    report, html, command, progress
+        As for `bake_files`.
+    threads
+        None for every processor.
+
+    Raises
+    ------
+    TexbakeError
+        As `read_mesh` and `compare` do.
+    """
+    output = Path(f"{Path(low).stem}_compare.png" if output is None else output)
+    maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
+    check_distinct([output, report, html], [high, low, *maps.values()])
+    check_picture(output)
+    check_report(report)
+    check_page(html)
+    options = options or RenderOptions()
+    high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
+    comparison = compare(
+        high_mesh,
+        low_mesh,
+        normal_map=normal_map,
+        displacement=displacement,
+        albedo=albedo,
+        options=options,
+        threads=threads,
+        progress=progress,
+    )
+    write_image(comparison.side_by_side(), output, color=True, threads=threads)
+    if report is not None:
+        write_report(report, comparison_report(comparison))
+    if html is not None:
+        from texbake.pages.asset_page import AssetPage, write_asset_page
+
+        page = AssetPage(
+            high=high_mesh,
+            low=low_mesh,
+            files={name: path for name, path in maps.items() if path is not None},
+            comparison=comparison,
+            figures=comparison_table(comparison),
+            command=command,
+            picture=options,
+        )
+        write_asset_page(html, page)
+    return JobResult(files=given(output, report, html), report=comparison)
+
+
+def page_file(
+    high: PathLike,
+    low: PathLike,
+    html: PathLike,
+    options: RenderOptions | None = None,
+    *,
+    name: str | None = None,
+    normal_map: PathLike | None = None,
+    displacement: PathLike | None = None,
+    albedo: PathLike | None = None,
+    misses: PathLike | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[Comparison | None]:
+    """Write a page of an asset: both meshes, the maps, and how closely they match.
+
+    Parameters
+    ----------
+    high, low
+        Mesh files.
+    html
+        The page, which needs no network.
+    options, normal_map, displacement, albedo, threads, progress
+        As for `compare_files`.
+    name
+        What the page calls the asset, if the names of the files do not say it.
+    misses
+        The miss map of the bake.
+
+    Returns
+    -------
+    JobResult
+        The report is the comparison; None without a normal map.
+    """
+    check_page(html)
+    options = options or RenderOptions()
+    high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
+    if name is not None:
+        high_mesh = high_mesh.replace(name="its high-poly mesh")
+        low_mesh = low_mesh.replace(name=name)
+    comparison = None
+    if normal_map is not None:
+        comparison = compare(
+            high_mesh,
+            low_mesh,
+            normal_map=normal_map,
+            options=options,
+            threads=threads,
+            progress=progress,
+        )
+    from texbake.pages.asset_page import AssetPage, write_asset_page
+
+    maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
+    page = AssetPage(
+        high=high_mesh,
+        low=low_mesh,
+        files={kind: path for kind, path in maps.items() if path is not None},
+        misses=misses,
+        comparison=comparison,
+        figures=[] if comparison is None else comparison_table(comparison),
+        picture=options,
+    )
+    write_asset_page(html, page)
+    return JobResult(files=given(html), report=comparison)
+
+
+def comparison_report(comparison: Comparison) -> dict[str, Any]:
+    """Return the figures of a comparison, with and without maps, as plain values."""
+    return {
+        "mapped": asdict(comparison.mapped),
+        "bare": asdict(comparison.bare),
+        "views_deg": [list(view) for view in comparison.views],
+    }
+
+
+def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
+    """Return rows of a label and figures, with and without maps."""
+    bare, mapped = comparison.bare, comparison.mapped
+    return [
+        (
+            "Angle between normals, mean",
+            f"{mapped.mean_deg:.2f}° (without maps {bare.mean_deg:.2f}°)",
+        ),
+        ("  median", f"{mapped.median_deg:.2f}° (without maps {bare.median_deg:.2f}°)"),
+        ("  95th percentile", f"{mapped.p95_deg:.2f}° (without maps {bare.p95_deg:.2f}°)"),
+        ("PSNR of the picture", f"{mapped.psnr_db:.1f} dB (without maps {bare.psnr_db:.1f} dB)"),
+        ("SSIM of the picture", f"{mapped.ssim:.3f} (without maps {bare.ssim:.3f})"),
+        ("Silhouette differs in", f"{100 * mapped.silhouette_mismatch:.2f} % of the pixels"),
+    ]

@@ -1,0 +1,316 @@
+"""Maps of one low-poly mesh: baked from a high-poly mesh, or made again from a recorded trace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from texbake.baking.bake import bake, remap_hits
+from texbake.baking.baked_map import WrittenMap
+from texbake.baking.codings import file_bits
+from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
+from texbake.baking.hits_file import read_hits, write_hits
+from texbake.baking.maps import MAPS
+from texbake.baking.options import BakeOptions
+from texbake.baking.report import BakeReport
+from texbake.baking.result import BakeResult
+from texbake.files import PathLike, check_folder, check_writable, make_folder
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_page,
+    check_picture,
+    check_report,
+    given,
+    write_report,
+)
+from texbake.mesh.files import read_mesh
+from texbake.mesh.materials import Materials, read_materials
+from texbake.mesh.mesh import Mesh
+from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.texture.image import read_image, write_image
+
+DEFAULT_FORMAT = "png"
+# Maps made from the materials of the high-poly mesh.
+_OF_MATERIALS = frozenset({"texture", "material-id"})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapFiles(JobResult[BakeReport]):
+    """The files that `bake_files` or `remap_files` wrote.
+
+    Attributes
+    ----------
+    maps : dict of str to WrittenMap
+        Each map's file, and how its values are coded in it.
+    """
+
+    maps: Mapping[str, WrittenMap]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report and the coding of each file as plain values."""
+        return {
+            **self.report.to_json(),
+            "files": {name: asdict(written) for name, written in self.maps.items()},
+        }
+
+
+def bake_files(
+    high: PathLike,
+    low: PathLike,
+    output: PathLike | Mapping[str, PathLike],
+    options: BakeOptions | None = None,
+    *,
+    format: str | None = None,  # noqa: A002
+    name_pattern: str = DEFAULT_PATTERN,
+    cage: PathLike | None = None,
+    high_texture: PathLike | None = None,
+    skew_mask: PathLike | None = None,
+    offset_map: PathLike | None = None,
+    miss_map: PathLike | None = None,
+    hits: PathLike | None = None,
+    report: PathLike | None = None,
+    html: PathLike | None = None,
+    command: str = "",
+    progress: ProgressSink | None = None,
+) -> MapFiles:
+    """Bake maps of a high-poly mesh file for a low-poly mesh file, and write them.
+
+    Parameters
+    ----------
+    high, low
+        Mesh files; the low-poly mesh has texture coordinates.
+    output
+        A folder for the maps of `options`, made if it is missing; or a file for each map by its
+        name, which then takes the place of `options.maps`.
+    options
+        None for the defaults.
+    format, name_pattern
+        How files in a folder are named: png, exr, tif or tga (None for png), and a pattern of
+        `{asset}`, `{map}` and `{ext}`.
+    cage
+        A mesh file with the faces of the low-poly mesh, on which rays start.
+    high_texture
+        Image of the high-poly mesh, in place of those that its file names.
+    skew_mask, offset_map
+        Images over the low-poly mesh that change its rays; see `texbake.bake`.
+    miss_map, hits, report, html
+        Further files to write: a picture of the rays that missed, the trace for `remap_files`, the
+        figures as JSON, and a page to look at.
+    command
+        What the page shows as the command that made it.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    TexbakeError
+        As `read_mesh` and `bake` do. Unwritable outputs are found before the work begins.
+    """
+    options = options or BakeOptions()
+    folder = None if isinstance(output, Mapping) else Path(output)
+    if isinstance(output, Mapping):
+        files = {name: Path(path) for name, path in output.items()}
+        options = replace(options, maps=tuple(files))
+    else:
+        files = _named(Path(output), name_pattern, Path(low).stem, options.maps, format)
+    if hits is not None:
+        options = replace(options, keep_hits=True)
+    inputs = (high, low, cage, high_texture, skew_mask, offset_map)
+    check_distinct([*files.values(), miss_map, report, html, hits], inputs)
+    _check_outputs(files, folder, options, miss_map, html, (report, hits))
+    stages = Stages(progress)
+    with stages.part("read meshes"):
+        high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
+        cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+        materials = None
+        if hits is not None or not _OF_MATERIALS.isdisjoint(files):
+            materials = materials_of(high, high_mesh, high_texture)
+    baked = bake(
+        high_mesh,
+        low_mesh,
+        options if html is None else _with_maps_of_page(options),
+        cage=cage_mesh,
+        materials=materials,
+        skew_mask=read_ray_image(skew_mask),
+        offset_map=read_ray_image(offset_map),
+        progress=progress,
+    )
+    result = baked if html is None else _without_maps_of_page(baked, options)
+    with stages.stage("write maps"):
+        written = _written(result, files, folder)
+        if miss_map is not None:
+            write_image(result.miss_map(), miss_map)
+        if hits is not None:
+            write_hits(result, hits)
+    done = _done(result.report, stages.records, written, given(miss_map, report, html, hits))
+    if report is not None:
+        write_report(report, done.to_json())
+    if html is not None:
+        _write_page(html, (high_mesh, low_mesh), baked, options, done, command, progress)
+    return done
+
+
+def _check_outputs(
+    files: Mapping[str, Path],
+    folder: Path | None,
+    options: BakeOptions,
+    miss_map: PathLike | None,
+    html: PathLike | None,
+    others: Iterable[PathLike | None],
+) -> None:
+    check_map_files(files, options, folder)
+    check_picture(miss_map)
+    check_page(html)
+    for path in others:
+        check_report(path)
+
+
+def _with_maps_of_page(options: BakeOptions) -> BakeOptions:
+    from texbake.pages.page_maps import page_options
+
+    return page_options(options)
+
+
+def _without_maps_of_page(baked: BakeResult, options: BakeOptions) -> BakeResult:
+    from texbake.pages.page_maps import as_asked
+
+    return as_asked(baked, options)
+
+
+def _write_page(
+    html: PathLike,
+    meshes: tuple[Mesh, Mesh],
+    baked: BakeResult,
+    options: BakeOptions,
+    done: MapFiles,
+    command: str,
+    progress: ProgressSink | None,
+) -> None:
+    from texbake.pages.bake_page import write_bake_page
+
+    write_bake_page(
+        html,
+        *meshes,
+        baked,
+        asked=options.maps,
+        stages=done.report.stages,
+        warnings=done.warnings,
+        command=command,
+        progress=progress,
+    )
+
+
+def remap_files(
+    hits: PathLike,
+    folder: PathLike,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    format: str | None = None,  # noqa: A002
+    name_pattern: str = DEFAULT_PATTERN,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> MapFiles:
+    """Make other maps from the trace that a bake recorded, without either mesh and without rays.
+
+    Parameters
+    ----------
+    hits
+        What `bake_files` wrote as `hits`.
+    folder
+        For the maps; made if it is missing.
+    changes
+        Fields of `BakeOptions` that differ from those of the bake.
+    format, name_pattern, report, progress
+        As for `bake_files`.
+
+    Returns
+    -------
+    MapFiles
+        The same maps, byte for byte, as a bake with these options writes.
+    """
+    check_folder(folder)
+    check_report(report)
+    stages = Stages(progress)
+    with stages.stage("read hits"):
+        kept = read_hits(hits)
+    options = replace(kept.report.options, **(changes or {}))
+    asset = Path(kept.report.low).stem
+    files = _named(Path(folder), name_pattern, asset, options.maps, format)
+    check_distinct([*files.values(), report], [hits])
+    check_map_files(files, options, Path(folder))
+    result = remap_hits(kept, options, progress=progress)
+    with stages.stage("write maps"):
+        written = _written(result, files, Path(folder))
+    done = _done(result.report, stages.records, written, given(report))
+    if report is not None:
+        write_report(report, done.to_json())
+    # What was to be said about the rays was said when they were cast.
+    return replace(done, warnings=clipping_warnings(written.values()))
+
+
+def _named(
+    folder: Path, pattern: str, asset: str, maps: Sequence[str], suffix: str | None
+) -> dict[str, Path]:
+    names = map_file_names(pattern, asset=asset, maps=maps, ext=suffix or DEFAULT_FORMAT)
+    return {name: folder / file for name, file in names.items()}
+
+
+def _written(
+    result: BakeResult, files: Mapping[str, Path], folder: Path | None
+) -> dict[str, WrittenMap]:
+    if folder is not None:
+        make_folder(folder)
+    return {name: result.maps[name].write(path) for name, path in files.items()}
+
+
+def _done(
+    report: BakeReport,
+    around: Sequence[StageRecord],
+    written: Mapping[str, WrittenMap],
+    others: Sequence[Path],
+) -> MapFiles:
+    """Result of a job whose first and last stage stand around those of the report."""
+    reading, writing = around
+    figures = replace(report, stages=[reading, *report.stages, writing])
+    return MapFiles(
+        files=(*(file.path for file in written.values()), *others),
+        maps=written,
+        report=figures,
+        warnings=(*figures.warnings, *clipping_warnings(written.values())),
+    )
+
+
+def clipping_warnings(written: Iterable[WrittenMap]) -> tuple[str, ...]:
+    """Return a warning for each file that does not hold all of its values."""
+    return tuple(
+        f"{file.path}: {file.n_clipped:,} values lie outside the range that mid and scale give "
+        "and were clipped; set a greater scale, or none"
+        for file in written
+        if file.n_clipped
+    )
+
+
+def materials_of(path: PathLike, mesh: Mesh, image: PathLike | None) -> Materials:
+    """Return the materials of a mesh file, or one whose color is an image."""
+    return read_materials(path, mesh) if image is None else Materials.of_image(mesh, image)
+
+
+def read_ray_image(path: PathLike | None) -> Any:
+    """Read an image that changes rays: data, not color; None without a file."""
+    return None if path is None else read_image(path, color=False).pixels
+
+
+def check_map_files(
+    files: Mapping[str, Path], options: BakeOptions, folder: Path | None = None
+) -> None:
+    """Raise if maps could not be written to their files, or a folder for them not be made."""
+    for name, path in files.items():
+        file_bits(MAPS[name], path, options.bits)
+    if folder is not None:
+        check_folder(folder)
+    else:
+        for path in files.values():
+            check_writable(path)

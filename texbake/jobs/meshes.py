@@ -1,0 +1,301 @@
+"""Mesh files made from other mesh files, or from nothing, and what is in them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from texbake.baking.cage.fit import Cage, fit_cage
+from texbake.files import PathLike
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_mesh,
+    check_report,
+    given,
+    write_report,
+)
+from texbake.mapping.distortion import Distortion, distortion
+from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.info import MeshInfo, mesh_info
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import smooth_normals
+from texbake.mesh.parametric.make import make
+from texbake.mesh.parametric.options import MakeOptions
+from texbake.mesh.repair import RepairReport, repair
+from texbake.mesh.repair_options import RepairOptions
+from texbake.mesh.shapes import orange
+from texbake.mesh.simplify import SimplifyReport, simplify_with_report
+from texbake.mesh.simplify_options import DEFAULT_QUALITY
+from texbake.progress import ProgressSink
+from texbake.texture.image import read_image
+
+ORANGE = "orange"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshFileInfo:
+    """What `info_file` measured.
+
+    Attributes
+    ----------
+    mesh : MeshInfo
+    distortion : Distortion, optional
+        Of the texture coordinates, where it was to be measured.
+    """
+
+    mesh: MeshInfo
+    distortion: Distortion | None = None
+
+    def to_json(self) -> str:
+        """Return everything as JSON."""
+        if self.distortion is None:
+            return self.mesh.to_json()
+        figures = json.loads(self.mesh.to_json()) | {"distortion": self.distortion.to_json()}
+        return json.dumps(figures, indent=2, allow_nan=False)
+
+
+def info_file(
+    mesh: PathLike,
+    *,
+    uv_size: int | tuple[int, int] | None = None,
+    progress: ProgressSink | None = None,
+) -> MeshFileInfo:
+    """Count and measure what is in a mesh file.
+
+    Parameters
+    ----------
+    mesh
+    uv_size
+        Texels of the texture for which the texture coordinates are measured as well. None leaves
+        them out.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    TexbakeError
+        As `read_mesh` does.
+    UvError
+        `uv_size` is given, and the mesh has no texture coordinates.
+    """
+    size = None if uv_size is None else UnwrapOptions(size=uv_size).size
+    read = read_mesh(mesh, progress=progress)
+    return MeshFileInfo(
+        mesh=mesh_info(read), distortion=None if size is None else distortion(read, size)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relief:
+    """A procedure that raises a surface along its smooth normals, which cannot tear it.
+
+    Attributes
+    ----------
+    procedure : str
+        Such as `worley`; its values are in 0 to 1.
+    height : float
+        How far a value of 1 raises the surface, in model units; a negative one sinks it.
+    scale : float
+        Factor of positions for the procedure.
+    """
+
+    procedure: str
+    height: float = 0.02
+    scale: float = 8.0
+
+
+def make_file(
+    shape: str,
+    output: PathLike,
+    options: MakeOptions | None = None,
+    *,
+    triangles: int = 100_000,
+    relief: Relief | None = None,
+    threads: int | None = None,
+) -> JobResult[Mesh]:
+    """Make a mesh of a parametric surface or of an orange, and write it.
+
+    Parameters
+    ----------
+    shape
+        A name that `make` knows, such as `torus`; or `orange`.
+    output
+        The mesh file.
+    options
+        `profile`, `patches` and `image` may be paths. None for the defaults of the shape.
+    triangles
+        About how many an orange has.
+    relief
+        A procedure to raise the surface by; the mesh then loses normals of its own.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    JobResult of Mesh
+        The report is the mesh itself.
+    """
+    options = options or MakeOptions()
+    if shape != ORANGE:
+        options.settings(shape)  # raises what is wrong with them
+    sources = [options.profile, options.patches, options.image]
+    check_distinct([output], [path for path in sources if _is_path(path)])
+    check_mesh(output)
+    if shape == ORANGE:
+        mesh = orange(triangles)
+    else:
+        if _is_path(options.image):
+            pixels = read_image(options.image, color=False, threads=threads).pixels
+            options = replace(options, image=pixels)
+        mesh = make(shape, options)
+    if relief is not None:
+        mesh = _raised(mesh, relief, threads)
+    write_mesh(mesh, output)
+    return JobResult(files=given(output), report=mesh)
+
+
+def _is_path(value: Any) -> TypeGuard[PathLike]:
+    return isinstance(value, str | os.PathLike)
+
+
+def _raised(mesh: Mesh, relief: Relief, threads: int | None) -> Mesh:
+    from texbake.texture.procedures.evaluation import evaluate
+
+    points = mesh.positions * relief.scale
+    values = evaluate(relief.procedure, points, scalar=True, threads=threads)
+    raised = relief.height * values.astype(float)
+    normals = smooth_normals(mesh, threads=threads)
+    return mesh.replace(
+        positions=mesh.positions + raised * normals, normals=None, normal_faces=None
+    )
+
+
+def repair_file(
+    mesh: PathLike,
+    output: PathLike,
+    options: RepairOptions | None = None,
+    *,
+    progress: ProgressSink | None = None,
+) -> JobResult[RepairReport]:
+    """Repair a mesh file without moving its surface, and write the result.
+
+    Parameters
+    ----------
+    mesh
+    output
+        It may replace `mesh`.
+    options
+        Which repairs; None for all of them.
+    progress
+        Receives the stages.
+    """
+    check_mesh(output)
+    repaired, report = repair(read_mesh(mesh, progress=progress), options)
+    write_mesh(repaired, output)
+    return JobResult(files=given(output), report=report)
+
+
+def simplify_file(
+    mesh: PathLike,
+    output: PathLike,
+    n_faces: int,
+    *,
+    quality: str = DEFAULT_QUALITY,
+    report: PathLike | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[SimplifyReport]:
+    """Reduce the triangles of a mesh file, and write the result.
+
+    Parameters
+    ----------
+    mesh
+    output
+        The low-poly mesh; it may replace `mesh`.
+    n_faces, quality, threads, progress
+        As for `simplify`.
+    report
+        File for the figures as JSON.
+    """
+    check_distinct([output, report])
+    check_distinct([report], [mesh])  # the output may replace the mesh
+    check_report(report)
+    (done,) = simplify_levels(
+        mesh, [(n_faces, output)], quality=quality, threads=threads, progress=progress
+    )
+    if report is None:
+        return done
+    write_report(report, done.report.to_json())
+    return replace(done, files=(*done.files, Path(report)))
+
+
+def simplify_levels(
+    mesh: PathLike,
+    levels: Sequence[tuple[int, PathLike]],
+    *,
+    quality: str = DEFAULT_QUALITY,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> list[JobResult[SimplifyReport]]:
+    """Write several levels of detail of a mesh file.
+
+    Parameters
+    ----------
+    mesh
+    levels
+        Number of triangles and file of each level.
+    quality, threads, progress
+        As for `simplify`.
+    """
+    for _, output in levels:
+        check_mesh(output)
+    high = read_mesh(mesh, progress=progress)
+    done = []
+    for n_faces, output in levels:
+        # Each from the mesh itself: the errors of levels made from one another add up.
+        low, figures = simplify_with_report(
+            high, n_faces, quality=quality, threads=threads, progress=progress
+        )
+        write_mesh(low, output)
+        done.append(JobResult(files=given(output), report=figures, warnings=tuple(figures.notes)))
+    return done
+
+
+def cage_file(
+    high: PathLike,
+    low: PathLike,
+    output: PathLike,
+    *,
+    margin: float | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[Cage]:
+    """Fit a cage around a high-poly mesh file, and write it.
+
+    Parameters
+    ----------
+    high, low
+        Mesh files.
+    output
+        The cage: the low-poly mesh with its vertices moved outwards.
+    margin, threads
+        As for `fit_cage`.
+    progress
+        Receives the stages.
+    """
+    check_distinct([output], [high, low])
+    check_mesh(output)
+    cage = fit_cage(
+        read_mesh(high, progress=progress),
+        read_mesh(low, progress=progress),
+        margin=margin,
+        threads=threads,
+    )
+    write_mesh(cage.mesh, output)
+    return JobResult(files=given(output), report=cage, warnings=tuple(cage.warnings))

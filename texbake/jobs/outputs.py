@@ -1,0 +1,132 @@
+"""What every job does with its outputs: checked before the work, written whole, listed afterwards.
+
+A job takes paths and options and returns a `JobResult`. It prints nothing, and raises a
+`TexbakeError` where its caller is at fault: before the work begins if that can be known by then.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from texbake.errors import FileFormatError, OptionError
+from texbake.files import PathLike, check_writable, replacing
+
+Report = TypeVar("Report")
+
+WRITABLE_MESH_SUFFIXES = (
+    ".glb", ".obj", ".off", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz",
+)  # fmt: skip
+_PAGE_SUFFIXES = (".html", ".htm")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JobResult(Generic[Report]):
+    """What a job wrote and measured.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        Every file that was written, the main one first.
+    report
+        The figures of the job.
+    warnings : tuple of str
+        What the user should look at, a sentence each.
+    """
+
+    files: tuple[Path, ...]
+    report: Report
+    warnings: tuple[str, ...] = ()
+
+
+def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
+    """Write figures as JSON; the file appears whole or not at all.
+
+    NaN and infinities, for which JSON has no numbers, become null, and paths become text.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    text = json.dumps(_plain(report), indent=2, allow_nan=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value
+
+
+def given(*paths: PathLike | None) -> tuple[Path, ...]:
+    """Return the paths that are not None."""
+    return tuple(Path(path) for path in paths if path is not None)
+
+
+def check_picture(path: PathLike | None) -> None:
+    """Raise if an 8-bit picture could not be written to a path; None passes."""
+    if path is not None:
+        from texbake.texture.image_formats import check_image_format
+
+        check_image_format(path, color=True, channels=3)
+        check_writable(path)
+
+
+def check_mesh(path: PathLike, *, folder_is_made: bool = False) -> None:
+    """Raise if a mesh could not be written to a path.
+
+    `folder_is_made` says that the job makes the folder later, so that it may be missing now.
+    """
+    suffix = Path(path).suffix
+    if suffix.lower() not in WRITABLE_MESH_SUFFIXES:
+        known = ", ".join(WRITABLE_MESH_SUFFIXES)
+        raise FileFormatError(f"{path}: meshes cannot be written as {suffix!r}; use {known}")
+    if not folder_is_made:
+        check_writable(path)
+
+
+def check_report(path: PathLike | None) -> None:
+    """Raise if a report could not be written to a path; None passes."""
+    if path is not None:
+        check_writable(path)
+
+
+def check_page(path: PathLike | None) -> None:
+    """Raise if a page could not be written to a path, or its suffix is another's; None passes."""
+    if path is not None:
+        suffix = Path(path).suffix
+        if suffix.lower() not in _PAGE_SUFFIXES:
+            raise FileFormatError(f"{path}: a page cannot be written as {suffix!r}; use .html")
+        check_writable(path)
+
+
+def check_distinct(
+    outputs: Sequence[PathLike | None], inputs: Sequence[PathLike | None] = ()
+) -> None:
+    """Raise if two outputs are the same file, or if one would overwrite an input; None passes.
+
+    A mesh that the result may replace is not passed as an input.
+    """
+    read = {os.path.realpath(path) for path in inputs if path is not None}
+    written = set()
+    for path in outputs:
+        if path is not None:
+            file = os.path.realpath(path)
+            if file in written:
+                raise OptionError(f"{path}: two outputs have this name; give each its own")
+            if file in read:
+                raise OptionError(f"{path}: it is also an input; give the output another name")
+            written.add(file)

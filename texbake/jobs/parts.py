@@ -1,0 +1,321 @@
+"""Maps of an asset of several meshes: which parts are baked from which, and one file per map.
+
+Low-poly meshes that share an atlas share maps. With texture sets or UDIM tiles there is a set of
+maps for each of them, and the pattern of the file names has to hold `{set}` or `{udim}`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from texbake.baking.baked_map import WrittenMap
+from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
+from texbake.baking.options import BakeOptions
+from texbake.baking.parts.bake_parts import bake_parts, match_parts
+from texbake.baking.parts.light import Canvas
+from texbake.baking.parts.matching import Match, Matching
+from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.report import PartsReport
+from texbake.baking.parts.result import PartsResult
+from texbake.baking.parts.tiles import Tiles
+from texbake.baking.parts.work import RayMapsOf
+from texbake.baking.ray_maps import RayMaps
+from texbake.errors import OptionError
+from texbake.files import PathLike, make_folder
+from texbake.jobs.maps import (
+    DEFAULT_FORMAT,
+    check_map_files,
+    clipping_warnings,
+    materials_of,
+    read_ray_image,
+)
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_picture,
+    check_report,
+    given,
+    write_report,
+)
+from texbake.mesh.files import read_mesh
+from texbake.mesh.materials import Materials
+from texbake.mesh.mesh import Mesh
+from texbake.progress import ProgressSink, Stages
+from texbake.texture.image import write_image
+
+_SET_PATTERN = "{set}_{map}.{ext}"
+# Maps made from the materials of the high-poly meshes.
+_OF_MATERIALS = frozenset({"texture", "material-id"})
+
+NameFiles = Callable[[Canvas], dict[str, Path]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PartsFiles(JobResult[PartsReport]):
+    """The files that `bake_parts_files` wrote.
+
+    Attributes
+    ----------
+    maps : tuple of WrittenMap
+        The files of all sets of maps, and how values are coded in them.
+    options : BakeOptions
+    """
+
+    maps: tuple[WrittenMap, ...]
+    options: BakeOptions
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report, the options and the coding of each file as plain values."""
+        coded = [asdict(written) for written in self.maps]
+        return {**self.report.to_json(), "bake": asdict(self.options), "files": coded}
+
+
+def needs_parts(high: Sequence[PathLike], low: Sequence[PathLike], parts: PartsOptions) -> bool:
+    """Whether `bake_parts_files` has to bake these meshes, and not `bake_files`.
+
+    It has to if there are several meshes on a side, if names are matched, or if there are several
+    sets of maps; one high-poly and one low-poly mesh onto one set of maps are for `bake_files`.
+    """
+    if len(high) != 1 or len(low) != 1 or parts.match_by_name or parts.texture_sets != "none":
+        return True
+    if not parts.udim:
+        return False
+    mesh = read_mesh(low[0])
+    return mesh.uvs is not None and Tiles.of(mesh.corner_uvs()).numbers != [FIRST_TILE]
+
+
+def bake_parts_files(
+    high: Sequence[PathLike],
+    low: Sequence[PathLike],
+    folder: PathLike,
+    options: BakeOptions | None = None,
+    parts: PartsOptions | None = None,
+    *,
+    name: str | None = None,
+    format: str | None = None,  # noqa: A002
+    name_pattern: str = DEFAULT_PATTERN,
+    cage: PathLike | None = None,
+    high_texture: PathLike | None = None,
+    skew_mask: PathLike | None = None,
+    offset_map: PathLike | None = None,
+    miss_map: PathLike | None = None,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> PartsFiles:
+    """Bake the maps of an asset of several mesh files, and write them.
+
+    Parameters
+    ----------
+    high, low
+        Mesh files of the high-poly and the low-poly side.
+    folder
+        For the maps; made if it is missing.
+    options, parts
+        None for the defaults.
+    name
+        Of the asset; None for that of the first low-poly mesh.
+    format, name_pattern
+        As for `bake_files`; a pattern may have `{set}` and `{udim}` as well, and so may the names
+        of `skew_mask` and `offset_map`.
+    cage, high_texture, skew_mask, offset_map, miss_map, report, progress
+        As for `bake_files`. Several sets of maps have several miss maps, named after each set.
+
+    Raises
+    ------
+    OptionError
+        Two sets of maps would be written to the same file.
+    TexbakeError
+        As `read_mesh` and `bake_parts` do.
+    """
+    options, parts = options or BakeOptions(), parts or PartsOptions()
+    asset = name or Path(low[0]).stem
+    name_pattern = _pattern_of_sets(name_pattern, parts)
+    name_files = _namer(asset, Path(folder), options.maps, format, name_pattern)
+    inputs = [*high, *low, cage, high_texture]
+    check_distinct([miss_map, report], inputs)
+    suffix = format or DEFAULT_FORMAT
+    check_map_files(
+        {map_: Path(f"{map_}.{suffix}") for map_ in options.maps}, options, Path(folder)
+    )
+    check_picture(miss_map)
+    check_report(report)
+    stages = Stages(progress)
+    # Where open files cannot be removed, the system clears its own folder for them.
+    waiting = TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True)
+    with waiting as done_maps:
+        with stages.part("read meshes"):
+            highs, lows = _read(high, progress), _read(low, progress)
+            cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+        result = bake_parts(
+            highs,
+            lows,
+            options,
+            parts,
+            cage=cage_mesh,
+            high_materials=_high_materials(high, highs, options.maps, high_texture),
+            low_materials=_low_materials(low, lows, parts),
+            ray_maps=_ray_maps(skew_mask, offset_map, asset),
+            folder=Path(done_maps),
+            progress=progress,
+        )
+        files = {canvas: name_files(canvas) for canvas in result.canvases}
+        outputs = [path for of_canvas in files.values() for path in of_canvas.values()]
+        misses = {} if miss_map is None else _miss_maps(Path(miss_map), result)
+        _check_names(outputs, name_pattern)
+        check_distinct([*outputs, *misses.values(), report], inputs)
+        with stages.stage("write maps"):
+            make_folder(folder)
+            written = result.write(files)
+            for canvas, path in misses.items():
+                write_image(result.canvases[canvas].miss_map(), path)
+    done = PartsFiles(
+        files=(*outputs, *misses.values(), *given(report)),
+        report=result.report,
+        warnings=(*result.report.warnings, *clipping_warnings(written)),
+        maps=tuple(written),
+        options=options,
+    )
+    if report is not None:
+        write_report(report, done.to_json())
+    return done
+
+
+def match_parts_files(
+    high: Sequence[PathLike],
+    low: Sequence[PathLike],
+    parts: PartsOptions | None = None,
+    *,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[Matching]:
+    """Find out which parts `bake_parts_files` would bake from which, without baking.
+
+    Parameters
+    ----------
+    high, low, parts, progress
+        As for `bake_parts_files`.
+    report
+        File for the matching as JSON.
+    """
+    parts = parts or PartsOptions()
+    check_distinct([report], [*high, *low])
+    check_report(report)
+    highs, lows = _read(high, progress), _read(low, progress)
+    if parts.match_by_name:
+        matching: Matching = match_parts(highs, lows, parts)[0]
+    else:
+        everything = tuple(range(len(highs)))
+        matching = Matching(
+            tuple(mesh.name for mesh in highs),
+            tuple(mesh.name for mesh in lows),
+            tuple(Match(mesh.name, i, everything) for i, mesh in enumerate(lows)),
+        )
+    if report is not None:
+        write_report(report, {"matching": matching.to_json(), "warnings": matching.warnings})
+    return JobResult(files=given(report), report=matching, warnings=tuple(matching.warnings))
+
+
+def _read(paths: Iterable[PathLike], progress: ProgressSink | None) -> list[Mesh]:
+    return [read_mesh(path, progress=progress) for path in paths]
+
+
+def _pattern_of_sets(pattern: str, parts: PartsOptions) -> str:
+    """Return a pattern that gives each texture set names of its own."""
+    if parts.texture_sets == "none":
+        return pattern
+    if pattern == DEFAULT_PATTERN:
+        return _SET_PATTERN
+    if "{set}" not in pattern:
+        raise OptionError(
+            f"name_pattern: {pattern!r} gives all texture sets one name; put {{set}} in it"
+        )
+    return pattern
+
+
+def _namer(
+    asset: str, folder: Path, maps: Sequence[str], suffix: str | None, pattern: str
+) -> NameFiles:
+    """Return a function that names the files of a set of maps."""
+
+    def files(canvas: Canvas) -> dict[str, Path]:
+        names = map_file_names(
+            pattern,
+            asset=asset,
+            maps=maps,
+            ext=suffix or DEFAULT_FORMAT,
+            udim=canvas.udim,
+            texture_set=canvas.texture_set or None,
+        )
+        return {name: folder / file for name, file in names.items()}
+
+    files(Canvas("", FIRST_TILE))  # raises before the work what is wrong with the pattern
+    return files
+
+
+def _check_names(paths: Sequence[Path], pattern: str) -> None:
+    """Raise where two sets of maps would have one file, also where case makes no difference."""
+    lower = [str(path).lower() for path in paths]
+    for i, name in enumerate(lower):
+        if name in lower[:i]:
+            raise OptionError(
+                f"{paths[i]}: two sets of maps have this name by {pattern!r}; rename one of them"
+            )
+
+
+def _high_materials(
+    files: Sequence[PathLike],
+    meshes: Sequence[Mesh],
+    maps: Sequence[str],
+    image: PathLike | None,
+) -> list[Materials | None] | None:
+    if _OF_MATERIALS.isdisjoint(maps):
+        return None
+    return [materials_of(path, mesh, image) for path, mesh in zip(files, meshes, strict=True)]
+
+
+def _low_materials(
+    files: Sequence[PathLike], meshes: Sequence[Mesh], parts: PartsOptions
+) -> list[Materials | None] | None:
+    if parts.texture_sets != "materials":
+        return None
+    return [materials_of(path, mesh, None) for path, mesh in zip(files, meshes, strict=True)]
+
+
+def _ray_maps(skew_mask: PathLike | None, offset_map: PathLike | None, asset: str) -> RayMapsOf:
+    """Return a function that reads the images of a set of maps, their names filled in."""
+    read = lru_cache(maxsize=2)(read_ray_image)
+
+    def named(path: PathLike | None, canvas: Canvas) -> Path | None:
+        if path is None:
+            return None
+        name = str(path).replace("{udim}", str(canvas.udim))
+        return Path(name.replace("{set}", canvas.texture_set or asset))
+
+    def images(canvas: Canvas) -> RayMaps | None:
+        return RayMaps.of(read(named(skew_mask, canvas)), read(named(offset_map, canvas)))
+
+    return images
+
+
+def _miss_maps(path: Path, result: PartsResult) -> Mapping[Canvas, Path]:
+    """Files of the miss maps: the path; of several, set and tile stand before its suffix."""
+    if len(result.canvases) == 1:
+        return dict.fromkeys(result.canvases, path)
+    files = {}
+    for canvas in result.canvases:
+        pattern = "{map}_{set}_{udim}.{ext}" if canvas.texture_set else "{map}_{udim}.{ext}"
+        (name,) = map_file_names(
+            pattern,
+            asset="",
+            maps=[path.stem],
+            ext=path.suffix[1:],
+            udim=canvas.udim,
+            texture_set=canvas.texture_set,
+        ).values()
+        files[canvas] = path.with_name(name)
+    return files

@@ -1,0 +1,118 @@
+"""Texture coordinates for mesh files, with pictures of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from texbake.errors import OptionError
+from texbake.files import PathLike, check_folder, make_folder
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_mesh,
+    check_picture,
+    check_report,
+    given,
+    write_report,
+)
+from texbake.jobs.uv_pictures import check_layout, render_checker, write_layout
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.unwrap import unwrap_together
+from texbake.mapping.unwrap_report import UnwrapReport
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.join import join_meshes
+from texbake.progress import ProgressSink
+from texbake.texture.image import write_image
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnwrapFiles(JobResult[tuple[UnwrapReport, ...]]):
+    """What `unwrap_files` wrote; `report` has a report for each mesh."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report of the one mesh, or those of several as `meshes`."""
+        reports = [report.to_json() for report in self.report]
+        return reports[0] if len(reports) == 1 else {"meshes": reports}
+
+
+def unwrap_files(
+    meshes: PathLike | Sequence[PathLike],
+    output: PathLike,
+    options: UnwrapOptions | None = None,
+    *,
+    layout: PathLike | None = None,
+    heat: bool = False,
+    checker: PathLike | None = None,
+    report: PathLike | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> UnwrapFiles:
+    """Give mesh files texture coordinates in one atlas, and write them.
+
+    Parameters
+    ----------
+    meshes
+        One mesh file, or several.
+    output
+        A file for one mesh, which may replace it; for several a folder, made if it is missing, in
+        which they keep their names.
+    options
+        None for the defaults.
+    layout, heat
+        A PNG or SVG file for a picture of the charts; whether it is colored by their stretch.
+    checker
+        A picture file: the meshes under a numbered checker, from four sides.
+    report
+        File for the figures as JSON.
+    threads, progress
+        As for `unwrap`.
+    """
+    options = options or UnwrapOptions()
+    paths = [Path(meshes)] if isinstance(meshes, str | os.PathLike) else list(map(Path, meshes))
+    outputs = _unwrap_outputs(paths, Path(output))
+    if heat and layout is None:
+        raise OptionError("heat: it colors the layout; give a file for the layout as well")
+    check_distinct([*outputs, layout, checker, report])
+    check_distinct([layout, checker, report], paths)  # an output may replace its mesh
+    check_picture(checker)
+    check_report(report)
+    if layout is not None:
+        check_layout(layout)
+    read = [read_mesh(path, progress=progress) for path in paths]
+    results = unwrap_together(read, options, threads=threads, progress=progress)
+    if len(paths) > 1:
+        make_folder(output)
+    for (mesh, _), path in zip(results, outputs, strict=True):
+        write_mesh(mesh, path)
+    unwrapped = [mesh for mesh, _ in results]
+    if layout is not None:
+        write_layout(join_meshes(unwrapped), layout, options.size, heat=heat, threads=threads)
+    if checker is not None:
+        picture = render_checker(join_meshes(unwrapped), threads=threads)
+        write_image(picture, checker, color=True)
+    reports = tuple(figures for _, figures in results)
+    done = UnwrapFiles(
+        files=(*outputs, *given(layout, checker, report)),
+        report=reports,
+        warnings=tuple(f"{made.mesh}: {note}" for made in reports for note in made.notes),
+    )
+    if report is not None:
+        write_report(report, done.to_json())
+    return done
+
+
+def _unwrap_outputs(meshes: Sequence[Path], output: Path) -> list[Path]:
+    """Return a file for each mesh; raise if one could not be written."""
+    if len(meshes) == 1:
+        check_mesh(output)
+        return [output]
+    check_folder(output)
+    files = [output / path.name for path in meshes]
+    check_distinct(files)
+    for file in files:
+        check_mesh(file, folder_is_made=True)
+    return files
