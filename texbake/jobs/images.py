@@ -14,14 +14,17 @@ from texbake.progress import ProgressSink
 from texbake.texture.cube_files import CubeConversion, convert_cube
 from texbake.texture.cube_options import CubeOptions
 from texbake.texture.height_options import HeightToNormalOptions, NormalToHeightOptions
-from texbake.texture.heights_and_normals import height_scale, height_to_normal
+from texbake.texture.heights_and_normals import (
+    HeightField,
+    height_scale,
+    height_to_normal,
+    normal_to_height,
+)
 from texbake.texture.image import read_image, write_image
-from texbake.texture.image_files import bits_for
+from texbake.texture.image_files import bits_for, write_heights, write_normals
 from texbake.texture.image_formats import check_image_format
-from texbake.texture.image_files import write_heights, write_normals
 from texbake.texture.mip_files import write_mip_levels
 from texbake.texture.mip_options import MipOptions
-from texbake.texture.heights_and_normals import HeightField, normal_to_height
 from texbake.texture.pack import PackedTextures, pack_textures
 from texbake.texture.pack_options import PackOptions
 
