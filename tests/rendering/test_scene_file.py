@@ -231,9 +231,9 @@ def test_a_gltf_file_brings_its_own_materials(folder):
         (BALL + "[bloom]", "bloom: unknown key; known: name, camera, render, ambient, "
          "environment, fog, ambient_occlusion, lights, materials, objects"),
         ("objects = []", "objects: it is empty; a scene needs at least one object"),
-        ("objects = 3", "objects: 3 is no list; give one in brackets"),
+        ("objects = 3", "objects: 3 is not a list; give one in brackets"),
         ("[camera]\nfov = 30", "objects: it is missing; it must be given"),
-        (BALL + "material = 3", "objects[0].material: 3 is no table; its keys are shading"),
+        (BALL + "material = 3", "objects[0].material: 3 is not a table; its keys are shading"),
     ],
 )  # fmt: skip
 def test_wrong_files(folder, text, message):
@@ -245,7 +245,7 @@ def test_wrong_files(folder, text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[camera]\nfov = 'wide'", "camera.fov: 'wide' is no number; give one such as 0.5"),
+        ("[camera]\nfov = 'wide'", "camera.fov: 'wide' is not a number; give one such as 0.5"),
         ("[camera]\nfov = 0", "camera.fov: 0 degrees show nothing; above 0 and below 180 do"),
         ("[camera]\nfov = 180", "camera.fov: 180 degrees show nothing; above 0 and below 180 do"),
         ("[camera]\nposition = [0, 0, 1]",
@@ -262,19 +262,19 @@ def test_wrong_files(folder, text, message):
          "camera.view: [1, 2, 0] has a distance that is not above 0"),
         ("[camera]\nnear = 1",
          "camera.near: it belongs to a camera with a position; give that too"),
-        ("[render]\nwidth = 0", "render.width: 0 is out of range; it must be a whole 1 to 16384"),
-        ("[render]\nwidth = 1.5", "render.width: 1.5 is no whole number; give one such as 4"),
+        ("[render]\nwidth = 0", "render.width: 0 is out of range; it must be 1 to 16384 pixels"),
+        ("[render]\nwidth = 1.5", "render.width: 1.5 is not a whole number; give one such as 4"),
         ("[render]\nup = 'x'", "render.up: x is not one of y, z"),
         ("[render]\nview = [0, 0]", "render.view: unknown key; known: width, height, up, "
          "supersampling, background, back_faces, edges, interpolation, filter, buffer, bounces, "
          "max_triangles"),
-        ("[render]\nbackground = 'blue'", "render.background: 'blue' is no color; write '#rrggbb', "
-         "or a list of three linear numbers"),
+        ("[render]\nbackground = 'blue'", "render.background: 'blue' is not a color; write "
+         "'#rrggbb', or a list of three linear numbers"),
         ("[fog]\nmode = 'lineal'",
          "fog.mode: 'lineal' is not one of linear, exp, exp2; did you mean 'linear'?"),
         ("[fog]\nend = -1", "fog.end: -1.0 is not beyond the start, 0.0"),
         ("[ambient]\ncolor = [-1, 0, 0]",
-         "ambient.color: [-1, 0, 0] is no color; its numbers must be 0 or more"),
+         "ambient.color: [-1, 0, 0] is not a color; its numbers must be 0 or more"),
         ("[ambient_occlusion]\nradius = 0", "ambient_occlusion.radius: 0.0 is not above 0"),
         ("[environment]\nfaces = ['a']",
          "environment.faces: ['a'] is not a list of six files: +x, -x, +y, -y, +z, -z"),
@@ -303,7 +303,7 @@ def test_wrong_tables(folder, text, message):
         ("kind = 'spot'\nposition = [0, 1, 0]\nangle = 180",
          "angle: 180.0 is not above 0 and below 180"),
         ("kind = 'directional'\nintensity = true",
-         "intensity: true is no number; give one such as 0.5"),
+         "intensity: true is not a number; give one such as 0.5"),
         ("kind = 'directional'\nintensity = -1", "intensity: -1.0 is not 0 or more"),
         ("kind = 'directional'\nshadow = {size = 0}",
          "shadow.size: 0 is out of range; it must be 1 to 16384"),
@@ -318,12 +318,12 @@ def test_wrong_lights(folder, text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("roughness = 'shiny'", "roughness: 'shiny' is no number; give one from 0 to 1, "
+        ("roughness = 'shiny'", "roughness: 'shiny' is not a number; give one from 0 to 1, "
          "an image or a procedure"),
         ("roughness = 2", "roughness: 2 is out of range; give one from 0 to 1, "
          "an image or a procedure"),
         ("opacity = nan",
-         "opacity: nan is no number; give one from 0 to 1, an image or a procedure"),
+         "opacity: nan is not a number; give one from 0 to 1, an image or a procedure"),
         ("base_color = 'none.png'",
          "base_color.image: {folder}/none.png: there is no such file; check its name"),
         ("base_color = {image = 'gray.png', filter = 'cubic'}", "base_color.filter: 'cubic' is not "
@@ -332,17 +332,17 @@ def test_wrong_lights(folder, text, message):
         ("base_color = {image = 'gray.png', scael = 2}",
          "base_color.scael: unknown key; did you mean 'scale'?"),
         ("base_color = {filter = 'ewa'}", "base_color.image: it is missing; it must be given"),
-        ("base_color = [1, 2]", "base_color: [1, 2] is no color; give a number, [r, g, b] "
+        ("base_color = [1, 2]", "base_color: [1, 2] is not a color; give a number, [r, g, b] "
          "(linear), '#rrggbb' (sRGB), an image or a procedure"),
         ("base_color = '#12'",
-         "base_color: '#12' is no color; write '#rrggbb', or a list of three linear numbers"),
+         "base_color: '#12' is not a color; write '#rrggbb', or a list of three linear numbers"),
         ("base_color = {procedure = 'marbel'}", "base_color.procedure: 'marbel' is not one of "
          "checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley; "
          "did you mean 'marble'?"),
         ("base_color = {procedure = 'marble', sed = 1}",
          "base_color.sed: unknown key of marble; did you mean 'seed'?"),
         ("base_color = {procedure = 'marble', seed = 'x'}",
-         "base_color.seed: 'x' is no whole number; give one such as 7"),
+         "base_color.seed: 'x' is not a whole number; give one such as 7"),
         ("base_color = {procedure = 'marble', space = 'eye'}",
          "base_color.space: 'eye' is not one of object, world, uv"),
         ("normal_map = {texture = 'gray.png', convention = 'gl'}",
@@ -399,7 +399,7 @@ def test_wrong_materials(folder, text, message):
         ("shape = 'cube'\nscale = [1, 1, 0]",
          "scale: it is singular and flattens the object; stretch none by 0"),
         ("shape = 'cube'\nmatrix = [1, 2]",
-         "matrix: [1, 2] is not 16 numbers, row by row, nor the name of a file of them"),
+         "matrix: [1, 2] is neither 16 numbers, row by row, nor a file of them"),
         ("shape = 'cube'\nmatrix = [1, 2, 3, 0, 4, 5, 6, 0, 7, 8, 9, 0, 0, 0, 0, 1]",
          "matrix: it is singular and flattens the object; stretch none by 0"),
         ("shape = 'cube'\nmatrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1]",

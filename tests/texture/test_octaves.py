@@ -111,5 +111,5 @@ def test_bad_widths_are_no_widths(points):
 
 
 def test_signed_sums_check_their_parameters():
-    with pytest.raises(ValueError, match=r"fractal\.octave: it is no parameter"):
+    with pytest.raises(ValueError, match=r"fractal\.octave: it is not a parameter"):
         fractal_sum([[0.0, 0.0, 0.0]], octave=3)

@@ -29,8 +29,15 @@ from texbake.rendering.scene.file.faults import (
     place_of,
     shown,
 )
-from texbake.rendering.scene.file.tables import Table, list_of
+from texbake.rendering.scene.file.tables import (
+    FileSchema,
+    Table,
+    described,
+    file_schema,
+    list_of,
+)
 from texbake.rendering.scene.file.values import Text
+from texbake.schema import JsonSchema
 
 FOLDER = "build"
 
@@ -269,20 +276,55 @@ Word = Annotated[str, BeforeValidator(_word)]
 AssetTable: type[Table] = create_model(
     "Asset",
     __base__=Table,
-    name=(Text, None),
-    inputs=(dict[Word, References], None),
-    steps=(References, None),
-    options=(dict[str, dict[str, Any]], None),
+    __doc__="One asset, or one for each file that its first input matches.",
+    name=(described(Text, "Name of the asset; may hold names in braces."), None),
+    inputs=(
+        described(dict[Word, References], "Files of the asset by name, as paths or patterns."),
+        None,
+    ),
+    steps=(described(References, "Steps that are wanted; without it, all."), None),
+    options=(
+        described(
+            dict[str, dict[str, Any]], "Options of steps that differ for this asset, by step."
+        ),
+        None,
+    ),
 )
 PipelineTable: type[Table] = create_model(
     "PipelineFile",
     __base__=Table,
-    folder=(Text, None),
-    store=(Text, None),
-    outputs=(Text, None),
-    assets=(list_of(AssetTable, _some), ...),
+    __doc__="A pipeline: its assets, and the steps that each of them goes through.",
+    folder=(described(Text, f"Folder of what is built; without it, {FOLDER}."), None),
+    store=(described(Text, "Folder or URL of stored results."), None),
+    outputs=(described(Text, "Folder or URL of published outputs."), None),
+    assets=(described(list_of(AssetTable, _some), "The assets to build."), ...),
     steps=(
-        Annotated[dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_known_kinds)],
+        described(
+            Annotated[
+                dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_known_kinds)
+            ],
+            "The steps by name.",
+        ),
         Field(default=...),
     ),
 )
+
+
+def pipeline_schema() -> JsonSchema:
+    """JSON Schema of pipeline files, draft 2020-12, for editors to complete and check them by.
+
+    Returns
+    -------
+    dict
+        Plain values, for `json.dumps`.
+    """
+    schema = file_schema(PipelineTable, "texbake pipeline")
+    kinds = []
+    for kind in STEP_KINDS.values():
+        step = kind.model.model_json_schema(schema_generator=FileSchema)
+        step["description"] = f"{kind.does[:1].upper()}{kind.does[1:]}."
+        step["properties"]["do"] = {"const": kind.name, "description": step["description"]}
+        step["required"] = sorted({"do", *step.get("required", ())})
+        kinds.append(step)
+    schema["properties"]["steps"]["additionalProperties"] = {"oneOf": kinds}
+    return schema

@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, WithJsonSchema
 
 from texbake.errors import OptionError
 from texbake.progress import StageRecord
 from texbake.rendering.scene.file.faults import fault, shown
-from texbake.rendering.scene.file.tables import Table, table
+from texbake.rendering.scene.file.tables import Table, described, table
 from texbake.rendering.scene.file.values import Text
 
 Settings = dict[str, Any]
@@ -146,8 +146,20 @@ class StepKind:
     model: type[Table] = field(init=False)
 
     def __post_init__(self) -> None:
-        roles = {role.name: References if role.many else Text for role in self.inputs}
-        common = {"do": Text, "after": References, "output": Text}
+        roles = {
+            role.name: described(
+                References if role.many else Text,
+                "Inputs of the asset, or outputs of other steps."
+                if role.many
+                else "An input of the asset, or an output of another step.",
+            )
+            for role in self.inputs
+        }
+        common = {
+            "do": described(Text, "What the step does."),
+            "after": described(References, "Steps that must have succeeded before."),
+            "output": described(Text, "Names of the files that are published, as a pattern."),
+        }
         model = table(
             self.options,
             name=self.name,
@@ -211,7 +223,12 @@ def _references(value: Any) -> Any:
     return names
 
 
-References = Annotated[list[str], BeforeValidator(_references)]
+_NAME = {"type": "string"}
+References = Annotated[
+    list[str],
+    BeforeValidator(_references),
+    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
+]
 
 
 def check_format(value: object, known: tuple[str, ...]) -> None:

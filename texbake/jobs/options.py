@@ -1,80 +1,71 @@
-"""Every choice of the whole job and of the demo, with its default, written once."""
+"""Every option of the whole job and of the demo, with its default."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-from texbake.baking.options import BakeOptions
-from texbake.errors import OptionError
+from texbake.baking.options import (
+    CONVENTIONS,
+    PADDING_OPTION,
+    THREADS_OPTION,
+    BakeOptions,
+)
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
-from texbake.rendering.options import RenderOptions, Rgb
-
-View = tuple[float, float] | tuple[float, float, float | None]
+from texbake.mapping.options.texture import Size
+from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
+from texbake.rendering.options import RenderOptions, Rgb, View
+from texbake.schema import CheckedOptions, Option, option
 
 DEMO_FOLDER = "texbake_demo"
-DEFAULT_SAMPLES = 4  # rays a texel where nothing else is asked for
+DEFAULT_SAMPLES = 4  # rays per texel where no error and no time is given
 MIN_TRIANGLES = 1000  # an orange of fewer has no pores
-_PICTURE_SIZE = 720  # pixels a side of each picture
+_PICTURE_SIZE = 720  # pixels per side of each picture
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions:
-    """What `run` does where the caller does not say otherwise.
+class RunOptions(CheckedOptions):
+    """How `run` goes from a high-poly mesh to a finished asset.
 
-    Attributes
-    ----------
-    n_faces : int
-        Triangles of the light mesh, at most.
-    quality : str
-        How the mesh is made lighter: `fast`, or `best` for better and slower.
-    size : int or (int, int)
-        Texels of the maps, a side, or (width, height).
-    padding : int
-        Texels around each chart that repeat its edge; the atlas leaves room for them.
-    samples : int or str, optional
-        Rays a texel: 1, 4, 16, 64, or `adaptive`. None: 4, or adaptive where an error or a time is
-        asked for.
-    max_error, time_budget : optional
-        Of the maps; as in `BakeOptions`.
-    convention : str
-        Green channel of the normal map: `opengl` or `directx`. That inside the GLB file is always
-        OpenGL, because glTF asks for it.
-    view : (azimuth, elevation) or (azimuth, elevation, distance)
-        Of the pictures; see `RenderOptions`.
-    up : str
-        The axis of the world that is up in the pictures: `y` or `z`.
-    base_color : (r, g, b)
-        Of the mesh in the pictures and in the GLB file, sRGB-coded in [0, 1].
-    threads : int, optional
-        None: every processor.
+    The normal map inside the GLB file is always OpenGL's, because glTF demands it. The base color
+    is sRGB-coded.
     """
 
-    n_faces: int = 500
-    quality: str = DEFAULT_QUALITY
-    size: int | tuple[int, int] = 2048
-    padding: int = 8
-    samples: int | str | None = None
-    max_error: str | None = None
-    time_budget: str | float | None = None
-    convention: str = "opengl"
-    view: View = RenderOptions.view
-    up: str = RenderOptions.up
-    base_color: Rgb = RenderOptions.base_color
-    threads: int | None = None
+    n_faces: Annotated[int, option(SimplifyOptions, "n_faces")] = 500
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+    size: Annotated[Size, option(BakeOptions, "size")] = 2048
+    padding: Annotated[int, PADDING_OPTION] = 8
+    samples: Annotated[
+        int | str | None,
+        replace(
+            option(BakeOptions, "samples"),
+            default=f"{DEFAULT_SAMPLES}, or adaptive with an error or a time",
+        ),
+    ] = None
+    max_error: Annotated[str | None, option(BakeOptions, "max_error")] = None
+    time_budget: Annotated[str | float | None, option(BakeOptions, "time_budget")] = None
+    convention: Annotated[
+        str,
+        Option(
+            "Green channel of the normal map: +Y up (opengl) or +Y down (directx); in the GLB "
+            "file it is always opengl.",
+            choices=CONVENTIONS,
+        ),
+    ] = "opengl"
+    view: Annotated[View, option(RenderOptions, "view")] = RenderOptions.view
+    up: Annotated[str, option(RenderOptions, "up")] = RenderOptions.up
+    base_color: Annotated[Rgb, option(RenderOptions, "base_color")] = RenderOptions.base_color
+    threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
-        if self.n_faces < MIN_FACES:
-            raise OptionError(f"faces: {self.n_faces} is too few; it must be at least {MIN_FACES}")
-        if self.quality not in QUALITIES:
-            raise OptionError(f"quality: {self.quality} is not one of {', '.join(QUALITIES)}")
+        super().__post_init__()
         # These check their values, now and not when half of the work is done.
         self.unwrap_options()
         self.bake_options()
         self.render_options()
 
     def unwrap_options(self) -> UnwrapOptions:
-        """Return how the light mesh gets its texture coordinates."""
+        """Return how the low-poly mesh gets its texture coordinates."""
         return UnwrapOptions(size=self.size, padding=self.padding)
 
     def bake_options(self) -> BakeOptions:
@@ -110,31 +101,23 @@ class RunOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemoOptions:
-    """What `demo` does where the caller does not say otherwise.
+class DemoOptions(CheckedOptions):
+    """How large the meshes and maps of `demo` are."""
 
-    Attributes
-    ----------
-    triangles : int
-        Of the dense mesh, about.
-    faces : int
-        Triangles of the light mesh.
-    size : int or (int, int)
-        Texels of the maps.
-    threads : int, optional
-        None: every processor.
-    """
-
-    triangles: int = 1_000_000
-    faces: int = RunOptions.n_faces
-    size: int | tuple[int, int] = RunOptions.size
-    threads: int | None = None
+    triangles: Annotated[
+        int,
+        Option(
+            "Approximate number of triangles of the high-poly mesh.", metavar="N", low=MIN_TRIANGLES
+        ),
+    ] = 1_000_000
+    faces: Annotated[
+        int, Option("Number of triangles of the low-poly mesh.", metavar="N", low=MIN_FACES)
+    ] = RunOptions.n_faces
+    size: Annotated[Size, option(BakeOptions, "size")] = RunOptions.size
+    threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
-        if self.triangles < MIN_TRIANGLES:
-            raise OptionError(
-                f"triangles: {self.triangles} is too few; it must be at least {MIN_TRIANGLES}"
-            )
+        super().__post_init__()
         self.run_options()
 
     def run_options(self) -> RunOptions:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from texbake.errors import OptionError
+from texbake.schema import CheckedOptions, Option
 
 # opengl: faces as OpenGL, Vulkan, Direct3D, KTX and glTF look them up, and so mirrored left to
 # right to an eye inside. inside: as such an eye sees them, or a camera takes them.
@@ -24,39 +25,42 @@ FACE_NAMES = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class CubeOptions:
-    """Options of converting between a latitude-longitude image and a cube map.
+class CubeOptions(CheckedOptions):
+    """How a latitude-longitude image and a cube map are converted into one another."""
 
-    Attributes
-    ----------
-    layout : str, optional
-        `latlong`, `cross` or `faces`, what to write. None: faces where the output is a folder; as
-        one image a cross of a latlong, and a latlong of the rest.
-    size : int, optional
-        Texels along one side of a face, or rows of a latlong; None: as fine as the source.
-    convention : str
-        Of the faces that are read or written: `opengl`, as graphics APIs look them up and mirrored
-        to an eye inside, or `inside`, as that eye sees them.
-    color : bool
-        Whether integer codes are sRGB colors, or data.
-    format : str, optional
-        Of six faces, such as `exr`; None: the source's, or png.
-    """
-
-    layout: str | None = None
-    size: int | None = None
-    convention: str = "opengl"
-    color: bool = True
-    format: str | None = None
-
-    def __post_init__(self) -> None:
-        for name, value, known in (
-            ("layout", self.layout, (None, *LAYOUTS)),
-            ("convention", self.convention, CONVENTIONS),
-            ("format", self.format, (None, *FACE_FORMATS)),
-        ):
-            if value not in known:
-                words = ", ".join(filter(None, known))
-                raise OptionError(f"{name}: {value!r} is not known; it is one of {words}")
-        if self.size is not None and self.size < 1:
-            raise OptionError(f"size: {self.size} is too small; it must be at least 1")
+    layout: Annotated[
+        str | None,
+        Option(
+            "Write a latitude-longitude image, a cross of six faces, or six files.",
+            choices=LAYOUTS,
+            default="faces into a folder; else a cross of a latlong, a latlong of faces",
+        ),
+    ] = None
+    size: Annotated[
+        int | None,
+        Option(
+            "Width of a face, or height of a latitude-longitude image.",
+            metavar="PX",
+            low=1,
+            unit="texels",
+            default="as fine as the source",
+        ),
+    ] = None
+    convention: Annotated[
+        str,
+        Option(
+            "Faces as graphics APIs look them up, which is mirrored (opengl), or as the eye sees "
+            "them from inside.",
+            choices=CONVENTIONS,
+        ),
+    ] = "opengl"
+    color: Annotated[
+        bool,
+        Option("Treat integer values as sRGB colors, or as data.", flag="--color/--data"),
+    ] = True
+    format: Annotated[
+        str | None,
+        Option(
+            "File format of the six faces.", choices=FACE_FORMATS, default="the source's, or png"
+        ),
+    ] = None

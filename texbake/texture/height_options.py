@@ -1,89 +1,76 @@
-"""Every choice of making normals from heights and heights from normals, with its default."""
+"""Every option of turning heights into normals and normals into heights, with its default."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from texbake.errors import OptionError
+from texbake.schema import CheckedOptions, Option
 
 DERIVATIVES = ("central", "sobel", "scharr")
 METHODS = ("frankot-chellappa", "poisson")
 WRAPS = ("repeat", "clamp")
 CONVENTIONS = ("opengl", "directx")
-DEFAULT_SCALE = 0.05  # of heights that say nothing of themselves, in widths of the image
+DEFAULT_SCALE = 0.05  # of heights whose file has none, in widths of the image
+
+
+_WIDTH = Option(
+    "Width of the image in the unit of its heights; texels are square.", metavar="W", above=0
+)
+_WRAP = Option("Treat the image as tiling (repeat), or as ending at its border.", choices=WRAPS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeightToNormalOptions:
-    """What `height_to_normal` does where the caller does not say otherwise.
+class HeightToNormalOptions(CheckedOptions):
+    """How `height_to_normal` measures the slopes of heights.
 
-    Attributes
-    ----------
-    scale : float, optional
-        Height that a change of 1 in the values stands for, in the unit of `width`. None: what the
-        image says of itself, else `DEFAULT_SCALE`.
-    width : float
-        How wide the image is; texels are square, so that one is `width` / columns wide and high.
-    wrap : str
-        Beyond the border: `repeat` (the image tiles) or `clamp` (heights go on as they curve, so
-        that derivatives are one-sided there).
-    derivative : str
-        Differences over 3 x 3 texels: `central` takes two and blurs nothing; `sobel` (1 2 1) and
-        `scharr` (3 10 3) also average across their direction, which turns noise down; scharr's
-        depend least on the direction of a slope.
+    With `wrap="clamp"` derivatives at the border are one-sided. Of the 3 x 3 differences, scharr's
+    depend least on the direction of a slope.
     """
 
-    scale: float | None = None
-    width: float = 1.0
-    wrap: str = "repeat"
-    derivative: str = "central"
-
-    def __post_init__(self) -> None:
-        if self.scale is not None and not math.isfinite(self.scale):
-            raise OptionError(f"scale: {self.scale} is not a finite number")
-        _check_width(self.width)
-        _check_choice("wrap", self.wrap, WRAPS)
-        _check_choice("derivative", self.derivative, DERIVATIVES)
+    scale: Annotated[
+        float | None,
+        Option(
+            "Height that a change of 1 in the values means, in the unit of the width.",
+            metavar="S",
+            default=f"what the file says, else {DEFAULT_SCALE:g}",
+        ),
+    ] = None
+    width: Annotated[float, _WIDTH] = 1.0
+    wrap: Annotated[str, _WRAP] = "repeat"
+    derivative: Annotated[
+        str,
+        Option(
+            "Take differences of two texels (central), or average them over three rows against "
+            "noise (sobel, scharr).",
+            choices=DERIVATIVES,
+        ),
+    ] = "central"
 
 
 @dataclass(frozen=True, kw_only=True)
-class NormalToHeightOptions:
-    """What `normal_to_height` does where the caller does not say otherwise.
+class NormalToHeightOptions(CheckedOptions):
+    """How `normal_to_height` integrates slopes.
 
-    Attributes
-    ----------
-    method : str
-        `frankot-chellappa` takes slopes for those of a sum of waves, and so is exact for smooth
-        maps that tile; `poisson` takes heights whose steps from texel to texel fit the slopes best,
-        and so is exact for what curves evenly.
-    wrap : str
-        `repeat`: the map tiles, and so do the heights; `clamp`: it ends at its border.
-    width : float
-        How wide the image is, in the unit that heights come in.
-    convention : str, optional
-        Green channel of an image: `opengl` (+Y up) or `directx` (+Y down). None: what the image
-        says of itself, else `opengl`. Slopes that are left over tell a wrong one.
+    `frankot-chellappa` is exact for smooth maps that tile, and `poisson` for surfaces of even
+    curvature. Slopes that are left over reveal a wrong convention.
     """
 
-    method: str = "poisson"
-    wrap: str = "repeat"
-    width: float = 1.0
-    convention: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.convention is not None:
-            _check_choice("convention", self.convention, CONVENTIONS)
-        _check_choice("method", self.method, METHODS)
-        _check_choice("wrap", self.wrap, WRAPS)
-        _check_width(self.width)
-
-
-def _check_width(width: float) -> None:
-    if not 0.0 < width < math.inf:
-        raise OptionError(f"width: {width} is no length; it must be above 0")
-
-
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise OptionError(f"{name}: {value!r} is not one of {', '.join(choices)}")
+    method: Annotated[
+        str,
+        Option(
+            "Fit the steps from texel to texel (poisson), or a sum of waves that tile "
+            "(frankot-chellappa).",
+            choices=METHODS,
+        ),
+    ] = "poisson"
+    wrap: Annotated[str, _WRAP] = "repeat"
+    width: Annotated[float, _WIDTH] = 1.0
+    convention: Annotated[
+        str | None,
+        Option(
+            "Green channel of the normal map: +Y up (opengl) or +Y down (directx).",
+            choices=CONVENTIONS,
+            default="what the file says, else opengl",
+        ),
+    ] = None

@@ -1,43 +1,50 @@
-"""Every choice of packing textures, with its default."""
+"""Every option of packing textures, with its default."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from texbake.errors import OptionError
-from texbake.mapping.options.texture import MAX_SIZE
+from texbake.mapping.options.texture import MAX_SIZE, Size
+from texbake.schema import CheckedOptions, Option
 
 EDGES = ("clamp", "repeat")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PackOptions:
-    """What `pack_textures` does where the caller does not say otherwise.
+class PackOptions(CheckedOptions):
+    """How `pack_textures` puts several images into one."""
 
-    Attributes
-    ----------
-    size : int or (int, int), optional
-        Texels a side, or (width, height); images that do not fit are made smaller, all by the same
-        factor. None: the least area of sides that are powers of two into which all fit as they are.
-    padding : int
-        Texels around each image that go on as `edges` says, 0 or more.
-    edges : str
-        `clamp`: padding repeats the nearest texel; `repeat`: an image goes on at its other side,
-        for one that tiles.
-    """
-
-    size: int | tuple[int, int] | None = None
-    padding: int = 4
-    edges: str = "clamp"
-
-    def __post_init__(self) -> None:
-        if self.edges not in EDGES:
-            raise OptionError(f"edges: {self.edges!r} is not one of {', '.join(EDGES)}")
-        if not isinstance(self.padding, int) or not 0 <= self.padding < MAX_SIZE // 2:
-            raise OptionError(f"padding: {self.padding} is out of range; it must be 0 or more")
-        for side in self.sides or ():
-            if not isinstance(side, int) or not 1 <= side <= MAX_SIZE:
-                raise OptionError(f"size: {side} is out of range; it must be 1 to {MAX_SIZE}")
+    size: Annotated[
+        Size | None,
+        Option(
+            "Width and height of the whole; images that do not fit are all scaled down by the "
+            "same factor.",
+            metavar="PX|WxH",
+            low=1,
+            high=MAX_SIZE,
+            unit="texels",
+            default="the least powers of two that hold all images at full size",
+        ),
+    ] = None
+    padding: Annotated[
+        int,
+        Option(
+            "Width of the padding around each image.",
+            metavar="PX",
+            low=0,
+            high=MAX_SIZE // 2 - 1,
+            unit="texels",
+        ),
+    ] = 4
+    edges: Annotated[
+        str,
+        Option(
+            "Fill the padding with the nearest texels (clamp), or with the opposite side of an "
+            "image that tiles (repeat).",
+            choices=EDGES,
+        ),
+    ] = "clamp"
 
     @property
     def sides(self) -> tuple[int, int] | None:

@@ -1,55 +1,71 @@
-"""Choices of a bake of many parts, without loading what bakes them."""
+"""Options of a bake of many parts, without loading what bakes them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from texbake.errors import OptionError
+from texbake.schema import CheckedOptions, Option
 
 OCCLUDERS = ("all", "match")
 TEXTURE_SETS = ("none", "groups", "materials")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartsOptions:
-    """How the parts of an asset are told apart and put together.
+class PartsOptions(CheckedOptions):
+    """How the parts of an asset are matched and baked together."""
 
-    Attributes
-    ----------
-    match_by_name : bool
-        Parts of the light meshes see only the dense parts of their name.
-    high_suffix, low_suffix : str
-        What the names of dense and of light parts end with; case is ignored.
-    occluders : str
-        What rays of `ao`, `bent-normal` and `thickness` meet: `all` parts, or the `match` alone.
-    texture_sets : str
-        Which faces of the light meshes get maps of their own: `none`, each of their `groups` (where
-        names are matched, each part), or each of their `materials`.
-    udim : bool
-        Bake every tile that charts lie in, 1001 and on, and not the first alone.
-    """
-
-    match_by_name: bool = False
-    high_suffix: str = "_high"
-    low_suffix: str = "_low"
-    occluders: str = "all"
-    texture_sets: str = "none"
-    udim: bool = False
+    match_by_name: Annotated[
+        bool,
+        Option(
+            "Bake each part only from the high-poly parts of its name: body_low from body_high, "
+            "body_high_01, ...; parts are groups of the meshes, or files, and names with _ignore "
+            "are left out."
+        ),
+    ] = False
+    high_suffix: Annotated[
+        str,
+        Option(
+            "Ending of the names of high-poly parts, in upper or lower case; a number may follow.",
+            metavar="WORD",
+        ),
+    ] = "_high"
+    low_suffix: Annotated[
+        str,
+        Option("Ending of the names of low-poly parts, in upper or lower case.", metavar="WORD"),
+    ] = "_low"
+    occluders: Annotated[
+        str,
+        Option(
+            "Parts that occlude a matched part in ao, bent-normal and thickness: all high-poly "
+            "parts, or only its match.",
+            choices=OCCLUDERS,
+        ),
+    ] = "all"
+    texture_sets: Annotated[
+        str,
+        Option(
+            "Bake separate maps for each group of the low-poly meshes (with matched names, each "
+            "part), or for each of their materials.",
+            choices=TEXTURE_SETS,
+        ),
+    ] = "none"
+    udim: Annotated[
+        bool, Option("Bake every UDIM tile that charts lie in, and not only tile 1001.")
+    ] = False
 
     def __post_init__(self) -> None:
-        for name, choices in (("occluders", OCCLUDERS), ("texture_sets", TEXTURE_SETS)):
-            if getattr(self, name) not in choices:
-                known = ", ".join(choices)
-                raise OptionError(f"{name}: {getattr(self, name)} is not one of {known}")
+        super().__post_init__()
         if not self.match_by_name:
             for name in ("high_suffix", "low_suffix", "occluders"):
                 if getattr(self, name) != getattr(PartsOptions, name):
                     raise OptionError(
-                        f"{name}: is for parts that are matched by their names; "
-                        "ask for that too (match_by_name)"
+                        f"{name}: this is for parts that are matched by name; give "
+                        "`match_by_name=True` as well"
                     )
             return
         if not self.high_suffix or not self.low_suffix:
-            raise OptionError("high_suffix, low_suffix: neither may be empty; give such as _high")
+            raise OptionError("high_suffix, low_suffix: neither may be empty; use such as _high")
         if self.high_suffix.lower() == self.low_suffix.lower():
-            raise OptionError("high_suffix, low_suffix: both are the same; parts have to differ")
+            raise OptionError("high_suffix, low_suffix: both are the same; they have to differ")

@@ -1,46 +1,43 @@
-"""Every choice of a texture bake, with its default: once for the API and the command line."""
+"""Options of texture bakes: solid procedures, and photographs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
-from texbake.baking.options import BakeOptions
+from texbake.baking.options import (
+    FILLS,
+    PADDING_OPTION,
+    SAMPLES,
+    THREADS_OPTION,
+    BakeOptions,
+)
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.texture import TextureOptions
-from texbake.texture.procedures.options import checked_parameters
+from texbake.schema import Option
+from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters
 
 Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextureBakeOptions(TextureOptions):
-    """What every texture bake does where the caller does not say otherwise.
+    """What every texture bake can be asked for."""
 
-    Attributes
-    ----------
-    samples : int
-        Samples a texel, averaged: 1, 4, 16 or 64.
-    padding : int
-        Texels around each chart filled from the nearest texel of the chart.
-    fill : str
-        What fills the rest, and texels of charts without a color of their own: `push-pull`, a
-        smooth continuation of what lies around them in the texture, or `none`, black.
-    threads : int, optional
-        None: every processor.
-    """
-
-    samples: int = 4
-    padding: int = AtlasOptions.padding
-    fill: str = "push-pull"
-    threads: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.for_bake  # checks them
+    samples: Annotated[int, Option("Samples per texel, averaged.", choices=SAMPLES)] = 4
+    padding: Annotated[int, PADDING_OPTION] = AtlasOptions.padding
+    fill: Annotated[
+        str,
+        Option(
+            "Fill texels without a color of their own smoothly with the colors around them "
+            "(push-pull), or leave them black (none).",
+            choices=FILLS,
+        ),
+    ] = "push-pull"
+    threads: Annotated[int | None, THREADS_OPTION] = None
 
     @property
     def for_bake(self) -> BakeOptions:
@@ -56,32 +53,41 @@ class TextureBakeOptions(TextureOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class SolidOptions(TextureBakeOptions):
-    """What `bake_solid` does where the caller does not say otherwise.
+    """How `bake_solid` evaluates a procedure over the surface.
 
-    Attributes
-    ----------
-    procedure : str
-        One of `texbake.texture.procedures.options.PROCEDURE_NAMES`.
-    parameters : mapping
-        What the procedure takes beyond its point; defaults stand for what is left out.
-    scale : float or (x, y, z), optional
-        Positions of the mesh are multiplied by it. None: as much as makes the longest side of its
-        bounding box 2 long, so that every model has as much detail as a sphere of radius 1.
-    colors : tuple of (r, g, b), optional
-        Linear colors of a ramp from value 0 to value 1, evenly spaced. None: the procedure's own.
+    Without a `scale` the longest side of the mesh's bounding box becomes 2 long, so that every
+    model has as much detail as a sphere of radius 1. Colors are linear.
     """
 
-    procedure: str = "marble"
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    scale: float | tuple[float, float, float] | None = None
-    colors: tuple[Rgb, ...] | None = None
+    procedure: Annotated[
+        str,
+        Option("Procedure to evaluate at the points of the mesh.", choices=PROCEDURE_NAMES),
+    ] = "marble"
+    parameters: Annotated[
+        Mapping[str, Any], Option("Parameters of the procedure.", default="the procedure's own")
+    ] = field(default_factory=dict)
+    scale: Annotated[
+        float | tuple[float, float, float] | None,
+        Option(
+            "Factor that positions are multiplied by.",
+            metavar="S[,SY,SZ]",
+            default="2 / the longest side of the mesh",
+        ),
+    ] = None
+    colors: Annotated[
+        tuple[Rgb, ...] | None,
+        Option(
+            "Colors of a ramp from value 0 to value 1, evenly spaced.",
+            metavar="#RRGGBB,...",
+            default="the procedure's own",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         checked_parameters(self.procedure, self.parameters)
-        scale = self.scale if isinstance(self.scale, tuple) else (self.scale or 1.0,) * 3
-        if self.scale == 0.0 or len(scale) != 3 or not all(map(math.isfinite, scale)):
-            raise OptionError(f"scale: {self.scale} is neither a number but 0 nor three numbers")
+        if self.scale == 0.0:
+            raise OptionError("scale: 0 leaves nothing; give another number, or three")
         if self.colors is not None and not (
             self.colors
             and all(len(color) == 3 and all(map(math.isfinite, color)) for color in self.colors)
@@ -91,39 +97,55 @@ class SolidOptions(TextureBakeOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoOptions(TextureBakeOptions):
-    """What `bake_photos` does where the caller does not say otherwise.
+    """How `bake_photos` projects and blends photographs.
 
-    Attributes
-    ----------
-    max_angle : float
-        Degrees between the surface's normal and the direction to a projector from which on its
-        photograph counts nothing; above 0 and at most 90.
-    falloff : float
-        Power of how fast its weight falls from 1, seen straight on, to 0 at `max_angle`; 0: all
-        that is seen counts alike.
-    feather : float
-        Share of the width and height of a photograph over which its weight falls to 0 towards its
-        border; 0 to 0.5.
-    occlusion : bool
-        Leave out what other parts of the mesh hide from a projector.
-    margin : float
-        Pixels of a photograph about the outline of what stands before others, within which those
-        are taken for hidden too; 0 to 64.
+    The weight of a photograph falls from 1, where the surface faces the camera, to 0 at
+    `max_angle`, by the power `falloff`; a power of 0 weights all that is seen alike.
     """
 
-    max_angle: float = 80.0
-    falloff: float = 2.0
-    feather: float = 0.05
-    occlusion: bool = True
-    margin: float = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0.0 < self.max_angle <= 90.0:
-            raise OptionError(f"max-angle: {self.max_angle} degrees are not above 0 and at most 90")
-        if not 0.0 <= self.falloff <= 64.0:
-            raise OptionError(f"falloff: {self.falloff} is out of range; it must be 0 to 64")
-        if not 0.0 <= self.feather <= 0.5:
-            raise OptionError(f"feather: {self.feather} is out of range; it must be 0 to 0.5")
-        if not 0.0 <= self.margin <= 64.0:
-            raise OptionError(f"margin: {self.margin} pixels are out of range; it must be 0 to 64")
+    max_angle: Annotated[
+        float,
+        Option(
+            "Angle between the surface and the view from which on a photograph has no weight.",
+            metavar="DEG",
+            above=0,
+            high=90,
+            unit="degrees",
+        ),
+    ] = 80.0
+    falloff: Annotated[
+        float,
+        Option(
+            "Power by which the weight of a photograph falls up to that angle.",
+            metavar="P",
+            low=0,
+            high=64,
+        ),
+    ] = 2.0
+    feather: Annotated[
+        float,
+        Option(
+            "Share of the width and height of a photograph over which its weight falls to 0 at "
+            "the border.",
+            metavar="SHARE",
+            low=0,
+            high=0.5,
+        ),
+    ] = 0.05
+    occlusion: Annotated[
+        bool,
+        Option(
+            "Leave out what other parts of the mesh hide from the camera.",
+            flag="--occlusion/--no-occlusion",
+        ),
+    ] = True
+    margin: Annotated[
+        float,
+        Option(
+            "Pixels around the outline of what hides something that are left out as well.",
+            metavar="PX",
+            low=0,
+            high=64,
+            unit="pixels",
+        ),
+    ] = 1.0

@@ -1,14 +1,15 @@
-"""Every choice of an unwrap, with its default, written once for the API and the command line."""
+"""Every option of `unwrap`, with its default."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import AtlasOptions
-from texbake.mapping.options.checks import check_choice
 from texbake.mapping.options.projection import ProjectionOptions
 from texbake.mapping.options.transform import TransformOptions
+from texbake.schema import Option
 
 # The methods, and which options each of them reads beside those that all share.
 METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
@@ -35,35 +36,41 @@ _OF_SOME_METHODS = {name for names in METHOD_OPTIONS.values() for name in names}
 
 @dataclass(frozen=True, kw_only=True)
 class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
-    """What `unwrap` does where the caller does not say otherwise.
+    """How `unwrap` gives a mesh texture coordinates.
 
-    Further attributes are those of `ProjectionOptions`, `TransformOptions` and `AtlasOptions`. One
-    that the method does not read must keep its default.
-
-    Attributes
-    ----------
-    method : str
-        `atlas` for charts of little stretch, or a classical mapping.
-    keep : bool
-        Atlas: leave the mesh's own coordinates as charts and only pack them.
-    only : str, optional
-        Name of the one group of faces to map; the others keep what they have.
+    An option that the method does not read must keep its default.
     """
 
-    method: str = "atlas"
-    keep: bool = False
-    only: str | None = None
+    method: Annotated[
+        str,
+        Option(
+            "How the coordinates are made: an atlas of charts with little stretch, or a "
+            "classical mapping.",
+            choices=METHODS,
+        ),
+    ] = "atlas"
+    keep: Annotated[
+        bool,
+        Option("Keep the coordinates that the mesh has as charts, and only pack them."),
+    ] = False
+    only: Annotated[
+        str | None,
+        Option(
+            "Map the faces of this group and leave all others as they are.",
+            metavar="GROUP",
+            default="all faces",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("method", self.method, METHODS)
         read = METHOD_OPTIONS[self.method]
         for field in fields(self):
             unread = field.name in _OF_SOME_METHODS and field.name not in read
             if unread and getattr(self, field.name) != field.default:
                 raise OptionError(f"{field.name}: the method {self.method} does not use it")
         if self.via == "reflection" and self.eye is None:
-            raise OptionError("eye: a reflection needs it; give the point that looks, X,Y,Z")
+            raise OptionError("eye: a reflection needs it; give the point that it is seen from")
         if self.eye is not None and self.via != "reflection":
             raise OptionError(f"eye: via {self.via} does not use it")
         if self.method == "two-part":
@@ -76,8 +83,10 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             and (self.warp is not None or self.scales != (1.0, 1.0))
         ):
             raise OptionError(
-                "texel_density: an atlas is packed at it, and a warp or scale would change it again"
+                "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
         for name in "max_stretch", "timeout":
             if self.keep and getattr(self, name) is not None:
-                raise OptionError(f"{name}: charts that are kept are not cut; give one of them")
+                raise OptionError(
+                    f"{name}: charts that are kept are not cut; leave it out, or `keep`"
+                )

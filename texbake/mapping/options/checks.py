@@ -1,4 +1,4 @@
-"""Checks that the options of mappings share: words of a few, and tuples of finite numbers."""
+"""Checks of directions and ranges, and the types of vectors and matrices."""
 
 from __future__ import annotations
 
@@ -10,25 +10,6 @@ from texbake.errors import OptionError
 
 Vector = tuple[float, float, float]
 Matrix = tuple[tuple[float, float, float, float], ...]
-
-
-class CheckedOptions:
-    """Base of options that check themselves; here the chain of checks ends."""
-
-    def __post_init__(self) -> None:
-        """Check nothing."""
-
-
-def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
-    """Raise `OptionError` unless the value is one of the words."""
-    if value not in choices:
-        raise OptionError(f"{name}: {value} is not one of {', '.join(choices)}")
-
-
-def check_number(name: str, value: object) -> None:
-    """Raise `OptionError` unless the value is a finite number."""
-    if not (isinstance(value, Real) and math.isfinite(value)):
-        raise OptionError(f"{name}: {value!r} is not a finite number")
 
 
 def check_numbers(name: str, values: object, n_values: int) -> None:
@@ -50,10 +31,8 @@ def check_direction(name: str, values: object) -> None:
         raise OptionError(f"{name}: {values!r} has no length; give a direction such as 0,0,1")
 
 
-def check_interval(name: str, values: object) -> None:
-    """Raise `OptionError` unless the value is two finite numbers whose difference is usable."""
-    check_numbers(name, values, 2)
-    assert isinstance(values, Sequence)
+def check_interval(name: str, values: Sequence[float]) -> None:
+    """Raise `OptionError` unless two finite numbers differ by a usable length."""
     length = abs(values[1] - values[0])
     # Below one rounding of its ends, a range has no points between them to tell apart.
     if not (length > 2.0**-52 * max(map(abs, values)) and 1e-300 < length < math.inf):

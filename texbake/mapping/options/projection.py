@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.mapping.options.checks import (
-    CheckedOptions,
     Matrix,
     Vector,
-    check_choice,
     check_direction,
     check_interval,
     check_numbers,
 )
+from texbake.schema import CheckedOptions, Option
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 FITS = ("bounds", "pca")
@@ -23,114 +22,158 @@ SURFACES = ("plane", "cylinder", "sphere", "box")
 VIAS = ("surface-normal", "object-normal", "centroid", "reflection")
 UNSEEN = ("aside", "project")
 
+_BOX = "the middle of the bounding box"
+
 
 @dataclass(frozen=True, kw_only=True)
 class ProjectionOptions(CheckedOptions):
     """Where a classical mapping has its plane, axis, center or projector.
 
-    Lengths are in model units, angles in degrees.
-
-    Attributes
-    ----------
-    axis : str or (x, y, z), optional
-        Direction that a plane is seen from, or that a cylinder or sphere turns about: `x`, `y`,
-        `z` or any vector. None: `z` for planes, `y` else.
-    normal : (x, y, z), optional
-        Of the plane, instead of `axis`.
-    fit : str
-        Plane: `bounds` keeps the axes of the model, `pca` lies along the two directions in which
-        its points spread most, or turns within the plane where an axis or normal is given.
-    sides : bool
-        Plane: put the faces that look away beside the others, so that none is mirrored.
-    center : (x, y, z), optional
-        A point of the axis, or the middle of the sphere or box. None: the middle of the bounding
-        box.
-    theta : (float, float)
-        Angles about the axis that become s = 0 and s = 1. Angle 0 is the model's front (+z about
-        `y`, +x about `z`, +y about `x`), and angles grow counter-clockwise seen from where the
-        axis points to.
-    height : (float, float), optional
-        Cylinder: heights along the axis, measured from the center, that become t = 0 and t = 1.
-        None: from the lowest to the highest corner.
-    caps : bool
-        Cylinder: map faces that look along the axis by a plane, beside the side.
-    overlap : bool
-        Box: let all six planes share the whole square, for textures that tile.
-    surface : str
-        Two-part: what the texture is put on first.
-    via : str
-        Two-part: what leads from a point of the object to that surface.
-    eye : (x, y, z), optional
-        Two-part: where the reflection is seen from.
-    camera : (azimuth, elevation) or (azimuth, elevation, distance), optional
-        Projector: where it stands, as the view of a preview. None: 0, 0.
-    fov : float
-        Projector: its vertical field of view.
-    matrix : 4 rows of 4 numbers, optional
-        Projector: takes (x, y, z, 1) to (s, t, r, q), instead of `camera`.
-    unseen : str
-        Projector: faces that look away or are hidden are put `aside`, one tile to the left, or get
-        what they `project` to.
-    linear : (au, bu, cu, av, bv, cv)
-        Parametric: s = au u + bu v + cu and t = av u + bv v + cv.
+    Angle 0 about an axis is the model's front (+z about `y`, +x about `z`, +y about `x`), and
+    angles grow counter-clockwise as seen from where the axis points to. `fit="pca"` turns a plane
+    into the two directions in which the points of the model spread most; where an axis or a normal
+    is given, it only turns within the plane.
     """
 
-    axis: str | Vector | None = None
-    normal: Vector | None = None
-    fit: str = "bounds"
-    sides: bool = False
-    center: Vector | None = None
-    theta: tuple[float, float] = (-180.0, 180.0)
-    height: tuple[float, float] | None = None
-    caps: bool = False
-    overlap: bool = False
-    surface: str = "cylinder"
-    via: str = "centroid"
-    eye: Vector | None = None
-    camera: tuple[float, float] | tuple[float, float, float | None] | None = None
-    fov: float = 35.0
-    matrix: Matrix | None = None
-    unseen: str = "aside"
-    linear: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    axis: Annotated[
+        str | Vector | None,
+        Option(
+            "Direction that a plane faces, or axis of a cylinder or sphere.",
+            metavar="X,Y,Z",
+            choices=tuple(AXES),
+            default="z for a plane, y for a cylinder or sphere",
+        ),
+    ] = None
+    normal: Annotated[
+        Vector | None,
+        Option(
+            "Planar: normal of the plane, instead of an axis.",
+            metavar="X,Y,Z",
+            default="the axis",
+        ),
+    ] = None
+    fit: Annotated[
+        str,
+        Option(
+            "Planar: align the plane with the model's axes (bounds), or with the directions in "
+            "which its points spread most (pca).",
+            choices=FITS,
+        ),
+    ] = "bounds"
+    sides: Annotated[
+        bool,
+        Option("Planar: put faces that look away beside the others, so that none is mirrored."),
+    ] = False
+    center: Annotated[
+        Vector | None,
+        Option(
+            "Center of the sphere or box, or a point on the axis of the cylinder.",
+            metavar="X,Y,Z",
+            unit="model units",
+            default=_BOX,
+        ),
+    ] = None
+    theta: Annotated[
+        tuple[float, float],
+        Option("Angles about the axis that become s = 0 and s = 1.", metavar="A,B", unit="degrees"),
+    ] = (-180.0, 180.0)
+    height: Annotated[
+        tuple[float, float] | None,
+        Option(
+            "Cylindrical: heights above the center that become t = 0 and t = 1.",
+            metavar="A,B",
+            unit="model units",
+            default="the lowest and the highest corner",
+        ),
+    ] = None
+    caps: Annotated[
+        bool,
+        Option("Cylindrical: map faces that look along the axis by a plane, beside the side."),
+    ] = False
+    overlap: Annotated[
+        bool,
+        Option("Box: let all six planes share the whole square, for textures that tile."),
+    ] = False
+    surface: Annotated[
+        str, Option("Two-part: the surface that the texture is put on first.", choices=SURFACES)
+    ] = "cylinder"
+    via: Annotated[
+        str,
+        Option("Two-part: the line from a point of the object to that surface.", choices=VIAS),
+    ] = "centroid"
+    eye: Annotated[
+        Vector | None,
+        Option(
+            "Two-part via reflection: the point that the reflection is seen from.",
+            metavar="X,Y,Z",
+            unit="model units",
+        ),
+    ] = None
+    camera: Annotated[
+        tuple[float, float] | tuple[float, float, float | None] | None,
+        Option(
+            "Projector: azimuth and elevation in degrees, and the distance in model units.",
+            metavar="AZ,EL[,DIST]",
+            default="0,0, in front",
+        ),
+    ] = None
+    fov: Annotated[
+        float,
+        Option(
+            "Projector: vertical field of view.",
+            metavar="DEG",
+            above=0,
+            below=180,
+            unit="degrees",
+        ),
+    ] = 35.0
+    matrix: Annotated[
+        Matrix | None,
+        Option(
+            "Projector: 4 x 4 numbers that take (x, y, z, 1) to (s, t, r, q), instead of a camera.",
+            metavar="FILE",
+        ),
+    ] = None
+    unseen: Annotated[
+        str,
+        Option(
+            "Projector: put faces that look away or are hidden one tile to the left (aside), or "
+            "project onto them as well.",
+            choices=UNSEEN,
+        ),
+    ] = "aside"
+    linear: Annotated[
+        tuple[float, float, float, float, float, float],
+        Option(
+            "Parametric: s = AU u + BU v + CU and t = AV u + BV v + CV.",
+            metavar="AU,BU,CU,AV,BV,CV",
+        ),
+    ] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.axis, str):
-            check_choice("axis", self.axis, tuple(AXES))
-        elif self.axis is not None:
+        if self.axis is not None and not isinstance(self.axis, str):
             check_direction("axis", self.axis)
         if self.normal is not None:
             check_direction("normal", self.normal)
             if self.axis is not None:
                 raise OptionError("normal: the axis says the same already; give one of them")
-        check_choice("fit", self.fit, FITS)
-        check_choice("surface", self.surface, SURFACES)
-        check_choice("via", self.via, VIAS)
-        check_choice("unseen", self.unseen, UNSEEN)
-        for name in "center", "eye":
-            if getattr(self, name) is not None:
-                check_numbers(name, getattr(self, name), 3)
         check_interval("theta", self.theta)
         if self.height is not None:
             check_interval("height", self.height)
-        check_numbers("linear", self.linear, 6)
         self._check_projector()
 
     def _check_projector(self) -> None:
         if self.camera is not None:
-            if not isinstance(self.camera, Sequence) or len(self.camera) not in (2, 3):
-                raise OptionError(f"camera: {self.camera} is not azimuth, elevation and distance")
-            check_numbers("camera", [v for v in self.camera if v is not None], len(self.camera))
             if self.matrix is not None:
                 raise OptionError("matrix: the camera says the same already; give one of them")
-            if len(self.camera) == 3 and not self.camera[2] > 0:  # type: ignore[operator]
-                raise OptionError(f"camera: the distance {self.camera[2]} must be above 0")
-        if not 0 < self.fov < 180 or not math.isfinite(self.fov):
-            raise OptionError(f"fov: {self.fov} degrees is out of range; above 0 and below 180")
+            distance = self.camera[2] if len(self.camera) == 3 else None
+            if distance is not None and not distance > 0:
+                raise OptionError(f"camera: the distance {distance} must be above 0")
         if self.matrix is not None:
             if self.fov != ProjectionOptions.fov:
                 raise OptionError("fov: the matrix has its own field of view; give one of them")
             if not isinstance(self.matrix, Sequence) or len(self.matrix) != 4:
-                raise OptionError("matrix: it has not 4 rows of 4 numbers")
+                raise OptionError("matrix: it must be 4 rows of 4 numbers")
             for row in self.matrix:
                 check_numbers("matrix", row, 4)

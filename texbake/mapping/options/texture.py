@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from texbake.errors import OptionError
-from texbake.mapping.options.checks import CheckedOptions
+from texbake.schema import CheckedOptions, Option
 
-MAX_SIZE = 16384  # texels a side: 2^14, so that what a bake counts in stays within its integers
+MAX_SIZE = 16384  # texels per side: 2^14, so that what a bake counts in stays within its integers
+
+Size = int | tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextureOptions(CheckedOptions):
-    """How large a texture is.
+    """How large a texture is."""
 
-    Attributes
-    ----------
-    size : int or (int, int)
-        Texels a side, or (width, height).
-    """
-
-    size: int | tuple[int, int] = 1024
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        sides = self.size if isinstance(self.size, tuple) else (self.size, self.size)
-        if len(sides) != 2 or not all(isinstance(side, int) for side in sides):
-            raise OptionError(f"size: {self.size!r} is neither a number nor (width, height)")
-        for length in sides:
-            if not 1 <= length <= MAX_SIZE:
-                raise OptionError(f"size: {length} is out of range; it must be 1 to {MAX_SIZE}")
+    size: Annotated[
+        Size,
+        Option(
+            "Width and height of the texture in texels: one number for both, or WxH.",
+            metavar="PX|WxH",
+            low=1,
+            high=MAX_SIZE,
+            unit="texels",
+        ),
+    ] = 1024
 
     @property
     def width_px(self) -> int:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from numbers import Real
+from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
-from texbake.mapping.options.checks import CheckedOptions, check_choice, check_number, check_numbers
+from texbake.schema import CheckedOptions, Option
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,54 +24,53 @@ WarpFunction = Callable[["NDArray[Any]"], "NDArray[Any]"]
 class TransformOptions(CheckedOptions):
     """What happens to coordinates after they have been mapped, in this order.
 
-    Attributes
-    ----------
-    warp : str, (str, float) or function, optional
-        `twirl` turns points about (1/2, 1/2) the more the nearer they are, by so many degrees at
-        the middle; `bulge` magnifies the middle by 1 / (1 - strength), negative to pinch; `power`
-        takes s and t to a power. A function gets (n, 2) coordinates and returns as many.
-    flip : str, optional
-        `s`, `t` or `st`: mirror about 1/2.
-    rotate : float
-        Degrees counter-clockwise about (1/2, 1/2).
-    scale : float or (float, float)
-        About (0, 0); 2 repeats the texture twice.
-    texel_density : float, optional
-        Texels a model unit. The coordinates are scaled, alike in both directions, so that the
-        whole has this density on average; an atlas is packed at it, into more tiles where allowed.
-    offset : (float, float)
-        Added last.
+    The warp `twirl` turns points about (1/2, 1/2), by so many degrees at the middle and less
+    farther out. `bulge` magnifies the middle by 1 / (1 - strength); a negative strength pinches it.
+    `power` takes s and t to a power. From Python a warp may also be a function, which gets (n, 2)
+    coordinates and returns as many.
     """
 
-    warp: str | tuple[str, float] | WarpFunction | None = None
-    flip: str | None = None
-    rotate: float = 0.0
-    scale: float | tuple[float, float] = 1.0
-    texel_density: float | None = None
-    offset: tuple[float, float] = (0.0, 0.0)
+    warp: Annotated[
+        str | tuple[str, float] | WarpFunction | None,
+        Option(
+            "Bend the coordinates; the strengths are "
+            + ", ".join(f"{name} {strength:g}" for name, strength in WARPS.items())
+            + " unless one is given.",
+            choices=tuple(WARPS),
+            metavar=f"{'|'.join(WARPS)}[:STRENGTH]",
+        ),
+    ] = None
+    flip: Annotated[str | None, Option("Mirror s, t or both about 1/2.", choices=FLIPS)] = None
+    rotate: Annotated[
+        float,
+        Option("Turn counter-clockwise about (1/2, 1/2).", metavar="DEG", unit="degrees"),
+    ] = 0.0
+    scale: Annotated[
+        float | tuple[float, float],
+        Option("Multiply by this about (0, 0); 2 repeats the texture twice.", metavar="S[,T]"),
+    ] = 1.0
+    texel_density: Annotated[
+        float | None,
+        Option(
+            "Scale the coordinates so that the mesh has this many texels per model unit on "
+            "average.",
+            metavar="PX",
+            above=0,
+            unit="texels per model unit",
+            default="as the mapping gives it",
+        ),
+    ] = None
+    offset: Annotated[tuple[float, float], Option("Add this at the end.", metavar="S,T")] = (
+        0.0,
+        0.0,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.warp is not None and not callable(self.warp):
-            named = (self.warp, 1.0) if isinstance(self.warp, str) else self.warp
-            if not isinstance(named, Sequence) or len(named) != 2:
-                raise OptionError(f"warp: {self.warp!r} is not a name with its strength")
-            name, strength = named
-            check_choice("warp", name, tuple(WARPS))
-            check_number("warp", strength)
-            if name == "bulge" and not -1.25 < strength < 1:
-                raise OptionError(f"warp: a bulge of {strength} folds over; above -1.25, below 1")
-            if name == "power" and not strength > 0:
-                raise OptionError(f"warp: a power of {strength} is not above 0")
-        if self.flip is not None:
-            check_choice("flip", self.flip, FLIPS)
-        check_number("rotate", self.rotate)
-        check_numbers("scale", self.scales, 2)
+            _check_warp((self.warp, 1.0) if isinstance(self.warp, str) else self.warp)
         if not all(self.scales):
             raise OptionError(f"scale: {self.scale} leaves nothing; it must not be 0")
-        if self.texel_density is not None and not 0 < self.texel_density < math.inf:
-            raise OptionError(f"texel_density: {self.texel_density} must be above 0")
-        check_numbers("offset", self.offset, 2)
 
     @property
     def scales(self) -> tuple[float, float]:
@@ -78,3 +78,17 @@ class TransformOptions(CheckedOptions):
         if isinstance(self.scale, (int, float)):
             return float(self.scale), float(self.scale)
         return self.scale
+
+
+def _check_warp(warp: object) -> None:
+    if not isinstance(warp, Sequence) or len(warp) != 2:
+        raise OptionError(f"warp: {warp!r} is not a name with its strength")
+    name, strength = warp
+    if name not in WARPS:
+        raise OptionError(f"warp: {name} is not one of {', '.join(WARPS)}")
+    if not (isinstance(strength, Real) and math.isfinite(strength)):
+        raise OptionError(f"warp: {strength!r} is not a finite number")
+    if name == "bulge" and not -1.25 < strength < 1:
+        raise OptionError(f"warp: a bulge of {strength} folds over; use above -1.25 and below 1")
+    if name == "power" and not strength > 0:
+        raise OptionError(f"warp: a power of {strength} is not above 0")

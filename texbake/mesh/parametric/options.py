@@ -1,17 +1,17 @@
-"""Every choice of a surface to be made, with its default, written once for the API and the CLI."""
+"""Every option of `make`, with the defaults of each shape."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Annotated, Any
 
 from texbake.errors import OptionError
+from texbake.schema import CheckedOptions, Option
 
 # Making so many takes about 6 GB: 4 million triangles of patches were measured to take 1.2 GB.
 MAX_TRIANGLES = 20_000_000
 
-# The shapes, and what each of them reads, with its default; None where there is none.
+# The shapes, and the options that each of them reads, with its default; None where there is none.
 SHAPE_DEFAULTS: dict[str, dict[str, Any]] = {
     "plane": {"resolution": (1, 1), "width": 2.0, "height": 2.0},
     "cylinder": {
@@ -30,9 +30,9 @@ SHAPE_DEFAULTS: dict[str, dict[str, Any]] = {
     "height-field": {"resolution": None, "image": None, "width": 2.0, "height": 0.25},
 }
 SHAPES = tuple(SHAPE_DEFAULTS)
-# What a shape cannot be made without.
+# The option that a shape cannot be made without.
 _SOURCES = {"revolution": "profile", "bezier": "patches", "height-field": "image"}
-# Fewest squares along u and v; those that go around close on themselves.
+# Fewest squares along u and v, for shapes that close on themselves.
 _LEAST_RESOLUTIONS = {
     "cylinder": (3, 1),
     "cone": (3, 1),
@@ -43,83 +43,137 @@ _LEAST_RESOLUTIONS = {
 }
 
 
+def _by_shape(name: str) -> str:
+    """Which shapes read an option, with its default in each: `1 (sphere, torus), 2 (plane)`."""
+    readers: dict[str, list[str]] = {}
+    for shape, defaults in SHAPE_DEFAULTS.items():
+        if name in defaults:
+            default = defaults[name]
+            text = (
+                "none"
+                if default in (None, False)
+                else f"{default:g}"
+                if not isinstance(default, tuple)
+                else "x".join(map(str, default))
+            )
+            readers.setdefault(text, []).append(shape)
+    return ", ".join(f"{text} ({', '.join(shapes)})" for text, shapes in readers.items())
+
+
 @dataclass(frozen=True, kw_only=True)
-class MakeOptions:
-    """What `make` does where the caller does not say otherwise.
+class MakeOptions(CheckedOptions):
+    """The dimensions of a surface that `make` makes.
 
-    None stands for the shape's own default, which `SHAPE_DEFAULTS` has. An option that the shape
-    does not read must not be given. Lengths are in model units.
-
-    Attributes
-    ----------
-    resolution : int or (int, int), optional
-        Squares along u and v, each of two triangles. Flat `sides` have whole squares: the number
-        along u is rounded up; None makes one of each side. Straight pieces of a `profile` share
-        the number along v by their lengths, and each has at least one. Of patches: squares of
-        each. Of a height field: None makes one vertex of each pixel.
-    radius : float, optional
-        Of a cylinder, sphere or the foot of a cone; of the circle that the middle of a torus' tube
-        or of a Möbius strip follows.
-    height : float, optional
-        Of a plane, cylinder or cone; of a height field where the image is 1.
-    width : float, optional
-        Of a plane or height field along x; of a Möbius strip across.
-    minor_radius : float, optional
-        Of a torus' tube; below `radius`.
-    sides : int, optional
-        Flat sides that a cylinder or cone has instead of a round one: a prism or pyramid.
-    caps : bool, optional
-        Close a cylinder or cone with flat ends.
-    twists : int, optional
-        Half turns of a Möbius strip: odd numbers have one side, even ones two; negative ones turn
-        the other way.
-    turns : float, optional
-        How far a profile is swept about the axis: above 0, and 1 for a whole turn.
-    crease : float, optional
-        Degrees, 0 to 90: a profile that turns by more has an edge there, by less it is shaded
-        smooth.
-    profile : path or (n, 2) array, optional
-        Radius and height of points from one end to the other; of a file, see `read_profile`.
-    patches : path or (n, 4, 4, 3) array, optional
-        Control points of bicubic Bézier patches; of a file, see `read_patches`.
-    image : (H, W) or (H, W, C) array, optional
-        Heights, row 0 at the top; of colors their mean is taken, without alpha.
+    None means the shape's own default, which `SHAPE_DEFAULTS` has. An option that the shape does
+    not read must not be given. Flat `sides` have whole squares: the number along u is rounded up,
+    and by default there is one per side. The straight pieces of a `profile` share the number along
+    v by their lengths, and each has at least one. Bézier patches have so many squares each, and a
+    height field has one vertex per pixel by default. An odd number of `twists` gives one side, an
+    even number two, and a negative one turns the other way. From Python, `profile` and `patches`
+    can be arrays of shapes (n, 2) and (n, 4, 4, 3), and `image` is an array of heights, row 0 at
+    the top.
     """
 
-    resolution: int | tuple[int, int] | None = None
-    radius: float | None = None
-    height: float | None = None
-    width: float | None = None
-    minor_radius: float | None = None
-    sides: int | None = None
-    caps: bool | None = None
-    twists: int | None = None
-    turns: float | None = None
-    crease: float | None = None
-    profile: Any = field(default=None, compare=False)
-    patches: Any = field(default=None, compare=False)
-    image: Any = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        for name in "radius", "height", "width", "minor_radius", "turns", "crease":
-            _check_number(name, getattr(self, name))
-        for name in "radius", "height", "width", "minor_radius", "turns":
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise OptionError(f"{_shown(name)}: {value} is out of range; it must be above 0")
-        if self.turns is not None and self.turns > 1:
-            raise OptionError(f"turns: {self.turns} is out of range; 1 is a whole turn")
-        if self.crease is not None and not 0 <= self.crease <= 90:
-            raise OptionError(f"crease: {self.crease} is out of range; it must be 0 to 90 degrees")
-        _check_whole("twists", self.twists)
-        _check_whole("sides", self.sides)
-        if self.sides is not None and self.sides < 3:
-            raise OptionError(f"sides: {self.sides} is out of range; it must be 3 or more")
-        if self.resolution is not None:
-            _check_resolution(self.resolution)
+    resolution: Annotated[
+        int | tuple[int, int] | None,
+        Option(
+            "Number of squares along u and v, each of two triangles.",
+            metavar="N|NUxNV",
+            low=1,
+            default=_by_shape("resolution"),
+        ),
+    ] = None
+    radius: Annotated[
+        float | None,
+        Option(
+            "Radius of the shape, for a torus or a Möbius strip of its center line.",
+            metavar="R",
+            above=0,
+            unit="model units",
+            default=_by_shape("radius"),
+        ),
+    ] = None
+    height: Annotated[
+        float | None,
+        Option(
+            "Height of the shape, for a height field that of white.",
+            metavar="H",
+            above=0,
+            unit="model units",
+            default=_by_shape("height"),
+        ),
+    ] = None
+    width: Annotated[
+        float | None,
+        Option(
+            "Width of the shape, for a Möbius strip across it.",
+            metavar="W",
+            above=0,
+            unit="model units",
+            default=_by_shape("width"),
+        ),
+    ] = None
+    minor_radius: Annotated[
+        float | None,
+        Option(
+            "Radius of the tube of a torus.",
+            metavar="R",
+            above=0,
+            unit="model units",
+            default=_by_shape("minor_radius"),
+        ),
+    ] = None
+    sides: Annotated[
+        int | None,
+        Option(
+            "Number of flat sides in place of a round one, for a prism or a pyramid.",
+            metavar="N",
+            low=3,
+            default=_by_shape("sides"),
+        ),
+    ] = None
+    caps: Annotated[
+        bool | None, Option("Close the shape with flat ends.", default=_by_shape("caps"))
+    ] = None
+    twists: Annotated[
+        int | None,
+        Option("Number of half turns of the strip.", metavar="N", default=_by_shape("twists")),
+    ] = None
+    turns: Annotated[
+        float | None,
+        Option(
+            "Part of a whole turn that a profile is swept by.",
+            metavar="T",
+            above=0,
+            high=1,
+            default=_by_shape("turns"),
+        ),
+    ] = None
+    crease: Annotated[
+        float | None,
+        Option(
+            "Angle of a profile from which on its edges are hard.",
+            metavar="DEG",
+            low=0,
+            high=90,
+            unit="degrees",
+            default=_by_shape("crease"),
+        ),
+    ] = None
+    profile: Annotated[
+        Any, Option("File of lines of radius and height, for a revolution.", metavar="FILE")
+    ] = field(default=None, compare=False)
+    patches: Annotated[
+        Any,
+        Option("File of control points, 16 per patch, for Bézier patches.", metavar="FILE"),
+    ] = field(default=None, compare=False)
+    image: Annotated[
+        Any,
+        Option("Image of heights from black to white, for a height field.", metavar="FILE"),
+    ] = field(default=None, compare=False)
 
     def settings(self, shape: str) -> dict[str, Any]:
-        """Give what a shape reads, with its defaults filled in; `resolution` as two numbers.
+        """Options that a shape reads, with its defaults filled in; `resolution` as two numbers.
 
         Raises
         ------
@@ -132,7 +186,7 @@ class MakeOptions:
         defaults = SHAPE_DEFAULTS[shape]
         for option in fields(self):
             if option.name not in defaults and getattr(self, option.name) is not None:
-                raise OptionError(f"{_shown(option.name)}: the shape {shape} does not use it")
+                raise OptionError(f"{option.name}: the shape {shape} does not use it")
         if shape in _SOURCES and getattr(self, _SOURCES[shape]) is None:
             raise OptionError(f"{_SOURCES[shape]}: the shape {shape} needs it")
         settings = {
@@ -167,7 +221,7 @@ def _check_fit(shape: str, settings: dict[str, Any]) -> None:
         check_triangles(2 * max(n_u, settings.get("sides") or 0) * n_v)
     if shape == "torus" and settings["minor_radius"] >= settings["radius"]:
         raise OptionError(
-            f"minor-radius: {settings['minor_radius']} is not below the radius, "
+            f"minor_radius: {settings['minor_radius']} is not below the radius, "
             f"{settings['radius']}; the tube would cut itself"
         )
     if shape == "mobius" and abs(settings["twists"]) > settings["resolution"][0]:
@@ -180,27 +234,3 @@ def _check_fit(shape: str, settings: dict[str, Any]) -> None:
             f"width: {settings['width']} is not below twice the radius, {settings['radius']}; "
             "the strip would cut itself"
         )
-
-
-def _shown(name: str) -> str:
-    """Name of an option as the command line has it."""
-    return name.replace("_", "-")
-
-
-def _check_number(name: str, value: object) -> None:
-    if value is not None and not (isinstance(value, (int, float)) and math.isfinite(value)):
-        raise OptionError(f"{_shown(name)}: {value!r} is not a finite number")
-
-
-def _check_whole(name: str, value: object) -> None:
-    if value is not None and not isinstance(value, int):
-        raise OptionError(f"{name}: {value!r} is not a whole number")
-
-
-def _check_resolution(value: object) -> None:
-    counts = value if isinstance(value, tuple) else (value, value)
-    if len(counts) != 2 or not all(isinstance(count, int) for count in counts):
-        raise OptionError(f"resolution: {value!r} is neither a number nor (along u, along v)")
-    for count in counts:
-        if count < 1:
-            raise OptionError(f"resolution: {count} is out of range; it must be 1 or more")

@@ -1,7 +1,4 @@
-"""Which procedures there are and what each of them takes, written once, without numpy.
-
-The command line and the reader of scene files take names, defaults and checks from here.
-"""
+"""The procedures and their parameters, with defaults and ranges, without loading numpy."""
 
 from __future__ import annotations
 
@@ -115,10 +112,42 @@ def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     for key, value in parameters.items():
         if key not in defaults:
             raise OptionError(
-                f"{name}.{key}: it is no parameter of {name}; those are {', '.join(defaults)}"
+                f"{name}.{key}: it is not a parameter of {name}; those are {', '.join(defaults)}"
             )
         full[key] = _checked(f"{name}.{key}", key, value)
     return full
+
+
+def parameter_schemas() -> dict[str, Any]:
+    """JSON Schema of each parameter that some procedure has; one name means one thing in all."""
+    names = dict.fromkeys(key for defaults in PROCEDURE_DEFAULTS.values() for key in defaults)
+    return {
+        name: {
+            "description": f"Parameter of {_takers(name)}.",
+            **_parameter_schema(name),
+        }
+        for name in names
+    }
+
+
+def _takers(name: str) -> str:
+    return ", ".join(procedure for procedure, keys in PROCEDURE_DEFAULTS.items() if name in keys)
+
+
+def _parameter_schema(name: str) -> dict[str, Any]:
+    if name in _CHOICES:
+        return {"enum": [choice for choice in _CHOICES[name] if choice is not None]}
+    if name in _VECTORS:
+        return {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+    if name in _INNER_RANGES:
+        low, high = _INNER_RANGES[name]
+        return {"type": "number", "exclusiveMinimum": low, "exclusiveMaximum": high}
+    if name in _RANGES:
+        low, high = _RANGES[name]
+        return {"type": "number", "minimum": low, "maximum": high}
+    least, greatest = _WHOLE_RANGES.get(name, (None, None))
+    ends = {} if least is None else {"minimum": least, "maximum": greatest}
+    return {"type": "integer", **ends}
 
 
 def _checked(where: str, key: str, value: Any) -> Any:
@@ -132,7 +161,7 @@ def _checked(where: str, key: str, value: Any) -> Any:
         return value
     if key == "seed":
         if isinstance(value, bool) or not isinstance(value, Integral):
-            raise OptionError(f"{where}: {value!r} is no whole number; give one such as 7")
+            raise OptionError(f"{where}: {value!r} is not a whole number; give one such as 7")
         return int(value)
     if key in _VECTORS:
         return _checked_direction(where, value)
@@ -169,5 +198,7 @@ def _checked_direction(where: str, value: Any) -> tuple[float, ...]:
         or not all(_is_real(number) and math.isfinite(number) for number in value)
         or not 1e-100 < math.hypot(*value) < 1e100
     ):
-        raise OptionError(f"{where}: {value!r} is no direction; give three numbers such as 1, 0, 0")
+        raise OptionError(
+            f"{where}: {value!r} is not a direction; give three numbers such as 1, 0, 0"
+        )
     return tuple(float(number) for number in value)

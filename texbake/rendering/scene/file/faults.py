@@ -21,13 +21,13 @@ from texbake.files import PathLike
 # Errors whose cause is most likely that of the others, first: a misspelled key is also missing.
 _FIRST = ("key", "fault")
 _EXPECTED = {
-    "float_type": "no number; give one such as 0.5",
+    "float_type": "not a number; give one such as 0.5",
     "finite_number": "not finite; give a number such as 0.5",
-    "int_type": "no whole number; give one such as 4",
+    "int_type": "not a whole number; give one such as 4",
     "bool_type": "neither true nor false",
-    "string_type": "no text; give some in quotes",
-    "list_type": "no list; give one in brackets",
-    "dict_type": "no table",
+    "string_type": "not text; put it in quotes",
+    "list_type": "not a list; give one in brackets",
+    "dict_type": "not a table",
 }
 # An error of an options class: maybe what it is of, then the option, then what is wrong.
 _OPTION = re.compile(r"(?:[^:]*\.)?([\w-]+): (.*)", re.DOTALL)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, ValidationInfo
+from pydantic import PlainValidator, ValidationInfo, WithJsonSchema
 
 from texbake.errors import OptionError
 from texbake.rendering.scene.file.faults import fault, shown
-from texbake.rendering.scene.file.tables import list_of, made, table
+from texbake.rendering.scene.file.tables import described, list_of, made, table
 from texbake.rendering.scene.file.textures import ImageOnly
-from texbake.rendering.scene.file.values import Vector, choice, existing_file
+from texbake.rendering.scene.file.values import FILE, Vector, choice, existing_file
 from texbake.rendering.scene.lights import (
     FOG_MODES,
     KINDS,
@@ -62,7 +62,11 @@ LightTable = table(
         "profile": ImageOnly,
     },
     required=("kind",),
-    more={"target": Vector},
+    more={
+        "target": described(
+            Vector, "Point that the light shines at, in place of its direction; world space."
+        )
+    },
 )
 
 
@@ -76,11 +80,12 @@ def _room_or_file(value: Any, info: ValidationInfo) -> Any:
     return value if value == STUDIO_ROOM else existing_file(value, info)
 
 
+_SIX_FILES = {"type": "array", "items": FILE, "minItems": 6, "maxItems": 6}
 EnvironmentTable = table(
     Environment,
     {
-        "image": Annotated[Any, PlainValidator(_room_or_file)],
-        "faces": Annotated[Any, PlainValidator(_faces)],
+        "image": Annotated[Any, PlainValidator(_room_or_file), WithJsonSchema(FILE)],
+        "faces": Annotated[Any, PlainValidator(_faces), WithJsonSchema(_SIX_FILES)],
     },
 )
 AmbientTable = table(Ambient)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import PlainValidator, ValidationInfo
+from pydantic import PlainValidator, ValidationInfo, WithJsonSchema
 
 from texbake.errors import FileError, OptionError
 from texbake.mapping.matrix_file import read_matrix
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.scene.file.faults import fault, shown
-from texbake.rendering.scene.file.tables import list_of, made, table
+from texbake.rendering.scene.file.tables import described, list_of, made, table
 from texbake.rendering.scene.file.textures import (
     AmountSlot,
     ColorSlot,
@@ -20,6 +20,7 @@ from texbake.rendering.scene.file.textures import (
     UnitSlot,
 )
 from texbake.rendering.scene.file.values import (
+    FILE,
     Number,
     Vector,
     choice,
@@ -78,11 +79,25 @@ def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
         for number in (row if isinstance(row, list) else [row])
     ]
     if len(flat) != 16 or not all(map(is_number, flat)):
-        raise fault(f"{shown(value)} is not 16 numbers, row by row, nor the name of a file of them")
+        raise fault(f"{shown(value)} is neither 16 numbers, row by row, nor a file of them")
     return np.array(flat, np.float64).reshape(4, 4)
 
 
-Matrix = Annotated[Any, PlainValidator(_matrix)]
+_NUMBER = {"type": "number"}
+_ROW = {"type": "array", "items": _NUMBER, "minItems": 4, "maxItems": 4}
+Matrix = Annotated[
+    Any,
+    PlainValidator(_matrix),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "array", "items": _NUMBER, "minItems": 16, "maxItems": 16},
+                {"type": "array", "items": _ROW, "minItems": 4, "maxItems": 4},
+                FILE,
+            ]
+        }
+    ),
+]
 
 
 def _projected(
@@ -106,12 +121,14 @@ ProjectedTable = table(
     {"texture": ImageOnly},
     without=("matrix",),
     more={
-        "matrix": Matrix,
-        "position": Vector,
-        "target": Vector,
-        "up": Vector,
-        "fov": Number,
-        "aspect": Number,
+        "matrix": described(
+            Matrix, "4 x 4 numbers that take a point of the world to the picture, or their file."
+        ),
+        "position": described(Vector, "Position of the projector, without a matrix."),
+        "target": described(Vector, "Point that the projector looks at."),
+        "up": described(Vector, "Direction that is up in the picture."),
+        "fov": described(Number, "Vertical field of view in degrees."),
+        "aspect": described(Number, "Width of the picture divided by its height."),
     },
 )
 

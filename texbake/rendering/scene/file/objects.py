@@ -25,6 +25,7 @@ from texbake.rendering.scene.file.faults import at, nearest
 from texbake.rendering.scene.file.materials import MaterialOf, Matrix
 from texbake.rendering.scene.file.tables import (
     Table,
+    described,
     made,
     table,
     types_of_fields,
@@ -43,7 +44,7 @@ from texbake.rendering.scene.placing import transform_matrix
 from texbake.rendering.scene.scene import SceneObject, checked_transform
 from texbake.texture.image import read_image
 
-# Shapes beside the parametric ones, with the function and what it takes.
+# Shapes beside the parametric ones, and the keys that they take.
 PLAIN_SHAPES: dict[str, tuple[str, ...]] = {
     "cube": (),
     "icosphere": ("level",),
@@ -75,18 +76,15 @@ _MATERIAL = Annotated[
     Discriminator(_material_kind),
 ]
 _SHAPE_KEYS = {
-    **types_of_fields(MakeOptions),
-    "profile": File,
-    "patches": File,
-    "image": File,
-    "level": Whole,
-    "n_triangles": Whole,
+    **types_of_fields(MakeOptions, {"profile": File, "patches": File, "image": File}),
+    "level": described(Whole, "Number of times that the triangles of an icosphere are divided."),
+    "n_triangles": described(Whole, "Approximate number of triangles of an orange."),
 }
 _TRANSFORM_KEYS = {
-    "translate": Vector,
-    "rotate": Vector,
-    "scale": numbers(3, or_one=True),
-    "matrix": Matrix,
+    "translate": described(Vector, "Where the object is moved to, in model units."),
+    "rotate": described(Vector, "Angles in degrees about x, then y, then z."),
+    "scale": described(numbers(3, or_one=True), "Factor of the object's size, or one per axis."),
+    "matrix": described(Matrix, "4 x 4 numbers in place of the other three, or their file."),
 }
 
 ObjectTable = table(
@@ -94,12 +92,14 @@ ObjectTable = table(
     name="Object",
     without=("mesh", "material", "transform"),
     more={
-        "mesh": File,
-        "shape": choice((*SHAPES, *PLAIN_SHAPES)),
+        "mesh": described(File, "Mesh file of the object, relative to the scene file."),
+        "shape": described(
+            choice((*SHAPES, *PLAIN_SHAPES)), "Surface that is made in place of a mesh file."
+        ),
         **_SHAPE_KEYS,
-        "mapping": made(MappingTable, _mapping),
+        "mapping": described(made(MappingTable, _mapping), "New texture coordinates for the mesh."),
         **_TRANSFORM_KEYS,
-        "material": _MATERIAL,
+        "material": described(_MATERIAL, "Name of a material of this file, or a table of its own."),
     },
 )
 
@@ -129,7 +129,7 @@ class ObjectMaker:
     _names: set[str] = field(default_factory=set)
 
     def made(self, index: int, found: Table) -> list[SceneObject]:
-        """Objects that a table stands for: one, or all of a glTF file."""
+        """Objects of one table: a single one, or all of a glTF file."""
         given = found.given()
         steps = "objects", index
         with at(self.path, *steps):

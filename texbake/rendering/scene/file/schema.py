@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, PlainValidator, create_model
+from pydantic import Field, PlainValidator, WithJsonSchema, create_model
 
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.file.faults import fault, shown
@@ -38,16 +38,19 @@ from texbake.rendering.scene.file.materials import (
 from texbake.rendering.scene.file.objects import MappingTable, ObjectTable
 from texbake.rendering.scene.file.tables import (
     Table,
+    described,
+    file_schema,
     list_of,
     made,
     table,
 )
 from texbake.rendering.scene.file.textures import ImageTable, ProcedureTable
-from texbake.rendering.scene.file.values import Text, color_of, is_number
+from texbake.rendering.scene.file.values import COLOR, Text, color_of, is_number
 from texbake.rendering.scene.scene import View
+from texbake.schema import JsonSchema, option
 from texbake.texture.encoding import encode_srgb
 
-# Of `RenderOptions`, what is the camera's, of bare meshes alone, or asked of one picture.
+# Options of a picture that belong to the camera, to bare meshes or to a single picture.
 NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
 
 
@@ -75,12 +78,22 @@ def _checked_render(**given: Any) -> dict[str, Any]:
     return given
 
 
+_ANGLES = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
 CameraTable = table(
-    View, name="Camera", without=("angles",), more={"view": Annotated[Any, PlainValidator(_angles)]}
+    View,
+    name="Camera",
+    without=("angles",),
+    more={
+        "view": described(
+            Annotated[Any, PlainValidator(_angles), WithJsonSchema(_ANGLES)],
+            option(RenderOptions, "view").help,
+        )
+    },
 )
+_BACKGROUND = {"anyOf": [{"const": "transparent"}, *COLOR["anyOf"]]}
 RenderTable = table(
     RenderOptions,
-    {"background": Annotated[Any, PlainValidator(_background)]},
+    {"background": Annotated[Any, PlainValidator(_background), WithJsonSchema(_BACKGROUND)]},
     name="Render",
     without=NOT_IN_RENDER,
 )
@@ -95,17 +108,36 @@ def _some(objects: list[Table]) -> list[Table]:
 SceneTable: type[Table] = create_model(
     "SceneFile",
     __base__=Table,
-    name=(Text, None),
-    camera=(made(CameraTable, _view), None),
-    render=(made(RenderTable, _checked_render), None),
-    ambient=(AmbientOf, None),
-    environment=(EnvironmentOf, None),
-    fog=(FogOf, None),
-    ambient_occlusion=(OcclusionOf, None),
-    lights=(Lights, ()),
-    materials=(dict[str, MaterialOf], Field(default_factory=dict)),
-    objects=(list_of(ObjectTable, _some), ...),
+    __doc__="A scene: its objects, materials, lights and camera, and how it is drawn.",
+    name=(described(Text, "Name of the scene."), None),
+    camera=(described(made(CameraTable, _view), "Where the scene is seen from."), None),
+    render=(described(made(RenderTable, _checked_render), "How the picture is drawn."), None),
+    ambient=(described(AmbientOf, "Light that comes from everywhere alike."), None),
+    environment=(described(EnvironmentOf, "A panorama or cube map around the scene."), None),
+    fog=(described(FogOf, "Fog between the objects and the camera."), None),
+    ambient_occlusion=(
+        described(OcclusionOf, "Darkening where surfaces lie close to one another."),
+        None,
+    ),
+    lights=(described(Lights, "The lights of the scene."), ()),
+    materials=(
+        described(dict[str, MaterialOf], "Materials that objects can name."),
+        Field(default_factory=dict),
+    ),
+    objects=(described(list_of(ObjectTable, _some), "The objects of the scene."), ...),
 )
+
+
+def scene_schema() -> JsonSchema:
+    """JSON Schema of scene files, draft 2020-12, for editors to complete and check them by.
+
+    Returns
+    -------
+    dict
+        Plain values, for `json.dumps`.
+    """
+    return file_schema(SceneTable, "texbake scene")
+
 
 # Each table, by the heading that documents it.
 TABLES: dict[str, type[Table]] = {

@@ -7,14 +7,21 @@ so that what it raises gets its place in the file.
 
 from __future__ import annotations
 
-import sys
-import types
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field as DataField, fields
-from inspect import get_annotations
-from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import CoreSchema
 
 from texbake.rendering.scene.file.faults import (
     fault,
@@ -32,14 +39,15 @@ from texbake.rendering.scene.file.values import (
     Whole,
     numbers,
 )
+from texbake.schema import JsonSchema, OptionField, option_fields
 
-# Types of keys by their names, where the type of the field does not tell enough.
+# Types of keys by their names, where the type of the field does not say enough.
 _BY_NAME: dict[str, Any] = {
     "color": Color,
     "ground": Color,
     "colors": Colors,
 }
-_BY_HINT: dict[Any, Any] = {float: Number, int: Whole, bool: Switch, str: Text}
+_BY_KIND: dict[Any, Any] = {float: Number, int: Whole, bool: Switch, str: Text}
 
 
 class Table(BaseModel):
@@ -55,6 +63,8 @@ class Table(BaseModel):
         Whether `true` stands for a table with nothing in it.
     takes_more
         Whether keys that are not known are kept.
+    further_keys
+        JSON Schemas of those.
     """
 
     model_config = ConfigDict(extra="ignore", arbitrary_types_allowed=True)
@@ -62,6 +72,7 @@ class Table(BaseModel):
     short: ClassVar[str | None] = None
     switchable: ClassVar[bool] = False
     takes_more: ClassVar[bool] = False
+    further_keys: ClassVar[JsonSchema] = {}
 
     @model_validator(mode="before")
     @classmethod
@@ -70,7 +81,7 @@ class Table(BaseModel):
             value = {}
         if not isinstance(value, dict):
             if cls.short is None:
-                raise fault(f"{shown(value)} is no table; its keys are {', '.join(cls.keys())}")
+                raise fault(f"{shown(value)} is not a table; its keys are {', '.join(cls.keys())}")
             value = {cls.short: value}
         if not cls.takes_more:
             for key in value:
@@ -80,6 +91,26 @@ class Table(BaseModel):
             if field.is_required() and key not in value:
                 raise key_fault(key, "it is missing; it must be given")
         return value
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchema:
+        """JSON Schema of what stands for the table: its keys, or a value for the short key."""
+        named = handler(core_schema)
+        schema = handler.resolve_ref_schema(named)
+        schema["additionalProperties"] = False
+        schema.setdefault("properties", {}).update(cls.further_keys)
+        schema["description"] = cls.__doc__ if cls.source is None else _summary(cls.source)
+        others: list[JsonSchema] = [{"const": True}] if cls.switchable else []
+        if cls.short is not None:
+            short = schema["properties"][cls.short]
+            others.append({key: short[key] for key in short if key not in ("default", "title")})
+        if others:
+            whole = dict(schema)
+            schema.clear()
+            schema.update({"title": whole["title"], "anyOf": [*others, whole]})
+        return named
 
     @classmethod
     def keys(cls) -> list[str]:
@@ -118,7 +149,7 @@ def table(
     kind
         The dataclass.
     types_of
-        Types of keys whose field does not tell them.
+        Types of keys whose field does not say them.
     name
         Of the model; None: that of the class.
     without
@@ -130,11 +161,11 @@ def table(
     more
         Types of further keys, which the class does not have.
     """
-    checks = {**types_of_fields(kind), **(types_of or {})}
+    checks = types_of_fields(kind, types_of)
     keys: dict[str, Any] = {}
-    for item in fields(kind):
+    for item in option_fields(kind):
         if item.name not in without:
-            default = ... if item.name in required or _has_no_default(item) else None
+            default = ... if item.name in required or item.required else None
             keys[item.name] = (checks[item.name], Field(default=default))
     for key, kind_of_key in (more or {}).items():
         keys[key] = (kind_of_key, Field(default=... if key in required else None))
@@ -144,12 +175,41 @@ def table(
     return model
 
 
-def types_of_fields(kind: type) -> dict[str, Any]:
-    """How keys named as the fields of a dataclass are checked, by the types of these."""
+def types_of_fields(kind: type, types_of: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """How keys named as the fields of a dataclass are checked, and what their JSON Schema says."""
     return {
-        item.name: _BY_NAME.get(item.name) or _type_of(_hint_of(kind, item))
-        for item in fields(kind)
+        item.name: described(
+            (types_of or {}).get(item.name) or _BY_NAME.get(item.name) or _type_of(item),
+            item.json_schema(),
+        )
+        for item in option_fields(kind)
     }
+
+
+def described(kind: Any, said: JsonSchema | str) -> Any:
+    """Type of a key with its description and its default, for the JSON Schema."""
+    said = {"description": said} if isinstance(said, str) else said
+
+    def add(schema: JsonSchema) -> None:
+        schema.pop("default", None)  # None, which only means that the key is not there
+        schema.update({key: said[key] for key in ("description", "default") if said.get(key)})
+
+    return Annotated[kind, Field(json_schema_extra=add)]
+
+
+class FileSchema(GenerateJsonSchema):
+    """JSON Schema of a file, in which a value may fit several forms of a slot."""
+
+    def tagged_union_schema(self, schema: Any) -> JsonSchema:
+        """Any of the forms; a word that names a file can look like a color."""
+        found = super().tagged_union_schema(schema)
+        return {"anyOf": found["oneOf"]} if "oneOf" in found else found
+
+
+def file_schema(model: type[Table], title: str) -> JsonSchema:
+    """JSON Schema of a whole file, draft 2020-12."""
+    schema = model.model_json_schema(schema_generator=FileSchema)
+    return {"$schema": FileSchema.schema_dialect, **schema, "title": title}
 
 
 def made(model: type[Table], make: Callable[..., Any]) -> Any:
@@ -167,35 +227,23 @@ def list_of(kind: Any, convert: Callable[[list[Any]], Any] = tuple) -> Any:
     return converted(list[kind], convert)
 
 
-def _has_no_default(item: DataField[Any]) -> bool:
-    return item.default is MISSING and item.default_factory is MISSING
-
-
-def _hint_of(kind: type, item: DataField[Any]) -> Any:
-    """Type of a field; `Any` where only type checkers import its name."""
-    owner = next(base for base in kind.__mro__ if item.name in get_annotations(base))
-    try:
-        return eval(str(item.type), vars(sys.modules[owner.__module__]))
-    except NameError:
-        return Any
-
-
-def _type_of(hint: Any) -> Any:
+def _type_of(item: OptionField) -> Any:
     """How a key is checked, by the type of its field."""
-    options = _options_of(hint)
-    if len(options) != 1:
+    return Annotated[_check_of(item), WithJsonSchema(item.json_schema())]
+
+
+def _check_of(item: OptionField) -> Any:
+    if len(item.kinds) != 1:
         return Plain
-    (only,) = options
+    (only,) = item.kinds
     if get_origin(only) is tuple:
         parts = get_args(only)
         if all(part in (float, int, ...) for part in parts):
             return numbers(None if ... in parts else len(parts))
         return Plain
-    return _BY_HINT.get(only, Plain)
+    return _BY_KIND.get(only, Plain)
 
 
-def _options_of(hint: Any) -> tuple[Any, ...]:
-    """What a type can be, but None, which a file cannot hold."""
-    if get_origin(hint) in (Union, types.UnionType):
-        return tuple(part for part in get_args(hint) if part is not type(None))
-    return (hint,)
+def _summary(kind: type) -> str:
+    """First sentence of a class's docstring."""
+    return (kind.__doc__ or "").strip().partition("\n")[0]

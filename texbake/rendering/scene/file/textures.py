@@ -1,4 +1,4 @@
-"""What slots hold in a scene file: constants, images, procedures.
+"""The slots of a material in a scene file: constants, images, procedures.
 
 roughness = 0.4
 base_color = "#c87533"
@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import Discriminator, PlainValidator, Tag
+from pydantic import Discriminator, PlainValidator, Tag, WithJsonSchema
 
 from texbake.rendering.scene.file.faults import (
     fault,
@@ -27,6 +27,7 @@ from texbake.rendering.scene.file.tables import (
     table,
 )
 from texbake.rendering.scene.file.values import (
+    COLOR,
     Channel,
     Factor,
     File,
@@ -43,10 +44,12 @@ from texbake.rendering.scene.textures import (
     ImageTexture,
     ProcedureTexture,
 )
+from texbake.schema import JsonSchema
 from texbake.texture.procedures.options import (
     PROCEDURE_DEFAULTS,
     PROCEDURE_NAMES,
     checked_parameters,
+    parameter_schemas,
 )
 
 ImageTable = table(
@@ -87,12 +90,13 @@ ProcedureTable = table(
     without=("parameters",),
     takes_more=True,
 )
+ProcedureTable.further_keys = parameter_schemas()
 ImageOnly = made(ImageTable, ImageTexture)
 Procedure = converted(ProcedureTable, _procedure_texture)
 
 
 def _kind_of(value: Any) -> str:
-    """Tag of what a value of a slot is meant to be."""
+    """Tag of the form that a value of a slot has."""
     if isinstance(value, ImageTexture | ProcedureTexture):
         return "<made>"
     if isinstance(value, dict):
@@ -101,10 +105,10 @@ def _kind_of(value: Any) -> str:
     return "<image>" if is_name else "<constant>"
 
 
-def _slot(check: Callable[[Any], Any]) -> Any:
-    """Type of a slot whose constants a function checks."""
+def _slot(check: Callable[[Any], Any], schema: JsonSchema) -> Any:
+    """Type of a slot whose constants a function checks, and a JSON Schema describes."""
     return Annotated[
-        Annotated[Any, PlainValidator(check), Tag("<constant>")]
+        Annotated[Any, PlainValidator(check), WithJsonSchema(schema), Tag("<constant>")]
         | Annotated[ImageOnly, Tag("<image>")]
         | Annotated[Procedure, Tag("<procedure>")],
         Discriminator(_kind_of),
@@ -112,13 +116,13 @@ def _slot(check: Callable[[Any], Any]) -> Any:
 
 
 def _number_in(low: float, high: float) -> Callable[[Any], float]:
-    reach = f"one from {low:g} to {high:g}" if high < 1e300 else f"one of {low:g} or more"
+    wanted = f"one from {low:g} to {high:g}" if high < 1e300 else f"one of {low:g} or more"
 
     def check(value: Any) -> float:
         if not is_number(value):
-            raise fault(f"{shown(value)} is no number; give {reach}, an image or a procedure")
+            raise fault(f"{shown(value)} is not a number; give {wanted}, an image or a procedure")
         if not low <= value <= high:
-            raise fault(f"{shown(value)} is out of range; give {reach}, an image or a procedure")
+            raise fault(f"{shown(value)} is out of range; give {wanted}, an image or a procedure")
         return float(value)
 
     return check
@@ -132,18 +136,19 @@ def _color(value: Any) -> tuple[float, ...]:
     if isinstance(value, list) and len(value) == 3 and all(is_number(v) and v >= 0 for v in value):
         return tuple(map(float, value))
     raise fault(
-        f"{shown(value)} is no color; give a number, [r, g, b] (linear), '#rrggbb' (sRGB), "
+        f"{shown(value)} is not a color; give a number, [r, g, b] (linear), '#rrggbb' (sRGB), "
         "an image or a procedure"
     )
 
 
 def _nothing(value: Any) -> Any:
-    raise fault(f"{shown(value)} is no texture; give an image or a procedure")
+    raise fault(f"{shown(value)} is not a texture; give an image or a procedure")
 
 
-ColorSlot = _slot(_color)
+_AMOUNT: JsonSchema = {"type": "number", "minimum": 0}
+ColorSlot = _slot(_color, {"anyOf": [_AMOUNT, *COLOR["anyOf"]]})
 # A share of something.
-UnitSlot = _slot(_number_in(0.0, 1.0))
-AmountSlot = _slot(_number_in(0.0, float("inf")))
+UnitSlot = _slot(_number_in(0.0, 1.0), {**_AMOUNT, "maximum": 1})
+AmountSlot = _slot(_number_in(0.0, float("inf")), _AMOUNT)
 # An image or a procedure.
-Texture = _slot(_nothing)
+Texture = _slot(_nothing, {"not": {}})

@@ -12,7 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, PlainValidator, Strict, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    Field,
+    PlainValidator,
+    Strict,
+    ValidationInfo,
+    WithJsonSchema,
+)
 
 from texbake.errors import FileError
 from texbake.mesh.files.source import require_file
@@ -29,7 +36,7 @@ _COUNTS = {2: "two", 3: "three", 4: "four", 16: "sixteen"}
 
 @dataclass(frozen=True)
 class Place:
-    """What checks are told: the folder that names of files are relative to.
+    """What checks know of the file: the folder that names of files in it are relative to.
 
     They note in `files` those that they find.
     """
@@ -56,6 +63,8 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
 
     With `or_one` a single number is taken too; it stands for n times itself.
     """
+    ends = {} if n is None else {"minItems": n, "maxItems": n}
+    schema = {"type": "array", "items": {"type": "number"}, **(ends or {"minItems": 1})}
     wanted = f"a list of {_COUNTS.get(n, n)} numbers" if n is not None else "a list of numbers"
 
     def check(value: Any) -> tuple[float, ...]:
@@ -65,7 +74,9 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
             raise fault(f"{shown(value)} is not {'a number or ' if or_one else ''}{wanted}")
         return tuple(map(float, value))
 
-    return Annotated[Any, PlainValidator(check)]
+    if or_one:
+        schema = {"anyOf": [{"type": "number"}, schema]}
+    return Annotated[Any, PlainValidator(check), WithJsonSchema(schema)]
 
 
 def linear(value: str) -> tuple[float, float, float]:
@@ -74,7 +85,7 @@ def linear(value: str) -> tuple[float, float, float]:
     Raises the error of a field where it is neither.
     """
     if not _HEX.fullmatch(value):
-        raise fault(f"{value!r} is no color; write '#rrggbb', or a list of three linear numbers")
+        raise fault(f"{value!r} is not a color; write '#rrggbb', or a list of three linear numbers")
     from texbake.texture.encoding import decode_srgb
 
     digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
@@ -88,9 +99,9 @@ def color_of(value: Any) -> tuple[float, ...]:
     if isinstance(value, str):
         return linear(value)
     if not _is_list(value, 3):
-        raise fault(f"{shown(value)} is no color; give three linear numbers or '#rrggbb'")
+        raise fault(f"{shown(value)} is not a color; give three linear numbers or '#rrggbb'")
     if min(value) < 0:
-        raise fault(f"{shown(value)} is no color; its numbers must be 0 or more")
+        raise fault(f"{shown(value)} is not a color; its numbers must be 0 or more")
     return tuple(map(float, value))
 
 
@@ -104,11 +115,26 @@ def _colors(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(map(color_of, value))
 
 
+HEX_COLOR = {"type": "string", "pattern": f"^{_HEX.pattern}$"}
+COLOR = {
+    "anyOf": [
+        HEX_COLOR,
+        {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 3, "maxItems": 3},
+    ]
+}
 Vector = numbers(3)
-Color = Annotated[Any, PlainValidator(color_of)]
-Colors = Annotated[Any, PlainValidator(_colors)]
-# What a texture is multiplied by.
-Factor = Annotated[Any, PlainValidator(_factor)]
+Color = Annotated[Any, PlainValidator(color_of), WithJsonSchema(COLOR)]
+Colors = Annotated[
+    Any,
+    PlainValidator(_colors),
+    WithJsonSchema({"type": "array", "items": COLOR, "minItems": 2}),
+]
+# A number or a color that a texture is multiplied by.
+Factor = Annotated[
+    Any,
+    PlainValidator(_factor),
+    WithJsonSchema({"anyOf": [{"type": "number"}, *COLOR["anyOf"]]}),
+]
 
 
 def choice(words: Sequence[str]) -> Any:
@@ -122,13 +148,13 @@ def choice(words: Sequence[str]) -> Any:
             raise fault(f"{listed}; {advice}" if advice else listed)
         return value
 
-    return Annotated[Any, PlainValidator(check)]
+    return Annotated[Any, PlainValidator(check), WithJsonSchema({"enum": list(words)})]
 
 
 def existing_file(value: Any, info: ValidationInfo) -> Path:
     """Path of a file that is there, by its name relative to the scene file."""
     if not isinstance(value, str) or not value:
-        raise fault(f"{shown(value)} is no name of a file")
+        raise fault(f"{shown(value)} is not a file name")
     assert isinstance(info.context, Place)
     path = info.context.folder / value
     try:
@@ -139,7 +165,8 @@ def existing_file(value: Any, info: ValidationInfo) -> Path:
     return path
 
 
-File = Annotated[Any, PlainValidator(existing_file)]
+FILE = {"type": "string", "minLength": 1}
+File = Annotated[Any, PlainValidator(existing_file), WithJsonSchema(FILE)]
 
 
 def _channel(value: Any) -> int:
@@ -147,15 +174,17 @@ def _channel(value: Any) -> int:
         return "rgba".index(value)
     if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 3:
         return value
-    raise fault(f"{shown(value)} is no channel; give 'r', 'g', 'b', 'a' or 0 to 3")
+    raise fault(f"{shown(value)} is not a channel; give 'r', 'g', 'b', 'a' or 0 to 3")
 
 
-Channel = Annotated[Any, PlainValidator(_channel)]
+Channel = Annotated[
+    Any, PlainValidator(_channel), WithJsonSchema({"enum": ["r", "g", "b", "a", 0, 1, 2, 3]})
+]
 
 
 def _tupled(value: Any) -> Any:
     return tuple(map(_tupled, value)) if isinstance(value, list) else value
 
 
-# What an options class checks itself; lists become tuples.
+# A value that an options class checks itself; lists become tuples.
 Plain = Annotated[Any, AfterValidator(_tupled)]

@@ -1,0 +1,347 @@
+"""Options: declared once, beside their defaults, and read by everything that takes or shows them.
+
+An option is a field of a frozen dataclass whose type carries an `Option`: one sentence of help, a
+unit, a range, choices. From there come the check of its values, the flag of the command line, the
+keys of pipeline and scene files, their JSON Schema, and the reference pages. Nothing heavy is
+imported here, so that a help page costs nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields, is_dataclass
+from functools import cache
+from inspect import get_annotations
+from numbers import Integral, Real
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from texbake.errors import OptionError
+
+JsonSchema = dict[str, Any]
+
+_JSON_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
+
+
+@dataclass(frozen=True)
+class Option:
+    """What is said of an option beside its type and its default.
+
+    Attributes
+    ----------
+    help : str
+        One sentence.
+    metavar : str, optional
+        What stands for a value in a help page: `N`, `PX`, `X,Y,Z`; parts in brackets may be left
+        out.
+    unit : str
+        Of a number, in the plural.
+    choices : tuple
+        All values, or all words beside other values.
+    low, high : float, optional
+        Least and greatest value.
+    above, below : float, optional
+        The same, where the bound itself is not possible.
+    default : str
+        What None means, in words.
+    flag : str
+        On the command line, where it is not the name: `--faces`, `--color/--data`.
+    many : bool
+        Whether a tuple is given one value at a time on the command line.
+    """
+
+    help: str
+    _: KW_ONLY
+    metavar: str | None = None
+    unit: str = ""
+    choices: tuple[Any, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    above: float | None = None
+    below: float | None = None
+    default: str = ""
+    flag: str = ""
+    many: bool = False
+
+    @property
+    def range(self) -> str:
+        """Range in words: `1 to 16384`, `above 0 and below 180`; "" where there is none."""
+        if self.low is not None and self.high is not None:
+            return f"{_shown(self.low)} to {_shown(self.high)}"
+        words = [
+            (self.low, "{} or more"),
+            (self.above, "above {}"),
+            (self.high, "at most {}"),
+            (self.below, "below {}"),
+        ]
+        return " and ".join(word.format(_shown(end)) for end, word in words if end is not None)
+
+    def holds(self, value: float) -> bool:
+        """Whether a number lies in the range."""
+        return (
+            (self.low is None or value >= self.low)
+            and (self.high is None or value <= self.high)
+            and (self.above is None or value > self.above)
+            and (self.below is None or value < self.below)
+        )
+
+
+@dataclass(frozen=True)
+class OptionField:
+    """An option of a class.
+
+    Attributes
+    ----------
+    name : str
+    kinds : tuple
+        Types that a value can have, beside None.
+    optional : bool
+        Whether it can be None.
+    option : Option
+        Of a field that has none: one whose help is what the docstring of the class says.
+    default : object
+        `dataclasses.MISSING` where it must be given.
+    checked : bool
+        Whether the field has an `Option` of its own.
+    """
+
+    name: str
+    kinds: tuple[Any, ...]
+    optional: bool
+    option: Option
+    default: Any
+    checked: bool
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is MISSING
+
+    def check(self, value: Any) -> None:
+        """Raise `OptionError` unless a value is a choice, or of a type and in the range.
+
+        Types beyond numbers and choices are for the class itself to check.
+        """
+        words = self.option.choices
+        if (value is None and self.optional) or self._chooses(value):
+            return
+        numeric = [
+            kind
+            for kind in self.kinds
+            if _is_numeric(kind) and not (kind is int and any(isinstance(w, int) for w in words))
+        ]
+        if any(_fits(kind, value) for kind in numeric):
+            self._check_range(value)
+        elif all(kind in numeric or self._is_chosen(kind) for kind in self.kinds):
+            wanted = [f"one of {', '.join(map(str, words))}"] if words else []
+            wanted += map(_kind_words, numeric)
+            neither = "neither" if len(wanted) > 1 else "not"
+            shown = value if words and isinstance(value, str) else repr(value)
+            raise OptionError(f"{self.name}: {shown} is {neither} {' nor '.join(wanted)}")
+
+    def _chooses(self, value: Any) -> bool:
+        """Whether a value is one of the choices, or some of them where it may be several."""
+        words = self.option.choices
+        if isinstance(value, tuple) and any(map(_is_several_words, self.kinds)):
+            return bool(words) and all(_is_word(item, words) for item in value)
+        return _is_word(value, words)
+
+    def _is_chosen(self, kind: Any) -> bool:
+        """Whether the choices are all the values of a type."""
+        words = self.option.choices
+        return bool(words) and (_is_several_words(kind) or kind in {type(word) for word in words})
+
+    def _check_range(self, value: Any) -> None:
+        option = self.option
+        for number in value if isinstance(value, Sequence) else (value,):
+            if number is not None and not option.holds(number):
+                unit = f" {option.unit}" if option.unit else ""
+                raise OptionError(
+                    f"{self.name}: {number} is out of range; it must be {option.range}{unit}"
+                )
+
+    def json_schema(self) -> JsonSchema:
+        """JSON Schema of the values that a file can hold: None is left out, tuples are arrays."""
+        kinds = [kind for kind in self.kinds if get_origin(kind) is not Callable]
+        schema = _any_of([_json_type(kind, self.option) for kind in kinds])
+        unit = f" Unit: {self.option.unit}." if self.option.unit else ""
+        schema |= {"description": f"{self.help}{unit}"}
+        if not self.required and self.default is not None:
+            schema["default"] = _plain(self.default)
+        return schema
+
+    @property
+    def help(self) -> str:
+        """The sentence of help, with what None means."""
+        words = self.option.default
+        return f"{self.option.help} Default: {words}." if words else self.option.help
+
+
+class CheckedOptions:
+    """Base of classes of options, which check themselves; further checks follow `super()`'s."""
+
+    def __post_init__(self) -> None:
+        """Check every value against its type, range and choices."""
+        for item in option_fields(type(self)):
+            if item.checked:
+                item.check(getattr(self, item.name))
+
+
+@cache
+def option_fields(kind: type) -> tuple[OptionField, ...]:
+    """Options of a dataclass, in their order."""
+    assert is_dataclass(kind)
+    return tuple(_option_field(kind, item) for item in fields(kind))
+
+
+def option_field(kind: type, name: str) -> OptionField:
+    """One option of a dataclass."""
+    return next(item for item in option_fields(kind) if item.name == name)
+
+
+def option(kind: type, name: str) -> Option:
+    """What one option of a dataclass says of itself, for another class that has it as well."""
+    return option_field(kind, name).option
+
+
+def _option_field(kind: type, item: Field[Any]) -> OptionField:
+    hint = _hint_of(kind, item)
+    said = None
+    if get_origin(hint) is Annotated:
+        hint, *more = get_args(hint)
+        said = next((each for each in more if isinstance(each, Option)), None)
+    parts = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
+    default = item.default
+    if default is MISSING and item.default_factory is not MISSING:
+        default = item.default_factory()
+    return OptionField(
+        name=item.name,
+        kinds=tuple(part for part in parts if part is not type(None)),
+        optional=type(None) in parts,
+        option=said or Option(_described(kind).get(item.name, "")),
+        default=default,
+        checked=said is not None,
+    )
+
+
+def _hint_of(kind: type, item: Field[Any]) -> Any:
+    """Type of a field; `Any` where only type checkers import its name."""
+    if not isinstance(item.type, str):
+        return item.type
+    owner = next(base for base in kind.__mro__ if item.name in get_annotations(base))
+    try:
+        return eval(item.type, vars(sys.modules[owner.__module__]))
+    except NameError:
+        return Any
+
+
+@cache
+def _described(kind: type) -> dict[str, str]:
+    """First sentences of what the docstrings of a class and its bases say of their attributes."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__[:-1]):
+        _, _, listed = (vars(base).get("__doc__") or "").partition("Attributes\n")
+        names: list[str] = []
+        for line in listed.splitlines()[1:]:
+            if line.startswith("    " * 2):
+                for name in names:
+                    found[name] = f"{found.get(name, '')} {line.strip()}".strip()
+            elif line.strip():
+                names = [name.strip() for name in line.partition(" : ")[0].split(",")]
+                found |= dict.fromkeys(names, "")
+    return found
+
+
+def _shown(number: float) -> str:
+    return str(number) if isinstance(number, int) else f"{number:g}"
+
+
+def _is_word(value: Any, words: tuple[Any, ...]) -> bool:
+    """Whether a value is a choice; 4.0 and True are none of 1 and 4, though they are equal."""
+    return isinstance(value, str | Integral) and not isinstance(value, bool) and value in words
+
+
+def _is_several_words(kind: Any) -> bool:
+    return kind == tuple[str, ...]
+
+
+def _is_numeric(kind: Any) -> bool:
+    """Whether values are a number, or a tuple of numbers."""
+    if get_origin(kind) is tuple:
+        return all(_is_numeric(part) or part is ... or _is_maybe(part) for part in get_args(kind))
+    return kind in (int, float)
+
+
+def _is_maybe(part: Any) -> bool:
+    """Whether a part of a tuple is a number or None."""
+    return get_origin(part) in (Union, types.UnionType) and all(
+        each in (int, float, type(None)) for each in get_args(part)
+    )
+
+
+def _fits(kind: Any, value: Any) -> bool:
+    if get_origin(kind) is not tuple:
+        whole = isinstance(value, Integral)
+        number = whole if kind is int else isinstance(value, Real) and math.isfinite(value)
+        return number and not isinstance(value, bool)
+    parts = get_args(kind)
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        return False
+    if ... in parts:
+        return len(value) > 0 and all(_fits(parts[0], each) for each in value)
+    return len(value) == len(parts) and all(
+        (each is None and _is_maybe(part)) or _fits(float if _is_maybe(part) else part, each)
+        for part, each in zip(parts, value, strict=True)
+    )
+
+
+def _kind_words(kind: Any) -> str:
+    if get_origin(kind) is not tuple:
+        return "a whole number" if kind is int else "a finite number"
+    parts = get_args(kind)
+    what = "whole numbers" if parts[0] is int else "finite numbers"
+    return what if ... in parts else f"{len(parts)} {what}"
+
+
+def _json_type(kind: Any, option: Option) -> JsonSchema:
+    if kind in (int, float):
+        bounds = {
+            "minimum": option.low,
+            "maximum": option.high,
+            "exclusiveMinimum": option.above,
+            "exclusiveMaximum": option.below,
+        }
+        found = {key: bound for key, bound in bounds.items() if bound is not None}
+        words = [word for word in option.choices if isinstance(word, int)]
+        return {"enum": words} if words else {"type": _JSON_TYPES[kind], **found}
+    if kind is str:
+        words = [word for word in option.choices if isinstance(word, str)]
+        return {"enum": words} if words else {"type": "string"}
+    if kind is bool:
+        return {"type": "boolean"}
+    if get_origin(kind) is tuple:
+        parts = get_args(kind)
+        if ... in parts:
+            return {"type": "array", "items": _json_type(parts[0], option)}
+        item, *others = [_json_type(part, option) for part in parts if not _is_maybe(part)]
+        ends = {"minItems": 1 + len(others), "maxItems": len(parts)}
+        if all(other == item for other in others):
+            return {"type": "array", "items": item, **ends}
+        return {"type": "array", "prefixItems": [item, *others], **ends}
+    if get_origin(kind) in (dict, Mapping):
+        return {"type": "object"}
+    return {}
+
+
+def _any_of(schemas: list[JsonSchema]) -> JsonSchema:
+    """One schema for values that fit any of some."""
+    different = [schema for i, schema in enumerate(schemas) if schema not in schemas[:i]]
+    if {} in different or not different:
+        return {}
+    return different[0] if len(different) == 1 else {"anyOf": different}
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
