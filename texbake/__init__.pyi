@@ -153,7 +153,6 @@ from .mapping.unwrap import (
     unwrap_with_report as unwrap_with_report,
 )
 from .mapping.unwrap_report import UnwrapReport as UnwrapReport
-from .mesh.curvature import vertex_curvatures as vertex_curvatures
 from .mesh.distance import (
     SurfaceDistance as SurfaceDistance,
     surface_distance as surface_distance,
@@ -166,12 +165,18 @@ from .mesh.info import (
     MeshInfo as MeshInfo,
     mesh_info as mesh_info,
 )
+from .mesh.interchange import (
+    MeshLike as MeshLike,
+    from_trimesh as from_trimesh,
+    to_trimesh as to_trimesh,
+)
 from .mesh.materials import (
     BaseColor as BaseColor,
     Materials as Materials,
     read_materials as read_materials,
 )
 from .mesh.mesh import Mesh as Mesh
+from .mesh.normals import vertex_curvatures as vertex_curvatures
 from .mesh.parametric.make import make as make
 from .mesh.parametric.options import MakeOptions as MakeOptions
 from .mesh.repair import (

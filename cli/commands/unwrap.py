@@ -132,7 +132,7 @@ def _outputs(meshes: Sequence[Path], output: Path) -> list[Path]:
 
 def _joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return all meshes as one, for pictures."""
-    from texbake.mesh.join import join_meshes
+    from texbake.mesh.compose import join_meshes
 
     return join_meshes(meshes)
 

@@ -215,13 +215,13 @@ def _read_matrix(path: Path) -> Any:
 
 
 def _read_profile(path: Path) -> Any:
-    from texbake.mesh.parametric.profile import read_profile
+    from texbake.mesh.parametric.sources import read_profile
 
     return read_profile(path)
 
 
 def _read_patches(path: Path) -> Any:
-    from texbake.mesh.parametric.patches import read_patches
+    from texbake.mesh.parametric.sources import read_patches
 
     return read_patches(path)
 

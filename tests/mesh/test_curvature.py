@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.curvature import vertex_curvatures
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import vertex_curvatures
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 
 

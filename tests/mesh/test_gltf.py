@@ -407,7 +407,7 @@ def test_text_form_with_its_buffer_beside_it_or_in_it(asset, tmp_path):
 
 @pytest.mark.parametrize(
     "extension",
-    ["KHR_draco_mesh_compression", "KHR_meshopt_compression", "EXT_mesh_gpu_instancing"],
+    ["KHR_meshopt_compression", "EXT_mesh_gpu_instancing"],
 )
 def test_a_required_extension_that_is_not_read_is_named(asset, path, extension):
     asset.triangle()

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import cube, icosphere, plane
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from texbake import FileError, FileFormatError, OptionError, make
-from texbake.mesh.parametric.patches import read_patches
-from texbake.mesh.parametric.profile import read_profile
+from texbake.mesh.parametric.sources import read_patches, read_profile
 
 
 @pytest.fixture

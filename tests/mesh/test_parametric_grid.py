@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.parametric.circle import circle_points
 from texbake.mesh.parametric.grid import (
+    circle_points,
     closed_lines,
     half_steps,
     lattice,

@@ -303,11 +303,11 @@ def test_report_is_plain_data():
 
 
 def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_path):
-    from texbake.mesh import quadric_collapse
+    from texbake.mesh import decimate
 
     worker = tmp_path / "worker.py"
     worker.write_text("import os; os.abort()")
-    monkeypatch.setattr(quadric_collapse, "_WORKER", worker)
+    monkeypatch.setattr(decimate, "_WORKER", worker)
     light, report = simplify_with_report(icosphere(3), 100, quality="best")
     assert light.n_faces == 100
     assert report.method == "meshoptimizer"
@@ -315,12 +315,12 @@ def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_
 
 
 def test_a_library_that_does_not_load_is_told_and_not_passed_over(monkeypatch, tmp_path):
-    from texbake.mesh import quadric_collapse
+    from texbake.mesh import decimate
 
     (tmp_path / "pymeshlab.py").write_text("raise ImportError('libGL.so.1: no such file')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(DependencyError, match=r"does not load: libGL\.so\.1"):
-        quadric_collapse.collapse_edges(icosphere(2), 100, keep_boundary=False)
+        decimate.collapse_edges(icosphere(2), 100, keep_boundary=False)
 
 
 @pytest.mark.realdata

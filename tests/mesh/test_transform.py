@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake.mesh.compose import transformed
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents
-from texbake.mesh.transform import transformed
 
 SPHERE = uv_sphere(6, 8)
 SPHERE = SPHERE.replace(normals=SPHERE.positions, normal_faces=SPHERE.faces)

@@ -380,8 +380,8 @@ def test_extensions(asset, tmp_path):
         FileFormatError, match="it needs KHR_materials_clearcoat, which is not shown"
     ):
         asset.read(tmp_path)
-    asset.json["extensionsRequired"] = ["KHR_draco_mesh_compression"]
-    with pytest.raises(FileFormatError, match="it needs KHR_draco_mesh_compression"):
+    asset.json["extensionsRequired"] = ["KHR_meshopt_compression"]
+    with pytest.raises(FileFormatError, match="it needs KHR_meshopt_compression"):
         asset.read(tmp_path)
 
 

@@ -29,7 +29,7 @@ from texbake.baking.result import BakeResult
 from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
-from texbake.mesh.excerpt import used_rows
+from texbake.mesh.compose import used_rows
 from texbake.mesh.files.source import require_file
 from texbake.mesh.materials import BaseColor, Materials
 from texbake.mesh.mesh import Mesh

@@ -15,10 +15,9 @@ import numpy.typing as npt
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import ray_normals
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.curvature import vertex_curvatures
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
-from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
+from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.tangents import corner_tangents
 from texbake.texture.encoding import decode_srgb
 

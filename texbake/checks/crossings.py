@@ -20,10 +20,10 @@ import numpy.typing as npt
 from texbake.checks.finding import Finding, found
 from texbake.checks.subject import Subject
 from texbake.kernels import kernel
-from texbake.mesh.closest_point import dot, minus, point_at
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.kernels.triangle_tree import STACK_SIZE, dot, minus, point_at
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
-from texbake.mesh.triangle_tree import STACK_SIZE, TriangleTree
+from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
 # Depth and length of a crossing that is none, as a share of the diagonal: what six decimals of a

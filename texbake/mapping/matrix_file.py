@@ -5,7 +5,7 @@ from __future__ import annotations
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.mapping.options.checks import Matrix
-from texbake.mesh.files.number_lines import parse_row, read_lines
+from texbake.mesh.files.source import parse_row, read_lines
 
 
 def read_matrix(path: PathLike) -> Matrix:

@@ -97,7 +97,11 @@ class Materials:
         )
 
 
-_READERS = {".obj": "obj_materials", ".glb": "gltf_materials", ".gltf": "gltf_materials"}
+_READERS = {
+    ".obj": "read_obj_materials",
+    ".glb": "read_gltf_materials",
+    ".gltf": "read_gltf_materials",
+}
 
 
 def read_materials(path: PathLike, mesh: Mesh) -> Materials | None:
@@ -122,9 +126,9 @@ def read_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     FileFormatError
         It is damaged, or asks for what is not read.
     """
-    module = _READERS.get(Path(path).suffix.lower())
-    if module is None:
+    reader = _READERS.get(Path(path).suffix.lower())
+    if reader is None:
         return None
     read: Callable[[PathLike, Mesh], Materials | None]
-    read = import_module(f"texbake.mesh.files.{module}").read_materials
+    read = getattr(import_module("texbake.mesh.files.materials"), reader)
     return read(path, mesh)

@@ -1,31 +1,30 @@
-"""Normals of faces and vertices.
+"""Normals of faces and vertices, and the mean curvature at vertices that follows from them.
 
-Based on: Thürmer, Wüthrich, "Computing Vertex Normals from Polygonal Facets", Journal of Graphics
-Tools 3(1), 1998: a vertex normal is the sum of the unit normals of its faces, each weighted by the
-angle that the face has at the vertex, so that it does not depend on the triangulation.
+A vertex normal is the sum of the unit normals of its faces, each weighted by the angle that the
+face has at the vertex, so that it does not depend on the triangulation. Everything here is relative
+to the size of what is measured: scaling a mesh by a power of two gives the same bits.
 
-Everything here is relative to the size of what is measured: scaling a mesh by a power of two gives
-the same bits.
+Based on:
+    Thürmer, Wüthrich, "Computing Vertex Normals from Polygonal Facets", Journal of Graphics Tools
+        3(1), 1998;
+    Rusinkiewicz, "Estimating Curvatures and Their Derivatives on Triangle Meshes", 2004, which
+        takes the curvature of a face from the differences between the normals of its vertices;
+        here only its trace is computed, which has a closed form.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from texbake.kernels import kernel
-from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.frame import LocalFrame, unit_scale
+from texbake.mesh.kernels.normals import (
+    curvature_kernel,
+    face_normals_kernel,
+    vertex_normals_kernel,
+)
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import resolve_threads, run_bands
-
-# A cross product shorter than this times the square of the longest edge is rounding, not area:
-# subtracting, multiplying and subtracting again leave up to 4 units of 2^-53 an edge.
-AREA_ROUNDING = 8.0 * 2.0**-53
-
-# In radians. A sum of weighted normals below it is what rounding leaves of normals that cancel.
-_CANCELED = 1e-12
 
 
 def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
@@ -46,7 +45,7 @@ def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     scale = _position_scale(mesh.positions)
 
     def work(start: int, stop: int) -> None:
-        _face_normals_kernel(mesh.positions, mesh.faces, scale, start, stop, normals)
+        face_normals_kernel(mesh.positions, mesh.faces, scale, start, stop, normals)
 
     run_bands(work, mesh.n_faces, band=1 << 17, threads=threads)
     return normals
@@ -138,7 +137,7 @@ def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None)
     band = -(-len(positions) // n_bands)
 
     def work(start: int, stop: int) -> None:
-        _vertex_normals_kernel(positions, faces, scale, start, stop, normals)
+        vertex_normals_kernel(positions, faces, scale, start, stop, normals)
 
     run_bands(work, len(positions), band=band, threads=threads)
     _mend_canceled(normals, positions, faces)
@@ -166,73 +165,40 @@ def _position_scale(positions: FloatArray) -> float:
     return unit_scale(max(float(positions.max()), -float(positions.min())))
 
 
-@kernel
-def _scaled_edge(positions, scale, tail, head):  # type: ignore[no-untyped-def]
-    return (
-        positions[head, 0] * scale - positions[tail, 0] * scale,
-        positions[head, 1] * scale - positions[tail, 1] * scale,
-        positions[head, 2] * scale - positions[tail, 2] * scale,
-    )
+def vertex_curvatures(
+    mesh: Mesh, *, normals: FloatArray | None = None, threads: int | None = None
+) -> FloatArray:
+    """Mean curvature at each vertex, in units of one over the model unit.
 
+    Parameters
+    ----------
+    mesh : Mesh
+    normals : (V, 3) float64, optional
+        Its `smooth_normals`, where they are known.
+    threads
+        None for every processor.
 
-@kernel
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    Returns
+    -------
+    (V,) float64
+        Positive where the surface is convex, negative where it is hollow; half the sum of the
+        curvatures along and across, so 1 / r on a sphere, 1 / (2 r) on a cylinder. Equal for
+        vertices at one position. 0 for a vertex that no face with area uses.
 
-
-@kernel
-def _area_vector(ab, ac):  # type: ignore[no-untyped-def]
-    """Cross product of two edges and its length; the length is 0 where it is only rounding."""
-    cross = (
-        ab[1] * ac[2] - ab[2] * ac[1],
-        ab[2] * ac[0] - ab[0] * ac[2],
-        ab[0] * ac[1] - ab[1] * ac[0],
-    )
-    length = math.sqrt(_dot(cross, cross))
-    bc = (ac[0] - ab[0], ac[1] - ab[1], ac[2] - ab[2])
-    longest_squared = max(_dot(ab, ab), _dot(ac, ac), _dot(bc, bc))
-    if length <= AREA_ROUNDING * longest_squared:
-        length = 0.0
-    return cross, length
-
-
-@kernel
-def _face_normals_kernel(positions, faces, scale, start, stop, normals):  # type: ignore[no-untyped-def]
-    for face in range(start, stop):
-        ab = _scaled_edge(positions, scale, faces[face, 0], faces[face, 1])
-        ac = _scaled_edge(positions, scale, faces[face, 0], faces[face, 2])
-        cross, length = _area_vector(ab, ac)
-        for axis in range(3):
-            normals[face, axis] = cross[axis] / length if length > 0.0 else 0.0
-
-
-@kernel
-def _vertex_normals_kernel(positions, faces, scale, start, stop, normals):  # type: ignore[no-untyped-def]
-    """Add every face to those of its corners that lie in start to stop - 1; then normalize them."""
-    for face in range(len(faces)):
-        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        owns_a, owns_b, owns_c = start <= a < stop, start <= b < stop, start <= c < stop
-        if not (owns_a or owns_b or owns_c):
-            continue
-        ab = _scaled_edge(positions, scale, a, b)
-        ac = _scaled_edge(positions, scale, a, c)
-        cross, length = _area_vector(ab, ac)
-        if length == 0.0:
-            continue
-        bc = (ac[0] - ab[0], ac[1] - ab[1], ac[2] - ab[2])
-        angle_a = math.atan2(length, _dot(ab, ac))
-        angle_b = math.atan2(length, -_dot(ab, bc))
-        angle_c = max(math.pi - angle_a - angle_b, 0.0)
-        for axis in range(3):
-            unit = cross[axis] / length
-            if owns_a:
-                normals[a, axis] += angle_a * unit
-            if owns_b:
-                normals[b, axis] += angle_b * unit
-            if owns_c:
-                normals[c, axis] += angle_c * unit
-    for vertex in range(start, stop):
-        x, y, z = normals[vertex, 0], normals[vertex, 1], normals[vertex, 2]
-        length = math.sqrt(x * x + y * y + z * z)
-        for axis in range(3):
-            normals[vertex, axis] = normals[vertex, axis] / length if length > _CANCELED else 0.0
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import plane
+    >>> vertex_curvatures(plane(3, 3)).max()
+    np.float64(0.0)
+    """
+    if normals is None:
+        normals = smooth_normals(mesh, threads=threads)
+    firsts = weld_rows(mesh.positions, threads=threads)
+    frame = LocalFrame.around(mesh)
+    turns, areas = np.zeros(mesh.n_vertices), np.zeros(mesh.n_vertices)
+    curvature_kernel(
+        frozen(frame.to_local(mesh.positions)), mesh.faces, frozen(firsts), frozen(normals),
+        turns, areas,
+    )  # fmt: skip
+    areas[areas == 0.0] = 1.0
+    return np.asarray((turns / areas)[firsts] * frame.scale)

@@ -17,7 +17,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.mesh.kernels.pores import N_CELLS, pore_depth_kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 
@@ -25,7 +25,6 @@ _FLATTENING = 0.93  # height over width
 _N_PORES = 8000
 _PORE_RADIUS = 0.6  # of the greatest pore, in units of the lattice spacing
 _PORE_DEPTH = 0.0065  # of the deepest, in units of the orange's radius
-_N_CELLS = 48  # a side of the grid that finds the pores near a direction; see `_pore_cells`
 # Wave vector, phase and height of each wave of the unevenness.
 _WAVES = (
     ((1.7, 0.6, -1.1), 0.3, 0.012),
@@ -81,7 +80,7 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
 class _Pores:
     """Pores as balls on the unit sphere, listed by the grid cells that they reach into.
 
-    The grid has `_N_CELLS` cells a side over the cube from -1 to 1; cell c holds the pores
+    The grid has `N_CELLS` cells a side over the cube from -1 to 1; cell c holds the pores
     `cell_pores[cell_starts[c]:cell_starts[c + 1]]`.
     """
 
@@ -112,17 +111,17 @@ def _pores() -> _Pores:
     for step in np.ndindex(2, 2, 2):  # no pore is wider than a cell
         reached = low + np.array(step)
         within = (reached <= high).all(axis=1)
-        cells.append((reached[within] * [_N_CELLS**2, _N_CELLS, 1]).sum(axis=1))
+        cells.append((reached[within] * [N_CELLS**2, N_CELLS, 1]).sum(axis=1))
         pores.append(i[within])
     cell_of = np.concatenate(cells)
     order = np.lexsort([np.concatenate(pores), cell_of])
-    starts = np.searchsorted(cell_of[order], np.arange(_N_CELLS**3 + 1))
+    starts = np.searchsorted(cell_of[order], np.arange(N_CELLS**3 + 1))
     return _Pores(centers, radii, depths, starts, np.concatenate(pores)[order])
 
 
 def _cells(points: FloatArray) -> npt.NDArray[np.int64]:
-    cells = np.floor((points + 1.0) * (0.5 * _N_CELLS)).astype(np.int64)
-    return np.clip(cells, 0, _N_CELLS - 1)
+    cells = np.floor((points + 1.0) * (0.5 * N_CELLS)).astype(np.int64)
+    return np.clip(cells, 0, N_CELLS - 1)
 
 
 def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
@@ -138,7 +137,7 @@ def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
 def _pore_depths(directions: FloatArray, pores: _Pores) -> FloatArray:
     """How far the pores sink the peel, in units of its radius."""
     depths = np.empty(len(directions))
-    _pore_depth_kernel(
+    pore_depth_kernel(
         np.ascontiguousarray(directions, dtype=np.float64),
         pores.centers,
         pores.radii,
@@ -148,29 +147,3 @@ def _pore_depths(directions: FloatArray, pores: _Pores) -> FloatArray:
         depths,
     )
     return depths
-
-
-@kernel
-def _pore_depth_kernel(
-    directions: FloatArray,
-    centers: FloatArray,
-    radii: FloatArray,
-    pore_depths: FloatArray,
-    cell_starts: npt.NDArray[np.int64],
-    cell_pores: npt.NDArray[np.int64],
-    depths: FloatArray,
-) -> None:
-    for k in range(len(directions)):
-        x, y, z = directions[k, 0], directions[k, 1], directions[k, 2]
-        cell = 0
-        for value in (x, y, z):
-            column = int(np.floor((value + 1.0) * (0.5 * _N_CELLS)))
-            cell = cell * _N_CELLS + min(max(column, 0), _N_CELLS - 1)
-        depth = 0.0
-        for slot in range(cell_starts[cell], cell_starts[cell + 1]):
-            pore = cell_pores[slot]
-            dx, dy, dz = x - centers[pore, 0], y - centers[pore, 1], z - centers[pore, 2]
-            inside = 1.0 - (dx * dx + dy * dy + dz * dz) / (radii[pore] * radii[pore])
-            if inside > 0.0:  # cubed: the rim has two continuous derivatives
-                depth += pore_depths[pore] * inside * inside * inside
-        depths[k] = depth

@@ -21,17 +21,17 @@ from functools import partial
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.distance import SurfaceDistance, surface_distance
-from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.nearest import with_nearest_attributes
-from texbake.mesh.quadric_collapse import collapse_edges
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
-from texbake.mesh.stream_collapse import (
+from texbake.mesh.decimate import (
     boundary_fits,
     bring_down,
     cluster_stream,
+    collapse_edges,
     collapse_stream,
 )
+from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
+from texbake.mesh.triangle_tree import with_nearest_attributes
 from texbake.mesh.vertex_stream import (
     VertexStream,
     gather,

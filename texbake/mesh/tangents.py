@@ -1,4 +1,24 @@
-"""Tangents of a mesh's corners, after MikkTSpace."""
+"""MikkTSpace: the tangents that renderers and bakers have agreed on.
+
+Based on: Morten S. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", master's thesis,
+University of Copenhagen, 2008, and the rules published with its reference implementation:
+
+1. Corners of equal position, normal and texture coordinates are one vertex.
+2. Around a vertex, triangles form fans that grow across shared edges and stop where the mapping
+   changes from mirrored to not mirrored. Each fan has one tangent.
+3. The tangent is the sum of the directions in which u grows in each triangle, each projected into
+   the plane of the vertex normal, normalized, and weighted with the projected angle of the
+   triangle's corner.
+4. A triangle without area in texture space adds nothing and joins the first fan that reaches it.
+5. A triangle with two equal positions takes no part; its corners copy those of the first triangle
+   that uses the same vertex.
+
+In step 3 opposite directions can cancel to within rounding, and what is then left is part of the
+definition. So these steps are in float32, in the order of operations and with the arc cosine of
+Blender's port (intern/mikktspace, Copyright Blender Authors), against which the tests check this
+module; sums are in float64, so that they hardly depend on the order of faces. As in that port there
+is no angular threshold.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +28,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.frame import LocalFrame, unit_scale
+from texbake.mesh.kernels.connectivity import fans_kernel, pair_edges_kernel
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.mikktspace import corner_spaces
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.weld import weld_rows
 
@@ -68,7 +88,7 @@ def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
     corner_normals = normals[normal_faces].astype(np.float32)
     points = mesh.positions[mesh.faces] * LocalFrame.around(mesh).scale
     vertices = _welded_corners(points, corner_normals, uvs)
-    tangents, preserving, has_fan = corner_spaces(points, corner_normals, uvs, vertices)
+    tangents, preserving, has_fan = _corner_spaces(points, corner_normals, uvs, vertices)
     signs = np.where(preserving, 1.0, -1.0)
     _fill_missing(tangents, signs, has_fan, shading[shading_faces])
     return np.concatenate([tangents, signs[..., None]], axis=2, dtype=np.float32)
@@ -105,3 +125,165 @@ def _perpendicular(normals: FloatArray) -> FloatArray:
     across = np.cross(axes, normals)
     lengths = np.linalg.norm(across, axis=1, keepdims=True)
     return np.where(lengths > 0.0, across / np.where(lengths > 0.0, lengths, 1.0), [1.0, 0.0, 0.0])
+
+
+AnyArray = npt.NDArray[Any]
+Float32Array = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+
+# What the reference takes for zero: the least normal float32, compared with areas and squared
+# lengths of things that are at most about 1.
+_ZERO = np.finfo(np.float32).tiny
+
+_NEXT, _PREVIOUS = [1, 2, 0], [2, 0, 1]
+
+
+def _corner_spaces(
+    points: FloatArray, normals: Float32Array, uvs: Float32Array, vertices: IntArray
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Tangent, orientation and kind of every corner.
+
+    Parameters
+    ----------
+    points : (F, 3, 3) float64
+        Corner positions, in a frame where the mesh has about unit size.
+    normals : (F, 3, 3) float32
+        Corner normals, unit.
+    uvs : (F, 3, 2) float32
+        Corner texture coordinates, at most about 1.
+    vertices : (F, 3) int32
+        The same number for corners of equal position, normal and texture coordinates.
+
+    Returns
+    -------
+    tangents : (F, 3, 3) float64
+        Unit, or 0 where the directions of a fan cancel exactly, and for a corner without fan.
+    preserving : (F, 3) bool
+        Whether the mapping keeps the orientation (False: mirrored); False without fan.
+    has_fan : (F, 3) bool
+        False where no rule gives a tangent.
+    """
+    collapsed = (points == points[:, _NEXT]).all(axis=2).any(axis=1)
+    solid = np.flatnonzero(~collapsed)
+    tangents = np.zeros((len(points), 3, 3))
+    preserving = np.zeros((len(points), 3), dtype=bool)
+    has_fan = np.zeros((len(points), 3), dtype=bool)
+
+    solid_vertices = vertices[solid]
+    edges = (points[solid][:, _NEXT] - points[solid]).astype(np.float32)
+    directions, unmapped, mapped_preserving = _directions_of_u(edges, uvs[solid])
+    fans, fan_preserving = _fans(solid_vertices, unmapped, mapped_preserving)
+    weighted = _weighted_directions(edges, normals[solid], directions)
+    in_fan = fans >= 0
+    adding = in_fan & ~unmapped[:, None]
+    sums = np.empty((len(fan_preserving), 3))
+    for axis in range(3):
+        sums[:, axis] = np.bincount(fans[adding], weighted[adding, axis], len(fan_preserving))
+    fan_tangents = _unit(sums)
+
+    has_fan[solid] = in_fan
+    tangents[has_fan] = fan_tangents[fans[in_fan]]
+    preserving[has_fan] = fan_preserving[fans[in_fan]]
+    _copy_to_collapsed(vertices, solid, np.flatnonzero(collapsed), tangents, preserving, has_fan)
+    return tangents, preserving, has_fan
+
+
+def _directions_of_u(
+    edges: Float32Array, uvs: Float32Array
+) -> tuple[AnyArray, BoolArray, BoolArray]:
+    """Unit direction in which u grows, whether there is none, and whether v then grows leftward."""
+    to_second, to_third = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
+    area = to_second[:, 0] * to_third[:, 1] - to_second[:, 1] * to_third[:, 0]
+    edge_second, edge_third = edges[:, 0], -edges[:, 2]
+    along_u = to_third[:, 1:] * edge_second - to_second[:, 1:] * edge_third
+    along_v = -to_third[:, :1] * edge_second + to_second[:, :1] * edge_third
+    preserving = area > 0.0
+    square_u, square_v = _dot(along_u, along_u), _dot(along_v, along_v)
+    unmapped = ~((np.abs(area) > _ZERO) & (square_u > _ZERO) & (square_v > _ZERO))
+    signs = np.where(preserving, np.float32(1), np.float32(-1))
+    lengths = np.sqrt(np.where(unmapped, np.float32(1), square_u))
+    return along_u * (signs / lengths)[:, None], unmapped, preserving
+
+
+def _weighted_directions(
+    edges: Float32Array, normals: Float32Array, directions: AnyArray
+) -> AnyArray:
+    """(F, 3, 3): each face's direction in the plane of a corner's normal, times its angle there."""
+    leaving = _unit(_flattened(edges, normals))
+    arriving = _unit(_flattened(-edges[:, _PREVIOUS], normals))
+    angles = _arc_cosines(_dot(leaving, arriving))
+    return _unit(_flattened(directions[:, None, :], normals)) * angles[..., None]
+
+
+def _arc_cosines(cosines: AnyArray) -> AnyArray:
+    """Arc cosine to 4.6e-5 radians: the polynomial of Blender's port."""
+    size = np.minimum(np.abs(cosines), np.float32(1))
+    series = size * np.float32(-0.02164095) + np.float32(0.077980478)
+    series = size * series + np.float32(-0.213300989)
+    series = size * series + np.float32(1.5707963267)
+    angles = np.sqrt(np.float32(1) - size) * series
+    return np.asarray(np.where(cosines < 0.0, np.float32(np.pi) - angles, angles))
+
+
+def _copy_to_collapsed(
+    vertices: IntArray,
+    solid: npt.NDArray[np.intp],
+    collapsed: npt.NDArray[np.intp],
+    *per_corner: AnyArray,
+) -> None:
+    """Give corners of collapsed faces, in place, what the first solid corner of the vertex has."""
+    if len(collapsed) == 0:
+        return
+    donors = np.full(vertices.max() + 1, -1)
+    corners = np.arange(vertices.size).reshape(-1, 3)
+    # Of several values for one place the last stays, so that reversed the first one does.
+    donors[vertices[solid].ravel()[::-1]] = corners[solid].ravel()[::-1]
+    takers = corners[collapsed].ravel()
+    sources = donors[vertices[collapsed].ravel()]
+    takers, sources = takers[sources >= 0], sources[sources >= 0]
+    for values in per_corner:
+        by_corner = values.reshape(vertices.size, -1)
+        by_corner[takers] = by_corner[sources]
+
+
+def _dot(a: AnyArray, b: AnyArray) -> AnyArray:
+    """Dot products over the last axis; the order of additions is the reference's."""
+    products = a * b
+    return np.asarray(products[..., 0] + products[..., 1] + products[..., 2])
+
+
+def _unit(vectors: AnyArray) -> AnyArray:
+    """Unit vectors; a zero vector stays zero."""
+    lengths = np.sqrt(_dot(vectors, vectors))
+    lengths[lengths == 0.0] = 1.0
+    return np.asarray(vectors * (1 / lengths)[..., None])
+
+
+def _flattened(vectors: AnyArray, normals: AnyArray) -> AnyArray:
+    """Vectors projected into the plane of each normal."""
+    return np.asarray(vectors - normals * _dot(normals, vectors)[..., None])
+
+
+def _fans(
+    vertices: IntArray, unmapped: BoolArray, preserving: BoolArray
+) -> tuple[IntArray, BoolArray]:
+    """(F, 3) fan of each corner, -1 for none, and whether each fan keeps the orientation."""
+    fans = np.full(vertices.shape, -1, dtype=np.int32)
+    fan_preserving = np.zeros(vertices.size, dtype=bool)
+    neighbors = _neighbors(vertices)
+    n_fans = fans_kernel(vertices, neighbors, unmapped, preserving, fans, fan_preserving)
+    return fans, fan_preserving[:n_fans]
+
+
+def _neighbors(vertices: IntArray) -> IntArray:
+    """(F, 3): the face across the edge from each corner to the next, -1 for none.
+
+    The edge must run the other way in the neighbor. Where more than two faces share an edge, each
+    face in turn pairs with the next free one.
+    """
+    ends = vertices[:, _NEXT]
+    keys = np.minimum(vertices, ends).astype(np.int64) << 32 | np.maximum(vertices, ends)
+    edges = np.argsort(keys.ravel(), kind="stable")
+    neighbors = np.full(vertices.size, -1, dtype=np.int32)
+    pair_edges_kernel(keys.ravel(), edges, vertices.ravel(), neighbors)
+    return neighbors.reshape(-1, 3)

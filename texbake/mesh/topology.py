@@ -1,10 +1,10 @@
 """How the triangles of a mesh hang together: edges, components, holes.
 
-All of it looks at indices only: two vertices at one place are two. Where that is not meant, as with
+Only indices count here: two vertices at one place are two. Where that is not what you want, as with
 formats that split vertices at seams, weld first: ``weld_rows(mesh.positions)[mesh.faces]``.
 
 Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathematical Society, 2010
-(Euler characteristic and genus of closed surfaces; union-find).
+(Euler characteristic and genus of closed surfaces).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.mesh.kernels.connectivity import components_kernel, has_pinched_vertex_kernel
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
@@ -22,7 +22,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Edges:
+class MeshEdges:
     """The edges of a mesh, each once, with the faces at it counted.
 
     A face with the same vertex at two corners has no boundary and takes part in no edge.
@@ -65,7 +65,7 @@ class Edges:
         return len(self.n_faces) > 0 and bool((self.n_faces == 2).all())
 
 
-def find_edges(faces: IntArray) -> Edges:
+def find_edges(faces: IntArray) -> MeshEdges:
     """Edges of triangles.
 
     Parameters
@@ -96,7 +96,7 @@ def find_edges(faces: IntArray) -> Edges:
     vertices = np.stack([undirected[starts] >> 31, undirected[starts] & (2**31 - 1)], axis=1)
     forward_before = np.concatenate([[0], np.cumsum(keys & 1)])
     stops = np.append(starts, len(keys))
-    return Edges(
+    return MeshEdges(
         vertices=vertices.astype(np.int32),
         n_faces=np.diff(stops).astype(np.int32),
         n_forward=np.diff(forward_before[stops]).astype(np.int32),
@@ -180,17 +180,17 @@ def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
     """
     parents = np.arange(n_vertices, dtype=np.int32)
     components = np.empty(len(faces), dtype=np.int32)
-    n_components = _components_kernel(np.ascontiguousarray(faces, np.int32), parents, components)
+    n_components = components_kernel(np.ascontiguousarray(faces, np.int32), parents, components)
     return components, int(n_components)
 
 
-def euler_characteristic(faces: IntArray, edges: Edges) -> int:
+def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
     """Vertices - edges + faces, of the vertices that faces with three different ones use."""
     kept = faces[~repeated_vertices(faces)]
     return int(_n_distinct(kept) - len(edges.vertices) + len(kept))
 
 
-def genus(faces: IntArray, edges: Edges, n_vertices: int) -> int | None:
+def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
     """Number of handles of a closed surface, summed over its components.
 
     Returns
@@ -202,7 +202,7 @@ def genus(faces: IntArray, edges: Edges, n_vertices: int) -> int | None:
     if not edges.closed or edges.misoriented.any():
         return None
     kept = np.ascontiguousarray(faces[~repeated_vertices(faces)], np.int32)
-    if _has_pinched_vertex_kernel(kept, n_vertices):
+    if has_pinched_vertex_kernel(kept, n_vertices):
         return None
     _, n_components = face_components(kept, n_vertices)
     return n_components - euler_characteristic(faces, edges) // 2
@@ -212,73 +212,3 @@ def _n_distinct(indices: IntArray) -> int:
     used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=bool)
     used[indices.ravel()] = True
     return int(used.sum())
-
-
-@kernel
-def _root_kernel(parents, vertex):  # type: ignore[no-untyped-def]
-    while parents[vertex] != vertex:
-        parents[vertex] = parents[parents[vertex]]
-        vertex = parents[vertex]
-    return vertex
-
-
-@kernel
-def _components_kernel(faces, parents, components):  # type: ignore[no-untyped-def]
-    """Join the vertices of each face under the least of them, then number the sets in order."""
-    for face in range(len(faces)):
-        a = _root_kernel(parents, faces[face, 0])
-        for corner in range(1, 3):
-            b = _root_kernel(parents, faces[face, corner])
-            if a < b:
-                parents[b] = a
-            else:
-                parents[a] = b
-                a = b
-    numbers = np.full(len(parents), -1, dtype=np.int32)
-    n_components = 0
-    for face in range(len(faces)):
-        root = _root_kernel(parents, faces[face, 0])
-        if numbers[root] < 0:
-            numbers[root] = n_components
-            n_components += 1
-        components[face] = numbers[root]
-    return n_components
-
-
-@kernel
-def _has_pinched_vertex_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
-    """Whether some vertex has more than one fan of faces, in a closed and oriented mesh.
-
-    Around a vertex each face leads from its next corner to the one after. In such a mesh each of
-    those is led to once, so that the faces form rings; there must be one ring.
-    """
-    starts = np.zeros(n_vertices + 1, dtype=np.int64)
-    for face in range(len(faces)):
-        for corner in range(3):
-            starts[faces[face, corner] + 1] += 1
-    for vertex in range(n_vertices):
-        starts[vertex + 1] += starts[vertex]
-    fill = starts[:-1].copy()
-    corners = np.empty(3 * len(faces), dtype=np.int64)
-    for face in range(len(faces)):
-        for corner in range(3):
-            vertex = faces[face, corner]
-            corners[fill[vertex]] = 3 * face + corner
-            fill[vertex] += 1
-    leads_to = np.zeros(n_vertices, dtype=np.int32)
-    for vertex in range(n_vertices):
-        n_faces = starts[vertex + 1] - starts[vertex]
-        first = -1
-        for slot in range(starts[vertex], starts[vertex + 1]):
-            face, corner = corners[slot] // 3, corners[slot] % 3
-            first = faces[face, (corner + 1) % 3]
-            leads_to[first] = faces[face, (corner + 2) % 3]
-        at, n_steps = first, 0
-        while n_steps < n_faces:
-            at = leads_to[at]
-            n_steps += 1
-            if at == first:
-                break
-        if n_steps < n_faces:
-            return True
-    return False

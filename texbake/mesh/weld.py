@@ -1,11 +1,7 @@
-"""Rows that are equal, bit for bit, found by hashing.
+"""Rows that are equal, bit for bit: vertices at one place, corners that share all attributes.
 
 Vertices that a file split at a seam have one position; corners that share position, normal and
-texture coordinates share a tangent. Both are found here: exactly, with no tolerance.
-
-The rows are dealt into parts by the upper bits of their hash, and each part is welded by itself in
-a table that fits a processor's cache, so that parts can run side by side and the result is the same
-for any number of threads.
+texture coordinates share a tangent. Both are found here, exactly, with no tolerance.
 """
 
 from __future__ import annotations
@@ -15,12 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.mesh.kernels.weld import PART_BITS, hash_rows_kernel, weld_part_kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
-
-_PART_BITS = 4
-_PART_SHIFT = 32 - _PART_BITS
 
 
 def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray:
@@ -51,63 +44,15 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     hashes = np.empty(len(words), dtype=np.uint32)
     firsts = np.empty(len(words), dtype=np.int32)
     run_bands(
-        lambda start, stop: _hash_rows_kernel(words, start, stop, hashes),
+        lambda start, stop: hash_rows_kernel(words, start, stop, hashes),
         len(words),
         band=1 << 18,
         threads=threads,
     )
     run_bands(
-        lambda part, _: _weld_part_kernel(words, hashes, part, firsts),
-        1 << _PART_BITS,
+        lambda part, _: weld_part_kernel(words, hashes, part, firsts),
+        1 << PART_BITS,
         band=1,
         threads=threads if len(words) > 1 << 14 else 1,  # below, threads cost more than they bring
     )
     return firsts
-
-
-@kernel
-def _hash_rows_kernel(words, start, stop, hashes):  # type: ignore[no-untyped-def]
-    """Hash rows start to stop - 1 (multiply and shift, as MurmurHash2 by Austin Appleby)."""
-    factor = np.uint64(0xC6A4A7935BD1E995)
-    for row in range(start, stop):
-        mixed = np.uint64(words.shape[1])
-        for column in range(words.shape[1]):
-            word = np.uint64(words[row, column]) * factor
-            word ^= word >> np.uint64(47)
-            mixed = (mixed ^ (word * factor)) * factor
-        mixed ^= mixed >> np.uint64(47)
-        mixed *= factor
-        hashes[row] = np.uint32(mixed >> np.uint64(32))
-
-
-@kernel
-def _weld_part_kernel(words, hashes, part, firsts):  # type: ignore[no-untyped-def]
-    """Weld the rows whose hash falls into one part, with open addressing and linear probing."""
-    n_rows = 0
-    for row in range(len(hashes)):
-        if hashes[row] >> _PART_SHIFT == part:
-            n_rows += 1
-    size = 2
-    while size < 2 * n_rows:
-        size *= 2
-    table = np.full(size, -1, dtype=np.int32)
-    for row in range(len(hashes)):
-        if hashes[row] >> _PART_SHIFT != part:
-            continue
-        slot = hashes[row] & (size - 1)
-        while True:
-            first = table[slot]
-            if first < 0:
-                table[slot] = row
-                firsts[row] = row
-                break
-            if hashes[first] == hashes[row]:
-                equal = True
-                for column in range(words.shape[1]):
-                    if words[first, column] != words[row, column]:
-                        equal = False
-                        break
-                if equal:
-                    firsts[row] = first
-                    break
-            slot = (slot + 1) & (size - 1)

@@ -11,7 +11,7 @@ from texbake.baking.parts.light import Canvas
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.ray_maps import RayMaps
 from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere

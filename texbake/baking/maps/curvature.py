@@ -1,6 +1,6 @@
 """How the dense surface bends: ridges above the middle level, grooves below it.
 
-The values are mean curvatures of the dense mesh's vertices (see `texbake.mesh.curvature`), found
+The values are mean curvatures of the dense mesh's vertices (see `texbake.mesh.normals`), found
 once and interpolated over its faces. Convexity and concavity are the two halves as maps of their
 own.
 """

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from texbake.baking.parts.pieces import Piece
 from texbake.errors import OptionError
-from texbake.mesh.excerpt import excerpt
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.materials import BaseColor, Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals

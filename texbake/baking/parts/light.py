@@ -16,7 +16,7 @@ from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.pieces import Piece
 from texbake.baking.parts.tiles import Tiles, corner_of_tile
 from texbake.errors import MeshError, UvError
-from texbake.mesh.excerpt import excerpt
+from texbake.mesh.compose import excerpt
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals

@@ -17,7 +17,7 @@ from texbake.mapping.atlas.kept import kept_charts
 from texbake.mapping.atlas.packing.pack import check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch
-from texbake.mesh.join import offset_joined
+from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.join import offset_joined
+from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 
 

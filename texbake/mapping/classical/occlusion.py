@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.kernels import kernel
-from texbake.mesh.closest_point import dot, minus, point_at
+from texbake.mesh.kernels.triangle_tree import STACK_SIZE, dot, minus, point_at
 from texbake.mesh.mesh import FloatArray, frozen
-from texbake.mesh.triangle_tree import STACK_SIZE, TriangleTree
+from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
 _BAND = 1 << 12

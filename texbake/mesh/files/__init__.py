@@ -1,4 +1,4 @@
-"""Mesh files, one module a format, chosen by the suffix of the name."""
+"""Mesh files: `read_mesh` and `write_mesh` choose the format by the suffix of the file name."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from texbake.progress import ProgressSink, Stages
 
 
 class _Format(NamedTuple):
-    """Module and name of a format's two functions, which are loaded when they are first used.
+    """Module and name of a format's reader and writer, loaded when they are first used.
 
     `options` are the keywords of the writer.
     """
 
     reader: tuple[str, str]
-    writer: tuple[str, str] | None
+    writer: tuple[str, str] | None = None
     options: tuple[str, ...] = ()
 
 
 _MATERIAL = ("normal_map", "base_color", "orm", "emissive", "name")
 _USD = _Format(("usd", "read_usd"), ("usd_write", "write_usd"), _MATERIAL)
+_THROUGH_TRIMESH = _Format(("trimesh_read", "read_with_trimesh"))
 _FORMATS = {
-    ".obj": _Format(("obj", "read_obj"), ("obj_write", "write_obj")),
-    ".ply": _Format(("ply", "read_ply"), ("ply_write", "write_ply")),
+    ".obj": _Format(("obj", "read_obj"), ("obj", "write_obj")),
+    ".ply": _Format(("ply", "read_ply"), ("ply", "write_ply")),
     ".stl": _Format(("stl", "read_stl"), ("stl", "write_stl")),
     ".off": _Format(("off", "read_off"), ("off", "write_off")),
     ".glb": _Format(
@@ -37,23 +38,32 @@ _FORMATS = {
         ("gltf_write", "write_glb"),
         (*_MATERIAL, "levels", "coverages", "compress"),
     ),
-    ".gltf": _Format(("gltf", "read_gltf"), None),
+    ".gltf": _Format(("gltf", "read_gltf")),
     ".usd": _USD,
     ".usda": _USD,
     ".usdc": _USD,
     ".usdz": _USD,
+    ".dae": _THROUGH_TRIMESH,
+    ".zae": _THROUGH_TRIMESH,
+    ".3mf": _THROUGH_TRIMESH,
+    ".3dxml": _THROUGH_TRIMESH,
+    ".xaml": _THROUGH_TRIMESH,
 }
+MESH_SUFFIXES = tuple(_FORMATS)
+"""Suffixes of the files that `read_mesh` reads."""
+WRITTEN_SUFFIXES = tuple(suffix for suffix, kind in _FORMATS.items() if kind.writer is not None)
+"""Suffixes of the files that `write_mesh` writes."""
 
 
 def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
-    """Read a mesh from an OBJ, PLY, STL, OFF, GLB, glTF or USD file.
+    """Read a mesh from an OBJ, PLY, STL, OFF, GLB, glTF, USD, COLLADA, 3MF, 3DXML or XAML file.
 
     Parameters
     ----------
     path
-        The suffix, in upper or lower case, tells the format.
+        The format follows from the suffix, in upper or lower case.
     progress
-        Told of the one stage, ``read NAME``.
+        Called with the one stage, ``read NAME``.
 
     Returns
     -------
@@ -69,7 +79,8 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     DependencyError
-        It is a USD file, and usd-core is not installed.
+        The format needs an optional package that is not installed: USD needs ``texbake[usd]``;
+        COLLADA, 3MF, 3DXML, XAML and Draco-compressed glTF need ``texbake[formats]``.
     """
     require_file(path)
     name = Path(path).name
@@ -78,7 +89,7 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
         try:
             mesh: Mesh = read(path)
         except MeshError as error:
-            # A mesh calls itself by its name; the user knows the file by its path.
+            # The message of a mesh begins with its name; the user knows the file by its path.
             message = str(error)
             if message.startswith(f"{name}: "):
                 message = f"{path}{message[len(name) :]}"
@@ -92,17 +103,18 @@ def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
     Parameters
     ----------
     path
-        The suffix, in upper or lower case, tells the format. OBJ and PLY keep positions, faces,
-        texture coordinates and normals bit for bit; see each format's writer for what it keeps.
+        The format follows from the suffix, in upper or lower case. OBJ and PLY keep positions,
+        faces, texture coordinates and normals bit for bit; see each format's writer for what it
+        keeps.
     **options
-        Of GLB and USD: `normal_map`, `base_color`, `orm` and `emissive`, the images of the
-        material, and its `name`. Of GLB: `levels`, `coverages` and `compress`; see
-        `texbake.mesh.files.gltf_write.write_glb`. None is as if it were not given.
+        For GLB and USD: `normal_map`, `base_color`, `orm` and `emissive`, the images of the
+        material, and its `name`. For GLB also `levels`, `coverages` and `compress`; see
+        `texbake.mesh.files.gltf_write.write_glb`. An option that is None counts as not given.
 
     Raises
     ------
     OptionError
-        An option is given that the format does not have.
+        The format does not have one of the options.
     FileFormatError
         The suffix is not known, or the format can only be read.
     FileError
@@ -111,7 +123,9 @@ def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
     suffix = Path(path).suffix.lower()
     kind = _format_of(path)
     if kind.writer is None:
-        raise FileFormatError(f"{path}: {suffix} files are only read; write a .glb file")
+        raise FileFormatError(
+            f"{path}: {suffix} files can be read but not written; write a .glb file"
+        )
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
         if option not in kind.options:
@@ -123,12 +137,12 @@ def _format_of(path: PathLike) -> _Format:
     suffix = Path(path).suffix.lower()
     if suffix == ".fbx":
         raise FileFormatError(
-            f"{path}: FBX is not read; export a .glb file, as docs/export.md tells for Blender"
+            f"{path}: FBX files cannot be read; export a .glb file, in Blender with File > Export"
         )
     if suffix not in _FORMATS:
-        known = ", ".join(_FORMATS)
         raise FileFormatError(
-            f"{path}: {suffix!r} is no suffix of a mesh file; the known ones are {known}"
+            f"{path}: {suffix!r} is not the suffix of a mesh file; give one of "
+            f"{', '.join(MESH_SUFFIXES)}"
         )
     return _FORMATS[suffix]
 

@@ -1,29 +1,41 @@
 """Reading glTF 2.0, as .glb or as .gltf with its buffers beside it or in it.
 
-All triangles of the scene are joined into one mesh, in world space, one group to a primitive of a
-node, so that a mesh that two nodes place is there twice. Vertices of a primitive at the same
+All triangles of the scene are joined into one mesh, in world space, one group for each primitive
+of a node, so that a mesh that two nodes place is there twice. Vertices of a primitive at the same
 position, bit for bit, become one, because the format splits them where a normal or a coordinate
-differs; these keep their own indices, so that nothing is lost (but where such vertices differ in
-color, which the first decides).
+differs; these keep their own indices, so that nothing is lost (except where such vertices differ
+in color: then the first decides).
 
 Skinned meshes come in the pose they are stored in, without their node's transform, and morph
 targets at rest. Points and lines are skipped. Where only some primitives have texture coordinates
-or normals, the others get zeros.
+or normals, the others get zeros. Primitives compressed by Draco are read where DracoPy is
+installed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.files import PathLike
-from texbake.mesh.files.gltf_document import read_document
-from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes
-from texbake.mesh.files.gltf_primitive import Piece, read_primitive
-from texbake.mesh.files.parts import joined_parts, with_alpha
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.compose import (
+    corner_order,
+    join_parts,
+    transformed_normals,
+    transformed_tangents,
+    with_alpha,
+)
+from texbake.mesh.files.conversion import strip_triangles
+from texbake.mesh.files.gltf_compression import DRACO, decode_draco
+from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.weld import weld_rows
 
 _MAX_CORNERS = (1 << 31) - 1
 
@@ -66,10 +78,10 @@ def read_gltf(path: PathLike) -> Mesh:
                 parts.append(_part(piece, group, Path(path).name))
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    return joined_parts(parts, Path(path).name)
+    return join_parts(parts, Path(path).name)
 
 
-def _part(piece: Piece, group: str, name: str) -> Mesh:
+def _part(piece: PrimitiveMesh, group: str, name: str) -> Mesh:
     """Mesh of one group."""
     return Mesh(
         positions=piece.positions,
@@ -84,3 +96,263 @@ def _part(piece: Piece, group: str, name: str) -> Mesh:
         group_names=(group,),
         name=name,
     )
+
+
+def placed_nodes(document: Document) -> Iterator[tuple[dict[str, Any], FloatArray]]:
+    """Nodes of the scene, depth first, each with its (4, 4) matrix to the world.
+
+    A file without nodes has each of its meshes once, where it is.
+    """
+    nodes = document.items("nodes")
+    if not nodes:
+        for i in range(len(document.items("meshes"))):
+            yield {"mesh": i}, np.eye(4)
+        return
+    pending = [(root, np.eye(4)) for root in reversed(_roots(document, nodes))]
+    seen = set()
+    while pending:
+        index, parent = pending.pop()
+        node = document.item("nodes", index)
+        if index in seen:
+            document.fail(f"nodes[{index}] stands twice in the scene")
+        seen.add(index)
+        matrix = parent @ _local_matrix(document, node)
+        yield node, matrix
+        pending += [(child, matrix) for child in reversed(_indices(document, node, "children"))]
+
+
+def mesh_matrix(node: dict[str, Any], matrix: FloatArray) -> FloatArray:
+    """Matrix of a node's mesh: one with a skin stands where its joints are, not at the node."""
+    return np.eye(4) if "skin" in node else matrix
+
+
+def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:
+    """Indices of the nodes at the top: of the scene, else of the first, else of the whole file."""
+    if document.items("scenes"):
+        return _indices(
+            document, document.item("scenes", document.content.get("scene", 0)), "nodes"
+        )
+    children = {child for node in nodes for child in _indices(document, node, "children")}
+    return [i for i in range(len(nodes)) if i not in children]
+
+
+def _indices(document: Document, owner: dict[str, Any], key: str) -> list[int]:
+    indices = owner.get(key, [])
+    if not isinstance(indices, list) or not all(isinstance(index, int) for index in indices):
+        document.fail(f"{key!r} is not a list of indices")
+    return indices
+
+
+def _local_matrix(document: Document, node: dict[str, Any]) -> FloatArray:
+    """(4, 4) matrix of a node, from its columns or its translation, rotation and scale."""
+    columns = document.numbers(node, "matrix", 16)
+    if columns is not None:
+        return columns.reshape(4, 4).T
+    matrix = np.eye(4)
+    rotation = document.numbers(node, "rotation", 4)
+    if rotation is not None:
+        length = float(np.linalg.norm(rotation))
+        x, y, z, w = rotation / length if length > 0.0 else (0.0, 0.0, 0.0, 1.0)
+        matrix[:3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    scale = document.numbers(node, "scale", 3)
+    if scale is not None:
+        matrix[:3, :3] *= scale
+    translation = document.numbers(node, "translation", 3)
+    if translation is not None:
+        matrix[:3, 3] = translation
+    return matrix
+
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_INDICES = "indices"
+
+
+@dataclass(frozen=True)
+class PrimitiveMesh:
+    """Triangles of a primitive.
+
+    Attributes
+    ----------
+    positions : (V, 3) float64
+        No two are equal, bit for bit (unless they differ in color, where that is kept).
+    faces : (F, 3) int32
+        Indices into `positions`, and into `colors`.
+    corners : (F, 3) int32
+        Indices into all other attributes.
+    uvs : (n, 2) float64, optional
+        v turned up.
+    normals : (n, 3) float64, optional
+    tangents : (n, 4), optional
+    colors : (V, 3) or (V, 4) float32, optional
+        Linear.
+    """
+
+    positions: FloatArray
+    faces: IntArray
+    corners: IntArray
+    uvs: FloatArray | None
+    normals: FloatArray | None
+    tangents: npt.NDArray[Any] | None
+    colors: npt.NDArray[np.float32] | None
+
+    def placed(self, matrix: FloatArray) -> PrimitiveMesh:
+        """Move it; triangles that a mirror turns inside out are turned back."""
+        linear = matrix[:3, :3]
+        order = corner_order(linear)
+        normals, tangents = self.normals, self.tangents
+        # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return replace(
+                self,
+                positions=self.positions @ linear.T + matrix[:3, 3],
+                faces=self.faces[:, order],
+                corners=self.corners[:, order],
+                normals=None if normals is None else transformed_normals(normals, linear),
+                tangents=None if tangents is None else transformed_tangents(tangents, linear),
+            )
+
+
+def read_primitive(
+    document: Document, primitive: dict[str, Any], *, uv_set: int = 0, keeps_colors: bool = False
+) -> PrimitiveMesh | None:
+    """Triangles of a primitive in the space of its mesh, or None where it has none.
+
+    Parameters
+    ----------
+    uv_set
+        Number of the texture coordinates to read.
+    keeps_colors
+        Whether vertices at one position stay apart where they differ in color; else the first
+        decides.
+
+    Raises
+    ------
+    FileFormatError
+        An attribute is not what its name asks for.
+    MeshError
+        A number of an attribute is not finite.
+    """
+    mode = primitive.get("mode", _TRIANGLES)
+    attributes = document.mapping(primitive, "attributes")
+    if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
+        return None
+    arrays = _primitive_arrays(document, primitive, attributes)
+    positions = _attribute(document, arrays, "POSITION", (3,), None)
+    assert positions is not None
+    n = len(positions)
+    # Draco has made triangles of a strip.
+    mode = _TRIANGLES if arrays.decoded else mode
+    corners = _triangles(_corner_indices(document, arrays, n), mode)
+    uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
+    colors = _attribute(document, arrays, "COLOR_0", (3, 4), n)
+    keys = positions
+    if keeps_colors and colors is not None:
+        keys = np.concatenate([positions, colors], axis=1)
+    kept, vertices = np.unique(weld_rows(keys + 0.0), return_inverse=True)
+    return PrimitiveMesh(
+        positions=positions[kept],
+        faces=vertices.astype(np.int32)[corners],
+        corners=corners,
+        uvs=None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1),
+        normals=_attribute(document, arrays, "NORMAL", (3,), n),
+        tangents=_attribute(document, arrays, "TANGENT", (4,), n),
+        colors=None if colors is None else colors[kept].astype(np.float32),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _PrimitiveArrays:
+    """Arrays of a primitive by their names, `indices` among them.
+
+    Attributes
+    ----------
+    document
+    accessors
+        Accessor of each.
+    decoded
+        Those that a compressed primitive holds in their place.
+    """
+
+    document: Document
+    accessors: dict[str, Any]
+    decoded: dict[str, npt.NDArray[Any]]
+
+    def read(self, name: str) -> npt.NDArray[Any]:
+        """(count, width) values."""
+        if name not in self.decoded:
+            return self.document.accessor(self.accessors[name])
+        if self.accessors[name] is None:
+            return self.decoded[name]
+        return self.document.denormalized(self.accessors[name], self.decoded[name])
+
+
+def _primitive_arrays(
+    document: Document, primitive: dict[str, Any], attributes: dict[str, Any]
+) -> _PrimitiveArrays:
+    accessors = dict(attributes)
+    if _INDICES in primitive:
+        accessors[_INDICES] = primitive[_INDICES]
+    draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)
+    # A file may hold the same arrays uncompressed, for programs that do not read Draco.
+    if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
+        return _PrimitiveArrays(document, accessors, {})
+    decoded = decode_draco(document.path, document.view_bytes(draco.get("bufferView")))
+    if isinstance(decoded, str):
+        document.fail(decoded)
+    rows, indices = decoded
+    numbers = document.mapping(draco, "attributes")
+    arrays = {name: rows[number] for name, number in numbers.items() if number in rows}
+    return _PrimitiveArrays(
+        document,
+        {_INDICES: None, **accessors},
+        {**arrays, _INDICES: indices.reshape(-1, 1)},
+    )
+
+
+def _attribute(
+    document: Document,
+    arrays: _PrimitiveArrays,
+    name: str,
+    widths: tuple[int, ...],
+    count: int | None,
+) -> FloatArray | None:
+    """(count, width) float64 values of an attribute, or None where the primitive has none."""
+    if name not in arrays.accessors:
+        return None
+    values = arrays.read(name)
+    if values.shape[1] not in widths:
+        document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
+    if count is not None and len(values) != count:
+        document.fail(f"{name} counts {len(values)}, where there are {count} positions")
+    if not np.isfinite(values).all():  # before the cast, which warns of signaling NaNs
+        raise MeshError(f"{document.path}: a number of {name} is not finite; export it again")
+    return values.astype(np.float64)
+
+
+def _corner_indices(
+    document: Document, arrays: _PrimitiveArrays, n_vertices: int
+) -> npt.NDArray[np.int64]:
+    if _INDICES not in arrays.accessors:
+        return np.arange(n_vertices)
+    indices = arrays.read(_INDICES)
+    if indices.shape[1] != 1 or indices.dtype.kind != "u":
+        document.fail("indices are not unsigned integers")
+    if len(indices) and indices.max() >= n_vertices:
+        document.fail(f"an index is out of range ({indices.max()}; there are {n_vertices})")
+    return indices[:, 0].astype(np.int64)
+
+
+def _triangles(indices: npt.NDArray[np.int64], mode: int) -> IntArray:
+    """(F, 3) corners of a list, a strip or a fan; an incomplete triangle at the end is dropped."""
+    if mode == _TRIANGLES:
+        triangles = indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    elif mode == _STRIP:
+        triangles = strip_triangles(indices)
+    else:
+        i = np.arange(max(len(indices) - 2, 0))
+        triangles = indices[np.stack((i + 1, i + 2, 0 * i), axis=1)]
+    return triangles.astype(np.int32)

@@ -1,8 +1,7 @@
-"""The JSON of a glTF asset and the parts of its buffer, grown together and written as one file.
+"""A glTF asset in the making: its JSON and the parts of its buffer, written as one file.
 
-With `compress` every view of vertices and indices is coded by `gltf_meshopt`: what a reader without
-the extension would take for the data is then a second buffer that has no bytes, as the extension
-wants it.
+With `compress` every view of vertices and indices is coded by `gltf_compression`. As the extension
+demands, a reader without it is then pointed to a second buffer, which has no bytes.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
 """
@@ -21,14 +20,14 @@ import numpy.typing as npt
 from texbake import __version__
 from texbake.errors import FileFormatError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.gltf_meshopt import (
+from texbake.mesh.files.conversion import as_text, check_normal_map, color_factors, image_file
+from texbake.mesh.files.gltf_compression import (
     ATTRIBUTES,
     EXTENSION,
     TRIANGLES,
     encode_triangles,
     encode_vertices,
 )
-from texbake.mesh.files.material_images import check_normal_map, color_factors, image_file
 
 _VERTICES, _INDICES = 34962, 34963  # what a buffer view is bound to
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
@@ -36,7 +35,7 @@ _REPEAT, _LINEAR, _TRILINEAR = 10497, 9729, 9987
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
-class Asset:
+class GltfAsset:
     """A glTF asset in the making; `write` ends it."""
 
     def __init__(self, *, compress: bool = False) -> None:
@@ -210,8 +209,3 @@ class Asset:
         textures = self._json.setdefault("textures", [])
         textures.append({"sampler": 0, "source": len(images) - 1})
         return len(textures) - 1
-
-
-def as_text(name: str) -> str:
-    """Return a name that UTF-8 can hold."""
-    return name.encode("utf-8", "replace").decode("utf-8")

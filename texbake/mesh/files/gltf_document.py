@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
-from texbake.mesh.files.gltf_meshopt import EXTENSION, decode_view
+from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.source import ByteArray, map_file
 
 _MAGIC = b"glTF"
@@ -30,7 +30,14 @@ _BINARY_CHUNK = 0x004E4942
 # Required extensions that change nothing about where triangles are, or only the component types
 # of attributes, which accessors carry anyway. Any other may hide the mesh itself.
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_animation_")
-_READ = (EXTENSION, "MSFT_lod", "KHR_mesh_quantization", "KHR_xmp_json_ld", "MSFT_texture_dds")
+_READ = (
+    EXTENSION,
+    "MSFT_lod",
+    "KHR_mesh_quantization",
+    DRACO,
+    "KHR_xmp_json_ld",
+    "MSFT_texture_dds",
+)
 
 _COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("i1"),
@@ -137,8 +144,13 @@ class Document:
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
             values = self._replaced(values, self.mapping(accessor, "sparse"))
-        if accessor.get("normalized") is True and dtype.kind in "iu":
-            return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
+        return self.denormalized(index, values)
+
+    def denormalized(self, index: Any, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Values of an accessor as float64 where it calls its integers normalized."""
+        is_normalized = self.item("accessors", index).get("normalized") is True
+        if is_normalized and values.dtype.kind in "iu":
+            return np.maximum(values / float(np.iinfo(values.dtype).max), -1.0)
         return values
 
     def view_bytes(self, index: Any) -> ByteArray:

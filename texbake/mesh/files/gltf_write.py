@@ -25,9 +25,9 @@ import numpy.typing as npt
 
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.files import PathLike
-from texbake.mesh.files.far import far_origin
-from texbake.mesh.files.gltf_asset import Asset
-from texbake.mesh.files.gltf_meshopt import ordered_triangles
+from texbake.mesh.files.conversion import far_origin
+from texbake.mesh.files.gltf_asset import GltfAsset
+from texbake.mesh.files.gltf_compression import ordered_triangles
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
@@ -107,7 +107,7 @@ def write_glb(
                 f"make some with: texbake unwrap {level.name} -o OUT"
             )
     name = Path(path).stem if name is None else name
-    asset = Asset(compress=bool(compress))
+    asset = GltfAsset(compress=bool(compress))
     asset.add_material(
         name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive
     )
@@ -138,7 +138,7 @@ def _coverages(n_levels: int, coverages: Sequence[float] | None) -> Sequence[flo
     return coverages
 
 
-def _add_groups(asset: Asset, mesh: Mesh, name: str, *, compress: bool) -> list[int]:
+def _add_groups(asset: GltfAsset, mesh: Mesh, name: str, *, compress: bool) -> list[int]:
     """Add each group as a mesh and a node; return the nodes."""
     origin = far_origin(mesh)
     place: dict[str, Any] = {"translation": origin.tolist()} if origin.any() else {}

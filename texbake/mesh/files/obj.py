@@ -1,4 +1,4 @@
-"""Reading Wavefront OBJ.
+"""Reading and writing Wavefront OBJ.
 
 Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanced Visualizer
 manual; vertex colors ``v x y z r g b`` as MeshLab and ZBrush write them.
@@ -22,6 +22,7 @@ What the format leaves open, or files do differently, is decided so:
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +30,23 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
-from texbake.files import PathLike
-from texbake.mesh.files.colors import unit_colors
-from texbake.mesh.files.obj_statements import (
+from texbake.files import PathLike, replacing
+from texbake.mesh.files.conversion import fan_corners, unit_colors
+from texbake.mesh.files.decimals import read_word, write_rows
+from texbake.mesh.files.source import ByteArray, decode_name, line_number, map_file, require_text
+from texbake.mesh.kernels.file_rows import (
     MARK,
+    OUT_OF_RANGE,
+    VN,
+    VT,
     F,
-    Lines,
     V,
-    find_lines,
-    read_corners,
-    read_values,
+    corners_kernel,
+    lines_kernel,
+    words_kernel,
 )
-from texbake.mesh.files.polygons import fan_corners
-from texbake.mesh.files.source import ByteArray, decode_name, map_file, require_text
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.parallel import run_bands
 
 
 def read_obj(path: PathLike) -> Mesh:
@@ -146,3 +150,150 @@ def _read_groups(data: ByteArray, lines: Lines) -> tuple[IntArray, tuple[str, ..
             full = decode_name(b"/".join(set_names)) or "default"
             groups[start:stop] = ids.setdefault(full, len(ids))
     return groups, tuple(ids)
+
+
+Offsets = npt.NDArray[np.int64]
+Lines = tuple[Offsets, ...]  # one list of offsets a kind
+_KEYWORDS = ("v", "vt", "vn", "f")
+_BAND = 1 << 15  # lines
+
+# A word after blanks; a backslash continues a statement on the next line.
+_WORD = re.compile(rb"(?:\\(?:\r\n|\r|\n)?|[\x00-\x09\x0b\x0c\x0e-\x20])*([^\x00-\x20\\]+)")
+
+
+def find_lines(data: ByteArray) -> Lines:
+    """Offsets of the statements of each kind: behind the keyword, at it for marks."""
+    counts = np.zeros(5, dtype=np.int64)
+    lines_kernel(data, False, counts, np.empty(0, dtype=np.int64))
+    ends = np.cumsum(counts)
+    offsets = np.empty(ends[-1], dtype=np.int64)
+    lines_kernel(data, True, ends - counts, offsets)
+    return tuple(np.split(offsets, ends[:-1]))
+
+
+def read_values(
+    path: PathLike, data: ByteArray, lines: Lines, kind: int, width: int
+) -> tuple[FloatArray, IntArray]:
+    """(n, width) numbers of the v, vt or vn lines, and (n,) how many words each line has.
+
+    Missing numbers are 0; too few to be used are an error.
+    """
+    values, n_words = _walk_lines(data, lines[kind], width)
+    least = 1 if kind == VT else 3
+    if (n_words < least).any():
+        line = line_number(data, int(lines[kind][int((n_words < least).argmax())]))
+        raise FileFormatError(
+            f"{path}: line {line}: too few numbers; {_KEYWORDS[kind]} needs {least}"
+        )
+    for row, column in np.argwhere(np.isnan(values)).tolist():
+        at = int(lines[kind][row])
+        for _ in range(column):
+            at = _word_at(data, at)[1]
+        at = _word_at(data, at)[0]
+        values[row, column] = read_word(path, data, at)
+        if not np.isfinite(values[row, column]):
+            raise MeshError(f"{path}: line {line_number(data, at)}: a coordinate is not finite")
+    return values, n_words
+
+
+def _word_at(data: ByteArray, at: int) -> tuple[int, int]:
+    """Where the next word of a statement begins and ends."""
+    found = _WORD.match(data.data, at)
+    return found.span(1) if found else (at, at)
+
+
+def _walk_lines(data: ByteArray, starts: Offsets, width: int) -> tuple[FloatArray, IntArray]:
+    values = np.zeros((len(starts), width))
+    n_words = np.empty(len(starts), dtype=np.int32)
+    run_bands(
+        lambda start, stop: words_kernel(data, starts, start, stop, values, n_words),
+        len(starts),
+        band=_BAND,
+    )
+    return values, n_words
+
+
+def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArray, IntArray]:
+    """(P,) corners of each polygon, and (3, C) their indices of v, vt and vn, -1 for none."""
+    starts = lines[F]
+    sizes = _walk_lines(data, starts, 0)[1]
+    if (sizes < 3).any():
+        line = line_number(data, int(starts[int((sizes < 3).argmax())]))
+        raise FileFormatError(f"{path}: line {line}: a face needs at least three corners")
+    ends = np.cumsum(sizes, dtype=np.int64)
+    if max(ends[-1], *(len(lines[kind]) for kind in (V, VT, VN))) > np.iinfo(np.int32).max:
+        raise FileFormatError(f"{path}: it is too large; indices must fit 32 bits")
+    corners = np.empty((3, int(ends[-1])), dtype=np.int32)
+    run_bands(
+        lambda start, stop: corners_kernel(
+            data, starts, start, stop, ends, lines[V], lines[VT], lines[VN], corners
+        ),
+        len(starts),
+        band=_BAND,
+    )
+    bad = corners[0] < 0
+    if bad.any():
+        slot = int(bad.argmax())
+        line = line_number(data, int(starts[int(np.searchsorted(ends, slot, side="right"))]))
+        what = (
+            "an index is out of range; they begin at 1, or at -1 backwards"
+            if corners[0, slot] == OUT_OF_RANGE
+            else "a corner is none of v, v/vt, v//vn, v/vt/vn with whole numbers"
+        )
+        raise FileFormatError(f"{path}: line {line}: {what}")
+    return sizes, corners
+
+
+def write_obj(mesh: Mesh, path: PathLike) -> None:
+    """Write positions, colors, texture coordinates, normals, faces and groups.
+
+    What `read_obj` reads back is equal bit for bit, faces in their order; but groups are numbered
+    in the order in which faces use them, names without a face are dropped, and control characters
+    in a name become spaces. Corner tangents have no place in the format.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written; one that stood there is left as it was.
+    """
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        points = mesh.positions
+        if mesh.colors is not None:
+            points = np.concatenate([points, mesh.colors.astype(np.float64)], axis=1)
+        write_rows(file, "v" + " %r" * points.shape[1] + "\n", points)
+        if mesh.uvs is not None:
+            write_rows(file, "vt %r %r\n", mesh.uvs)
+        if mesh.normals is not None:
+            write_rows(file, "vn %r %r %r\n", mesh.normals)
+        corners = _corner_indices(mesh)
+        corner_format = {
+            (False, False): " %d",
+            (True, False): " %d/%d",
+            (False, True): " %d//%d",
+            (True, True): " %d/%d/%d",
+        }[mesh.uvs is not None, mesh.normals is not None]
+        for name, start, stop in _group_runs(mesh):
+            if name is not None:
+                file.write(f"g {name}\n".encode("utf-8", "replace"))
+            write_rows(file, "f" + 3 * corner_format + "\n", corners[start:stop])
+
+
+def _corner_indices(mesh: Mesh) -> IntArray:
+    """(F, 3 * n) indices from 1, n of them a corner: position, and those that the mesh has."""
+    indices = [mesh.faces]
+    if mesh.uv_faces is not None:
+        indices.append(mesh.uv_faces)
+    if mesh.normal_faces is not None:
+        indices.append(mesh.normal_faces)
+    return np.stack(indices, axis=2).reshape(mesh.n_faces, -1) + np.int32(1)
+
+
+def _group_runs(mesh: Mesh) -> Iterator[tuple[str | None, int, int]]:
+    """Name, first and last + 1 of each run of faces of one group; None for a mesh without."""
+    if mesh.face_groups is None:
+        yield None, 0, mesh.n_faces
+        return
+    starts = np.flatnonzero(np.diff(mesh.face_groups, prepend=-1)).tolist()
+    for start, stop in zip(starts, [*starts[1:], mesh.n_faces], strict=True):
+        name = mesh.group_names[mesh.face_groups[start]]
+        yield "".join(" " if ord(sign) < 32 else sign for sign in name).strip(), start, stop

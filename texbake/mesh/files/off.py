@@ -20,11 +20,9 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.colors import unit_colors
-from texbake.mesh.files.decimals import Numbers, parse_numbers
-from texbake.mesh.files.polygons import fan_corners
+from texbake.mesh.files.conversion import fan_corners, unit_colors
+from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
 from texbake.mesh.files.source import map_file, require_text
-from texbake.mesh.files.text_write import write_rows
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 # Comments and blank lines before the first word are skipped.
@@ -81,7 +79,7 @@ def read_off(path: PathLike) -> Mesh:
     return Mesh(**fields)
 
 
-def _counts(path: PathLike, numbers: Numbers) -> tuple[int, int]:
+def _counts(path: PathLike, numbers: TextNumbers) -> tuple[int, int]:
     """Numbers of vertices and faces, from the first line of numbers."""
     first = numbers.values[: numbers.lines[1] if len(numbers.lines) > 1 else None]
     counts = first[:2]

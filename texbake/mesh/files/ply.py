@@ -1,4 +1,4 @@
-"""Reading PLY, ASCII and binary of either byte order.
+"""Reading PLY, ASCII and binary of either byte order, and writing it binary.
 
 Based on: G. Turk, "The PLY Polygon File Format", 1994; property names after MeshLab and Blender.
 
@@ -11,11 +11,13 @@ texture_u, texture_v) and colors (red, green, blue, alpha; integers are divided 
 value of their type), and of faces the polygons (vertex_indices or vertex_index), texture
 coordinates (texcoord) and normals (normals, which only texbake writes) of their corners. All else
 is skipped. A polygon is fanned out from its first corner; one of fewer than three corners gives no
-triangle.
+triangle. A file without faces may have triangle strips (tristrips) instead, in which -1 begins a
+new strip; triangles with a repeated vertex, which only turn a strip around, are dropped.
 """
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +25,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
-from texbake.files import PathLike
+from texbake.files import PathLike, replacing
+from texbake.mesh.files.conversion import fan_corners, strip_triangles
 from texbake.mesh.files.decimals import parse_numbers
-from texbake.mesh.files.ply_body import Columns, Ragged, read_element
-from texbake.mesh.files.ply_header import read_header
-from texbake.mesh.files.polygons import fan_corners
+from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
 from texbake.mesh.files.source import map_file
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
@@ -36,6 +37,7 @@ _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _NORMAL_NAMES = ("nx", "ny", "nz")
 _COLOR_NAMES = ("red", "green", "blue", "alpha")
 _POLYGON_NAMES = ("vertex_indices", "vertex_index")
+_STRIPS = "tristrips"
 
 
 def read_ply(path: PathLike) -> Mesh:
@@ -58,10 +60,10 @@ def read_ply(path: PathLike) -> Mesh:
     tables: dict[str, Columns] = {}
     start = 0
     for element in header.elements:
-        if {"vertex", "face"} <= tables.keys():
+        if "vertex" in tables and ("face" in tables or _STRIPS in tables):
             break  # what follows is not used
         tables[element.name], start = read_element(path, body, start, element, header.order)
-    vertices, polygons = tables.get("vertex", {}), tables.get("face", {})
+    vertices, polygons = tables.get("vertex", {}), tables.get("face", tables.get(_STRIPS, {}))
     positions = _stacked(vertices, ("x", "y", "z"))
     if positions is None:
         raise FileFormatError(f"{path}: its vertices have no x, y and z")
@@ -74,7 +76,10 @@ def read_ply(path: PathLike) -> Mesh:
         if element.name == "vertex"
         for prop in element.properties
     }
-    fields = _corner_fields(path, polygons, name)
+    if "face" in tables:
+        fields = _corner_fields(path, polygons, name)
+    else:
+        fields = {"faces": _strip_faces(path, polygons[name])}
     faces = fields["faces"]
     for values, corners, names in (
         *(("uvs", "uv_faces", names) for names in _UV_NAMES),
@@ -147,6 +152,16 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
     return fields
 
 
+def _strip_faces(path: PathLike, column: npt.NDArray[Any] | Ragged) -> IntArray:
+    """(F, 3) triangles of triangle strips, each row a strip or several with -1 between them."""
+    sizes, values = _flattened(column)
+    indices = _as_indices(path, values)
+    triangles = strip_triangles(np.insert(indices, np.cumsum(sizes)[:-1], -1))
+    a, b, c = triangles.T
+    kept: IntArray = triangles[(a != b) & (b != c) & (c != a)]
+    return kept
+
+
 def _flattened(
     column: npt.NDArray[Any] | Ragged,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
@@ -180,3 +195,110 @@ def _joined(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, I
     is_first = firsts == np.arange(len(firsts))
     ids = np.cumsum(is_first, dtype=np.int32) - 1
     return values[is_first].astype(np.float64), ids[firsts]
+
+
+_BLOCK = 1 << 18  # rows put together at once
+
+
+def write_ply(mesh: Mesh, path: PathLike) -> None:
+    """Write positions, colors, faces, texture coordinates and normals.
+
+    Numbers are written as ``float`` where that loses nothing, else as ``double``, and colors as
+    ``uchar`` where that loses nothing. Texture coordinates and normals are vertex properties where
+    all corners of a vertex agree on them, else lists of the faces: ``texcoord``, which other
+    programs read, and ``normals``, which only texbake reads, for the format has nothing for normals
+    of corners. Groups and tangents have no place in the format.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written; one that stood there is left as it was.
+    """
+    vertex_columns = _narrow_columns(mesh.positions, ("x", "y", "z"))
+    face_columns: list[tuple[str, npt.NDArray[Any]]] = [("vertex_indices", mesh.faces)]
+    for values, corners, names, list_name in (
+        (mesh.normals, mesh.normal_faces, ("nx", "ny", "nz"), "normals"),
+        (mesh.uvs, mesh.uv_faces, ("s", "t"), "texcoord"),
+    ):
+        if values is None or corners is None:
+            continue
+        by_vertex = _values_by_vertex(mesh, values, corners)
+        if by_vertex is not None:
+            vertex_columns += _narrow_columns(by_vertex, names)
+        else:
+            rows = values[corners].reshape(mesh.n_faces, -1)
+            face_columns.append((list_name, _narrowed(rows)))
+    if mesh.colors is not None:
+        vertex_columns += _narrow_columns(
+            _color_bytes(mesh.colors), ("red", "green", "blue", "alpha")
+        )
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {mesh.n_vertices}"]
+    header += [f"property {_TYPES[column.dtype.str[1:]]} {name}" for name, column in vertex_columns]
+    header.append(f"element face {mesh.n_faces}")
+    header += [
+        f"property list uchar {_TYPES[column.dtype.str[1:]]} {name}"
+        for name, column in face_columns
+    ]
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write("\n".join([*header, "end_header\n"]).encode("ascii"))
+        _write_rows(file, vertex_columns, lists=False)
+        _write_rows(file, face_columns, lists=True)
+
+
+_TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
+
+
+def _narrow_columns(
+    rows: npt.NDArray[Any], names: tuple[str, ...]
+) -> list[tuple[str, npt.NDArray[Any]]]:
+    narrowed = _narrowed(rows)
+    return [(name, narrowed[:, axis]) for axis, name in enumerate(names[: rows.shape[1]])]
+
+
+def _narrowed(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """As float32 where that loses nothing; integers and float32 are left as they are."""
+    if rows.dtype != np.float64:
+        return rows
+    with np.errstate(over="ignore", under="ignore"):
+        narrow = rows.astype(np.float32)
+    return narrow if np.array_equal(narrow, rows) else rows
+
+
+def _color_bytes(colors: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+    """As bytes where they read back to the same bits."""
+    scaled = np.clip(np.nan_to_num(np.round(colors * 255.0)), 0, 255).astype(np.uint8)
+    exact = np.array_equal((scaled.astype(np.float64) / 255.0).astype(np.float32), colors)
+    return scaled if exact else colors
+
+
+def _values_by_vertex(mesh: Mesh, values: FloatArray, corners: IntArray) -> FloatArray | None:
+    """(V, k) values, zero for vertices that no face uses; None where corners disagree."""
+    last_corners = np.full(mesh.n_vertices, -1, dtype=np.int64)
+    last_corners[mesh.faces.ravel()] = corners.ravel()
+    if not np.array_equal(last_corners[mesh.faces], corners) and not np.array_equal(
+        values[last_corners[mesh.faces]], values[corners]
+    ):
+        return None
+    by_vertex = values[last_corners]
+    by_vertex[last_corners < 0] = 0.0
+    return by_vertex
+
+
+def _write_rows(
+    file: io.BufferedWriter, columns: list[tuple[str, npt.NDArray[Any]]], *, lists: bool
+) -> None:
+    """Write a table; each column is (n,) scalars or, with `lists`, (n, k) lists of length k."""
+    fields: list[Any] = []
+    for name, column in columns:
+        if lists:
+            fields.append((f"{name} count", "u1"))
+        fields.append((name, column.dtype.newbyteorder("<"), column.shape[1:]))
+    n_rows = len(columns[0][1])
+    for start in range(0, n_rows, _BLOCK):
+        stop = min(start + _BLOCK, n_rows)
+        table = np.empty(stop - start, dtype=fields)
+        for name, column in columns:
+            if lists:
+                table[f"{name} count"] = column.shape[1]
+            table[name] = column[start:stop]
+        file.write(table.tobytes())

@@ -26,12 +26,17 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
-from texbake.mesh.files.parts import joined_parts
-from texbake.mesh.files.polygons import fan_corners
-from texbake.mesh.files.usd_primvars import Corners, read_colors, read_primvars
-from texbake.mesh.files.usd_stage import numbers_of, open_stage, told_damage
+from texbake.mesh.compose import join_parts, transformed
+from texbake.mesh.files.conversion import fan_corners
+from texbake.mesh.files.usd_stage import (
+    UsdCorners,
+    numbers_of,
+    open_stage,
+    read_colors,
+    read_primvars,
+    reporting_damage,
+)
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.transform import transformed
 
 _MAX_CORNERS = (1 << 31) - 1
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -56,11 +61,11 @@ def read_usd(path: PathLike) -> Mesh:
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
     stage = open_stage(path)
-    with told_damage(path):
+    with reporting_damage(path):
         parts = _read_parts(path, stage)
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    return joined_parts(parts, Path(path).name)
+    return join_parts(parts, Path(path).name)
 
 
 def _read_parts(path: PathLike, stage: Any) -> list[Mesh]:
@@ -145,7 +150,7 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
         return None
     if usd_mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
         slots = slots[:, ::-1]
-    corners = Corners(
+    corners = UsdCorners(
         path=path,
         point_of=point_of,
         polygon_of=np.repeat(np.arange(len(counts)), counts),

@@ -25,9 +25,13 @@ import numpy as np
 
 from texbake.errors import MeshError, UvError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.far import far_origin
-from texbake.mesh.files.gltf_asset import as_text
-from texbake.mesh.files.material_images import check_normal_map, color_factors, image_file
+from texbake.mesh.files.conversion import (
+    as_text,
+    check_normal_map,
+    color_factors,
+    far_origin,
+    image_file,
+)
 from texbake.mesh.files.usd_stage import require_usd
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import shading_normals

@@ -75,7 +75,7 @@ def part_way(
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class SurfaceGrid:
     """Triangles between nodes of a lattice.
 
     Attributes
@@ -107,7 +107,7 @@ def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
     Returns
     -------
     nodes : (C R, 2) int32
-        As in `Grid`, row by row.
+        As in `SurfaceGrid`, row by row.
     quads : (Q, 4) int32
         Nodes of the corners of each square, counter-clockwise.
     """
@@ -121,7 +121,7 @@ def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
 
 def make_grid(
     columns: IntArray, rows: IntArray, *, poles: BoolArray | None = None, twisted: bool = False
-) -> Grid:
+) -> SurfaceGrid:
     """Lay a surface out on lines.
 
     Parameters
@@ -135,7 +135,7 @@ def make_grid(
 
     Returns
     -------
-    Grid
+    SurfaceGrid
         Two triangles a square, one at a pole, in the order of squares: row by row.
     """
     nodes, quads = lattice(columns, rows)
@@ -150,19 +150,19 @@ def make_grid(
     return triangulate(nodes, vertex_ids, quads)
 
 
-def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> Grid:
+def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> SurfaceGrid:
     """Split squares into triangles; one with a side that is a single vertex becomes one triangle.
 
     Parameters
     ----------
     nodes, vertex_ids
-        As in `Grid`.
+        As in `SurfaceGrid`.
     quads : (Q, 4) int32
         Nodes of squares, counter-clockwise.
 
     Returns
     -------
-    Grid
+    SurfaceGrid
         With a node more, in the middle of such a side, for each of them. What is left of a square
         with two such sides, or with opposite corners in one vertex, and has no area by its
         vertices, is dropped.
@@ -184,11 +184,11 @@ def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> Grid:
         vertex_ids = np.concatenate([vertex_ids, vertex_ids[starts]])
     faces = triangles[kept]
     a, b, c = vertex_ids[faces].T
-    return Grid(nodes, vertex_ids, faces[(a != b) & (b != c) & (c != a)])
+    return SurfaceGrid(nodes, vertex_ids, faces[(a != b) & (b != c) & (c != a)])
 
 
 def grid_mesh(
-    grid: Grid,
+    grid: SurfaceGrid,
     *,
     name: str,
     positions: FloatArray,
@@ -201,7 +201,7 @@ def grid_mesh(
 
     Parameters
     ----------
-    grid : Grid
+    grid : SurfaceGrid
     name
         Of the mesh.
     positions : (N, 3) float64
@@ -253,3 +253,33 @@ def _numbered(firsts: IntArray) -> tuple[IntArray, npt.NDArray[np.intp]]:
     is_first = firsts == np.arange(len(firsts), dtype=np.int32)
     numbers = np.cumsum(is_first, dtype=np.int32) - 1
     return numbers[firsts], np.flatnonzero(is_first)
+
+
+def circle_points(n_points: int) -> FloatArray:
+    """Cosine and sine of k / n of a turn, for k from 0 to n - 1.
+
+    Returns
+    -------
+    (n, 2) float64
+        Each coordinate within one unit in its last place, and never -0.
+
+    Examples
+    --------
+    >>> circle_points(4)
+    array([[ 1.,  0.],
+           [ 0.,  1.],
+           [-1.,  0.],
+           [ 0., -1.]])
+    """
+    eighths = 8 * np.arange(n_points, dtype=np.int64)
+    octants, rests = eighths // n_points, eighths % n_points
+    parts = np.where(octants % 2 == 1, n_points - rests, rests)
+    angles = parts * (np.pi / 4.0) / n_points
+    cosines = np.where(parts == n_points, np.sqrt(0.5), np.cos(angles))
+    sines = np.where(parts == n_points, np.sqrt(0.5), np.sin(angles))
+    # In octants 1, 2, 5 and 6 the point is nearer to the y axis than to the x axis.
+    steep = ((octants + 1) // 2) % 2 == 1
+    x, y = np.where(steep, sines, cosines), np.where(steep, cosines, sines)
+    left = (octants >= 2) & (octants < 6)
+    points = np.stack([np.where(left, -x, x), np.where(octants >= 4, -y, y)], axis=-1)
+    return points + 0.0  # -0.0 becomes 0.0

@@ -1,4 +1,24 @@
-"""Meshes of parametric surfaces, which carry their own (u, v) as texture coordinates."""
+"""Meshes of parametric surfaces, which carry their own (u, v) as texture coordinates.
+
+Made here are the plane, the height field and the Möbius strip; surfaces of revolution and Bézier
+patches have modules of their own.
+
+A plane and a height field face +z, with v along y. A height field has one vertex at the center of
+each pixel, exactly as high as the pixel says, and the texture coordinates of that center: an image
+of the same size, laid over it, fits pixel by pixel, and its borders lie half a pixel outside of the
+surface.
+
+The middle of a Möbius strip is a circle about y through +z, where u is 1/2. There the strip stands
+upright; away from it, it turns about that circle, by pi for each twist in a whole round. With an
+odd number of twists the ends are glued upside down: vertex (u = 1, v) is (u = 0, 1 - v). Faces wind
+counter-clockwise in (u, v), and normals are those of (u, v): both are continuous everywhere except
+at the seam, across which they jump to the other side. The surface has one side, so that any winding
+must have such a seam; `mesh_info` counts its edges as misoriented. Seen from behind, a face shows
+its back: render it with both sides of faces shown.
+
+Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, section 2-6, example 3
+(the Möbius strip).
+"""
 
 from __future__ import annotations
 
@@ -6,13 +26,22 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from texbake.mesh.mesh import Mesh
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.parametric.bezier import make_bezier
-from texbake.mesh.parametric.flat import make_height_field, make_plane
-from texbake.mesh.parametric.mobius import make_mobius
-from texbake.mesh.parametric.options import MakeOptions
-from texbake.mesh.parametric.patches import patches_of
-from texbake.mesh.parametric.profile import profile_of
+from texbake.mesh.parametric.grid import (
+    SurfaceGrid,
+    circle_points,
+    closed_lines,
+    grid_mesh,
+    half_steps,
+    make_grid,
+    open_lines,
+)
+from texbake.mesh.parametric.options import MakeOptions, check_triangles
 from texbake.mesh.parametric.revolution import (
     make_cone,
     make_cylinder,
@@ -20,18 +49,7 @@ from texbake.mesh.parametric.revolution import (
     make_sphere,
     make_torus,
 )
-
-_MAKERS: dict[str, Callable[..., Mesh]] = {
-    "plane": make_plane,
-    "cylinder": make_cylinder,
-    "cone": make_cone,
-    "sphere": make_sphere,
-    "torus": make_torus,
-    "mobius": make_mobius,
-    "revolution": make_revolution,
-    "bezier": make_bezier,
-    "height-field": make_height_field,
-}
+from texbake.mesh.parametric.sources import patches_of, profile_of
 
 
 def make(shape: str, options: MakeOptions | None = None, **changes: Any) -> Mesh:
@@ -79,3 +97,168 @@ def make(shape: str, options: MakeOptions | None = None, **changes: Any) -> Mesh
         if name in settings:
             settings[name] = read(settings[name])
     return _MAKERS[shape](**settings)
+
+
+def make_plane(*, resolution: tuple[int, int], width: float, height: float) -> Mesh:
+    """Rectangle about the origin in the plane z = 0, its normal +z."""
+    grid, u, v = _laid_out(*resolution)
+    # Of steps and not of u, so that opposite borders have opposite coordinates bit by bit.
+    x, y = (
+        (nodes - steps) * (length / (2 * steps))
+        for nodes, steps, length in zip(grid.nodes.T, resolution, (width, height), strict=True)
+    )
+    flat = np.zeros(len(x))
+    return grid_mesh(
+        grid,
+        name="plane",
+        positions=np.stack([x, y, flat], axis=-1),
+        uvs=np.stack([u, v], axis=-1),
+        normals=np.broadcast_to([0.0, 0.0, 1.0], (len(x), 3)),
+    )
+
+
+def make_height_field(
+    *,
+    resolution: tuple[int, int] | None,
+    image: npt.ArrayLike,
+    width: float,
+    height: float,
+) -> Mesh:
+    """Surface z = height · image over a rectangle about the origin.
+
+    Parameters
+    ----------
+    resolution
+        Squares along u and v; between pixels the image is bilinear. None: one less than pixels.
+    image : (H, W) or (H, W, C)
+        Row 0 at the top; see `MakeOptions`.
+    width
+        Along x, from border to border of the image, whose pixels are square: the surface, which
+        ends at the centers of the outermost pixels, is one pixel narrower.
+    height
+        z where the image is 1.
+
+    Returns
+    -------
+    Mesh
+        Without normals: the smooth ones of its faces serve.
+
+    Raises
+    ------
+    OptionError
+        It is no image, has fewer than 2 x 2 pixels, or one that is not finite.
+    """
+    pixels = _gray(image)
+    n_down, n_across = pixels.shape
+    steps = (n_across - 1, n_down - 1) if resolution is None else resolution
+    check_triangles(2 * steps[0] * steps[1])
+    grid, along_u, along_v = _laid_out(*steps)
+    # In pixels from the center of the lower left one.
+    column, row = along_u * (n_across - 1), along_v * (n_down - 1)
+    pixel = width / n_across
+    positions = np.stack(
+        [
+            (column - 0.5 * (n_across - 1)) * pixel,
+            (row - 0.5 * (n_down - 1)) * pixel,
+            height * _bilinear(pixels[::-1], column, row),
+        ],
+        axis=-1,
+    )
+    uvs = np.stack([(column + 0.5) / n_across, (row + 0.5) / n_down], axis=-1)
+    return grid_mesh(grid, name="height field", positions=positions, uvs=uvs)
+
+
+def _laid_out(n_u: int, n_v: int) -> tuple[SurfaceGrid, FloatArray, FloatArray]:
+    """Grid over the unit square, with u and v of its nodes."""
+    grid = make_grid(open_lines(n_u), open_lines(n_v))
+    u, v = (half_steps(np.arange(steps + 1) / steps) for steps in (n_u, n_v))
+    return grid, u[grid.nodes[:, 0]], v[grid.nodes[:, 1]]
+
+
+def _gray(image: npt.ArrayLike) -> FloatArray:
+    """(H, W) float64 of an image."""
+    try:
+        pixels = np.asarray(image, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError("image: it is not an array of numbers; read a file first") from error
+    if pixels.ndim == 3 and pixels.shape[2] > 0:
+        # One or two channels are gray and alpha; three or four are colors and alpha.
+        pixels = pixels[..., : 3 if pixels.shape[2] > 2 else 1].mean(axis=2)
+    if pixels.ndim != 2:
+        raise OptionError(f"image: an array of the shape {pixels.shape} is no image; give (H, W)")
+    if min(pixels.shape) < 2:
+        raise OptionError(
+            f"image: it has {pixels.shape[1]} x {pixels.shape[0]} pixels; "
+            "a height field needs at least 2 x 2"
+        )
+    bad = np.argwhere(~np.isfinite(pixels))
+    if len(bad):
+        raise OptionError(
+            f"image: {len(bad)} of its pixels are not finite, "
+            f"the first in row {bad[0][0]}, column {bad[0][1]}"
+        )
+    return pixels
+
+
+def _bilinear(pixels: FloatArray, column: FloatArray, row: FloatArray) -> FloatArray:
+    """Values between pixels; at a whole column and row exactly the pixel's."""
+    left = np.minimum(column.astype(np.int64), pixels.shape[1] - 2)
+    below = np.minimum(row.astype(np.int64), pixels.shape[0] - 2)
+    across, up = column - left, row - below
+    low = (1.0 - across) * pixels[below, left] + across * pixels[below, left + 1]
+    high = (1.0 - across) * pixels[below + 1, left] + across * pixels[below + 1, left + 1]
+    result: FloatArray = (1.0 - up) * low + up * high
+    return result
+
+
+def make_mobius(*, resolution: tuple[int, int], radius: float, width: float, twists: int) -> Mesh:
+    """Closed strip whose cross section turns by half a turn for each of `twists`.
+
+    With angle a = 2 pi (u - 1/2), turn b = pi twists (u - 1/2) and s = width (v - 1/2), the point
+    is (r sin a, s cos b, r cos a), r = radius + s sin b.
+
+    Returns
+    -------
+    Mesh
+        2 n_u n_v triangles on n_u (n_v + 1) vertices, with analytic normals. Euler characteristic
+        0, with one boundary loop where `twists` is odd, else two.
+    """
+    n_u, n_v = resolution
+    grid = make_grid(closed_lines(n_u), open_lines(n_v), twisted=twists % 2 == 1)
+    column, row = grid.nodes.astype(np.int64).T  # in half steps
+    cos_a, sin_a = circle_points(2 * n_u)[(column + n_u) % (2 * n_u)].T
+    # b is twists (column - n_u) of 4 n_u parts of a turn.
+    cos_b, sin_b = circle_points(4 * n_u)[twists % (4 * n_u) * (column - n_u) % (4 * n_u)].T
+    s = (row - n_v) * (width / (2 * n_v))
+    r = radius + s * sin_b
+    # Along u the point moves by 2 pi r around the axis and by pi twists s across the strip; the
+    # normal, at a right angle to that and to the strip's direction, is a mix of two unit vectors.
+    around, across = 2.0 * r, twists * s
+    normals = np.stack(
+        [
+            around * cos_b * sin_a - across * cos_a,
+            -around * sin_b,
+            around * cos_b * cos_a + across * sin_a,
+        ],
+        axis=-1,
+    )
+    return grid_mesh(
+        grid,
+        name="mobius",
+        positions=np.stack([r * sin_a, s * cos_b, r * cos_a], axis=-1),
+        uvs=np.stack([column / (2 * n_u), row / (2 * n_v)], axis=-1),
+        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
+    )
+
+
+_MAKERS: dict[str, Callable[..., Mesh]] = {
+    "plane": make_plane,
+    "cylinder": make_cylinder,
+    "cone": make_cone,
+    "sphere": make_sphere,
+    "torus": make_torus,
+    "mobius": make_mobius,
+    "revolution": make_revolution,
+    "bezier": make_bezier,
+    "height-field": make_height_field,
+}

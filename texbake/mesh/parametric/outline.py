@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.parametric.circle import circle_points
-from texbake.mesh.parametric.grid import closed_lines, open_lines, part_way
+from texbake.mesh.parametric.grid import circle_points, closed_lines, open_lines, part_way
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

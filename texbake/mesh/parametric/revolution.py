@@ -9,12 +9,21 @@ Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, sectio
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.parametric.around import Columns, flat_columns, round_columns
-from texbake.mesh.parametric.grid import grid_mesh, make_grid
+from texbake.mesh.parametric.grid import (
+    circle_points,
+    closed_lines,
+    grid_mesh,
+    half_steps,
+    make_grid,
+    open_lines,
+    part_way,
+)
 from texbake.mesh.parametric.options import check_triangles
 from texbake.mesh.parametric.outline import (
     Outline,
@@ -23,6 +32,72 @@ from texbake.mesh.parametric.outline import (
     straight_outline,
     whole_circle,
 )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweptColumns:
+    """Where the columns of a surface about the y axis stand.
+
+    Attributes
+    ----------
+    lines : (C,) int32
+        As `make_grid` takes them.
+    u : (2 C - 1,) float64
+        At half steps.
+    points : (2 C - 1, 2) float64
+        (x, z) where the radius is 1.
+    normals : (2 C - 1, 2) float64
+        (x, z) of the unit normal of the upright surface.
+    inner_radius : float
+        Distance of the axis from the middle of a flat side, where the radius is 1; 1 where the
+        surface is round.
+    """
+
+    lines: IntArray
+    u: FloatArray
+    points: FloatArray
+    normals: FloatArray
+    inner_radius: float = 1.0
+
+
+def round_columns(n_columns: int, turns: float = 1.0) -> SweptColumns:
+    """Columns evenly spaced on a circle, or on the front part of it."""
+    steps = np.arange(2 * n_columns + 1)
+    if turns == 1.0:
+        points = _xz(circle_points(2 * n_columns)[(steps + n_columns) % (2 * n_columns)])
+        lines = closed_lines(n_columns)
+    else:
+        angles = np.pi * turns / n_columns * (steps - n_columns)
+        points = np.stack([np.sin(angles), np.cos(angles)], axis=-1)
+        lines = open_lines(n_columns)
+    return SweptColumns(lines=lines, u=steps / (2 * n_columns), points=points, normals=points)
+
+
+def flat_columns(n_columns: int, sides: int) -> SweptColumns:
+    """Columns on a regular polygon, at least as many as asked for, evenly spaced on its sides.
+
+    A corner is at the seam. At each corner there are two columns with normals of their own.
+    """
+    per_side = -(-n_columns // sides)
+    n_columns = sides * per_side
+    side, step = (axis.ravel() for axis in np.indices((sides, per_side + 1)))
+    numbers = side * per_side + step
+    # The seam, u = 0, is at the back: half a turn from where the angle is 0.
+    corners = -_xz(circle_points(sides))
+    middles = -_xz(circle_points(2 * sides)[1::2])
+    points = part_way(corners[side], corners[(side + 1) % sides], step[:, None], per_side)
+    return SweptColumns(
+        lines=(numbers % n_columns).astype(np.int32),
+        u=half_steps(numbers / n_columns),
+        points=half_steps(points),
+        normals=half_steps(middles[side]),
+        inner_radius=float(np.cos(np.pi / sides)),
+    )
+
+
+def _xz(points: FloatArray) -> FloatArray:
+    """Turn (cosine, sine) of angles about y, counted from z, into (x, z)."""
+    return points[:, ::-1]
 
 
 def make_cylinder(
@@ -73,7 +148,7 @@ def make_revolution(
     return _swept(round_columns(resolution[0], turns), outline, "revolution")
 
 
-def _swept(columns: Columns, outline: Outline, name: str) -> Mesh:
+def _swept(columns: SweptColumns, outline: Outline, name: str) -> Mesh:
     """Sweep an outline through all columns, with (u, v) as texture coordinates."""
     grid = make_grid(columns.lines, outline.lines, poles=outline.points[:, 0] == 0.0)
     column, row = grid.nodes[:, 0], grid.nodes[:, 1] // 2
@@ -146,14 +221,16 @@ def _joined(outlines: list[Outline]) -> tuple[Outline, npt.NDArray[np.intp]]:
     return joined, np.repeat(np.arange(len(outlines)), [len(outline.v) for outline in outlines])
 
 
-def _points(columns: Columns, outline: Outline, column: IntArray, row: IntArray) -> FloatArray:
+def _points(columns: SweptColumns, outline: Outline, column: IntArray, row: IntArray) -> FloatArray:
     """(N, 3): points at half-step columns and whole rows."""
     x, z = columns.points[column].T
     radius, height = outline.points[row].T
     return np.stack([radius * x, height, radius * z], axis=-1)
 
 
-def _normals(columns: Columns, outline: Outline, column: IntArray, row: IntArray) -> FloatArray:
+def _normals(
+    columns: SweptColumns, outline: Outline, column: IntArray, row: IntArray
+) -> FloatArray:
     """(N, 3): unit normals there; a flat side is less steep than the edges between sides."""
     x, z = columns.normals[column].T
     outwards, upwards = outline.normals[row].T

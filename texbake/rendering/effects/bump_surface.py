@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from texbake.kernels import kernel
+from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.transform import transformed_normals
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.mesh.compose import corner_order
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
-from texbake.mesh.transform import corner_order
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import Surface, displaced
 from texbake.rendering.edge_lengths import EdgeView, MapView

@@ -1,7 +1,7 @@
 """Objects in the world, and the matrices that put them there.
 
 A transform scales first, then turns about x, y and z in that order, then moves. One that mirrors
-turns faces and tangents as `texbake.mesh.transform` says, so that an object and its mirror image
+turns faces and tangents as `texbake.mesh.compose` says, so that an object and its mirror image
 both show their outside, with the same relief.
 """
 
@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
+from texbake.mesh.compose import transformed
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.transform import transformed
 from texbake.rendering.scene.scene import SceneObject
 
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from texbake.errors import MeshError, OptionError
 from texbake.files import PathLike
+from texbake.mesh.files.gltf import PrimitiveMesh, mesh_matrix, placed_nodes, read_primitive
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes
-from texbake.mesh.files.gltf_primitive import Piece, read_primitive
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.progress import ProgressSink, Stages
@@ -164,7 +163,7 @@ class _Reader:
                 continue
             self.objects.append(item)
 
-    def _mesh(self, piece: Piece | None, name: str, has_textures: bool) -> Mesh | None:
+    def _mesh(self, piece: PrimitiveMesh | None, name: str, has_textures: bool) -> Mesh | None:
         if piece is None or len(piece.faces) == 0:
             return None
         has_normals = piece.normals is not None

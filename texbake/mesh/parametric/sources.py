@@ -1,6 +1,14 @@
-"""Files of bicubic Bézier patches, in the three layouts in which the classic teapot is found.
+"""Files and arrays that surfaces are made from: profiles of revolution, and bicubic Bézier patches.
 
-Shared points, as in the data of F. Crow's article; indices begin at 1::
+A profile file has a radius and a height per line, as in::
+
+    # radius height
+    0.0  0.0
+    0.8  0.1
+    1.0  0.9
+
+Patch files come in the three layouts in which the classic teapot is found. Shared points, as in the
+data of F. Crow's article; indices begin at 1::
 
     32
     1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16
@@ -16,7 +24,7 @@ Patches one after the other, each with its degrees and 16 points (the BPT layout
     1.4 0.0 2.4
     ... 16 lines
 
-Points alone, 16 lines a patch, with or without the number of patches before them.
+Points alone, 16 lines per patch, with or without the number of patches before them.
 
 In all of them the first four points are the first row of a patch: u goes along a row, v from row to
 row, and the surface faces the side from which u, v turn counter-clockwise.
@@ -34,8 +42,77 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
-from texbake.mesh.files.number_lines import Line, parse_row, read_lines
+from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.mesh import FloatArray
+
+
+def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
+    """Profile of a file, or of an array that a caller has at hand; see `read_profile`.
+
+    Raises
+    ------
+    OptionError
+        The array is no profile.
+    """
+    if isinstance(source, (str, os.PathLike)):
+        return read_profile(source)
+    try:
+        points = np.asarray(source, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError("profile: it is not an array of numbers") from error
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise OptionError(f"profile: an array of the shape {points.shape} is none; give (n, 2)")
+    if not np.isfinite(points).all():
+        raise OptionError("profile: a point is not finite")
+    if (points[:, 0] < 0.0).any():
+        raise OptionError("profile: a radius is negative")
+    fault = _profile_fault(points)
+    if fault:
+        raise OptionError(f"profile: {fault}")
+    return points
+
+
+def read_profile(path: PathLike) -> FloatArray:
+    """Read a profile.
+
+    Each line has a radius and a height, with blanks or a comma between them; `#` begins a comment.
+
+    Returns
+    -------
+    (n, 2) float64
+        At least two points that differ, of radius 0 or more, not all on the axis.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is no such file; the message names the line.
+    """
+    lines = read_lines(path, "a profile")
+    rows = []
+    for line in lines:
+        row = parse_row(path, line, 2, "a point")
+        if row[0] < 0.0:
+            raise FileFormatError(
+                f"{path}: line {line.number}: the radius {line.words[0]} is negative"
+            )
+        rows.append(row)
+    points = np.array(rows, dtype=np.float64).reshape(-1, 2)
+    fault = _profile_fault(points)
+    if fault:
+        raise FileFormatError(f"{path}: {fault}")
+    return points
+
+
+def _profile_fault(points: FloatArray) -> str:
+    """Why points make no surface; empty where they do."""
+    if len(points) < 2 or (points == points[0]).all():
+        return "it has fewer than two points that differ; a profile needs a radius and height each"
+    if not points[:, 0].any():
+        return "it lies on the axis; a profile needs a point with a radius above 0"
+    return ""
+
 
 _N_POINTS = 16  # of a patch
 
@@ -96,7 +173,7 @@ def read_patches(path: PathLike) -> FloatArray:
     return points.reshape(-1, 4, 4, 3)
 
 
-def _shared(path: PathLike, lines: Sequence[Line], n_patches: int) -> FloatArray:
+def _shared(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatArray:
     """Patches of indices into points that follow."""
     rows = []
     for patch in range(1, n_patches + 1):
@@ -124,7 +201,7 @@ def _shared(path: PathLike, lines: Sequence[Line], n_patches: int) -> FloatArray
     return found
 
 
-def _indices(path: PathLike, line: Line, patch: int, n_points: int) -> list[int]:
+def _indices(path: PathLike, line: TextLine, patch: int, n_points: int) -> list[int]:
     """Indices of one patch, from 1."""
     indices = []
     for word in line.words:
@@ -143,9 +220,9 @@ def _indices(path: PathLike, line: Line, patch: int, n_points: int) -> list[int]
     return indices
 
 
-def _with_degrees(path: PathLike, lines: Sequence[Line], n_patches: int) -> FloatArray:
+def _with_degrees(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatArray:
     """Patches of a line of degrees and 16 points each."""
-    of_points: list[Line] = []
+    of_points: list[TextLine] = []
     for number, line in enumerate(lines):
         patch, place = divmod(number, _N_POINTS + 1)
         if place > 0 and len(line.words) == 2:
@@ -163,7 +240,7 @@ def _with_degrees(path: PathLike, lines: Sequence[Line], n_patches: int) -> Floa
     return _separate(path, of_points, n_patches)
 
 
-def _separate(path: PathLike, lines: Sequence[Line], n_patches: int | None) -> FloatArray:
+def _separate(path: PathLike, lines: Sequence[TextLine], n_patches: int | None) -> FloatArray:
     """Patches of 16 points each; as many as there are where no number of them is known."""
     if n_patches is None:
         n_patches = -(-len(lines) // _N_POINTS)
@@ -181,12 +258,12 @@ def _separate(path: PathLike, lines: Sequence[Line], n_patches: int | None) -> F
     return np.array(rows)
 
 
-def _is_count(line: Line) -> bool:
+def _is_count(line: TextLine) -> bool:
     """Whether a line is a whole number, alone."""
     return len(line.words) == 1 and line.words[0].isascii() and line.words[0].isdigit()
 
 
-def _count(path: PathLike, line: Line, what: str) -> int:
+def _count(path: PathLike, line: TextLine, what: str) -> int:
     """Read a number of things, alone on its line."""
     if not _is_count(line) or int(line.words[0]) < 1:
         raise FileFormatError(
@@ -195,7 +272,7 @@ def _count(path: PathLike, line: Line, what: str) -> int:
     return int(line.words[0])
 
 
-def _refuse_more(path: PathLike, lines: Sequence[Line], n_points: int) -> None:
+def _refuse_more(path: PathLike, lines: Sequence[TextLine], n_points: int) -> None:
     if len(lines) > n_points:
         raise FileFormatError(
             f"{path}: line {lines[n_points].number}: it goes on after the last of {n_points} points"

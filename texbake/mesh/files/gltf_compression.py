@@ -1,10 +1,13 @@
-"""Buffer views that are compressed by meshoptimizer, and back.
+"""Compressed parts of glTF files: buffer views by meshoptimizer, and primitives by Draco.
 
-Vertices are coded as differences between neighbors, byte by byte; triangles by the edges that they
-share with those before. Both are lossless, but for the corner that a triangle begins with.
+meshoptimizer codes vertices as differences between neighbors, byte by byte, and triangles by the
+edges that they share with those before. Both are lossless, except for the corner that a triangle
+begins with. Draco is only read; DracoPy is optional: ``pip install 'texbake[formats]'``.
 
-Based on: Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose
-bitstreams are version 0 of vertices and version 1 of indices.
+Based on:
+    Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams
+        are version 0 of vertices and version 1 of indices;
+    Khronos Group, "KHR_draco_mesh_compression", 2018.
 """
 
 from __future__ import annotations
@@ -15,8 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import DependencyError
+from texbake.files import PathLike
 
 EXTENSION = "EXT_meshopt_compression"
+DRACO = "KHR_draco_mesh_compression"
 ATTRIBUTES, TRIANGLES, INDICES = "ATTRIBUTES", "TRIANGLES", "INDICES"
 _FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat",
             "EXPONENTIAL": "decode_filter_exp"}  # fmt: skip
@@ -135,3 +140,39 @@ def _library() -> Any:
             "pip install --pre meshoptimizer"
         ) from error
     return meshoptimizer
+
+
+def decode_draco(
+    path: PathLike, data: npt.NDArray[np.uint8]
+) -> tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]] | str:
+    """Arrays of a Draco primitive, or in words why there are none.
+
+    Returns
+    -------
+    attributes : dict of (n, width)
+        By the number that the file gives each.
+    indices : (3 F,) uint32
+        Corners of triangles.
+
+    Raises
+    ------
+    DependencyError
+        DracoPy is not installed.
+    """
+    try:
+        import DracoPy
+    except ImportError as error:
+        raise DependencyError(
+            f"{path}: it is compressed by Draco, which needs DracoPy; "
+            "pip install 'texbake[formats]', or export it without compression"
+        ) from error
+    try:
+        decoded = DracoPy.decode(data.tobytes())
+        attributes = {int(item["unique_id"]): item["data"] for item in decoded.attributes}
+        indices = np.asarray(decoded.faces, np.uint32).ravel()
+    except MemoryError:
+        raise
+    except Exception:  # DracoPy's errors have no base of their own
+        return "a primitive compressed by Draco is damaged"
+    rows = {number: values.reshape(len(values), -1) for number, values in attributes.items()}
+    return rows, indices

@@ -1,7 +1,9 @@
-"""The rows of an element of a PLY file, as columns.
+"""The tables of a PLY file: what its header says of them, and their rows as columns.
 
 A body of text is given as the float64 numbers in it, so that every value takes one unit of the
 body; in a binary body the unit is a byte.
+
+Based on: G. Turk, "The PLY Polygon File Format", 1994.
 """
 
 from __future__ import annotations
@@ -14,8 +16,114 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
-from texbake.kernels import kernel
-from texbake.mesh.files.ply_header import Element
+from texbake.mesh.files.source import ByteArray
+from texbake.mesh.kernels.file_rows import gather_kernel, walk_kernel
+
+# numpy's code of each type, without byte order.
+TYPES = {
+    **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1"},
+    **{"short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2"},
+    **{"int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
+    **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
+}
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MAX_HEADER = 1 << 20  # bytes; a header takes some hundreds
+
+
+@dataclass(frozen=True)
+class Property:
+    """A value of each row of an element, or, with a `count_type`, a list of values.
+
+    Types are numpy's codes, without byte order.
+    """
+
+    name: str
+    type: str
+    count_type: str | None = None
+
+    @property
+    def least_size(self) -> int:
+        """Bytes that it takes in a row, at least."""
+        return int((self.count_type or self.type)[1])
+
+
+@dataclass(frozen=True)
+class Element:
+    """A table of rows, such as the vertices."""
+
+    name: str
+    n_rows: int
+    properties: tuple[Property, ...]
+
+    @property
+    def least_row_size(self) -> int:
+        """Bytes of a row whose lists are empty."""
+        return sum(prop.least_size for prop in self.properties)
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the header says; the body begins at offset `end`.
+
+    `order` is numpy's sign of the byte order, empty for a body of text.
+    """
+
+    order: str
+    elements: tuple[Element, ...]
+    end: int
+
+
+def read_header(path: PathLike, data: ByteArray) -> Header:
+    """Read the header, which ends with the line ``end_header``.
+
+    Raises
+    ------
+    FileFormatError
+        The file is not a PLY file, or its header breaks the rules.
+    """
+    text = data[:_MAX_HEADER].tobytes()
+    if text[:3] != b"ply" or text[3:4] not in (b"\n", b"\r"):
+        raise FileFormatError(f"{path}: it is not a PLY file; it does not begin with 'ply'")
+    # The line end that the first line has; a body may begin with the bytes of another.
+    line_end = b"\n" if text[3:4] == b"\n" else b"\r\n" if text[4:5] == b"\n" else b"\r"
+    stop = text.find(line_end + b"end_header")
+    end = text.find(line_end, stop + 1) if stop >= 0 else -1
+    if stop < 0 or (end < 0 and len(text) > stop + len(line_end) + len(b"end_header")):
+        raise FileFormatError(f"{path}: its header has no end; the file is truncated or damaged")
+    end = end + len(line_end) if end >= 0 else len(text)
+    order, elements = _read_statements(path, text[:stop].decode("latin-1").splitlines()[1:])
+    if order is None:
+        raise FileFormatError(f"{path}: its header has no format line")
+    return Header(order, elements, end)
+
+
+def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tuple[Element, ...]]:
+    order = None
+    elements: list[Element] = []
+    for number, line in enumerate(lines, start=2):
+        match line.split():
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", name, _] if name in _ORDERS:
+                order = _ORDERS[name]
+            case ["element", name, count] if count.isdecimal() and len(count) < 19:
+                elements.append(Element(name, int(count), ()))
+            case ["property", "list", count_type, value_type, name] if (
+                elements and TYPES.get(count_type, "f")[0] in "iu" and value_type in TYPES
+            ):
+                _append(elements, Property(name, TYPES[value_type], TYPES[count_type]))
+            case ["property", value_type, name] if elements and value_type in TYPES:
+                _append(elements, Property(name, TYPES[value_type]))
+            case _:
+                raise FileFormatError(
+                    f"{path}: line {number}: {line[:60]!r} is no statement of a PLY header"
+                )
+    return order, tuple(elements)
+
+
+def _append(elements: list[Element], prop: Property) -> None:
+    last = elements[-1]
+    elements[-1] = Element(last.name, last.n_rows, (*last.properties, prop))
 
 
 @dataclass(frozen=True)
@@ -129,7 +237,7 @@ def _ragged_columns(
     )
     offsets = np.empty((len(layout), element.n_rows), dtype=np.int64)
     sizes = np.empty_like(offsets)
-    failed, end = _walk_kernel(body, start, layout, order == ">", offsets, sizes)
+    failed, end = walk_kernel(body, start, layout, order == ">", offsets, sizes)
     if failed >= 0:
         raise FileFormatError(
             f"{path}: row {failed} of '{element.name}' does not end within the file; "
@@ -138,46 +246,7 @@ def _ragged_columns(
     columns: Columns = {}
     for column, prop in enumerate(element.properties):
         units = np.empty(int(sizes[column].sum()) * int(layout[column, 2]), dtype=body.dtype)
-        _gather_kernel(body, offsets[column], sizes[column] * layout[column, 2], units)
+        gather_kernel(body, offsets[column], sizes[column] * layout[column, 2], units)
         values = units.view(_dtype(prop.type, order))
         columns[prop.name] = values if prop.count_type is None else Ragged(sizes[column], values)
     return columns, end
-
-
-@kernel
-def _walk_kernel(body, at, layout, big_endian, offsets, sizes):  # type: ignore[no-untyped-def]
-    """Find the units and number of values of each property of each row.
-
-    `layout` holds, for each property, the units of its count (0: no list), whether the count has a
-    sign, and the units of a value. Returns the row that does not fit, or -1, and the end.
-    """
-    for row in range(offsets.shape[1]):
-        for column in range(len(layout)):
-            count_size = layout[column, 0]
-            n_values = np.int64(1)
-            if count_size > 0:
-                if count_size > len(body) - at:
-                    return row, at
-                n_values = np.int64(0)
-                for i in range(count_size):
-                    byte = body[at + (i if big_endian else count_size - 1 - i)]
-                    n_values = n_values * 256 + np.int64(byte)
-                if layout[column, 1] and n_values >> (8 * count_size - 1):
-                    return row, at
-                at += count_size
-            if n_values < 0 or n_values > (len(body) - at) // layout[column, 2]:
-                return row, at
-            offsets[column, row] = at
-            sizes[column, row] = n_values
-            at += n_values * layout[column, 2]
-    return -1, at
-
-
-@kernel
-def _gather_kernel(body, offsets, lengths, units):  # type: ignore[no-untyped-def]
-    """Copy the pieces of the body after each other."""
-    slot = 0
-    for row in range(len(offsets)):
-        for unit in range(offsets[row], offsets[row] + lengths[row]):
-            units[slot] = body[unit]
-            slot += 1

@@ -1,0 +1,227 @@
+"""Meshes made of other meshes: joined, cut out, and moved by an affine map.
+
+Under a map, normals follow by the inverse transpose and tangents as directions along the surface. A
+map that mirrors turns triangles inside out; they are turned back by listing their corners in the
+opposite order, and the sign of the bitangent changes, because the texture is mirrored on the
+surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+
+
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Put meshes into one, each as a group of its own, named as the mesh.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        At least one.
+
+    Returns
+    -------
+    Mesh
+        Positions and faces of all, in their order, with the texture coordinates and normals if
+        every mesh has them. A single mesh comes back as it is.
+    """
+    if len(meshes) == 1:
+        return meshes[0]
+    fields: dict[str, Any] = {}
+    for values, corners in (
+        ("positions", "faces"),
+        ("uvs", "uv_faces"),
+        ("normals", "normal_faces"),
+    ):
+        parts = [getattr(mesh, values) for mesh in meshes]
+        if any(part is None for part in parts):
+            continue
+        fields[values] = np.concatenate(parts)
+        fields[corners] = offset_joined(
+            [(getattr(mesh, corners), len(part)) for mesh, part in zip(meshes, parts, strict=True)]
+        )
+    counts = [mesh.n_faces for mesh in meshes]
+    return Mesh(
+        face_groups=np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
+        group_names=tuple(mesh.name for mesh in meshes),
+        name=f"{len(meshes)} meshes",
+        **fields,
+    )
+
+
+def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
+    """Index arrays joined, each moved on by the lengths of what those before it index."""
+    offsets = np.cumsum([0] + [length for _, length in parts])[:-1]
+    moved = [part + offset for (part, _), offset in zip(parts, offsets, strict=True)]
+    return np.concatenate(moved).astype(np.int32)
+
+
+def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
+    """Put the meshes of a file into one.
+
+    Where only some have texture coordinates or normals, the others get zeros, and white where only
+    some have colors; tangents are kept where all have them. Each keeps its groups.
+
+    Parameters
+    ----------
+    parts : sequence of Mesh
+        At least one, each with groups.
+    name
+        Of the whole.
+    """
+    if len(parts) == 1:
+        return parts[0].replace(name=name)
+    fields: dict[str, Any] = {
+        "positions": np.concatenate([part.positions for part in parts]),
+        "faces": offset_joined([(part.faces, part.n_vertices) for part in parts]),
+    }
+    for values, corners, width in (("uvs", "uv_faces", 2), ("normals", "normal_faces", 3)):
+        arrays = [getattr(part, values) for part in parts]
+        if all(array is None for array in arrays):
+            continue
+        zero = np.zeros((1, width))
+        fields[values] = np.concatenate([zero if array is None else array for array in arrays])
+        fields[corners] = offset_joined(
+            [
+                (0 * part.faces, 1) if array is None else (getattr(part, corners), len(array))
+                for part, array in zip(parts, arrays, strict=True)
+            ]
+        )
+    if all(part.tangents is not None for part in parts):
+        fields["tangents"] = np.concatenate([part.tangents for part in parts])
+    if any(part.colors is not None for part in parts):
+        fields["colors"] = np.concatenate(
+            [
+                np.ones((part.n_vertices, 4), np.float32)
+                if part.colors is None
+                else with_alpha(part.colors)
+                for part in parts
+            ]
+        )
+    groups = [(part.face_groups, len(part.group_names)) for part in parts]
+    return Mesh(
+        face_groups=offset_joined(groups),  # type: ignore[arg-type]
+        group_names=tuple(group for part in parts for group in part.group_names),
+        name=name,
+        **fields,
+    )
+
+
+def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """(V, 4) colors of (V, 3) or (V, 4), opaque where they say nothing of it."""
+    rgba = np.ones((len(colors), 4), np.float32)
+    rgba[:, : colors.shape[1]] = colors
+    return rgba
+
+
+def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
+    """Mesh of some faces; rows of all arrays keep their order.
+
+    Parameters
+    ----------
+    chosen : (F,) bool
+        At least one.
+
+    Returns
+    -------
+    Mesh
+        The names of its groups are those of the whole. The mesh itself if all faces are chosen.
+    """
+    if chosen.all():
+        return mesh
+    vertices, faces = used_rows(mesh.faces[chosen], mesh.n_vertices)
+    changes: dict[str, Any] = {"positions": mesh.positions[vertices], "faces": faces}
+    for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
+        rows, indices = getattr(mesh, values), getattr(mesh, corners)
+        if rows is not None:
+            used, changes[corners] = used_rows(indices[chosen], len(rows))
+            changes[values] = rows[used]
+    for by_face in "tangents", "face_groups":
+        array = getattr(mesh, by_face)
+        changes[by_face] = None if array is None else array[chosen]
+    if mesh.colors is not None:
+        changes["colors"] = mesh.colors[vertices]
+    return mesh.replace(**changes)
+
+
+def used_rows(corners: IntArray, n_rows: int) -> tuple[npt.NDArray[np.intp], IntArray]:
+    """Rows that corners index, in order, and the corners as indices into those."""
+    used = np.zeros(n_rows, dtype=np.bool_)
+    used[corners.ravel()] = True
+    numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return np.flatnonzero(used), numbers[corners]
+
+
+# What float32 leaves of a unit vector, which stays as it is, bit for bit.
+_UNIT = 1e-6
+
+
+def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
+    """Move a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    matrix : (4, 4) float64
+        Affine; takes (x, y, z, 1) of the mesh to where it is to be.
+
+    Returns
+    -------
+    Mesh
+        Its faces are counter-clockwise seen from outside also where the map mirrors: then all
+        corners of a face are listed in the other order, which `corner_order` tells.
+    """
+    linear = np.asarray(matrix[:3, :3], np.float64)
+    order = corner_order(linear)
+    changes: dict[str, Any] = {"positions": mesh.positions @ linear.T + matrix[:3, 3]}
+    for corners in "faces", "uv_faces", "normal_faces":
+        indices = getattr(mesh, corners)
+        changes[corners] = None if indices is None else indices[:, order]
+    if mesh.normals is not None:
+        changes["normals"] = transformed_normals(mesh.normals, linear)
+    if mesh.tangents is not None:
+        flat = mesh.tangents.reshape(-1, 4)
+        turned = transformed_tangents(flat, linear).reshape(mesh.tangents.shape)
+        changes["tangents"] = turned[:, order]
+    return mesh.replace(**changes)
+
+
+def is_mirroring(linear: FloatArray) -> bool:
+    """Whether a (3, 3) map turns a right hand into a left one."""
+    return float(np.linalg.det(_moderate(linear))) < 0.0
+
+
+def corner_order(linear: FloatArray) -> slice:
+    """Return the order in which the corners of a face are to be listed after a (3, 3) map."""
+    return slice(None, None, -1) if is_mirroring(linear) else slice(None)
+
+
+def transformed_normals(normals: FloatArray, linear: FloatArray) -> FloatArray:
+    """(N, 3) normals under a (3, 3) map, by its inverse transpose up to a positive factor."""
+    # Determinant times inverse transpose, which is defined also where the determinant is 0.
+    scaled = _moderate(linear)
+    cofactors = np.cross(scaled[[1, 2, 0]], scaled[[2, 0, 1]])
+    return normals @ ((-1.0 if is_mirroring(linear) else 1.0) * cofactors).T
+
+
+def transformed_tangents(tangents: npt.NDArray[Any], linear: FloatArray) -> npt.NDArray[np.float32]:
+    """(n, 4) tangents under a (3, 3) map: unit where they do not vanish, w 1 or -1."""
+    directions = tangents[:, :3] @ linear.T
+    lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+    scaled = (np.abs(lengths - 1.0) > _UNIT) & (lengths > 0.0)
+    directions = np.divide(directions, lengths, out=directions, where=scaled)
+    # w is the sign of the bitangent; what rounds to neither is no tangent space, and counts as 1.
+    signs = np.where(tangents[:, 3:] < 0.0, -1.0, 1.0) * (-1.0 if is_mirroring(linear) else 1.0)
+    return np.concatenate([directions, signs], axis=1).astype(np.float32)
+
+
+def _moderate(linear: FloatArray) -> FloatArray:
+    """Return the map, up to a positive factor, with products that neither overflow nor vanish."""
+    largest = float(np.abs(linear).max())
+    return linear if largest == 0.0 or 1e-100 < largest < 1e100 else linear / largest

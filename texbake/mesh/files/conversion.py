@@ -1,0 +1,162 @@
+"""What formats have and `Mesh` has not: polygons, colors up to 255, far origins, images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileError, MeshError, OptionError
+from texbake.files import PathLike
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.metadata import CONVENTION, SPACE, from_description
+from texbake.png import SIGNATURE, png_description
+
+
+def fan_corners(sizes: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Corners of the triangles that fan out from each polygon's first corner.
+
+    Parameters
+    ----------
+    sizes : (P,) integers
+        Corners of each polygon, whose corners are numbered on from those of the one before.
+
+    Returns
+    -------
+    corners : (F, 3) int64
+        Corner numbers. A polygon of n corners gives n - 2 triangles in the order of its corners;
+        one of fewer than three gives none.
+    polygons : (F,) int64
+        The polygon of each triangle.
+
+    Examples
+    --------
+    >>> fan_corners(np.array([3, 4]))[0].tolist()
+    [[0, 1, 2], [3, 4, 5], [3, 5, 6]]
+    """
+    sizes = sizes.astype(np.int64)
+    n_triangles = np.maximum(sizes - 2, 0)
+    polygons = np.repeat(np.arange(len(sizes)), n_triangles)
+    first_corners = (np.cumsum(sizes) - sizes)[polygons]
+    first_triangles = (np.cumsum(n_triangles) - n_triangles)[polygons]
+    seconds = first_corners + np.arange(len(polygons)) - first_triangles + 1
+    return np.stack([first_corners, seconds, seconds + 1], axis=1), polygons
+
+
+def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray[Any]:
+    """(F, 3) corners of triangle strips, all wound like the first of their strip.
+
+    Parameters
+    ----------
+    indices : (n,) integers
+        Corners of the strips, one strip after the other.
+    restart
+        The index that stands between two strips.
+
+    Examples
+    --------
+    >>> strip_triangles(np.array([0, 1, 2, 3, -1, 4, 5, 6])).tolist()
+    [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
+    """
+    is_restart = indices == restart
+    starts = np.maximum.accumulate(np.where(is_restart, np.arange(1, len(indices) + 1), 0))
+    i = np.arange(max(len(indices) - 2, 0))
+    i = i[~(is_restart[i] | is_restart[i + 1] | is_restart[i + 2])]
+    odd = (i - starts[i]) % 2
+    return np.asarray(indices[np.stack([i, i + 1 + odd, i + 2 - odd], axis=1)])
+
+
+def unit_colors(path: PathLike, colors: FloatArray) -> npt.NDArray[np.float32]:
+    """Colors in [0, 1].
+
+    Colors that are all whole numbers with one above 1 are taken to go up to 255; others are left
+    as they are.
+
+    Raises
+    ------
+    MeshError
+        A color is not finite.
+    """
+    if not np.isfinite(colors).all():
+        raise MeshError(f"{path}: a vertex color is not finite")
+    if colors.max(initial=0.0) > 1.0 and (colors == np.round(colors)).all():
+        colors = colors / 255.0
+    return colors.astype(np.float32)
+
+
+# Distance from the origin, in diagonals, from which on float32 would lose more than 13 of its 24
+# bits to it.
+_FAR = 8192.0
+
+
+def far_origin(mesh: Mesh) -> FloatArray:
+    """(3,) place that a node is to carry: the origin, unless the mesh is far from it for its size.
+
+    Positions of such a mesh are written about the place, so that float32 holds them.
+    """
+    bounds = mesh.bounds
+    if np.abs(bounds).max() <= _FAR * mesh.diagonal:
+        return np.zeros(3)
+    center: FloatArray = (0.5 * bounds).sum(axis=0)
+    return center
+
+
+_JPEG_START = b"\xff\xd8\xff"
+
+
+def image_file(path: PathLike) -> tuple[bytes, str]:
+    """Bytes of a PNG or JPEG file, and its media type.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    FileFormatError
+        It is a damaged PNG file.
+    OptionError
+        It is of another format.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if data.startswith(SIGNATURE):
+        png_description(path)  # raises where it is damaged
+        return data, "image/png"
+    if data.startswith(_JPEG_START):
+        return data, "image/jpeg"
+    raise OptionError(f"{path}: a material's images are PNG or JPEG alone; save it as PNG")
+
+
+def check_normal_map(path: PathLike) -> None:
+    """Raise `OptionError` for a normal map that says it is not in tangent space with +Y."""
+    _, media_type = image_file(path)
+    if media_type != "image/png":
+        return
+    facts = from_description(png_description(path))
+    if facts.get(SPACE, "tangent") != "tangent":
+        raise OptionError(
+            f"{path}: it is in {facts[SPACE]} space; "
+            "a material needs a map baked with --space tangent"
+        )
+    if facts.get(CONVENTION, "opengl") != "opengl":
+        raise OptionError(
+            f"{path}: its green channel is {facts[CONVENTION]}; "
+            "glTF and USD need a map baked with --convention opengl"
+        )
+
+
+def color_factors(base_color: Sequence[float]) -> list[float]:
+    """Four factors of three or four; raise `OptionError` where they are none."""
+    factors = [float(factor) for factor in base_color]
+    if len(factors) not in (3, 4) or not all(0.0 <= factor <= 1.0 for factor in factors):
+        raise OptionError(f"base_color: {factors} are not three or four factors between 0 and 1")
+    return factors if len(factors) == 4 else [*factors, 1.0]
+
+
+def as_text(name: str) -> str:
+    """Return a name that UTF-8 can hold."""
+    return name.encode("utf-8", "replace").decode("utf-8")

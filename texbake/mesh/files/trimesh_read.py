@@ -1,0 +1,102 @@
+"""Formats that only trimesh reads: COLLADA (.dae, .zae), 3MF, 3DXML and XAML.
+
+The meshes of the file are placed as its scene says and joined into one, a group for each node, in
+the file's own axes and units. Vertices at one position, bit for bit, become one, because trimesh
+splits them at every corner; texture coordinates and normals keep their own indices.
+
+The packages that trimesh needs for these formats are optional: ``pip install 'texbake[formats]'``.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from texbake.errors import DependencyError, FileFormatError
+from texbake.files import PathLike
+from texbake.mesh.files.source import map_file
+from texbake.mesh.interchange import from_trimesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.weld import weld_rows
+
+# Packages without which trimesh does not know a format.
+_NEEDED = {
+    ".dae": ("collada",),
+    ".zae": ("collada",),
+    ".3mf": ("lxml", "networkx"),
+    ".3dxml": ("lxml", "networkx", "PIL"),
+    ".xaml": ("lxml",),
+}
+
+
+def read_with_trimesh(path: PathLike) -> Mesh:
+    """Read a .dae, .zae, .3mf, .3dxml or .xaml file; see the module for what becomes of a scene.
+
+    Raises
+    ------
+    DependencyError
+        A package that trimesh needs for the format is not installed.
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is not of the format its suffix says, or it is damaged.
+    MeshError
+        There are no faces, a coordinate is not finite, or an index is out of range.
+    """
+    suffix = Path(path).suffix.lower()
+    map_file(path)  # raises where it is missing or empty
+    missing = [name for name in _NEEDED[suffix] if importlib.util.find_spec(name) is None]
+    if missing:
+        raise DependencyError(
+            f"{path}: {suffix} files need the packages for further formats "
+            f"({', '.join(missing)}); pip install 'texbake[formats]', or use a .glb file"
+        )
+    scene = _load(path, suffix)
+    return _welded(from_trimesh(scene, name=Path(path).name))
+
+
+def _load(path: PathLike, suffix: str) -> Any:
+    """Return the scene of a file, whatever trimesh and its parsers raise as one error."""
+    import trimesh
+
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"), Path(path).open("rb") as file:
+            warnings.simplefilter("ignore")
+            # numpy only warns where a list of numbers ends early; the rest would be lost.
+            warnings.filterwarnings("error", message="string or file could not be read to its end")
+            return trimesh.load_scene(file, file_type=suffix[1:], process=False)
+    except MemoryError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        raise FileFormatError(
+            f"{path}: it is not a {suffix} file, or it is damaged: {reason}; export it again"
+        ) from error
+
+
+def _welded(mesh: Mesh) -> Mesh:
+    """Join vertices at one position, and values of a vertex that are equal."""
+    if mesh.colors is not None:
+        return mesh  # vertices at one position may differ in color
+    firsts = weld_rows(mesh.positions)
+    kept, vertices = np.unique(firsts, return_inverse=True)
+    faces = vertices.astype(np.int32)[mesh.faces]
+    changes: dict[str, Any] = {"positions": mesh.positions[kept], "faces": faces}
+    for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
+        array, indices = getattr(mesh, values), getattr(mesh, corners)
+        if array is not None:
+            changes[values], changes[corners] = _welded_values(faces, array, indices)
+    return mesh.replace(**changes)
+
+
+def _welded_values(
+    faces: IntArray, values: FloatArray, corners: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Values of which a vertex has no two equal ones, and the corners as indices into them."""
+    rows = np.concatenate([faces.reshape(-1, 1), values[corners.ravel()]], axis=1)
+    kept, ids = np.unique(weld_rows(rows), return_inverse=True)
+    return rows[kept, 1:], ids.astype(np.int32).reshape(-1, 3)

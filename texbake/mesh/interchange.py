@@ -1,0 +1,246 @@
+"""Meshes of the trimesh library and back, and the one rule for what a function takes as a mesh."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import MeshError
+from texbake.files import PathLike
+from texbake.mesh.compose import join_parts, transformed
+from texbake.mesh.mesh import IntArray, Mesh
+
+if TYPE_CHECKING:
+    import trimesh
+
+MeshLike: TypeAlias = "Mesh | PathLike | trimesh.Trimesh | trimesh.Scene"
+"""What every public function takes for a mesh: a `Mesh`, the path of a file, or trimesh's own."""
+
+_GROUPS = "group"  # key of the faces' groups among trimesh's face attributes
+_GROUP_NAMES = "group_names"  # key of their names in the metadata
+_COLORS = "color"  # key of colors beside texture coordinates, as trimesh's glTF reader has it
+
+
+def as_mesh(value: MeshLike) -> Mesh:
+    """Return a mesh as a `Mesh`: itself, read from a file, or converted from trimesh.
+
+    Parameters
+    ----------
+    value
+        A `Mesh` comes back as it is. A path is read by `read_mesh`. A `trimesh.Trimesh` or
+        `trimesh.Scene` is converted by `from_trimesh`.
+
+    Raises
+    ------
+    MeshError
+        It is none of these, or not a sound mesh.
+    FileError, FileFormatError
+        It is a path, and the file cannot be read.
+    """
+    if isinstance(value, Mesh):
+        return value
+    if isinstance(value, str | os.PathLike):
+        from texbake.mesh.files import read_mesh
+
+        return read_mesh(value)
+    return from_trimesh(value)
+
+
+def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene, *, name: str | None = None) -> Mesh:
+    """Convert a mesh of trimesh to a `Mesh`.
+
+    Parameters
+    ----------
+    mesh
+        A `trimesh.Trimesh`; or a `trimesh.Scene`, whose meshes are moved to their places and
+        joined, one group for each node.
+    name
+        What messages call the mesh. By default the name of the file that trimesh read, else
+        `mesh`.
+
+    Returns
+    -------
+    Mesh
+        Positions bit-equal, faces in their order. Texture coordinates come from
+        ``mesh.visual.uv``, vertex colors from the colors of vertices. Normals are those that the
+        mesh holds: read from a file, assigned, or computed by an earlier use of
+        ``mesh.vertex_normals``; they are not computed here, so that `texbake` shades a mesh
+        without any as it shades all others. Groups that `to_trimesh` wrote come back. Face colors
+        and materials are dropped. Arrays are copied: a later change to one mesh does not reach the
+        other.
+
+    Raises
+    ------
+    MeshError
+        It is not a triangle mesh, has no faces, a number is not finite, or an index is out of
+        range.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> from_trimesh(trimesh.creation.box()).n_faces
+    12
+    """
+    import trimesh
+
+    if isinstance(mesh, trimesh.Scene):
+        return _joined_scene(mesh, name)
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise MeshError(
+            f"mesh: it is of type {type(mesh).__name__}; "
+            "give a texbake.Mesh, a trimesh.Trimesh or the path of a mesh file"
+        )
+    name = name or str(mesh.metadata.get("file_name") or "mesh")
+    faces = np.array(mesh.faces)
+    fields: dict[str, Any] = {"positions": np.array(mesh.vertices, np.float64), "faces": faces}
+    if faces.shape[1:] != (3,) or len(faces) == 0:
+        raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
+    uvs = getattr(mesh.visual, "uv", None)
+    if uvs is not None and len(uvs) == len(mesh.vertices):
+        fields |= {"uvs": np.array(uvs, np.float64)[:, :2], "uv_faces": faces}
+    if "vertex_normals" in mesh._cache.cache:
+        fields |= {"normals": np.array(mesh.vertex_normals, np.float64), "normal_faces": faces}
+    fields["colors"] = _vertex_colors(mesh)
+    groups = mesh.face_attributes.get(_GROUPS)
+    if groups is not None and _GROUP_NAMES in mesh.metadata:
+        names = tuple(str(group) for group in mesh.metadata[_GROUP_NAMES])
+        fields |= {"face_groups": np.array(groups), "group_names": names}
+    return Mesh(name=name, **fields)
+
+
+def _vertex_colors(mesh: trimesh.Trimesh) -> npt.NDArray[np.float32] | None:
+    """(V, 3) or (V, 4) colors of vertices; None where they were never given."""
+    colors = None
+    if mesh.visual.kind == "vertex":
+        colors = mesh.visual.vertex_colors
+    elif mesh.visual.kind == "texture":
+        colors = mesh.visual.vertex_attributes.get(_COLORS)
+    if colors is None or np.shape(colors)[:1] != (len(mesh.vertices),):
+        return None
+    colors = np.array(colors)
+    scale = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1.0
+    return (colors / scale).astype(np.float32)
+
+
+def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
+    """Meshes of a scene at their places, as one."""
+    import trimesh
+
+    name = name or str(scene.metadata.get("file_name") or "scene")
+    parts = []
+    for node in scene.graph.nodes_geometry:
+        matrix, geometry = scene.graph[node]
+        mesh = scene.geometry[geometry]
+        if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+            continue
+        part = from_trimesh(mesh, name=name)
+        if part.face_groups is None:
+            groups = np.zeros(part.n_faces, np.int32)
+            part = part.replace(face_groups=groups, group_names=(str(node),))
+        with np.errstate(over="ignore", invalid="ignore"):  # `Mesh` refuses what overflows
+            parts.append(transformed(part, np.array(matrix, np.float64)))
+    if not parts:
+        raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
+    return join_parts(parts, name)
+
+
+def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:
+    """Convert a mesh to a `trimesh.Trimesh`, which has one index for all attributes of a vertex.
+
+    Parameters
+    ----------
+    mesh
+        A `Mesh`, or whatever else `as_mesh` takes.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        Faces in their order, and the vertices 0 to V - 1 at bit-equal positions. Where corners at
+        one position differ in texture coordinates or normals, further vertices follow, one for
+        each combination. Texture coordinates are in ``visual.uv``; vertex colors, rounded to 8
+        bits, in ``visual.vertex_colors``, or beside texture coordinates in
+        ``visual.vertex_attributes["color"]``; groups in ``face_attributes["group"]`` and
+        ``metadata["group_names"]``. Nothing is merged or removed, so degenerate faces stay.
+        Tangents are dropped.
+
+    Raises
+    ------
+    MeshError, FileError, FileFormatError
+        As `as_mesh` raises them.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import cube
+    >>> to_trimesh(cube()).volume
+    np.float64(1.0)
+    """
+    import trimesh
+
+    mesh = as_mesh(mesh)
+    faces, corners = _one_index(mesh)
+    vertices = np.concatenate([np.arange(mesh.n_vertices), mesh.faces.ravel()[corners]])
+    visual = None
+    colors = None
+    if mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
+        colors = np.round(np.clip(mesh.colors[vertices], 0.0, 1.0) * 255.0).astype(np.uint8)
+    if mesh.uvs is not None and mesh.uv_faces is not None:
+        visual = trimesh.visual.TextureVisuals(
+            uv=_by_vertex(mesh, mesh.uvs, mesh.uv_faces, corners)
+        )
+        if colors is not None:
+            visual.vertex_attributes[_COLORS] = colors
+    normals = None
+    if mesh.normals is not None and mesh.normal_faces is not None:
+        normals = _by_vertex(mesh, mesh.normals, mesh.normal_faces, corners)
+    metadata: dict[str, Any] = {"file_name": mesh.name}
+    if mesh.face_groups is not None:
+        metadata[_GROUP_NAMES] = list(mesh.group_names)
+    return trimesh.Trimesh(
+        vertices=mesh.positions[vertices],
+        faces=faces,
+        vertex_normals=normals,
+        vertex_colors=colors if visual is None else None,
+        visual=visual,
+        face_attributes=None if mesh.face_groups is None else {_GROUPS: np.array(mesh.face_groups)},
+        metadata=metadata,
+        process=False,
+        validate=False,
+    )
+
+
+def _one_index(mesh: Mesh) -> tuple[IntArray, npt.NDArray[np.intp]]:
+    """(F, 3) faces over vertices that carry all attributes, and corners that need new vertices.
+
+    The first combination of attributes at a position keeps the number of the position; others are
+    numbered on from V, each with a corner that has it.
+    """
+    lists = [mesh.faces, mesh.uv_faces, mesh.normal_faces]
+    rows = np.stack([ids.ravel() for ids in lists if ids is not None], axis=1)
+    if rows.shape[1] == 1:
+        return mesh.faces, np.empty(0, np.intp)
+    from texbake.mesh.weld import weld_rows  # loads numba
+
+    firsts = weld_rows(rows)
+    combinations = np.flatnonzero(firsts == np.arange(len(firsts)))
+    _, of_positions = np.unique(rows[combinations, 0], return_index=True)
+    is_added = np.ones(len(combinations), dtype=bool)
+    is_added[of_positions] = False
+    numbers = np.empty(len(rows), np.int32)
+    numbers[combinations] = rows[combinations, 0]
+    added = combinations[is_added]
+    numbers[added] = mesh.n_vertices + np.arange(len(added))
+    return numbers[firsts].reshape(-1, 3), added
+
+
+def _by_vertex(
+    mesh: Mesh, values: npt.NDArray[Any], value_faces: IntArray, corners: npt.NDArray[np.intp]
+) -> npt.NDArray[Any]:
+    """Values of the vertices that `_one_index` makes; 0 for a position that no face uses."""
+    ids = np.full(mesh.n_vertices, -1)
+    # Of several values for one place numpy keeps the last, so they come in reverse.
+    ids[mesh.faces.ravel()[::-1]] = value_faces.ravel()[::-1]
+    kept = np.where((ids >= 0)[:, None], values[ids], 0.0)
+    return np.concatenate([kept, values[value_faces.ravel()[corners]]])
