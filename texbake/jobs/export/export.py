@@ -24,10 +24,10 @@ from texbake.jobs.export.converting import Converter
 from texbake.jobs.export.options import ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
 from texbake.jobs.export.sources import COLORS, SourceMap, find_maps, source_maps
+from texbake.mesh.compose import transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.transform import transformed
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import read_image
 from texbake.texture.layers import write_layers

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.files import PathLike
-from texbake.mesh.files.source import require_file
-from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
+
+if TYPE_CHECKING:
+    from texbake.mesh.mesh import Mesh
 
 
 class _Format(NamedTuple):
@@ -82,6 +83,8 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
         The format needs an optional package that is not installed: USD needs ``texbake[usd]``;
         COLLADA, 3MF, 3DXML, XAML and Draco-compressed glTF need ``texbake[formats]``.
     """
+    from texbake.mesh.files.source import require_file  # loads numpy
+
     require_file(path)
     name = Path(path).name
     read = _function(_format_of(path).reader)
