@@ -1,177 +1,101 @@
-"""What the three bake commands do: check the outputs, bake, write, tell."""
+"""What the bake commands do: call a job, then print its warnings, its figures and its files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from texbake.baking.options import BakeOptions
-from texbake.files import check_folder, check_writable, make_folder
-from texbake.jobs.outputs import check_distinct, check_picture, check_report
-from texbake.progress import Stages
+import texbake
 
 from .html import command_line
+from .parts_options import Asked
 from .terminal import Terminal
 
-if TYPE_CHECKING:
-    from texbake import Mesh, WrittenMap
-    from texbake.mesh.materials import Materials
-
-# Maps that are made from the materials of the dense mesh.
-OF_MATERIALS = {"texture", "material-id"}
+# Files that only the bake of one mesh onto one set of maps can write.
+_OF_ONE_MESH = ("html", "hits")
+_FILES = ("cage", "high_texture", "skew_mask", "offset_map", "miss_map", "report")
 
 
-def bake_to_files(
+def bake_one(
     high: Path,
     low: Path,
-    files: dict[str, Path],
+    output: Path | Mapping[str, Path],
     terminal: Terminal,
-    *,
-    folder: Path | None = None,
-    cage: Path | None,
-    miss_map: Path | None,
-    report: Path | None,
-    html: Path | None,
-    hits: Path | None = None,
-    high_texture: Path | None = None,
-    skew_mask: Path | None = None,
-    offset_map: Path | None = None,
     **choices: Any,
 ) -> None:
-    """Bake maps of two mesh files.
+    """Bake maps of two mesh files into a folder, or into a file for each map.
 
-    Parameters
-    ----------
-    files
-        Map name to the file that it is written to.
-    folder
-        Of the files, where it is to be made if it is missing.
-    cage, miss_map, report, html, hits
-        Files, where they are asked for.
-    high_texture
-        Image of the dense mesh; None for what its file names.
-    skew_mask, offset_map
-        Images that change the rays.
-    choices
-        Fields of `BakeOptions`, all but `maps` and `keep_hits`.
+    `choices` are files that the job takes, and fields of `BakeOptions`.
     """
-    options = BakeOptions(maps=tuple(files), keep_hits=hits is not None, **choices)
-    outputs = [*files.values(), miss_map, report, html, hits]
-    check_distinct(outputs, [high, low, cage, high_texture, skew_mask, offset_map])
-    _check_outputs(files, folder, miss_map, (report, html, hits), options)
-    import texbake
-    from texbake.baking.hits_file import write_hits
-    from texbake.jobs.outputs import write_report
-    from texbake.pages.page_maps import as_asked, page_options
-
+    names = (*_FILES, *_OF_ONE_MESH, "format", "name_pattern")
+    given = {name: choices.pop(name) for name in names if name in choices}
+    if isinstance(output, Mapping):
+        choices["maps"] = tuple(output)
+    options = texbake.BakeOptions(keep_hits=given.get("hits") is not None, **choices)
     with terminal.progress() as progress:
-        stages = Stages(progress)
-        with stages.part("read meshes"):
-            high_mesh, low_mesh = (
-                texbake.read_mesh(path, progress=progress) for path in (high, low)
-            )
-            cage_mesh = None if cage is None else texbake.read_mesh(cage, progress=progress)
-            asks = hits is not None or OF_MATERIALS & files.keys()
-            materials = materials_of(high, high_mesh, high_texture) if asks else None
-        baked = texbake.bake(
-            high_mesh,
-            low_mesh,
-            options if html is None else page_options(options),
-            cage=cage_mesh,
-            materials=materials,
-            **ray_images(skew_mask, offset_map),
-            progress=progress,
+        done = texbake.bake_files(
+            high, low, output, options, command=command_line(), progress=progress, **given
         )
-        result = as_asked(baked, options)
-        with stages.stage("write maps"):
-            if folder is not None:
-                make_folder(folder)
-            written = {name: result.maps[name].write(path) for name, path in files.items()}
-            if miss_map is not None:
-                texbake.write_image(result.miss_map(), miss_map)
-            if hits is not None:
-                write_hits(result, hits)
-        reading, writing = stages.records
-        figures = replace(result.report, stages=[reading, *result.report.stages, writing])
-        if report is not None:
-            coded = {name: asdict(file) for name, file in written.items()}
-            write_report(report, {**figures.to_json(), "files": coded})
-        warnings = [*figures.warnings, *clipped(written)]
-        if html is not None:
-            from texbake.pages.bake_page import write_bake_page
-
-            write_bake_page(
-                html,
-                high_mesh,
-                low_mesh,
-                baked,
-                asked=options.maps,
-                stages=figures.stages,
-                warnings=warnings,
-                command=command_line(),
-                progress=progress,
-            )
-    for warning in warnings:
+    for warning in done.warnings:
         terminal.warn(warning)
-    terminal.summary(figures.table())
-    terminal.wrote(path for path in outputs if path is not None)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)
 
 
-def materials_of(path: Path, mesh: Mesh, image: Path | None) -> Materials | None:
-    """Materials of the dense mesh: of its file, with an image in place of their colors if given."""
-    from texbake.mesh.materials import Materials, read_materials
-
-    return read_materials(path, mesh) if image is None else Materials.of_image(mesh, image)
-
-
-def ray_images(skew_mask: Path | None, offset_map: Path | None) -> dict[str, Any]:
-    """Images that change rays, by the names that `bake` has for them."""
-    return {"skew_mask": ray_image(skew_mask), "offset_map": ray_image(offset_map)}
-
-
-def ray_image(path: Path | None) -> Any:
-    """Read an image that changes rays, as data and not as a color; None without a file."""
-    if path is None:
-        return None
-    from texbake.texture.image import read_image
-
-    return read_image(path, color=False).pixels
-
-
-def clipped(written: Mapping[str, WrittenMap]) -> list[str]:
-    """Warnings of files that do not hold all their values."""
-    return [
-        f"{file.path}: {file.n_clipped:,} values lie outside what --mid and --scale hold and are "
-        "clipped; give a greater --scale, or none"
-        for file in written.values()
-        if file.n_clipped
-    ]
+def bake_parts(asked: Asked, folder: Path, terminal: Terminal, **choices: Any) -> None:
+    """Bake an asset of several meshes, or print which parts would be baked from which."""
+    for name in _OF_ONE_MESH:
+        if choices.pop(name) is not None:
+            raise texbake.OptionError(f"{name}: is for the bake of one mesh onto one set of maps")
+    names = (*_FILES, "format", "name_pattern")
+    given = {name: choices.pop(name) for name in names if name in choices}
+    options = texbake.BakeOptions(**choices)
+    if asked.dry_run:
+        _print_matching(asked, given["report"], terminal)
+        return
+    with terminal.progress() as progress:
+        done = texbake.bake_parts_files(
+            asked.high,
+            asked.low,
+            folder,
+            options,
+            asked.options,
+            name=asked.name,
+            progress=progress,
+            **given,
+        )
+    for warning in done.warnings:
+        terminal.warn(warning)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)
 
 
-def _check_outputs(
-    files: dict[str, Path],
-    folder: Path | None,
-    miss_map: Path | None,
-    others: Iterable[Path | None],
-    options: BakeOptions,
+def _print_matching(asked: Asked, report: Path | None, terminal: Terminal) -> None:
+    with terminal.progress() as progress:
+        done = texbake.match_parts_files(
+            asked.high, asked.low, asked.options, report=report, progress=progress
+        )
+    for warning in done.warnings:
+        terminal.warn(warning)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)
+
+
+def bake_light_maps(
+    scene: Path,
+    folder: Path,
+    terminal: Terminal,
+    *,
+    format: str,  # noqa: A002
+    **choices: Any,
 ) -> None:
-    check_map_files(files, options)
-    if folder is not None:
-        check_folder(folder)
-    else:
-        for path in files.values():
-            check_writable(path)
-    check_picture(miss_map)
-    for other in others:
-        check_report(other)
-
-
-def check_map_files(files: Mapping[str, Path], options: BakeOptions) -> None:
-    """Raise if maps could not be written as files of these names."""
-    from texbake.baking.codings import file_bits
-    from texbake.baking.maps import MAPS
-
-    for name, path in files.items():
-        file_bits(MAPS[name], path, options.bits)
+    """Bake the light maps of a scene file; `choices` are fields of `BakeOptions`."""
+    with terminal.progress() as progress:
+        done = texbake.bake_light_map_files(
+            scene, folder, texbake.BakeOptions(**choices), format=format, progress=progress
+        )
+    for warning in done.warnings:
+        terminal.warn(warning)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)

@@ -13,11 +13,11 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from texbake.building.progress import BuildEvent
+    from texbake import BuildEvent
 
 
 class BuildTable:
-    """Draws what is going on."""
+    """Draws the steps that run, and the progress of the whole build."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(stderr=True)
@@ -45,8 +45,8 @@ class BuildTable:
     ) -> None:
         self._live.stop()
 
-    def told(self, event: BuildEvent) -> None:
-        """Take in what happened."""
+    def add(self, event: BuildEvent) -> None:
+        """Show an event."""
         if event.event == "note" and event.message:
             self._print(event.message, "yellow")
         if event.total:
@@ -85,7 +85,7 @@ class BuildTable:
 
 
 def _left(seconds: float) -> str:
-    """Write the time that is left.
+    """Write the remaining time.
 
     >>> _left(75.0)
     '1:15 left'

@@ -97,24 +97,10 @@ class Asked:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is one dense and one light mesh onto one set of maps."""
-        single = len(self.high) == len(self.low) == 1
-        options = self.options
-        return single and not (
-            self.dry_run
-            or options.match_by_name
-            or options.texture_sets != "none"
-            or (options.udim and self._has_tiles())
-        )
-
-    def _has_tiles(self) -> bool:
-        """Whether the light mesh reaches beyond the first tile."""
+        """Whether it is one high-poly and one low-poly mesh onto one set of maps."""
         import texbake
-        from texbake.baking.file_names import FIRST_TILE
-        from texbake.baking.parts.tiles import Tiles
 
-        mesh = texbake.read_mesh(self.low[0])
-        return mesh.uvs is not None and Tiles.of(mesh.corner_uvs()).numbers != [FIRST_TILE]
+        return not (self.dry_run or texbake.needs_parts(self.high, self.low, self.options))
 
 
 def parts_options(command: Command) -> Command:

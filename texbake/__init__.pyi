@@ -46,8 +46,10 @@ from .building.build import (
     plan_build as plan_build,
 )
 from .building.options import BuildOptions as BuildOptions
-from .building.overview import write_overview as write_overview
-from .building.progress import BuildEvent as BuildEvent
+from .building.progress import (
+    BuildEvent as BuildEvent,
+    BuildListener as BuildListener,
+)
 from .building.report import BuildResult as BuildResult
 from .building.watch import watch as watch
 from .checks.check import (
@@ -236,6 +238,10 @@ from .rendering.scene.textures import (
 )
 from .sampling.report import SamplingReport as SamplingReport
 from .sampling.time_budget import TimeBudget as TimeBudget
+from .study.job import (
+    study_files as study_files,
+    study_rows as study_rows,
+)
 from .study.options import StudyOptions as StudyOptions
 from .study.result import StudyResult as StudyResult
 from .study.study import run_study as run_study

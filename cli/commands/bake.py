@@ -11,17 +11,16 @@ from click.core import ParameterSource
 from texbake.baking.map_names import MAP_NAMES
 from texbake.baking.options import BakeOptions
 
-from ..baking import bake_to_files
+from ..baking import bake_light_maps, bake_one, bake_parts
 from ..html import html_option
-from ..light_baking import SCENE_SUFFIXES, bake_light_to_files
-from ..map_options import FORMATS, map_files, source_options
+from ..map_options import FORMATS, source_options
 from ..options import MESH_SUFFIXES, bake_options, height_options, output_folder, secondary_options
-from ..parts_baking import bake_parts_to_files
 from ..parts_options import parts_options, taken
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf, Names
 
 LIGHT_MAP = "lightmap"
+SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 # What a bake of light maps takes.
 _OF_LIGHT = {"scene", "output", "maps", "suffix", "size", "samples", "bits", "padding", "fill",
              "threads", "quiet", "kind"}  # fmt: skip
@@ -94,16 +93,14 @@ def bake(
         _check_light(context, scene, maps)
         assert scene is not None
         of_light = {name: options[name] for name in _OF_LIGHT & options.keys()}
-        bake_light_to_files(scene, output, suffix or "exr", terminal, **of_light)
+        bake_light_maps(scene, output, terminal, format=suffix or "exr", **of_light)
         return
     asked = taken(context, high, low, name_pattern, options)
-    if not asked.is_plain:
-        bake_parts_to_files(
-            asked, output, maps, terminal, suffix=suffix, name_pattern=name_pattern, **options
-        )
-        return
-    files = map_files(output, name_pattern, asked.low[0].name, maps, suffix)
-    bake_to_files(asked.high[0], asked.low[0], files, terminal, folder=output, **options)
+    options |= {"maps": maps, "format": suffix, "name_pattern": name_pattern}
+    if asked.is_plain:
+        bake_one(asked.high[0], asked.low[0], output, terminal, **options)
+    else:
+        bake_parts(asked, output, terminal, **options)
 
 
 def _check_light(context: click.Context, scene: Path | None, maps: tuple[str, ...]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ..baking import bake_to_files
+from ..baking import bake_one
 from ..html import html_option
 from ..options import bake_options, height_options, mesh_argument, output_file
 from ..terminal import Terminal, terminal_options
@@ -37,4 +37,4 @@ def bake_displacement(
     LOW by them gives HIGH back. Float files carry them as they are; others carry h with
     d = (h - mid) * scale, and both numbers in the file.
     """
-    bake_to_files(high, low, {"displacement": output}, terminal, **options)
+    bake_one(high, low, {"displacement": output}, terminal, **options)

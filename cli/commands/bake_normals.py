@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ..baking import bake_to_files
+from ..baking import bake_one
 from ..html import html_option
 from ..options import bake_options, mesh_argument, output_file
 from ..terminal import Terminal, terminal_options
@@ -33,4 +33,4 @@ def bake_normals(high: Path, low: Path, output: Path, terminal: Terminal, **opti
     LOW needs texture coordinates (texbake unwrap). Without --front, --back or --cage the rays are
     as long as the two meshes lie apart, which is measured, told and put into the report.
     """
-    bake_to_files(high, low, {"normal": output}, terminal, **options)
+    bake_one(high, low, {"normal": output}, terminal, **options)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import texbake
 from texbake.baking.options import FILLS
 from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
 from texbake.errors import OptionError
-from texbake.files import check_writable
-from texbake.jobs.outputs import check_distinct, check_picture, check_report
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 
 from ..options import (
@@ -30,9 +29,6 @@ from ..options import (
 from ..sections import SectionedCommand
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf, Numbers
-
-if TYPE_CHECKING:
-    from texbake import TextureBake
 
 CAMERA_SUFFIXES = (".toml", ".txt")
 
@@ -153,27 +149,24 @@ def bake_texture(
     well each shows a place; what none shows is filled from around it, and told.
     """
     photos, cameras = choices.pop("photo"), choices.pop("camera")
-    check_distinct([output, unseen_map, report], [mesh, *photos, *cameras])
     options = _options(photos, cameras, choices)
-    check_writable(output)
-    check_picture(unseen_map)
-    check_report(report)
-    import texbake
-    from texbake.jobs.outputs import write_report
-    from texbake.texture.image_formats import check_image_format
-
-    check_image_format(output, bits, color=not data)
     with terminal.progress() as progress:
-        result = _bake(mesh, photos, cameras, options, progress)
-        result.write(output, color=not data, bits=bits)
-        if unseen_map is not None:
-            texbake.write_image(result.unseen_map(), unseen_map)
-        if report is not None:
-            write_report(report, result.report.to_json())
-    for warning in result.report.warnings:
+        done = texbake.bake_texture_files(
+            mesh,
+            output,
+            options,
+            photos=photos,
+            cameras=cameras,
+            data=data,
+            bits=bits,
+            unseen_map=unseen_map,
+            report=report,
+            progress=progress,
+        )
+    for warning in done.warnings:
         terminal.warn(warning)
-    terminal.summary(result.report.table())
-    terminal.wrote(path for path in (output, unseen_map, report) if path is not None)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)
 
 
 def _options(
@@ -200,29 +193,6 @@ def _options(
         colors=None if solid["colors"] is None else _ramp(solid["colors"]),
         **choices,
     )
-
-
-def _bake(
-    mesh: Path,
-    photos: Sequence[Path],
-    cameras: Sequence[Path],
-    options: SolidOptions | PhotoOptions,
-    progress: Any,
-) -> TextureBake:
-    import texbake
-    from texbake.baking.texture.camera import read_camera
-
-    target = texbake.read_mesh(mesh, progress=progress)
-    if isinstance(options, SolidOptions):
-        return texbake.bake_solid(target, options, progress=progress)
-    sources = []
-    for image, file in zip(photos, cameras, strict=True):
-        if file.suffix.lower() in MESH_SUFFIXES:
-            mapped = texbake.read_mesh(file, progress=progress)
-            sources.append(texbake.Photo(image=image, mapped=mapped))
-        else:
-            sources.append(texbake.Photo(image=image, camera=read_camera(file)))
-    return texbake.bake_photos(target, sources, options, progress=progress)
 
 
 def _parameter(text: str) -> tuple[str, Any]:

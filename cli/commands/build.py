@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import click
 
+import texbake
 from texbake.building.options import BuildOptions
-from texbake.jobs.outputs import check_page
 
 from ..build_options import build_options
-from ..building import shown, tell_result
+from ..building import print_result, shown
 from ..html import command_line
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake.building.build import PlannedStep
+    from texbake import PlannedStep
 
 
 @click.command(
@@ -67,26 +67,20 @@ def build(
     folder says what came of each. Exits with 1 if any failed.
     """
     if plan:
-        from texbake.building.build import plan_build
-
-        _tell_plan(plan_build(pipeline, options), terminal)
+        _print_plan(texbake.plan_build(pipeline, options), terminal)
         return
-    check_page(html)
-    from texbake.building.build import build as run_build
-
     with shown(terminal) as listener:
-        result = run_build(pipeline, options, listener=listener)
-    tell_result(result, terminal)
+        result = texbake.build(
+            pipeline, options, html=html, command=command_line(), listener=listener
+        )
+    print_result(result, terminal)
     if html is not None:
-        from texbake.building.overview import write_overview
-
-        write_overview(html, result, command=command_line())
         terminal.wrote([html])
     if not result.ok:
         ctx.exit(1)
 
 
-def _tell_plan(steps: list[PlannedStep], terminal: Terminal) -> None:
+def _print_plan(steps: list[PlannedStep], terminal: Terminal) -> None:
     counts: dict[str, int] = {}
     for step in steps:
         counts[step.state] = counts.get(step.state, 0) + 1

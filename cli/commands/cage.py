@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from texbake.jobs.outputs import check_distinct, check_mesh
+import texbake
 
 from ..options import (
     WRITABLE_MESH_SUFFIXES,
@@ -50,19 +50,11 @@ def cage(
     no farther than it must: no vertex could go in by itself. For --cage, and for any other program
     that takes cages.
     """
-    check_distinct([output], [high, low])
-    check_mesh(output)
-    import texbake
-
     with terminal.progress() as progress:
-        fitted = texbake.fit_cage(
-            texbake.read_mesh(high, progress=progress),
-            texbake.read_mesh(low, progress=progress),
-            margin=margin,
-            threads=threads,
+        done = texbake.cage_file(
+            high, low, output, margin=margin, threads=threads, progress=progress
         )
-        texbake.write_mesh(fitted.mesh, output)
-    for warning in fitted.warnings:
+    for warning in done.warnings:
         terminal.warn(warning)
-    terminal.summary(fitted.table())
-    terminal.wrote([output])
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)

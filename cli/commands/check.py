@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+import texbake
 from texbake.checks.options import SEVERITIES, CheckOptions
-from texbake.jobs.outputs import check_distinct, check_picture, check_report
 
 from ..options import (
     MESH_SUFFIXES,
@@ -27,9 +27,7 @@ from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake.checks.finding import Finding
-    from texbake.checks.report import CheckReport
-    from texbake.progress import ProgressSink
+    from texbake import CheckReport, Finding
 
 _NEVER = "never"
 _WORST_SHOWN = 5
@@ -95,62 +93,27 @@ def check(
     options = CheckOptions(
         size=size, padding=padding, min_texel_density=min_texel_density, threads=threads
     )
-    check_distinct([layout, sides, report], [mesh, low])
-    check_picture(layout)
-    check_picture(sides)
-    check_report(report)
-    from texbake.checks.check import check_files
-    from texbake.jobs.outputs import write_report
-
     with terminal.progress() as progress:
-        checked = check_files(mesh, low, options, progress=progress)
-        drawn = _draw(checked, layout, sides, terminal, progress)
-        if report is not None:
-            write_report(report, checked.to_json())
+        done = texbake.check_mesh_files(
+            mesh, low, options, layout=layout, sides=sides, report=report, progress=progress
+        )
+    checked = done.report
+    for warning in done.warnings:
+        terminal.warn(warning)
     if as_json:
         say(json.dumps(checked.to_json(), indent=2, allow_nan=False))
     else:
-        _tell(checked, terminal)
-        terminal.wrote([*drawn, *([report] if report is not None else [])])
+        _print_findings(checked, terminal)
+        terminal.wrote(done.files)
     if fail_on != _NEVER and checked.fails(fail_on):
         ctx.exit(1)
 
 
-def _draw(
-    checked: CheckReport,
-    layout: Path | None,
-    sides: Path | None,
-    terminal: Terminal,
-    progress: ProgressSink | None,
-) -> list[Path]:
-    """Write the pictures asked for, as far as there is something to draw; return which."""
-    import texbake
-
-    written = []
-    if layout is not None:
-        if not checked.has_layout:
-            terminal.warn(f"{layout}: not drawn; there are no texture coordinates to draw in")
-        else:
-            texbake.write_image(checked.picture(), layout, color=True)
-            written.append(layout)
-    if sides is not None:
-        if not any(len(finding.faces) for finding in checked.findings):
-            terminal.warn(f"{sides}: not drawn; nothing was found at any face")
-        else:
-            from texbake.jobs.check_meshes import render_findings
-
-            threads = checked.options.threads
-            picture = render_findings(checked, threads=threads, progress=progress)
-            texbake.write_image(picture, sides, color=True, threads=threads)
-            written.append(sides)
-    return written
-
-
-def _tell(checked: CheckReport, terminal: Terminal) -> None:
+def _print_findings(checked: CheckReport, terminal: Terminal) -> None:
     """Print the findings as a table, and below it what they mean."""
     findings = checked.findings
     if not terminal.quiet:
-        for role, mesh in (("dense", checked.dense), ("light", checked.light)):
+        for role, mesh in (("high-poly", checked.dense), ("low-poly", checked.light)):
             if mesh is not None:
                 say(f"{role} mesh  {mesh.name}, {mesh.n_faces:,} faces")
     if findings:

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from texbake.jobs.outputs import (
-    check_distinct,
-    check_page,
-    check_picture,
-    check_report,
-)
+import texbake
 
 from ..html import command_line, html_option
 from ..options import (
@@ -24,9 +18,6 @@ from ..options import (
 )
 from ..terminal import Terminal, table, terminal_options
 from ..types import FileOf
-
-if TYPE_CHECKING:
-    from texbake import RenderOptions
 
 
 @click.command(
@@ -61,7 +52,7 @@ def compare(
     displacement: Path | None,
     albedo: Path | None,
     output: Path | None,
-    picture: RenderOptions,
+    picture: texbake.RenderOptions,
     report: Path | None,
     html: Path | None,
     threads: int | None,
@@ -73,43 +64,20 @@ def compare(
     of the pictures, beside those of bare LOW; writes HIGH, bare LOW, LOW with its maps and their
     difference side by side.
     """
-    output = output or Path(f"{low.stem}_compare.png")
-    check_distinct([output, report, html], [high, low, normal_map, displacement, albedo])
-    check_picture(output)
-    check_report(report)
-    check_page(html)
-    import texbake
-    from texbake.jobs.comparison import comparison_report, comparison_table
-    from texbake.jobs.outputs import write_report
-    from texbake.pages.asset_page import AssetPage, write_asset_page
-
     with terminal.progress() as progress:
-        meshes = [texbake.read_mesh(path, progress=progress) for path in (high, low)]
-        comparison = texbake.compare(
-            *meshes,
+        done = texbake.compare_files(
+            high,
+            low,
+            output,
+            picture,
             normal_map=normal_map,
             displacement=displacement,
             albedo=albedo,
-            options=picture,
+            report=report,
+            html=html,
+            command=command_line(),
             threads=threads,
             progress=progress,
         )
-        texbake.write_image(comparison.side_by_side(), output, color=True, threads=threads)
-        if report is not None:
-            write_report(report, comparison_report(comparison))
-        if html is not None:
-            maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
-            write_asset_page(
-                html,
-                AssetPage(
-                    high=meshes[0],
-                    low=meshes[1],
-                    files={name: path for name, path in maps.items() if path is not None},
-                    comparison=comparison,
-                    figures=comparison_table(comparison),
-                    command=command_line(),
-                    picture=picture,
-                ),
-            )
-    table(comparison_table(comparison))
-    terminal.wrote(path for path in (output, report, html) if path is not None)
+    table(texbake.comparison_table(done.report))
+    terminal.wrote(done.files)

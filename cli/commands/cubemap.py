@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from texbake.jobs.outputs import check_distinct
+import texbake
 from texbake.texture.cube_options import CONVENTIONS, FACE_FORMATS, LAYOUTS, CubeOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, number_option, threads_option
@@ -74,15 +74,10 @@ def cubemap(
     mean over all that it covers.
     """
     options = CubeOptions(**choices)
-    check_distinct([output], [source])
-    from texbake.texture.cube_files import convert_cube
-
     with terminal.progress():
-        done = convert_cube(source, output, options, threads=threads)
-    if done.clipped:
-        terminal.warn(
-            f"{output}: {done.clipped:.2%} of the values lie outside of 0 to 1 and were clipped; "
-            "EXR and HDR files keep them"
-        )
-    terminal.summary([("from", done.source_layout), ("to", f"{done.layout} of {done.size:,} px")])
+        done = texbake.cubemap_files(source, output, options, threads=threads)
+    for warning in done.warnings:
+        terminal.warn(warning)
+    made = done.report
+    terminal.summary([("from", made.source_layout), ("to", f"{made.layout} of {made.size:,} px")])
     terminal.wrote(done.files)

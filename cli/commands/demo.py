@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from texbake.files import check_folder
+import texbake
 from texbake.jobs.options import DEMO_FOLDER, DemoOptions
 
 from ..options import number_option, output_folder, size_option, threads_option
@@ -36,9 +36,6 @@ def demo(output: Path, terminal: Terminal, **choices: Any) -> None:
     Writes the dense mesh as well, orange_high.ply, for other commands to be tried on.
     """
     options = DemoOptions(**choices)
-    check_folder(output)
-    import texbake
-
     with terminal.progress() as progress:
         result = texbake.demo(output, options, progress=progress)
     for warning in result.warnings:

@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
+import texbake
 from texbake.errors import OptionError
-from texbake.files import check_folder
 from texbake.jobs.export.options import (
     CONVENTIONS,
     MESH_FORMATS,
@@ -111,26 +111,18 @@ def export(
     SETTINGS.txt says what to set where. See docs/export.md.
     """
     options = ExportOptions(**choices)
-    check_folder(output)
-    given = _named_maps(named)
-    import texbake
-    from texbake.jobs.export.export import export_asset
-    from texbake.jobs.export.sources import find_maps
-
-    maps = given if folder is None else find_maps(folder, given)
     with terminal.progress() as progress:
-        meshes = [texbake.read_mesh(path, progress=progress) for path in (mesh, *levels)]
-        result = export_asset(
-            meshes[0],
-            maps,
+        result = texbake.export_files(
+            mesh,
             output,
             options,
-            levels=meshes[1:],
-            inputs=(mesh, *levels),
+            maps=folder,
+            named_maps=_named_maps(named),
+            levels=levels,
             progress=progress,
         )
-    for note in result.notes:
-        terminal.warn(note)
+    for warning in result.warnings:
+        terminal.warn(warning)
     terminal.wrote(result.files)
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
+import texbake
 from texbake.baking.options import CONVENTIONS, BakeOptions
-from texbake.files import check_writable
-from texbake.jobs.outputs import check_distinct
 from texbake.texture.height_options import (
     DEFAULT_SCALE,
     DERIVATIVES,
@@ -84,21 +83,14 @@ def height_to_normal(
     width of the image in model units then.
     """
     options = HeightToNormalOptions(scale=scale, width=width, wrap=wrap, derivative=derivative)
-    check_distinct([output], [height])
-    check_writable(output)
-    import texbake
-    from texbake.texture.heights_and_normals import height_scale
-    from texbake.texture.image_files import write_normals
-    from texbake.texture.image_formats import check_image_format
-
-    check_image_format(output, bits, channels=3, lossless=True)
-    image = texbake.read_image(height, color=False, threads=threads)
-    normals = texbake.height_to_normal(image, options)
-    write_normals(normals, output, convention=convention, bits=bits, threads=threads)
+    done = texbake.height_to_normal_file(
+        height, output, options, convention=convention, bits=bits, threads=threads
+    )
+    made = done.report
     terminal.summary(
         [
-            ("size", f"{normals.shape[1]} x {normals.shape[0]}"),
-            ("scale", f"{height_scale(image, options):.6g}, width {width:g}"),
+            ("size", f"{made.width} x {made.height}"),
+            ("scale", f"{made.scale:.6g}, width {width:g}"),
         ]
     )
-    terminal.wrote([output])
+    terminal.wrote(done.files)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+import texbake
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
 
@@ -51,23 +51,17 @@ def info(
     """
     if size is not None and not uv:
         raise OptionError("size: it is for measuring texture coordinates; give --uv as well")
-    texture = UnwrapOptions(size=UnwrapOptions.size if size is None else size)
-    import texbake
-
     with terminal.progress() as progress:
-        read = texbake.read_mesh(mesh, progress=progress)
-        found = texbake.mesh_info(read)
-        measured = texbake.distortion(read, texture.size) if uv else None
-    if as_json and measured is not None:
-        figures = json.loads(found.to_json()) | {"distortion": measured.to_json()}
-        say(json.dumps(figures, indent=2, allow_nan=False))
-    elif as_json:
+        found = texbake.info_file(
+            mesh, uv_size=(size or UnwrapOptions.size) if uv else None, progress=progress
+        )
+    if as_json:
         say(found.to_json())
-    else:
-        table(_rows(found))
-        if measured is not None:
-            table([("Distortion", ""), *distortion_rows(measured)])
-            table(worst_rows(measured))
+        return
+    table(_rows(found.mesh))
+    if found.distortion is not None:
+        table([("Distortion", ""), *distortion_rows(found.distortion)])
+        table(worst_rows(found.distortion))
 
 
 def _rows(found: MeshInfo) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from texbake.jobs.outputs import check_distinct, check_mesh
+import texbake
 from texbake.mesh.parametric.options import SHAPE_DEFAULTS, SHAPES, MakeOptions
 
 from ..options import IMAGE_SUFFIXES, WRITABLE_MESH_SUFFIXES, Decorator, number_option, output_file
@@ -77,14 +77,8 @@ def make(shape: str, output: Path, image: Path | None, terminal: Terminal, **cho
     bezier (bicubic patches, such as the classic teapot's) or height-field. Options tell in
     brackets which shapes read them, with their defaults.
     """
-    MakeOptions(**choices, image=image).settings(shape)
-    check_distinct([output], [choices["profile"], choices["patches"], image])
-    check_mesh(output)
-    import texbake
-
     with terminal.progress():
-        pixels = None if image is None else texbake.read_image(image, color=False).pixels
-        mesh = texbake.make(shape, MakeOptions(**choices, image=pixels))
-        texbake.write_mesh(mesh, output)
+        done = texbake.make_file(shape, output, MakeOptions(**choices, image=image))
+    mesh = done.report
     terminal.summary([("faces", f"{mesh.n_faces:,}"), ("vertices", f"{mesh.n_vertices:,}")])
-    terminal.wrote([output])
+    terminal.wrote(done.files)

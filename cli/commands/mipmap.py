@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from texbake.jobs.outputs import check_distinct
+import texbake
 from texbake.texture.mip_options import MIP_FILTERS, MIP_KINDS, MIP_WRAPS, MipOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, threads_option
@@ -64,9 +64,6 @@ def mipmap(
 ) -> None:
     """Write the mip levels of IMAGE, down to one texel."""
     options = MipOptions(kind=averaged_as, **choices)
-    check_distinct([output, roughness], [image])
-    from texbake.texture.mip_files import write_mip_levels
-
     with terminal.progress():
-        files = write_mip_levels(image, output, options, roughness=roughness, threads=threads)
-    terminal.wrote(files)
+        done = texbake.mipmap_files(image, output, options, roughness=roughness, threads=threads)
+    terminal.wrote(done.files)

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from texbake.files import check_writable
-from texbake.jobs.outputs import check_distinct
+import texbake
 from texbake.texture.height_options import CONVENTIONS, METHODS, WRAPS, NormalToHeightOptions
 
 from ..options import IMAGE_SUFFIXES, choice_option, number_option, output_file, threads_option
@@ -72,26 +71,8 @@ def normal_to_height(
     Their mean is 0, since normals do not tell it. The file says their scale.
     """
     options = NormalToHeightOptions(method=method, wrap=wrap, width=width, convention=convention)
-    check_distinct([output], [normal])
-    check_writable(output)
-    import texbake
-    from texbake.texture.image_files import write_heights
-    from texbake.texture.image_formats import check_image_format
-
-    check_image_format(output, bits, channels=1, lossless=True)
-    image = texbake.read_image(normal, color=False, threads=threads)
-    field = texbake.normal_to_height(image, options)
-    mid, scale = write_heights(field.heights, output, bits=bits, threads=threads)
-    if field.n_steep:
-        terminal.warn(
-            f"{normal}: {field.n_steep:,} normals are too steep for heights, and are cut at a "
-            "slope of 100"
-        )
-    low, high = float(field.heights.min()), float(field.heights.max())
-    terminal.summary(
-        [
-            ("heights", f"from {low:.6g} to {high:.6g}, in a file of mid {mid:g}, scale {scale:g}"),
-            ("slopes left over", f"{field.rms_slope_error:.4g}  (0 for a true surface)"),
-        ]
-    )
-    terminal.wrote([output])
+    done = texbake.normal_to_height_file(normal, output, options, bits=bits, threads=threads)
+    for warning in done.warnings:
+        terminal.warn(warning)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)

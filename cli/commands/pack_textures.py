@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from texbake.errors import OptionError
-from texbake.files import check_folder, check_writable, make_folder
-from texbake.jobs.outputs import check_distinct, check_mesh
+import texbake
 from texbake.texture.pack_options import EDGES, PackOptions
 
 from ..options import (
@@ -84,33 +81,20 @@ def pack_textures(
     unit square, because an image within another one cannot tile.
     """
     options = PackOptions(size=size, padding=padding, edges=edges)
-    targets = _targets(images, meshes, folder)
-    check_distinct([output, *targets], [*images, *meshes])
-    check_writable(output)
-    import texbake
-    from texbake.texture.image_files import bits_for
-    from texbake.texture.image_formats import check_image_format
-
-    check_image_format(output, color=not data)
     with terminal.progress() as progress:
-        read = [texbake.read_image(path, color=not data, threads=threads) for path in images]
-        packed = texbake.pack_textures([image.pixels for image in read], options)
-        moved = [
-            packed.remapped(texbake.read_mesh(path, progress=progress), i)
-            for i, path in enumerate(meshes)
-        ]
-        deepest = max(read, key=lambda image: image.bits)
-        bits = bits_for(output, packed.pixels, deepest)
-        if folder is not None:
-            make_folder(folder)
-        for mesh, path in zip(moved, targets, strict=True):
-            texbake.write_mesh(mesh, path)
-        texbake.write_image(packed.pixels, output, color=not data, bits=bits, threads=threads)
-    if packed.scale < 1.0:
-        terminal.warn(
-            f"{output}: the images are made smaller, to {100 * packed.scale:.1f} % of their sides; "
-            "give a larger --size to keep them as they are"
+        done = texbake.pack_texture_files(
+            images,
+            output,
+            options,
+            meshes=meshes,
+            mesh_outputs=folder,
+            data=data,
+            threads=threads,
+            progress=progress,
         )
+    for warning in done.warnings:
+        terminal.warn(warning)
+    packed = done.report
     height, width = packed.pixels.shape[:2]
     terminal.summary([("size", f"{width} x {height}, {100 * packed.filled:.1f} % filled")])
     terminal.summary(
@@ -119,21 +103,4 @@ def pack_textures(
             for path, place in zip(images, packed.places, strict=True)
         ]
     )
-    terminal.wrote([output, *targets])
-
-
-def _targets(images: Sequence[Path], meshes: Sequence[Path], folder: Path | None) -> list[Path]:
-    """Return a file for each moved mesh, checked before any work."""
-    if (folder is None) != (not meshes):
-        raise OptionError("mesh, meshes-to: give both, a mesh for each image and a folder for them")
-    if folder is None:
-        return []
-    if len(meshes) != len(images):
-        raise OptionError(
-            f"mesh: {len(meshes)} are given for {len(images)} images; give one for each, in order"
-        )
-    check_folder(folder)
-    targets = [folder / path.name for path in meshes]
-    for target in targets:
-        check_mesh(target, folder_is_made=True)
-    return targets
+    terminal.wrote(done.files)

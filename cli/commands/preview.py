@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from texbake.files import check_folder
-from texbake.jobs.outputs import check_distinct, check_picture, check_report
+import texbake
 from texbake.rendering.options import (
     BUFFERS,
     EDGES,
@@ -31,13 +30,6 @@ from ..options import (
 )
 from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf, Names, Turntable
-
-if TYPE_CHECKING:
-    from texbake.progress import ProgressSink
-    from texbake.rendering.picture import Costs
-    from texbake.rendering.plan.plan import Plan
-    from texbake.rendering.resolve import Frame
-    from texbake.rendering.scene.scene import Scene
 
 _TARGETS = ("max_error", "time_budget")
 # The two that `--affine-vs-perspective` lays side by side.
@@ -151,47 +143,38 @@ def preview(
     glTF file is drawn with its own materials. A scene file says itself how it is drawn; options
     given here stand above that.
     """
-    report: Path | None = choices["report"]
-    turn = picture.pop("view") if isinstance(picture.get("view"), Turntable) else None
-    inputs = [input, normal_map, displacement, albedo]
-    if turn is not None:
-        _check_one_way(choices)
-    _check_outputs(output, report, inputs, turn=turn, plan_only=choices["plan_only"])
-    import texbake
-    from texbake.jobs.preview import open_preview
-
-    _take_targets(picture, choices, turn)
+    view = picture.get("view")
+    n_views = view.n_views if isinstance(view, Turntable) else None
+    if n_views is not None:
+        del picture["view"]
+        _check_single(choices)
+    if output is None and not choices["plan_only"]:
+        raise click.UsageError("Missing option '-o' / '--output'.")
+    _take_targets(picture, choices, n_views)
     with terminal.progress() as progress:
-        scene, options = open_preview(
+        done = texbake.preview_files(
             input,
+            None if choices["plan_only"] else output,
+            picture,
             normal_map=normal_map,
             displacement=displacement,
             albedo=albedo,
-            options=picture,
+            filters=choices["filters"],
+            interpolations=_interpolations(choices),
+            buffers=choices["buffers"],
+            n_views=n_views,
+            report=choices["report"],
+            threads=threads,
             progress=progress,
         )
-        written = [] if choices["plan_only"] else _pictures(output, turn)
-        check_distinct([*written, report], scene.files)
-        ways = _ways(options, choices)
-        if choices["plan_only"]:
-            plan = texbake.plan_scene(scene, ways[0][1])
-            _tell(plan, None, choices["explain"] or "table", report)
-            return
-        assert output is not None
-        if turn is not None:
-            frame = _write_turn(scene, ways[0][1], turn.n_views, output, threads, progress)
-        else:
-            frame = _write_picture(scene, ways, output, threads, progress)
-    for note in scene.notes:
-        terminal.warn(f"{input}: {note}")
-    if choices["explain"] is not None or report is not None:
-        _tell(frame.plan, frame.costs, choices["explain"], report, frame)
-    for part in frame.sampling, frame.budget:
-        if part is not None:
-            for warning in part.warnings:
-                terminal.warn(warning)
-            terminal.summary(part.table())
-    terminal.wrote([output] if report is None else [output, report])
+    for warning in done.warnings:
+        terminal.warn(warning)
+    explain = choices["explain"] or ("table" if choices["plan_only"] else None)
+    if explain is not None:
+        _print_plan(done, explain)
+    terminal.summary(done.table())
+    if not choices["plan_only"]:
+        terminal.wrote(done.files)
 
 
 def _given(name: str) -> bool:
@@ -200,133 +183,49 @@ def _given(name: str) -> bool:
     return source not in (ParameterSource.DEFAULT, None)
 
 
-def _take_targets(picture: dict[str, Any], choices: dict[str, Any], turn: Turntable | None) -> None:
-    """Note which edges, and which error or time, are asked for."""
+def _take_targets(picture: dict[str, Any], choices: dict[str, Any], n_views: int | None) -> None:
+    """Move the options of adaptive sampling over to those of the picture."""
     if _given("edges"):
         picture["edges"] = choices["edges"]
-    asked = {name: choices[name] for name in _TARGETS if choices[name] is not None}
-    if not asked:
+    targets = {name: choices[name] for name in _TARGETS if choices[name] is not None}
+    if not targets:
         return
-    flag = f"--{next(iter(asked)).replace('_', '-')}"
+    flag = f"--{next(iter(targets)).replace('_', '-')}"
     for name in "supersampling", "edges":
         if name in picture:
             raise click.UsageError(f"--{name} leaves {flag} nothing to choose; give one of them.")
-    if "time_budget" in asked and (turn is not None or _names_several(choices)):
-        raise click.UsageError("--time-budget is of one picture; give several a --max-error.")
-    picture |= asked
+    if "time_budget" in targets and (n_views is not None or _is_several(choices)):
+        raise click.UsageError("--time-budget is for one picture; give several a --max-error.")
+    picture |= targets
 
 
-def _names_several(choices: dict[str, Any]) -> bool:
-    """Whether pictures are to be laid side by side."""
+def _is_several(choices: dict[str, Any]) -> bool:
+    """Whether pictures are put side by side."""
     several = any(len(choices[name]) > 1 for name in ("filters", "interpolations", "buffers"))
     return several or bool(choices["affine_vs_perspective"])
 
 
-def _check_one_way(choices: dict[str, Any]) -> None:
-    """Refuse several ways to draw a turn, of which only the first would be drawn."""
-    if _names_several(choices):
+def _check_single(choices: dict[str, Any]) -> None:
+    if _is_several(choices):
         raise click.UsageError(
-            "A turntable is drawn in one way: name one filter, interpolation and buffer."
+            "A turntable has one filter, interpolation and buffer; name one of each."
         )
 
 
-def _check_outputs(
-    output: Path | None,
-    report: Path | None,
-    inputs: list[Path | None],
-    *,
-    turn: Turntable | None,
-    plan_only: bool,
-) -> None:
-    check_distinct([output, report], inputs)
-    check_report(report)
-    if plan_only:
-        return
-    if output is None:
-        raise click.UsageError("Missing option '-o' / '--output'.")
-    if turn is None:
-        check_picture(output)
-    else:
-        check_folder(output)
+def _interpolations(choices: dict[str, Any]) -> tuple[str, ...]:
+    if not choices["affine_vs_perspective"]:
+        return tuple(choices["interpolations"])
+    if choices["interpolations"]:
+        raise click.UsageError("--affine-vs-perspective names the interpolations already.")
+    return _AFFINE_VS_PERSPECTIVE
 
 
-def _pictures(output: Path | None, turn: Turntable | None) -> list[Path | None]:
-    """Return the files that are going to be written."""
-    from texbake.jobs.preview import turntable_files
-
-    return [output] if turn is None or output is None else [*turntable_files(output, turn.n_views)]
-
-
-def _ways(options: RenderOptions, choices: dict[str, Any]) -> list[tuple[str, RenderOptions]]:
-    """Options of each picture, with its caption; several are laid side by side."""
-    from texbake.jobs.preview import side_by_side_options
-
-    interpolations = choices["interpolations"]
-    if choices["affine_vs_perspective"]:
-        if interpolations:
-            raise click.UsageError("--affine-vs-perspective names the interpolations already.")
-        interpolations = _AFFINE_VS_PERSPECTIVE
-    return side_by_side_options(
-        options,
-        filters=choices["filters"],
-        interpolations=interpolations,
-        buffers=choices["buffers"],
-    )
-
-
-def _write_picture(
-    scene: Scene,
-    ways: list[tuple[str, RenderOptions]],
-    output: Path,
-    threads: int | None,
-    progress: ProgressSink | None,
-) -> Frame:
-    """Write one picture, or several side by side; return the first."""
-    import texbake
-    from texbake.jobs.preview import render_side_by_side
-
-    if len(ways) == 1:
-        frame = texbake.render_scene(scene, ways[0][1], threads=threads, progress=progress)
-        frame.write(output, threads=threads)
-        return frame
-    color, frames = render_side_by_side(scene, ways, threads=threads, progress=progress)
-    texbake.write_image(color, output, color=True, threads=threads)
-    return frames[0]
-
-
-def _write_turn(
-    scene: Scene,
-    options: RenderOptions,
-    n_views: int,
-    output: Path,
-    threads: int | None,
-    progress: ProgressSink | None,
-) -> Frame:
-    """Write the pictures of a turn into a folder; return the last."""
-    from texbake.jobs.preview import write_turntable
-
-    return write_turntable(scene, options, n_views, output, threads=threads, progress=progress)
-
-
-def _tell(
-    plan: Plan,
-    costs: Costs | None,
-    form: str | None,
-    report: Path | None,
-    frame: Frame | None = None,
-) -> None:
-    """Print the plan, and write it as JSON with what samples reached, where it is asked for."""
-    from texbake.rendering.plan.explain import plan_report, plan_table
-
-    told = plan_report(plan, costs) | ({} if frame is None else frame.sampling_report())
-    if report is not None:
-        from texbake.jobs.outputs import write_report
-
-        write_report(report, told)
+def _print_plan(done: texbake.PreviewFiles, form: str) -> None:
+    """Print which passes were chosen, and what was left out."""
     if form == "json":
-        say(json.dumps(told, indent=2))
-    elif form == "table":
-        rows, left_out = plan_table(plan, costs)
-        columns(rows, numbers=0 if costs is None else 2)
-        say("")
-        columns([("left out", "because"), *left_out])
+        say(json.dumps(done.to_json(), indent=2))
+        return
+    rows, left_out = done.plan_tables()
+    columns(rows, numbers=0 if done.costs is None else 2)
+    say("")
+    columns([("left out", "because"), *left_out])

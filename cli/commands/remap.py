@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+import texbake
 from texbake.baking.map_names import MAP_NAMES
 from texbake.baking.options import (
     CONVENTIONS,
@@ -18,7 +19,6 @@ from texbake.baking.options import (
 
 from ..map_options import FORMATS, HITS_SUFFIXES, name_pattern_option
 from ..options import Decorator, output_folder, report_option, threads_option
-from ..remapping import remap_to_files
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf, Names
 
@@ -72,4 +72,17 @@ def remap(
     is not given stays as it was in that bake. The maps are the same, byte for byte, as a bake's.
     """
     given = {name: value for name, value in changes.items() if value is not None}
-    remap_to_files(hits, output, terminal, suffix, name_pattern, report, given)
+    with terminal.progress() as progress:
+        done = texbake.remap_files(
+            hits,
+            output,
+            given,
+            format=suffix,
+            name_pattern=name_pattern,
+            report=report,
+            progress=progress,
+        )
+    for warning in done.warnings:
+        terminal.warn(warning)
+    terminal.summary(done.report.table())
+    terminal.wrote(done.files)

@@ -7,10 +7,9 @@ from typing import Any
 
 import click
 
+import texbake
 from texbake.baking.options import CONVENTIONS
-from texbake.files import check_folder
 from texbake.jobs.options import RunOptions
-from texbake.jobs.outputs import check_page
 from texbake.mesh.simplify_options import QUALITIES
 from texbake.rendering.options import UPS
 
@@ -69,30 +68,11 @@ def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choic
     scan_report.json.
     """
     options = RunOptions(**choices)
-    check_page(html)
-    check_folder(output)
-    import texbake
-    from texbake.pages.asset_page import AssetPage, write_asset_page
-
     with terminal.progress() as progress:
-        mesh = texbake.read_mesh(high, progress=progress)
-        result = texbake.run(mesh, output, options, progress=progress)
-        if html is not None:
-            write_asset_page(
-                html,
-                AssetPage(
-                    high=mesh,
-                    low=result.low,
-                    baked=result.baked,
-                    comparison=result.comparison,
-                    stages=result.stages,
-                    figures=[*result.table(), ("Bake", ""), *result.baked.report.table()],
-                    warnings=result.warnings,
-                    command=command_line(),
-                    picture=options.render_options(),
-                ),
-            )
+        result = texbake.run_files(
+            high, output, options, html=html, command=command_line(), progress=progress
+        )
     for warning in result.warnings:
         terminal.warn(warning)
     terminal.summary(result.table())
-    terminal.wrote([*result.files.values(), *([] if html is None else [html])])
+    terminal.wrote(result.files.values())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from texbake.jobs.outputs import check_distinct, check_mesh, check_report
+import texbake
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, QUALITIES
 
 from ..options import (
@@ -58,28 +58,20 @@ def simplify(
     Boundaries are kept, and hard edges and seams of texture coordinates where there are any. Tells
     how many faces were reached and how far the two surfaces lie apart, both ways.
     """
-    check_distinct([output, report])
-    check_distinct([report], [mesh])  # the output may replace the mesh
-    check_mesh(output)
-    check_report(report)
-    import texbake
-    from texbake.jobs.outputs import write_report
-
     with terminal.progress() as progress:
-        lighter, figures = texbake.simplify_with_report(
-            texbake.read_mesh(mesh, progress=progress),
+        done = texbake.simplify_file(
+            mesh,
+            output,
             faces,
             quality=quality,
+            report=report,
             threads=threads,
             progress=progress,
         )
-        texbake.write_mesh(lighter, output)
-        if report is not None:
-            write_report(report, figures.to_json())
-    for note in figures.notes:
-        terminal.warn(note)
-    terminal.summary(_rows(figures))
-    terminal.wrote(path for path in (output, report) if path is not None)
+    for warning in done.warnings:
+        terminal.warn(warning)
+    terminal.summary(_rows(done.report))
+    terminal.wrote(done.files)
 
 
 def _rows(report: SimplifyReport) -> list[tuple[str, str]]:

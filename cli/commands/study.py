@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from texbake.errors import OptionError
-from texbake.files import check_folder
+import texbake
 from texbake.study.options import KNOB_NAMES, StudyOptions
 
 from ..options import MESH_SUFFIXES, number_option, output_folder, threads_option
@@ -72,37 +71,15 @@ def study(
     On the pair HIGH and LOW and on a scene, or on made ones whose truth is known. Writes a page
     that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
     """
-    if high is not None and low is None:
-        raise OptionError("study: a pair is a dense and a light mesh; give HIGH and LOW, or none")
     options = StudyOptions(
         knobs=knobs or KNOB_NAMES, repeats=repeats, seconds=seconds, quick=quick, threads=threads
     )
-    check_folder(output)
-    import texbake
-    from texbake.pages.words import duration
-    from texbake.study.plots import check_matplotlib
-    from texbake.study.study import run_study
-    from texbake.study.words import amount
-    from texbake.study.write import write_study
-
-    check_matplotlib()
     with terminal.progress() as progress:
-        result = run_study(
-            None if high is None else texbake.read_mesh(high, progress=progress),
-            None if low is None else texbake.read_mesh(low, progress=progress),
-            scene=None if scene is None else texbake.read_scene(scene, progress=progress),
-            options=options,
-            progress=progress,
+        done = texbake.study_files(
+            output, options, high=high, low=low, scene=scene, progress=progress
         )
-        written = write_study(result, output, progress=progress)
-    for name, reason in result.skipped.items():
-        terminal.warn(f"study {name}: left out: {reason}")
+    for warning in done.warnings:
+        terminal.warn(warning)
     if not terminal.quiet:
-        rows = [("knob", "pays up to", "error", "time")]
-        for item in result.knobs:
-            for best in item.knees:
-                kept = item.measurements[best]
-                error = amount(kept.error, item.knob.unit)
-                rows.append((item.knob.name, kept.setting.label, error, duration(kept.median)))
-        columns(rows, numbers=2)
-    terminal.wrote(written[:1])
+        columns(texbake.study_rows(done.report), numbers=2)
+    terminal.wrote(done.files[:1])

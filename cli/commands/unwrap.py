@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from texbake.errors import OptionError
-from texbake.files import check_folder, make_folder
-from texbake.jobs.outputs import (
-    check_distinct,
-    check_mesh,
-    check_picture,
-    check_report,
-)
+import texbake
 from texbake.mapping.options import UnwrapOptions
 
 from ..mapping import mapping_options, sections
@@ -26,7 +18,7 @@ from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake import Mesh, UnwrapReport
+    from texbake import UnwrapReport
 
 
 @click.command(
@@ -78,63 +70,25 @@ def unwrap(
     By an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
     """
-    outputs = _outputs(meshes, output)
-    if heat and layout is None:
-        raise OptionError("heat: it colors the layout; give --layout FILE as well")
-    check_distinct([*outputs, layout, checker, report])
-    check_distinct([layout, checker, report], meshes)  # an output may replace its mesh
-    check_picture(checker)
-    check_report(report)
-    import texbake
-    from texbake.jobs.outputs import write_report
-    from texbake.jobs.uv_pictures import check_layout
-
-    if layout is not None:
-        check_layout(layout)
     with terminal.progress() as progress:
-        read = [texbake.read_mesh(path, progress=progress) for path in meshes]
-        results = texbake.unwrap_together(read, options, threads=threads, progress=progress)
-        if len(meshes) > 1:
-            make_folder(output)
-        for (mesh, _), path in zip(results, outputs, strict=True):
-            texbake.write_mesh(mesh, path)
-        unwrapped = [mesh for mesh, _ in results]
-        if layout is not None:
-            joined = _joined(unwrapped)
-            texbake.write_layout(joined, layout, options.size, heat=heat, threads=threads)
-        if checker is not None:
-            picture = texbake.render_checker(_joined(unwrapped), threads=threads)
-            texbake.write_image(picture, checker, color=True)
-        reports = [figures.to_json() for _, figures in results]
-        if report is not None:
-            write_report(report, reports[0] if len(reports) == 1 else {"meshes": reports})
-    for _, figures in results:
-        for note in figures.notes:
-            terminal.warn(f"{figures.mesh}: {note}")
-        if len(results) > 1:
+        done = texbake.unwrap_files(
+            meshes,
+            output,
+            options,
+            layout=layout,
+            heat=heat,
+            checker=checker,
+            report=report,
+            threads=threads,
+            progress=progress,
+        )
+    for warning in done.warnings:
+        terminal.warn(warning)
+    for figures in done.report:
+        if len(done.report) > 1:
             terminal.summary([(figures.mesh, "")])
         terminal.summary(_rows(figures))
-    terminal.wrote(path for path in (*outputs, layout, checker, report) if path is not None)
-
-
-def _outputs(meshes: Sequence[Path], output: Path) -> list[Path]:
-    """Return a file for each mesh, checked before any work."""
-    if len(meshes) == 1:
-        check_mesh(output)
-        return [output]
-    check_folder(output)
-    files = [output / path.name for path in meshes]
-    check_distinct(files)
-    for file in files:
-        check_mesh(file, folder_is_made=True)
-    return files
-
-
-def _joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Return all meshes as one, for pictures."""
-    from texbake.mesh.compose import join_meshes
-
-    return join_meshes(meshes)
+    terminal.wrote(done.files)
 
 
 def _rows(report: UnwrapReport) -> list[tuple[str, str]]:

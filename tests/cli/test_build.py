@@ -125,12 +125,12 @@ def test_the_live_table_says_what_runs_and_how_long_it_takes() -> None:
 
     console = Console(width=100, record=True, force_terminal=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
     table = BuildTable(console)
-    table.told(BuildEvent(event="began", total=8))
-    table.told(
+    table.add(BuildEvent(event="began", total=8))
+    table.add(
         BuildEvent(event="step", asset="vase", step="bake", state="running", total=8,
                    seconds_left=75.0)
     )  # fmt: skip
-    table.told(BuildEvent(event="step", asset="egg", step="low", state="failed", message="why",
+    table.add(BuildEvent(event="step", asset="egg", step="low", state="failed", message="why",
                           done=3, total=8))  # fmt: skip
     console.print(table._table())
     text = console.export_text()

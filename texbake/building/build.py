@@ -20,10 +20,11 @@ from texbake.building.locations import is_url
 from texbake.building.lock import locked
 from texbake.building.memory import machine_memory
 from texbake.building.options import BuildOptions
-from texbake.building.progress import BuildEvent, Listener
+from texbake.building.progress import BuildEvent, BuildListener
 from texbake.building.publish import Publisher
 from texbake.building.report import (
     FINISHED,
+    INSIDE,
     INTERRUPTED,
     REPORT,
     RUNNING,
@@ -37,10 +38,9 @@ from texbake.building.store import Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import OptionError, TexbakeError
 from texbake.files import PathLike, make_folder
+from texbake.jobs.outputs import check_page
 from texbake.parallel import default_threads
 
-# Below the folder of a build: what the next one needs to know.
-INSIDE = ".texbake"
 _MEMORY_SHARE = 0.8
 
 
@@ -67,7 +67,9 @@ def build(
     path: PathLike,
     options: BuildOptions | None = None,
     *,
-    listener: Listener | None = None,
+    html: PathLike | None = None,
+    command: str = "",
+    listener: BuildListener | None = None,
     workers: Executor | None = None,
 ) -> BuildResult:
     """Build the assets of a pipeline file, as far as they are not built yet.
@@ -78,10 +80,12 @@ def build(
         Of the pipeline file.
     options
         None for `BuildOptions()`.
+    html, command
+        File for a page of all assets, and what the page shows as the command that made it.
     listener
-        Told of every step.
+        Receives every event of the build.
     workers
-        Do the steps and stay; None for some that are ended with the build.
+        Run the steps and outlive the build; None for workers that end with it.
 
     Returns
     -------
@@ -99,6 +103,7 @@ def build(
     """
     options = options or BuildOptions()
     listener = listener or _nobody
+    check_page(html)
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)
     site.make()
@@ -107,7 +112,12 @@ def build(
         listener(BuildEvent(event="note", message=message))
 
     with locked(site.inside / "lock", wait=options.wait, told=told):
-        return _build(pipeline, site, options, listener, workers)
+        result = _build(pipeline, site, options, listener, workers)
+    if html is not None:
+        from texbake.building.overview import write_overview
+
+        write_overview(html, result, command=command)
+    return result
 
 
 def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[PlannedStep]:
@@ -177,7 +187,7 @@ def _build(
     pipeline: Pipeline,
     site: Site,
     options: BuildOptions,
-    listener: Listener,
+    listener: BuildListener,
     workers: Executor | None,
 ) -> BuildResult:
     started, start = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
@@ -224,7 +234,7 @@ def _run(
     resolver: Resolver,
     publisher: Publisher,
     options: BuildOptions,
-    listener: Listener,
+    listener: BuildListener,
     workers: Executor | None,
 ) -> None:
     memory = options.memory_bytes or int(_MEMORY_SHARE * machine_memory())

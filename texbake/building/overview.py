@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from texbake.building import progress
-from texbake.building.build import INSIDE
 from texbake.building.locations import is_url, location_of
-from texbake.building.report import AssetResult, BuildResult, StepResult
+from texbake.building.report import INSIDE, AssetResult, BuildResult, StepResult
 from texbake.errors import FileError
 from texbake.files import PathLike, make_folder, replacing
 from texbake.pages.build_page import BuildRow, thumbnail, write_build_page

@@ -50,7 +50,7 @@ class BuildEvent:
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
-Listener = Callable[[BuildEvent], None]
+BuildListener = Callable[[BuildEvent], None]
 
 
 class Outlook:

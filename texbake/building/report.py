@@ -17,6 +17,8 @@ from texbake.building.store import stored_files
 from texbake.files import PathLike, replacing
 
 REPORT = "build.json"
+# Folder below that of a build, for what the next build needs to know.
+INSIDE = ".texbake"
 RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 
 from texbake.building import progress
 from texbake.building.graph import Id, Node
-from texbake.building.progress import BuildEvent, Listener, Outlook
+from texbake.building.progress import BuildEvent, BuildListener, Outlook
 from texbake.building.publish import Publisher
 from texbake.building.resolve import Resolver, StepState
 from texbake.building.store import Manifest, Store
@@ -57,7 +57,7 @@ class Schedule:
         executor: Callable[[], Executor],
         *,
         memory_bytes: int | None,
-        listener: Listener,
+        listener: BuildListener,
         slots: int,
     ) -> None:
         self._states, self._resolver, self._store = states, resolver, store

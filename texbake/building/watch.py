@@ -14,7 +14,7 @@ from texbake.building.file import read_pipeline
 from texbake.building.graph import FileSource, plan_nodes
 from texbake.building.locations import file_signature
 from texbake.building.options import BuildOptions
-from texbake.building.progress import Listener
+from texbake.building.progress import BuildListener
 from texbake.building.report import BuildResult
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
@@ -28,7 +28,7 @@ def watch(
     path: PathLike,
     options: BuildOptions | None = None,
     *,
-    listener: Listener | None = None,
+    listener: BuildListener | None = None,
     built: Callable[[BuildResult | TexbakeError], None],
     until: Callable[[], bool] = lambda: False,
     poll_seconds: float = _POLL_SECONDS,

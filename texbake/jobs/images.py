@@ -61,6 +61,15 @@ class HeightMapReport:
     mid: float
     scale: float
 
+    def table(self) -> list[tuple[str, str]]:
+        """Return rows of a label and a figure."""
+        low, high = float(self.field.heights.min()), float(self.field.heights.max())
+        return [
+            ("heights", f"{low:.6g} to {high:.6g}"),
+            ("in the file", f"mid {self.mid:g}, scale {self.scale:g}"),
+            ("slope error, RMS", f"{self.field.rms_slope_error:.4g}  (0 for a true surface)"),
+        ]
+
 
 def mipmap_files(
     image: PathLike,
@@ -181,7 +190,7 @@ def pack_texture_files(
     if packed.scale < 1.0:
         warnings.append(
             f"{output}: the images were scaled down to {100 * packed.scale:.1f} % of their sides; "
-            "give a larger size to keep them as they are"
+            "give a larger `size` to keep them as they are"
         )
     return JobResult(files=(Path(output), *targets), report=packed, warnings=tuple(warnings))
 

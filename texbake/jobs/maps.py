@@ -286,8 +286,8 @@ def _done(
 def clipping_warnings(written: Iterable[WrittenMap]) -> tuple[str, ...]:
     """Return a warning for each file that does not hold all of its values."""
     return tuple(
-        f"{file.path}: {file.n_clipped:,} values lie outside the range that mid and scale give "
-        "and were clipped; set a greater scale, or none"
+        f"{file.path}: {file.n_clipped:,} values lie outside the range that `mid` and `scale` give "
+        "and were clipped; set a greater `scale`, or none"
         for file in written
         if file.n_clipped
     )

@@ -1,0 +1,79 @@
+"""The study of files: what each setting costs and gains, on a pair of meshes and on a scene."""
+
+from __future__ import annotations
+
+from texbake.errors import OptionError
+from texbake.files import PathLike, check_folder
+from texbake.jobs.outputs import JobResult
+from texbake.mesh.files import read_mesh
+from texbake.pages.words import duration
+from texbake.progress import ProgressSink
+from texbake.rendering.scene.read import read_scene
+from texbake.study.options import StudyOptions
+from texbake.study.plots import check_matplotlib
+from texbake.study.result import StudyResult
+from texbake.study.study import run_study
+from texbake.study.words import amount
+from texbake.study.write import write_study
+
+
+def study_files(
+    folder: PathLike,
+    options: StudyOptions | None = None,
+    *,
+    high: PathLike | None = None,
+    low: PathLike | None = None,
+    scene: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[StudyResult]:
+    """Measure what each setting gains and costs, and write pages, plots and figures.
+
+    Parameters
+    ----------
+    folder
+        For the results; made if it is missing.
+    options
+        None for the defaults.
+    high, low
+        A pair of mesh files; None for a made pair whose true maps are known.
+    scene
+        A scene file; None for a made one.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    OptionError
+        Only one mesh of the pair is given.
+    DependencyError
+        matplotlib is not installed.
+    """
+    if (high is None) != (low is None):
+        raise OptionError("study: a pair is a high-poly and a low-poly mesh; give both, or neither")
+    check_folder(folder)
+    check_matplotlib()
+    result = run_study(
+        None if high is None else read_mesh(high, progress=progress),
+        None if low is None else read_mesh(low, progress=progress),
+        scene=None if scene is None else read_scene(scene, progress=progress),
+        options=options or StudyOptions(),
+        progress=progress,
+    )
+    return JobResult(
+        files=tuple(write_study(result, folder, progress=progress)),
+        report=result,
+        warnings=tuple(
+            f"study {name}: left out: {reason}" for name, reason in result.skipped.items()
+        ),
+    )
+
+
+def study_rows(result: StudyResult) -> list[tuple[str, str, str, str]]:
+    """Return rows of a heading and of each knob's best setting: its name, error and time."""
+    rows = [("knob", "pays up to", "error", "time")]
+    for item in result.knobs:
+        for best in item.knees:
+            kept = item.measurements[best]
+            error = amount(kept.error, item.knob.unit)
+            rows.append((item.knob.name, kept.setting.label, error, duration(kept.median)))
+    return rows
