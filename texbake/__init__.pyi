@@ -199,8 +199,8 @@ from .rendering.compare import (
     Comparison as Comparison,
     compare as compare,
 )
+from .rendering.effect import Plan as Plan
 from .rendering.options import RenderOptions as RenderOptions
-from .rendering.plan.plan import Plan as Plan
 from .rendering.render import (
     plan_scene as plan_scene,
     render as render,

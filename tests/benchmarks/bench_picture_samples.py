@@ -26,7 +26,7 @@ from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
 from texbake.rendering.draw import laid_out, prepare
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.view import camera_of
 from texbake.texture.encoding import encode_srgb
 
@@ -41,11 +41,11 @@ FIGURES = ("rms", "99 %", "99.9 %", "greatest")
 def truth_of(scene, options):
     """Light (H, W, 3) of 394 samples a pixel, and which pixels show a surface."""
     asked = replace(options, max_error=0.5)
-    question = Question(scene, asked, camera_of(scene, asked))
-    picture, _ = laid_out(prepare(scene, asked), question, Stages(), all_objects=True)
+    request = RenderRequest(scene, asked, camera_of(scene, asked))
+    state = laid_out(prepare(scene, asked), request, Stages(), all_objects=True)
     grids = [PixelSums.empty(options.height, options.width) for _ in TRUTH]
     for sums, side in zip(grids, TRUTH, strict=True):
-        PixelSampler(picture).take(np.ones(sums.counts.shape, bool), Sides(side, side), sums)
+        PixelSampler(state).take(np.ones(sums.counts.shape, bool), Sides(side, side), sums)
     light = sum(sums.light[..., :3] for sums in grids) / sum(side**2 for side in TRUTH)
     return light, grids[-1].coverage > 0.0
 

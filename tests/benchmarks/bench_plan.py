@@ -25,9 +25,9 @@ from texbake.rendering.draw import (
     plan_of,
     prepare,
 )
+from texbake.rendering.effect import Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan.effect import Effect
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 

@@ -11,9 +11,9 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
+from texbake.rendering.effect import Call, Effect, Result
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan.effect import Call, Effect
 from texbake.rendering.render import render
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
@@ -37,9 +37,9 @@ def displaced(mesh, holder, *, options=SMALL, camera=None, transform=None, threa
     probe = Effect(
         name="probe",
         does="looks",
-        called_for=lambda question: [Call(i, "the test", "it looks") for i in question.shaded],
+        called_for=lambda request: [Call(i, "the test", "it looks") for i in request.shaded],
         left_out="nothing is shaded",
-        load=lambda picture, target: kept.append(picture.drawn(target)),
+        load=Result(lambda state, target: kept.append(state.drawn(target))),
     )
     material = Material(**{"shading": "unlit", "displacement": holder} | fields)
     scene = Scene(

@@ -7,11 +7,11 @@ import pytest
 
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
+from texbake.rendering.costs import Costs
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture import Costs
-from texbake.rendering.plan.explain import (
+from texbake.rendering.plan import (
     EVERY_PICTURE,
     plan_report,
     plan_rows,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError, UvError
+from texbake.rendering.effect import Call, Effect
 from texbake.rendering.effects import EFFECTS
-from texbake.rendering.plan.effect import Call, Effect
 from texbake.rendering.scene.material import Material, Parallax
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.lookup import lookup
@@ -27,7 +27,7 @@ def moved_to(wall, holder, **fields):
     probe = Effect(
         name="probe",
         does="looks",
-        called_for=lambda question: [Call(0, "the test", "it looks")],
+        called_for=lambda request: [Call(0, "the test", "it looks")],
         left_out="nothing is shaded",
         shade=lambda fragments, picture: kept.append(fragments),
     )

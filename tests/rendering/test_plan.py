@@ -13,16 +13,17 @@ import pytest
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effects import EFFECTS, images
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
     Refusal,
+    Result,
     only_when_needed,
 )
-from texbake.rendering.plan.plan import compile_plan
-from texbake.rendering.plan.question import Question
+from texbake.rendering.effects import EFFECTS, images
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.plan import compile_plan
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import (
     Ambient,
     AmbientOcclusion,
@@ -264,12 +265,18 @@ def camera_for(options):
     return Camera.framing(plane(), options=options)
 
 
-def counted(effects):
+def hook_of(effect, hook):
+    """The function of a hook, or None."""
+    value = getattr(effect, hook)
+    return value.compute if isinstance(value, Result) else value
+
+
+def counted(effects, monkeypatch):
     """The same effects, with a list of the (effect, hook) that were entered."""
     entered: list[tuple[str, str]] = []
 
     def watched(effect, hook):
-        function = getattr(effect, hook)
+        function = hook_of(effect, hook)
 
         def enter(*arguments):
             entered.append((effect.name, hook))
@@ -277,10 +284,15 @@ def counted(effects):
 
         return None if function is None else enter
 
-    copies = tuple(
-        replace(effect, **{hook: watched(effect, hook) for hook in HOOKS}) for effect in effects
-    )
-    return copies, entered
+    copies = []
+    for effect in effects:
+        hooks = {hook: watched(effect, hook) for hook in HOOKS}
+        for hook in "load", "prepare":
+            result, enter = getattr(effect, hook), hooks.pop(hook)
+            if result is not None:  # stays the key that it is, so it is watched where it stands
+                monkeypatch.setitem(vars(result), "compute", enter)
+        copies.append(replace(effect, **hooks))
+    return tuple(copies), entered
 
 
 def drawn(the_scene, options=SMALL, effects=EFFECTS):
@@ -292,9 +304,9 @@ def reasons(plan, name):
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
-def test_what_is_called_for_is_entered_and_nothing_else(effect):
+def test_what_is_called_for_is_entered_and_nothing_else(effect, monkeypatch):
     case = CASES[effect.name]  # an effect without a scene is not tested
-    copies, entered = counted(EFFECTS)
+    copies, entered = counted(EFFECTS, monkeypatch)
     frame = drawn(case.wanted, case.options, copies)
     assert frame.plan.has(effect.name)
     hooks = {hook for hook in HOOKS if getattr(effect, hook) is not None}
@@ -306,7 +318,7 @@ def test_what_is_called_for_is_entered_and_nothing_else(effect):
     if case.unwanted is None:
         assert case.always
         return
-    copies, entered = counted(EFFECTS)
+    copies, entered = counted(EFFECTS, monkeypatch)
     frame = drawn(case.unwanted, case.unwanted_options, copies)
     assert not frame.plan.has(effect.name)
     assert [hook for name, hook in entered if name == effect.name] == []
@@ -399,16 +411,16 @@ def test_what_nothing_calls_for_runs_no_line_of_its_module(effect):
         return  # the test above holds that it says why
     options = case.unwanted_options
     frame = drawn(case.unwanted, options)  # kernels are compiled now
-    question = Question(case.unwanted, options, camera_for(options))
-    asking = executed(lambda: [list(one.called_for(question)) for one in EFFECTS])
+    request = RenderRequest(case.unwanted, options, camera_for(options))
+    asking = executed(lambda: [list(one.called_for(request)) for one in EFFECTS])
     ran = executed(lambda: drawn(case.unwanted, options))
     own = {place(code) for code in functions_of(module_of(effect))}
     # Other effects of the picture may stand in the same module, or use its functions.
     others = [
-        getattr(item.effect, hook)
+        function
         for item in frame.plan.passes
         for hook in HOOKS
-        if getattr(item.effect, hook) is not None
+        if (function := hook_of(item.effect, hook)) is not None
     ]
     assert len(ran & {place(code) for code in reached(others)}) > 0  # other threads are watched
     assert ran & own <= asking | {place(code) for code in reached(others)}
@@ -420,7 +432,7 @@ def watching(scene_effects=EFFECTS):
     probe = Effect(
         name="probe",
         does="looks",
-        called_for=lambda question: [Call(i, "the test", "it looks") for i in question.shaded],
+        called_for=lambda request: [Call(i, "the test", "it looks") for i in request.shaded],
         left_out="nothing is shaded",
         shade=lambda fragments, picture: kept.append(fragments),
     )
@@ -464,8 +476,9 @@ def test_derivatives_are_found_only_for_what_is_filtered_over_the_pixel(texture,
 
 
 def entered_by(the_scene, options=SMALL):
-    copies, entered = counted(EFFECTS)
-    frame = drawn(the_scene, options, copies)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        copies, entered = counted(EFFECTS, monkeypatch)
+        frame = drawn(the_scene, options, copies)
     return frame, set(entered)
 
 
@@ -580,14 +593,14 @@ def fake(name, *, calls=(), needs=(), of="object"):
         name=name,
         does=name,
         of=of,
-        called_for=(lambda question: list(calls)) if calls else only_when_needed,
+        called_for=(lambda request: list(calls)) if calls else only_when_needed,
         left_out=f"no {name}",
-        needs=(lambda question, target: needs) if needs else None,
+        needs=(lambda request, target: needs) if needs else None,
     )
 
 
 def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
-    question = Question(scene(unlit(), unlit()), SMALL, camera_for(SMALL))
+    request = RenderRequest(scene(unlit(), unlit()), SMALL, camera_for(SMALL))
     asks = [Call(1, "b", "wants it"), Call(0, "a", "wants it"), Refusal("c", "is too late")]
     effects = [
         fake("sky", of="picture"),
@@ -595,7 +608,7 @@ def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
         fake("idle", needs=("ground",)),
         fake("tree", calls=asks, needs=("ground",)),
     ]
-    plan = compile_plan(question, effects)
+    plan = compile_plan(request, effects)
     assert [(item.name, item.targets) for item in plan.passes] == [
         ("sky", (None,)), ("ground", (0, 1)), ("tree", (0, 1)),
     ]  # fmt: skip
@@ -603,7 +616,7 @@ def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
         ("idle", "", "no idle"), ("tree", "c", "is too late"),
     ]  # fmt: skip
     with pytest.raises(AssertionError, match="tree stands before ground"):
-        compile_plan(question, effects[::-1])
+        compile_plan(request, effects[::-1])
 
 
 def test_names_of_effects_are_their_own_and_their_sentences_short():

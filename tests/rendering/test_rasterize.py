@@ -7,11 +7,11 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.clip import SUBPIXELS
 from texbake.rendering.raster.rasterize import BAND_ROWS, rasterize
-from texbake.rendering.raster.visibility import Visibility
 from texbake.rendering.raster.world import (
     CULL_BACK,
     SHOW_BACK,
     SKIP,
+    VisibilityBuffer,
     joined,
 )
 
@@ -281,4 +281,6 @@ def test_layers_are_peeled_from_front_to_back():
 
 def nothing_near(visibility):
     """A layer before everything: nearer than the near plane."""
-    return Visibility(np.full_like(visibility.face_ids, -1), np.full_like(visibility.depths, 2.0))
+    return VisibilityBuffer(
+        np.full_like(visibility.face_ids, -1), np.full_like(visibility.depths, 2.0)
+    )

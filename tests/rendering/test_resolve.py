@@ -3,10 +3,10 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.mesh.shapes import plane
-from texbake.rendering.fragments import Fragments
-from texbake.rendering.picture import Costs, DrawnObject
-from texbake.rendering.plan.plan import Plan
-from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.costs import Costs
+from texbake.rendering.effect import Plan
+from texbake.rendering.fragments import DrawnObject, Fragments
+from texbake.rendering.raster.world import VisibilityBuffer
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.scene.material import Material
 
@@ -79,7 +79,7 @@ def test_a_frame_tells_the_nearest_triangle_of_a_pixel_and_its_distance():
         coverage=np.zeros((1, 2), np.float32),
         plan=Plan((), ()),
         costs=Costs(),
-        _visibility=Visibility(ids, depths),
+        _visibility=VisibilityBuffer(ids, depths),
         _near=0.1,
     )
     np.testing.assert_array_equal(frame.face_ids, [[3, -1]])

@@ -10,8 +10,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
+from texbake.rendering.effect import Plan
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan.plan import Plan
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material

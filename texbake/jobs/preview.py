@@ -31,9 +31,9 @@ from texbake.rendering.draw import prepare
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
-from texbake.rendering.picture import Costs
-from texbake.rendering.plan.explain import plan_report, plan_table
-from texbake.rendering.plan.plan import Plan
+from texbake.rendering.costs import Costs
+from texbake.rendering.plan import plan_report, plan_table
+from texbake.rendering.effect import Plan
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment

@@ -21,17 +21,19 @@ from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
+from texbake.rendering.costs import Costs
+from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState, Results, Target
 from texbake.rendering.effects import EFFECTS
+from texbake.rendering.effects.displacement import DISPLACED_OBJECTS
+from texbake.rendering.effects.placing import PLACED_OBJECTS
+from texbake.rendering.effects.transparency import PEELED_LAYERS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture import Costs, Picture
-from texbake.rendering.plan.effect import Effect, Target
-from texbake.rendering.plan.plan import Pass, Plan, compile_plan
-from texbake.rendering.plan.question import Question
-from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.plan import compile_plan
 from texbake.rendering.raster.world import World, joined
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.scene.scene import Scene
-from texbake.rendering.seen import find_visibility
+from texbake.rendering.seen import find_visible
 from texbake.rendering.shaded import shaded_fragments
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
@@ -39,6 +41,18 @@ from texbake.texture.image import FloatImage
 # Pixels shaded together by one thread: few enough for their values to stay in cache, enough that
 # calling the kernels costs little.
 _PIXELS = 1 << 15
+
+
+@dataclass(eq=False)
+class SceneCache:
+    """What has been computed of a scene so far that does not depend on the camera.
+
+    The one thing here that changes: pictures of the scene add to it what they are the first to
+    need.
+    """
+
+    results: Results = field(default_factory=Results)
+    world: World | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +63,7 @@ class Prepared:
     options: RenderOptions
     effects: Sequence[Effect] = EFFECTS
     threads: int | None = None
-    loaded: dict[tuple[str, Target], Any] = field(default_factory=dict)
+    cache: SceneCache = field(default_factory=SceneCache)
 
 
 def prepare(
@@ -79,8 +93,8 @@ def prepare(
 
 def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:
     """Return the passes that a picture from this camera needs; nothing of them is computed."""
-    question = Question(prepared.scene, prepared.options, camera, frozenset(keep))
-    return compile_plan(question, prepared.effects)
+    request = RenderRequest(prepared.scene, prepared.options, camera, frozenset(keep))
+    return compile_plan(request, prepared.effects)
 
 
 def draw(
@@ -111,30 +125,30 @@ def draw(
     TexbakeError
         A texture cannot be read, or a mesh lacks what an effect needs of it.
     """
-    question = Question(prepared.scene, prepared.options, camera, frozenset(keep))
-    return _draw(prepared, question, Stages(progress))
+    request = RenderRequest(prepared.scene, prepared.options, camera, frozenset(keep))
+    return _draw(prepared, request, Stages(progress))
 
 
-def _draw(prepared: Prepared, question: Question, stages: Stages) -> Frame:
-    picture, visibility = laid_out(prepared, question, stages)
+def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> Frame:
+    state = laid_out(prepared, request, stages)
     with stages.stage("shade"):
-        sums = shaded_sums(picture, visibility)
-        behind = behind_surfaces(picture)
-        color, coverage, normals = sums.finished(behind, threads=picture.threads)
+        sums = shaded_sums(state)
+        behind = behind_surfaces(state)
+        color, coverage, normals = sums.finished(behind, threads=state.threads)
     return Frame(
         color=color,
         coverage=coverage,
-        plan=picture.plan,
-        costs=picture.costs,
-        _visibility=visibility,
-        _near=question.camera.near,
+        plan=state.plan,
+        costs=state.costs,
+        _visibility=state.visible.visibility,
+        _near=request.camera.near,
         _normals=normals,
     )
 
 
 def laid_out(
-    prepared: Prepared, question: Question, stages: Stages, *, all_objects: bool = False
-) -> tuple[Picture, Visibility]:
+    prepared: Prepared, request: RenderRequest, stages: Stages, *, all_objects: bool = False
+) -> RenderState:
     """Compute all that comes before shading: what its samples see, and what effects need.
 
     Parameters
@@ -143,72 +157,80 @@ def laid_out(
         Whether effects are made ready for every object that may be in the picture, and not for
         those alone that its samples see.
     """
-    plan = compile_plan(question, prepared.effects)
-    picture = Picture(
-        question=question,
-        plan=plan,
-        values=dict(prepared.loaded),
+    state = RenderState(
+        request=request,
+        plan=compile_plan(request, prepared.effects),
+        results=prepared.cache.results,
         costs=Costs(),
         threads=prepared.threads,
-        draw_others=_draw_others(prepared, question),
+        draw_others=_draw_others(prepared, request),
     )
     with stages.stage("place"):
-        _run(picture, prepared, [p for p in plan.passes if p.effect.moves_surface], None)
-        picture.values["world", None] = _world(picture, prepared)
+        moving = [p for p in state.plan.passes if p.effect.moves_surface]
+        state = _run(state, prepared, moving, None)
+        state = replace(state, drawn_scene=_drawn_scene(state, prepared))
     with stages.stage("rasterize"):
-        visibility = find_visibility(picture)
+        visible = find_visible(state)
         if all_objects:
-            picture.values["seen objects", None] = frozenset(question.seen)
+            visible = replace(visible, objects=frozenset(request.in_view))
+        state = replace(state, visible_scene=visible)
     with stages.stage("prepare light and textures"):
-        later = [p for p in plan.passes if not p.effect.moves_surface]
-        _run(picture, prepared, later, picture.seen)
-    return picture, visibility
+        later = [p for p in state.plan.passes if not p.effect.moves_surface]
+        return _run(state, prepared, later, visible.objects)
 
 
 def _run(
-    picture: Picture, prepared: Prepared, passes: Sequence[Pass], seen: Collection[int] | None
-) -> None:
+    state: RenderState, prepared: Prepared, passes: Sequence[Pass], seen: Collection[int] | None
+) -> RenderState:
     """Compute what passes need once a scene and once a picture; for objects only where seen."""
     for item in passes:
         effect = item.effect
         for target in item.targets:
             if effect.of == "object" and seen is not None and target not in seen:
-                picture.costs.skip(effect.name, "not in the picture")
+                state.costs.skip(effect.name, "not in the picture")
                 continue
-            why = effect.unneeded(picture, target) if effect.unneeded is not None else None
+            why = effect.unneeded(state, target) if effect.unneeded is not None else None
             if why is not None:
-                picture.costs.skip(effect.name, why)
+                state.costs.skip(effect.name, why)
                 continue
-            with picture.costs.timed(effect.name), _told_of(picture, effect, target):
-                _compute(effect, target, picture, prepared)
+            with state.costs.timed(effect.name), _told_of(state, effect, target):
+                state = _computed(state, prepared, effect, target)
+    return state
 
 
 @contextmanager
-def _told_of(picture: Picture, effect: Effect, target: Target) -> Iterator[None]:
+def _told_of(state: RenderState, effect: Effect, target: Target) -> Iterator[None]:
     """Tell errors of what a scene's file names as errors of that file, with the object."""
     try:
         yield
     except (OptionError, MeshError) as error:
-        if not picture.scene.files:
+        if not state.scene.files:
             raise
-        where = picture.scene.name
+        where = state.scene.name
         if effect.of == "object" and target is not None:
-            where = f"{where}: {picture.question.name(target)}"
+            where = f"{where}: {state.request.name(target)}"
         raise FileFormatError(f"{where}: {error}") from error
 
 
-def _compute(effect: Effect, target: Target, picture: Picture, prepared: Prepared) -> None:
-    place = effect.name, target
-    if effect.load is not None and place not in prepared.loaded:
-        prepared.loaded[place] = effect.load(picture, target)
-        picture.costs.add(effect.name, 0.0, _n_bytes(prepared.loaded[place]))
-    if place in prepared.loaded:
-        picture.values[place] = prepared.loaded[place]
+def _computed(
+    state: RenderState, prepared: Prepared, effect: Effect, target: Target
+) -> RenderState:
+    """Return the state with what an effect loads and prepares for a target."""
+    loaded = None
+    if effect.load is not None:
+        cache = prepared.cache
+        if not cache.results.has(effect.load, target):
+            loaded = effect.load.compute(state, target)
+            cache.results = cache.results.including(effect.load, target, loaded)
+            state.costs.add(effect.name, 0.0, _n_bytes(loaded))
+        loaded = cache.results.get(effect.load, target)
+        state = state.including(effect.load, target, loaded)
     if effect.prepare is not None:
-        known, made = picture.values.get(place), effect.prepare(picture, target)
-        picture.values[place] = made
-        if made is not known:
-            picture.costs.add(effect.name, 0.0, _n_bytes(made))
+        made = effect.prepare.compute(state, target)
+        state = state.including(effect.prepare, target, made)
+        if made is not loaded:
+            state.costs.add(effect.name, 0.0, _n_bytes(made))
+    return state
 
 
 def _n_bytes(value: Any) -> int:
@@ -222,65 +244,69 @@ def _n_bytes(value: Any) -> int:
     return int(getattr(value, "n_bytes", 0))
 
 
-def _world(picture: Picture, prepared: Prepared) -> World:
-    displaced = picture.plan.has("displacement")
-    known: World | None = prepared.loaded.get(("world", None))
-    if known is not None and not displaced:
-        return known
-    drawn = [picture.drawn(index) for index in range(len(picture.scene.objects))]
-    world = joined([(item.positions, item.faces) for item in drawn])
+def _drawn_scene(state: RenderState, prepared: Prepared) -> DrawnScene:
+    objects = tuple(
+        state.get(DISPLACED_OBJECTS, index) or state.of(PLACED_OBJECTS, index)
+        for index in range(len(state.scene.objects))
+    )
+    displaced = state.plan.has("displacement")
+    world = None if displaced else prepared.cache.world
+    if world is None:
+        world = joined([(item.positions, item.faces) for item in objects])
     if not displaced:
-        prepared.loaded["world", None] = world
-    return world
+        prepared.cache.world = world
+    return DrawnScene(objects, world)
 
 
-def shaded_sums(picture: Picture, visibility: Visibility) -> Sums:
+def shaded_sums(state: RenderState) -> Sums:
     """Shade all fragments, some rows at a time, and add them to their pixels."""
-    height, width = picture.options.height, picture.options.width
+    height, width = state.options.height, state.options.width
     sums = Sums.empty(
         height,
         width,
-        n_samples=picture.options.supersampling**2,
-        keeps_normals="normals" in picture.question.keep,
+        n_samples=state.options.supersampling**2,
+        keeps_normals="normals" in state.request.keep,
     )
-    picture.costs.add("pixels", 0.0, sums.n_bytes)
-    layers = picture.value("layers")
+    state.costs.add("pixels", 0.0, sums.n_bytes)
+    layers, visibility = state.get(PEELED_LAYERS), state.visible.visibility
 
     def work(start: int, stop: int) -> None:
         if layers is None:
-            for fragments in shaded_fragments(picture, visibility, (start, stop))[1]:
-                with picture.costs.timed("pixels"):
+            for fragments in shaded_fragments(state, visibility, (start, stop))[1]:
+                with state.costs.timed("pixels"):
                     sums.add(fragments)
         else:
-            layers.compose(picture, sums, (start, stop), shaded_fragments)
+            layers.compose(state, sums, (start, stop), shaded_fragments)
 
-    run_bands(work, height, band=max(1, _PIXELS // width), threads=picture.threads)
+    run_bands(work, height, band=max(1, _PIXELS // width), threads=state.threads)
     return sums
 
 
-def behind_surfaces(picture: Picture) -> FloatImage | None:
+def behind_surfaces(state: RenderState) -> FloatImage | None:
     """What shows where there is no surface: what an effect puts there, a color, or nothing."""
-    for item in picture.plan.passes:
+    for item in state.plan.passes:
         if item.effect.behind is not None:
-            return item.effect.behind(picture)
-    if picture.options.background is None:
+            return item.effect.behind(state)
+    if state.options.background is None:
         return None
-    return decode_srgb(picture.options.background).astype(np.float32)
+    return decode_srgb(state.options.background).astype(np.float32)
 
 
 def _draw_others(
-    prepared: Prepared, question: Question
+    prepared: Prepared, request: RenderRequest
 ) -> Callable[[Scene, Sequence[Camera], RenderOptions], list[FloatImage]]:
     """How a picture has others drawn, of the same objects: an environment for one of them."""
 
     def draw_others(
         scene: Scene, cameras: Sequence[Camera], options: RenderOptions
     ) -> list[FloatImage]:
-        other = replace(prepared, scene=scene, options=options, loaded={})
+        other = replace(prepared, scene=scene, options=options, cache=SceneCache())
         # What is known of objects and light is known in these pictures too.
         _share(prepared, other)
         colors = [
-            _draw(other, Question(scene, options, camera, depth=question.depth + 1), Stages()).color
+            _draw(
+                other, RenderRequest(scene, options, camera, depth=request.depth + 1), Stages()
+            ).color
             for camera in cameras
         ]
         _share(other, prepared)
@@ -291,7 +317,8 @@ def _draw_others(
 
 def _share(source: Prepared, destination: Prepared) -> None:
     """Hand on what has been computed, but for what one object shows of the others."""
-    own = {effect.name for effect in source.effects if effect.of_the_others}
-    for (name, target), value in source.loaded.items():
-        if name not in own:
-            destination.loaded.setdefault((name, target), value)
+    own = [effect.load for effect in source.effects if effect.of_the_others and effect.load]
+    shared = source.cache.results.without(own)
+    destination.cache.results = destination.cache.results.or_those_of(shared)
+    if destination.cache.world is None:
+        destination.cache.world = source.cache.world

@@ -11,18 +11,79 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.kernels import kernel
-from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.picture import DrawnObject
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.rendering.scene.material import Material
 
 Floats = npt.NDArray[np.float32]
 # Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
 BRIGHTEST = 1e30
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrawnObject:
+    """An object in world space, as it is drawn.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        What coordinates, normals and tangents are those of: the object's own mesh, placed.
+    positions, faces
+        Triangles that are drawn: the mesh's, or finer ones made from them.
+    object_from_world : (4, 4) float64, optional
+        Inverse of its transform; None where it has none.
+    base_faces : (F,) int32, optional
+        Face of `mesh` that each drawn one is a piece of; None where they are the same.
+    base_weights : (F, 3, 2) float32, optional
+        Place on that face of each corner of the piece, as weights of its second and third corner;
+        exact, since they are halves of halves.
+    normals, normal_faces : optional
+        Shading normals of the drawn triangles where those are finer.
+    """
+
+    mesh: Mesh
+    material: Material
+    positions: FloatArray
+    faces: IntArray
+    object_from_world: FloatArray | None = None
+    base_faces: IntArray | None = None
+    base_weights: npt.NDArray[np.float32] | None = None
+    normals: FloatArray | None = None
+    normal_faces: IntArray | None = None
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of finer triangles than the mesh's; those are counted by nobody else."""
+        arrays = [self.base_faces, self.base_weights, self.normals]
+        if self.base_faces is not None:
+            arrays += [self.positions, self.faces]
+        return sum(array.nbytes for array in arrays if array is not None)
+
+    def on_base(
+        self, faces: IntArray, weights: FloatArray, changes: npt.NDArray[np.float32]
+    ) -> tuple[IntArray, FloatArray, npt.NDArray[np.float32]]:
+        """Faces, weights and their changes of places on drawn triangles, told on `mesh`."""
+        assert self.base_faces is not None and self.base_weights is not None
+        base_weights, base_changes = np.empty_like(weights), np.empty_like(changes)
+        _on_base_kernel(faces, weights, changes, self.base_weights, base_weights, base_changes)
+        return self.base_faces[faces], base_weights, base_changes
+
+
+@kernel
+def _on_base_kernel(faces, weights, changes, corners, weights_out, changes_out):  # type: ignore[no-untyped-def]
+    for i in range(len(faces)):
+        piece = corners[faces[i]]
+        for k in range(2):
+            along = np.float64(piece[1, k] - piece[0, k])
+            up = np.float64(piece[2, k] - piece[0, k])
+            weights_out[i, k] = piece[0, k] + weights[i, 0] * along + weights[i, 1] * up
+            if len(changes) > 0:
+                changes_out[i, k] = changes[i, 0] * along + changes[i, 1] * up
+                changes_out[i, 2 + k] = changes[i, 2] * along + changes[i, 3] * up
 
 
 @dataclass(kw_only=True, eq=False)
@@ -39,6 +100,25 @@ class Incident:
 
     directions: Floats
     radiance: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SlotValues:
+    """What the slots of a material hold at fragments; None where they hold nothing.
+
+    A color is (n or 1, 3) float32, a number (n or 1, 1).
+    """
+
+    base_color: Floats
+    specular: Floats | None = None
+    exponent: Floats | None = None
+    gloss: Floats | None = None
+    roughness: Floats | None = None
+    metalness: Floats | None = None
+    emission: Floats | None = None
+    opacity: Floats | None = None
+    occlusion: Floats | None = None
+    light_map: Floats | None = None
 
 
 @dataclass(kw_only=True, eq=False)
@@ -75,8 +155,8 @@ class Fragments:
     normals : (n, 3) float32
         Unit shading normals in world space on the side that is seen; set by "normals", or by the
         normal map in its place; changed by the bump map.
-    values : dict
-        Slot to (n or 1, C) float32.
+    slots : SlotValues
+        Set by "slots".
     light : (n, 3) float32
         Light that leaves toward the eye.
     ambient_share : (n or 1,) float32
@@ -99,7 +179,7 @@ class Fragments:
     uvs: FloatArray | None = None
     uv_changes: Floats | None = None
     normals: Floats | None = None
-    values: dict[str, Floats] = field(default_factory=dict)
+    slots: SlotValues | None = None
     light: Floats = field(default_factory=lambda: np.empty((0, 3), np.float32))
     ambient_share: Floats = field(default_factory=lambda: np.ones(1, np.float32))
 
@@ -107,11 +187,10 @@ class Fragments:
         return len(self.faces)
 
     @property
-    def n_bytes(self) -> int:
-        """Memory of all arrays that effects have made."""
-        arrays: list[Any] = [self.positions, self.to_eye, self.uvs, self.uv_changes, self.normals]
-        arrays += [*self.values.values(), self.light, self.ambient_share]
-        return sum(array.nbytes for array in arrays if array is not None)
+    def values(self) -> SlotValues:
+        """What the slots of the material hold."""
+        assert self.slots is not None
+        return self.slots
 
 
 @kernel

@@ -8,9 +8,9 @@ from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, plan_of, prepare
+from texbake.rendering.effect import Plan
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan.plan import Plan
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.view import camera_of

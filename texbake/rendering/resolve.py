@@ -14,10 +14,10 @@ from texbake.files import PathLike
 from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+from texbake.rendering.costs import Costs
+from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.picture import Costs
-from texbake.rendering.plan.plan import Plan
-from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.raster.world import VisibilityBuffer
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 from texbake.texture.image import FloatImage, write_image
@@ -51,7 +51,7 @@ class Frame:
     coverage: FloatImage
     plan: Plan
     costs: Costs
-    _visibility: Visibility
+    _visibility: VisibilityBuffer
     _near: float
     _normals: FloatImage | None = field(default=None)
     sampling: SamplingReport | None = None

@@ -7,14 +7,14 @@ import numpy.typing as npt
 
 from texbake.kernels import kernel
 from texbake.parallel import run_bands
-from texbake.rendering.picture import Picture
+from texbake.rendering.effect import RenderState, VisibleScene
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.scanline import rasterize_scanlines
-from texbake.rendering.raster.visibility import Visibility
 from texbake.rendering.raster.world import (
     CULL_BACK,
     SHOW_BACK,
     SKIP,
+    VisibilityBuffer,
     World,
     object_of,
 )
@@ -23,40 +23,42 @@ from texbake.rendering.raster.world import (
 _ROWS = 64
 
 
-def find_visibility(picture: Picture) -> Visibility:
-    """What each sample sees of opaque objects; notes which objects are seen."""
-    side = picture.options.supersampling
-    width, height = picture.options.width * side, picture.options.height * side
-    matrix = picture.camera.clip_from_world(width / height)
-    layers = picture.plan.has("transparency")
-    with picture.costs.timed("rasterizing"):
-        modes = object_modes(picture)
-        clear = [layers and picture.plan.has("transparency", i) for i in range(len(modes))]
+def find_visible(state: RenderState) -> VisibleScene:
+    """Rasterize opaque objects, and find which objects some sample sees."""
+    side = state.options.supersampling
+    width, height = state.options.width * side, state.options.height * side
+    matrix = state.camera.clip_from_world(width / height)
+    layers = state.plan.has("transparency")
+    with state.costs.timed("rasterizing"):
+        modes = object_modes(state)
+        clear = [layers and state.plan.has("transparency", i) for i in range(len(modes))]
         opaque = np.where(clear, np.uint8(SKIP), modes)
-        if picture.options.interpolation == "scanline":
+        weights = None
+        if state.options.interpolation == "scanline":
             visibility, weights = rasterize_scanlines(
-                picture.world, matrix, width, height, modes=opaque
+                state.world, matrix, width, height, modes=opaque
             )
-            picture.values["scanline weights", None] = weights
         else:
             visibility = rasterize(
-                picture.world, matrix, width, height, modes=opaque, threads=picture.threads
+                state.world, matrix, width, height, modes=opaque, threads=state.threads
             )
-        seen = seen_objects(visibility, picture.world, threads=picture.threads)
-    picture.costs.add("rasterizing", 0.0, visibility.n_bytes)
-    picture.values["visibility", None] = visibility
-    picture.values["object modes", None] = modes
-    picture.values["seen objects", None] = seen | {i for i in picture.question.seen if clear[i]}
-    return visibility
+        seen = seen_objects(visibility, state.world, threads=state.threads)
+    state.costs.add("rasterizing", 0.0, visibility.n_bytes)
+    return VisibleScene(
+        visibility=visibility,
+        modes=modes,
+        objects=seen | {i for i in state.request.in_view if clear[i]},
+        scanline_weights=weights,
+    )
 
 
-def object_modes(picture: Picture) -> npt.NDArray[np.uint8]:
+def object_modes(state: RenderState) -> npt.NDArray[np.uint8]:
     """(O,) uint8: what is drawn of each object, by the options and its material."""
-    modes = np.full(len(picture.scene.objects), SKIP, np.uint8)
-    for index in picture.question.seen:
-        double_sided = picture.question.material(index).double_sided
+    modes = np.full(len(state.scene.objects), SKIP, np.uint8)
+    for index in state.request.in_view:
+        double_sided = state.request.material(index).double_sided
         if double_sided is None:
-            double_sided = picture.options.back_faces == "show"
+            double_sided = state.options.back_faces == "show"
         modes[index] = SHOW_BACK if double_sided else CULL_BACK
     return modes
 
@@ -75,7 +77,7 @@ def _seen_kernel(face_ids, starts, seen, start, stop):  # type: ignore[no-untype
 
 
 def seen_objects(
-    visibility: Visibility, world: World, *, threads: int | None = None
+    visibility: VisibilityBuffer, world: World, *, threads: int | None = None
 ) -> frozenset[int]:
     """Objects that some sample sees."""
     seen = np.zeros(world.n_objects, np.bool_)

@@ -4,71 +4,75 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.rendering.effect import RenderState
 from texbake.rendering.fragments import Fragments, keep_finite
-from texbake.rendering.picture import Picture
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows, weights_at
-from texbake.rendering.raster.visibility import Visibility
+from texbake.rendering.raster.world import VisibilityBuffer
 
 
 def shaded_fragments(
-    picture: Picture,
-    visibility: Visibility,
+    state: RenderState,
+    visibility: VisibilityBuffer,
     rows: tuple[int, int],
     *,
     wants_samples: bool = False,
 ) -> tuple[FragmentRows, list[Fragments]]:
     """Fragments of some rows of pixels, shaded, object after object."""
-    with picture.costs.timed("fragments"):
+    with state.costs.timed("fragments"):
         found = fragment_rows(
             visibility.face_ids,
-            picture.world,
+            state.world,
             rows,
-            side=picture.options.supersampling,
-            merges=picture.options.edges == "multisample"
-            and picture.options.interpolation != "scanline",
+            side=state.options.supersampling,
+            merges=state.options.edges == "multisample"
+            and state.options.interpolation != "scanline",
             wants_samples=wants_samples,
         )
-    return found, shaded_objects(picture, visibility, found)
+    return found, shaded_objects(state, visibility, found)
 
 
 def shaded_objects(
-    picture: Picture, visibility: Visibility | None, found: FragmentRows
+    state: RenderState, visibility: VisibilityBuffer | None, found: FragmentRows
 ) -> list[Fragments]:
     """Shade fragments, object after object; `visibility` is where they come from, if anywhere."""
     shaded = []
-    for target in range(picture.world.n_objects):
+    for target in range(state.world.n_objects):
         first, stop = found.starts[target : target + 2]
         if first == stop:
             continue
-        with picture.costs.timed("fragments"):
-            fragments = _fragments_of(picture, visibility, found, target, slice(first, stop))
-        for effect in picture.plan.for_target(target):
+        with state.costs.timed("fragments"):
+            fragments = _fragments_of(state, visibility, found, target, slice(first, stop))
+        for effect in state.plan.for_target(target):
             if effect.shade is not None:
-                with picture.costs.timed(effect.name):
-                    effect.shade(fragments, picture)
+                with state.costs.timed(effect.name):
+                    effect.shade(fragments, state)
         keep_finite(fragments.light)
         shaded.append(fragments)
     return shaded
 
 
 def _fragments_of(
-    picture: Picture, visibility: Visibility | None, found: FragmentRows, target: int, span: slice
+    state: RenderState,
+    visibility: VisibilityBuffer | None,
+    found: FragmentRows,
+    target: int,
+    span: slice,
 ) -> Fragments:
-    drawn = picture.drawn(target)
-    world, options = picture.world, picture.options
+    drawn = state.drawn(target)
+    world, options = state.world, state.options
     faces, places = found.faces[span], found.places[span]
     weights, back_facing, changes = weights_at(
         world,
-        picture.camera.clip_from_world(options.width / options.height),
+        state.camera.clip_from_world(options.width / options.height),
         options.width,
         options.height,
         faces,
         places,
         affine=options.interpolation == "affine",
-        wants_changes=picture.plan.has("derivatives", target),
+        wants_changes=state.plan.has("derivatives", target),
     )
-    stepped = picture.value("scanline weights")
-    if stepped is not None and visibility is picture.value("visibility"):
+    stepped = state.visible.scanline_weights
+    if stepped is not None and visibility is state.visible.visibility:
         columns, rows = (places.T * np.float32(options.supersampling)).astype(np.int64)
         weights = stepped[rows, columns]
     own = faces - np.int32(world.starts[target])

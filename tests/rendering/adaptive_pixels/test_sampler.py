@@ -12,8 +12,8 @@ from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
 from texbake.rendering.draw import laid_out, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan.question import Question
 from texbake.rendering.render import render_scene
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import (
     Environment,
     Fog,
@@ -47,11 +47,11 @@ def a_scene(name):
 
 def sampled(scene, options, sides, *, wanted=None):
     camera = camera_of(scene, options)
-    picture, _ = laid_out(
-        prepare(scene, options), Question(scene, options, camera), Stages(), all_objects=True
+    state = laid_out(
+        prepare(scene, options), RenderRequest(scene, options, camera), Stages(), all_objects=True
     )
     sums = PixelSums.empty(options.height, options.width)
-    sampler = PixelSampler(picture)
+    sampler = PixelSampler(state)
     everywhere = np.ones(sums.counts.shape, np.bool_)
     sampler.take(everywhere if wanted is None else wanted, sides, sums)
     return sampler, sums

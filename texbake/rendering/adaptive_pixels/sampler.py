@@ -26,11 +26,11 @@ from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
 from texbake.rendering.adaptive_pixels.sample_statistics import drop_unwanted
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import behind_surfaces
-from texbake.rendering.effects.transparency import put_behind
-from texbake.rendering.picture import Picture
+from texbake.rendering.effect import RenderState
+from texbake.rendering.effects.transparency import PEELED_LAYERS, put_behind
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows
-from texbake.rendering.raster.visibility import Visibility
-from texbake.rendering.seen import find_visibility
+from texbake.rendering.raster.world import VisibilityBuffer
+from texbake.rendering.seen import find_visible
 from texbake.rendering.shaded import shaded_objects
 
 BoolArray = npt.NDArray[np.bool_]
@@ -126,11 +126,11 @@ class PixelSampler:
         Wall-clock time of all this.
     """
 
-    def __init__(self, picture: Picture) -> None:
-        self._picture = picture
-        self._behind = _behind_all(picture)
+    def __init__(self, state: RenderState) -> None:
+        self._state = state
+        self._behind = _behind_all(state)
         self.is_opaque = self._behind is not None
-        self._has_layers = picture.plan.has("layers")
+        self._has_layers = state.plan.has("layers")
         self.n_shaded = 0
         self.n_windows = 0
         self.seconds = 0.0
@@ -173,7 +173,7 @@ class PixelSampler:
                 self._add(layers[0], window, (start, stop), sides, sums_here)
 
         band = max(1, min(rows, rows * _CELLS // max(n_cells, 1)))
-        run_bands(work, rows, band=band, threads=self._picture.threads)
+        run_bands(work, rows, band=band, threads=self._state.threads)
         sums_here.write_to(
             sums,
             (window.top, window.left),
@@ -183,40 +183,41 @@ class PixelSampler:
             is_opaque=self.is_opaque,
         )
 
-    def _seen(self, window: PixelWindow, mask: BoolArray, sides: Sides) -> list[Visibility]:
+    def _seen(self, window: PixelWindow, mask: BoolArray, sides: Sides) -> list[VisibilityBuffer]:
         """Find what the wanted samples of a window show: transparent layers, then opaque."""
-        picture = self._picture
+        state = self._state
         rows, columns = window.shape
-        camera = picture.camera
-        question = replace(
-            picture.question,
+        camera = state.camera
+        request = replace(
+            state.request,
             camera=WindowCamera(
                 eye=camera.eye, axes=camera.axes, fov=camera.fov, near=camera.near,
-                window=window, width=picture.options.width, height=picture.options.height,
+                window=window, width=state.options.width, height=state.options.height,
             ),
             options=replace(
-                picture.options, width=columns, height=rows, supersampling=sides.seen
+                state.options, width=columns, height=rows, supersampling=sides.seen
             ),
         )  # fmt: skip
-        part = replace(picture, question=question, values=dict(picture.values))
-        layers = [find_visibility(part)]
-        for item in part.plan.passes:
-            if item.name == "layers" and item.effect.prepare is not None:
-                with picture.costs.timed(item.name):
-                    layers = [*item.effect.prepare(part, None).layers, *layers]
+        part = replace(state, request=request)
+        visible = find_visible(part)
+        layers = [visible.visibility]
+        if self._has_layers:
+            with state.costs.timed("layers"):
+                part = replace(part, visible_scene=visible)
+                layers = [*PEELED_LAYERS.compute(part, None).layers, *layers]
         for visibility in layers:
             drop_unwanted(visibility.face_ids, mask, sides.seen)
         return layers
 
     def _fragments(
-        self, visibility: Visibility, window: PixelWindow, rows: tuple[int, int], sides: Sides
+        self, visibility: VisibilityBuffer, window: PixelWindow, rows: tuple[int, int], sides: Sides
     ) -> tuple[FragmentRows, IntArray]:
         """Return the fragments of some rows of a window, and their pixels in the picture."""
-        picture, fine = self._picture, sides.shaded
-        with picture.costs.timed("fragments"):
+        state, fine = self._state, sides.shaded
+        with state.costs.timed("fragments"):
             fragments = fragment_rows(
                 visibility.face_ids,
-                picture.world,
+                state.world,
                 (rows[0] * fine, rows[1] * fine),
                 side=sides.seen // fine,
                 wants_samples=self._has_layers,
@@ -226,13 +227,13 @@ class PixelSampler:
             down, right = down // np.int32(fine), right // np.int32(fine)
             corner = np.array([window.left, window.top], np.float32)
             places = fragments.places / np.float32(fine) + corner
-            whole = picture.options.width
+            whole = state.options.width
             pixels = (down + np.int32(window.top)) * np.int32(whole) + right + np.int32(window.left)
         return replace(fragments, places=places, pixels=pixels), down * np.int32(columns) + right
 
     def _add(
         self,
-        visibility: Visibility,
+        visibility: VisibilityBuffer,
         window: PixelWindow,
         rows: tuple[int, int],
         sides: Sides,
@@ -241,14 +242,14 @@ class PixelSampler:
         """Add opaque fragments to their pixels."""
         fragments, places = self._fragments(visibility, window, rows, sides)
         first = 0
-        for shaded in shaded_objects(self._picture, None, fragments):
-            with self._picture.costs.timed("pixels"):
+        for shaded in shaded_objects(self._state, None, fragments):
+            with self._state.costs.timed("pixels"):
                 sums.add(places[first : first + len(shaded)], shaded.counts, shaded.light)
             first += len(shaded)
 
     def _compose(
         self,
-        layers: list[Visibility],
+        layers: list[VisibilityBuffer],
         window: PixelWindow,
         rows: tuple[int, int],
         sides: Sides,
@@ -263,11 +264,11 @@ class PixelSampler:
         for layer in layers:
             fragments, _ = self._fragments(layer, window, rows, sides)
             put_behind(
-                self._picture, fragments.of_samples,
-                shaded_objects(self._picture, None, fragments),
+                self._state, fragments.of_samples,
+                shaded_objects(self._state, None, fragments),
                 light, passed, normals, covered, opaque=layer is layers[-1],
             )  # fmt: skip
-        with self._picture.costs.timed("pixels"):
+        with self._state.costs.timed("pixels"):
             sums.add_samples(light, passed, covered, behind, rows[0], side)
 
     def _behind_window(self, window: PixelWindow) -> Float32Array:
@@ -281,17 +282,17 @@ class PixelSampler:
         return np.ascontiguousarray(here)
 
 
-def _behind_all(picture: Picture) -> Float32Array | None:
+def _behind_all(state: RenderState) -> Float32Array | None:
     """Find what shows behind surfaces at every pixel: any of them may have a sample of it."""
-    for item in picture.plan.passes:
+    for item in state.plan.passes:
         if item.effect.behind is not None and item.effect.prepare is not None:
-            shape = picture.options.height, picture.options.width
-            nothing = Visibility(np.full(shape, -1, np.int32), np.zeros(shape, np.float32))
-            options = replace(picture.options, supersampling=1)
-            question = replace(picture.question, options=options)
-            values = {**picture.values, ("visibility", None): nothing}
-            empty = replace(picture, question=question, values=values)
-            with picture.costs.timed(item.name):
-                values[item.name, None] = item.effect.prepare(empty, None)
-            return behind_surfaces(empty)
-    return behind_surfaces(picture)
+            shape = state.options.height, state.options.width
+            nothing = VisibilityBuffer(np.full(shape, -1, np.int32), np.zeros(shape, np.float32))
+            options = replace(state.options, supersampling=1)
+            request = replace(state.request, options=options)
+            visible = replace(state.visible, visibility=nothing)
+            empty = replace(state, request=request, visible_scene=visible)
+            with state.costs.timed(item.name):
+                behind = item.effect.prepare.compute(empty, None)
+            return behind_surfaces(empty.including(item.effect.prepare, None, behind))
+    return behind_surfaces(state)

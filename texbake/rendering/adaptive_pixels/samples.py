@@ -26,8 +26,8 @@ from texbake.rendering.adaptive_pixels.recheck import recheck
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelSampler, Sides
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, laid_out, shaded_sums
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.question import Question
+from texbake.rendering.effect import RenderState
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame
 from texbake.sampling.bounds import parse_picture_bound
 from texbake.sampling.time_budget import TimeBudget
@@ -61,15 +61,15 @@ class AdaptivePicture:
     threads : int, optional
     """
 
-    def __init__(self, picture: Picture) -> None:
-        shape = picture.options.height, picture.options.width
-        self.sampler = PixelSampler(picture)
+    def __init__(self, state: RenderState) -> None:
+        shape = state.options.height, state.options.width
+        self.sampler = PixelSampler(state)
         self.sums = PixelSums.empty(*shape)
         self.seen = np.full(shape, FIRST.seen, np.int32)
         self.shaded = np.full(shape, FIRST.shaded, np.int32)
         self.codes = np.zeros((*shape, 4), np.float32)
         self._changes = np.zeros(shape, np.float32)
-        self.threads = picture.threads
+        self.threads = state.threads
 
     def begin(self) -> None:
         """Take the first samples of all pixels."""
@@ -168,16 +168,16 @@ def draw_adaptively(
     """
     start = time.perf_counter()
     options, stages = prepared.options, Stages(progress)
-    question = Question(prepared.scene, options, camera, frozenset(keep))
-    picture, visibility = laid_out(prepared, question, stages, all_objects=True)
-    adaptive = AdaptivePicture(picture)
+    request = RenderRequest(prepared.scene, options, camera, frozenset(keep))
+    state = laid_out(prepared, request, stages, all_objects=True)
+    adaptive = AdaptivePicture(state)
     with stages.stage("shade"):
         adaptive.begin()
         coverage: FloatImage | None = None
         normals: FloatImage | None = None
         if "normals" in keep:  # before the choice of a bound, so that its time is known there
-            plain = shaded_sums(picture, visibility)
-            _, coverage, normals = plain.finished(None, threads=picture.threads)
+            plain = shaded_sums(state)
+            _, coverage, normals = plain.finished(None, threads=state.threads)
     budget: TimeBudget | None = None
     if options.time_budget is None:
         assert options.max_error is not None
@@ -195,9 +195,9 @@ def draw_adaptively(
     return Frame(
         color=_color(adaptive.sums),
         coverage=adaptive.sums.coverage if coverage is None else coverage,
-        plan=picture.plan,
-        costs=picture.costs,
-        _visibility=visibility,
+        plan=state.plan,
+        costs=state.costs,
+        _visibility=state.visible.visibility,
         _near=camera.near,
         _normals=normals,
         sampling=sampling,

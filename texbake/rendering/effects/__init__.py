@@ -6,6 +6,7 @@ this list.
 
 from __future__ import annotations
 
+from texbake.rendering.effect import Effect
 from texbake.rendering.effects.ambient import AMBIENT, EMISSION, LIGHT_MAP
 from texbake.rendering.effects.ambient_occlusion import AMBIENT_OCCLUSION, OCCLUSION_PICTURE
 from texbake.rendering.effects.buffers import BUFFER
@@ -43,7 +44,6 @@ from texbake.rendering.effects.surface_points import (
     VIEW_DIRECTIONS,
 )
 from texbake.rendering.effects.transparency import LAYERS, TRANSPARENCY
-from texbake.rendering.plan.effect import Effect
 
 EFFECTS: tuple[Effect, ...] = (
     # Where surfaces are; what is seen is found after these.

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from texbake.kernels import kernel
+from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import (
     Floats,
@@ -19,24 +20,22 @@ from texbake.rendering.fragments import (
     one_row,
     row_of,
 )
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Ambient
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    ambient = question.scene.lighting.ambient
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    ambient = request.scene.lighting.ambient
     if any(ambient.color) or any(ambient.ground or ()):
-        for index in question.lit:
-            yield Call(index, question.name(index), "the scene has ambient light")
+        for index in request.lit:
+            yield Call(index, request.name(index), "the scene has ambient light")
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
     yield "slots"
-    if question.scene.lighting.ambient.ground is not None:
-        yield normals_effect(question, target)
+    if request.scene.lighting.ambient.ground is not None:
+        yield normals_effect(request, target)
 
 
 @kernel
@@ -55,7 +54,7 @@ def _ambient_kernel(normals, up, sky, ground, base, share, out):  # type: ignore
 
 def arriving_share(fragments: Fragments) -> Floats:
     """(n or 1,) float32: share of ambient light that neither the scene nor a map holds back."""
-    occlusion = fragments.values.get("occlusion")
+    occlusion = fragments.values.occlusion
     if occlusion is None:
         return fragments.ambient_share
     strength = np.float32(fragments.drawn.material.occlusion_strength)
@@ -95,38 +94,40 @@ def add_ambient(
     )
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
+def _shade(fragments: Fragments, state: RenderState) -> None:
     add_ambient(
-        picture.scene.lighting.ambient,
-        picture.options.up,
+        state.scene.lighting.ambient,
+        state.options.up,
         fragments.normals,
-        fragments.values["base_color"],
+        fragments.values.base_color,
         arriving_share(fragments),
         fragments.light,
     )
 
 
-def _emission_called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        if question.material(index).emission is not None:
-            yield Call(index, question.name(index), "its material gives off light")
+def _emission_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        if request.material(index).emission is not None:
+            yield Call(index, request.name(index), "its material gives off light")
 
 
-def _emit(fragments: Fragments, picture: Picture) -> None:
-    fragments.light += fragments.values["emission"]
+def _emit(fragments: Fragments, state: RenderState) -> None:
+    assert fragments.values.emission is not None
+    fragments.light += fragments.values.emission
 
 
-def _light_map_called_for(question: Question) -> Iterator[Call]:
-    for index in question.lit:
-        if question.material(index).light_map is not None:
-            yield Call(index, question.name(index), "its material has a light map")
+def _light_map_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.lit:
+        if request.material(index).light_map is not None:
+            yield Call(index, request.name(index), "its material has a light map")
 
 
-def _add_light_map(fragments: Fragments, picture: Picture) -> None:
-    scattered = fragments.values["base_color"]
-    if "metalness" in fragments.values:
-        scattered = scattered * (1.0 - fragments.values["metalness"])
-    fragments.light += fragments.values["light_map"] * scattered
+def _add_light_map(fragments: Fragments, state: RenderState) -> None:
+    scattered = fragments.values.base_color
+    if fragments.values.metalness is not None:
+        scattered = scattered * (1.0 - fragments.values.metalness)
+    assert fragments.values.light_map is not None
+    fragments.light += fragments.values.light_map * scattered
 
 
 AMBIENT = Effect(
@@ -143,7 +144,7 @@ LIGHT_MAP = Effect(
     does="adds baked light",
     called_for=_light_map_called_for,
     left_out="no lit material in the picture has a light map",
-    needs=lambda question, target: ("slots",),
+    needs=lambda request, target: ("slots",),
     shade=_add_light_map,
 )
 
@@ -152,6 +153,6 @@ EMISSION = Effect(
     does="adds light of the surface itself",
     called_for=_emission_called_for,
     left_out="no material in the picture gives off light",
-    needs=lambda question, target: ("slots",),
+    needs=lambda request, target: ("slots",),
     shade=_emit,
 )

@@ -23,16 +23,17 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.parallel import run_bands
-from texbake.rendering.fragments import Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
     Refusal,
+    RenderState,
+    Result,
     Target,
     only_when_needed,
 )
-from texbake.rendering.plan.question import Question
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.request import RenderRequest
 from texbake.texture.image import FloatImage
 
 # Radius where none is given, in half the diagonal of what the picture is of.
@@ -46,8 +47,8 @@ _FLAT = 1e-3
 _ROWS = 16
 
 
-def _called_for(question: Question) -> Iterator[Call | Refusal]:
-    lighting = question.scene.lighting
+def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    lighting = request.scene.lighting
     if lighting.occlusion is None:
         return
     lit_by_all = (
@@ -60,8 +61,8 @@ def _called_for(question: Question) -> Iterator[Call | Refusal]:
     elif lighting.occlusion.strength == 0.0:
         yield Refusal("the scene", "its strength is 0")
     else:
-        for index in question.lit:
-            yield Call(index, question.name(index), "the scene asks for ambient occlusion")
+        for index in request.lit:
+            yield Call(index, request.name(index), "the scene asks for ambient occlusion")
 
 
 @kernel
@@ -229,13 +230,13 @@ def _smooth_kernel(rough, places, normals, radius, out, start, stop):  # type: i
             out[row, column] = total / weight if weight > 0.0 else 1.0
 
 
-def _prepare(picture: Picture, target: Target) -> FloatImage:
+def _prepare(state: RenderState, target: Target) -> FloatImage:
     """(H, W) float32: share of light from everywhere that arrives at each pixel's surface."""
-    occlusion = picture.scene.lighting.occlusion
+    occlusion = state.scene.lighting.occlusion
     assert occlusion is not None
-    visibility, world, camera = picture.value("visibility"), picture.world, picture.camera
-    height, width = picture.options.height, picture.options.width
-    side = picture.options.supersampling
+    visibility, world, camera = state.visible.visibility, state.world, state.camera
+    height, width = state.options.height, state.options.width
+    side = state.options.supersampling
     places, normals = np.zeros((height, width, 3)), np.zeros((height, width, 3))
     rough = np.ones((height, width), np.float32)
     smooth = np.empty((height, width), np.float32)
@@ -264,14 +265,15 @@ def _prepare(picture: Picture, target: Target) -> FloatImage:
         _smooth_kernel(rough, places, normals, float(radius), smooth, start, stop)
 
     for work in locate, gather, blur:
-        run_bands(work, height, band=_ROWS, threads=picture.threads)
+        run_bands(work, height, band=_ROWS, threads=state.threads)
     return np.float32(1.0) - np.float32(occlusion.strength) * (np.float32(1.0) - smooth)
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
-    shares: FloatImage = picture.value("occlusion picture")
-    fragments.ambient_share = shares.ravel()[fragments.pixels]
+def _shade(fragments: Fragments, state: RenderState) -> None:
+    fragments.ambient_share = state.of(OCCLUSION_SHARES).ravel()[fragments.pixels]
 
+
+OCCLUSION_SHARES = Result(_prepare)
 
 OCCLUSION_PICTURE = Effect(
     name="occlusion picture",
@@ -279,7 +281,7 @@ OCCLUSION_PICTURE = Effect(
     of="picture",
     called_for=only_when_needed,
     left_out="the scene asks for no ambient occlusion",
-    prepare=_prepare,
+    prepare=OCCLUSION_SHARES,
 )
 
 AMBIENT_OCCLUSION = Effect(
@@ -287,6 +289,6 @@ AMBIENT_OCCLUSION = Effect(
     does="holds ambient light back near other surfaces",
     called_for=_called_for,
     left_out="the scene asks for no ambient occlusion",
-    needs=lambda question, target: ("occlusion picture",),
+    needs=lambda request, target: ("occlusion picture",),
     shade=_shade,
 )

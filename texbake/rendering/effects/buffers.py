@@ -13,13 +13,12 @@ import numpy.typing as npt
 
 from texbake.colors import linear_from_oklch
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import image_of, on_image
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
 from texbake.rendering.raster.rasterize import rasterize
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.sample import mip_levels
@@ -32,74 +31,74 @@ _MOST_TRIES = 16
 _NEXT_HUE = 137.50776405
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    if question.options.buffer is not None:
-        for index in question.seen:
-            yield Call(index, "the options", f"buffer is {question.options.buffer}")
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    if request.options.buffer is not None:
+        for index in request.in_view:
+            yield Call(index, "the options", f"buffer is {request.options.buffer}")
 
 
-def _has_image(question: Question, target: int) -> bool:
-    return isinstance(question.material(target).base_color, ImageTexture)
+def _has_image(request: RenderRequest, target: int) -> bool:
+    return isinstance(request.material(target).base_color, ImageTexture)
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    buffer = question.options.buffer
+    buffer = request.options.buffer
     if buffer == "depth":
         yield "positions"
     elif buffer == "normals":
-        yield normals_effect(question, target)
+        yield normals_effect(request, target)
     elif buffer == "uv":
         yield "texture coordinates"
     elif buffer in ("mip-level", "texel-grid"):
         yield from ("texture coordinates", "derivatives")
-        if _has_image(question, target):
+        if _has_image(request, target):
             yield "images"
 
 
-def _prepare(picture: Picture, target: Target) -> npt.NDArray[np.float64]:
+def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
     """Return the nearest and farthest distance for `depth`, or the triangles on each sample.
 
     They are those of the whole picture, and kept for the first object that is seen.
     """
-    if target != min(picture.seen):
+    if target != min(state.visible.objects):
         return np.empty(0)
-    buffer = picture.options.buffer
-    visibility = picture.value("visibility")
+    buffer = state.options.buffer
+    visibility = state.visible.visibility
     if buffer == "depth":
         shown = visibility.depths[visibility.face_ids >= 0]
-        return picture.camera.near / np.array([shown.max(), shown.min()], np.float64)
+        return state.camera.near / np.array([shown.max(), shown.min()], np.float64)
     if buffer == "overdraw":
         height, width = visibility.face_ids.shape
         tries = np.zeros((height, width), np.uint32)
         rasterize(
-            picture.world,
-            picture.camera.clip_from_world(width / height),
+            state.world,
+            state.camera.clip_from_world(width / height),
             width,
             height,
-            modes=picture.value("object modes"),
+            modes=state.visible.modes,
             tries=tries,
-            threads=picture.threads,
+            threads=state.threads,
         )
         return tries.astype(np.float64)
     return np.empty(0)
 
 
-def _depth(fragments: Fragments, picture: Picture) -> Floats:
+def _depth(fragments: Fragments, state: RenderState) -> Floats:
     """White at the nearest surface, black at the farthest."""
     assert fragments.positions is not None
-    near, far = picture.value("buffer", min(picture.seen))
-    away = (picture.camera.eye - fragments.positions) @ picture.camera.axes[2]
+    near, far = state.of(BUFFER_RANGES, min(state.visible.objects))
+    away = (state.camera.eye - fragments.positions) @ state.camera.axes[2]
     level = (far - away) / max(far - near, np.finfo(np.float64).tiny)
     return _gray(0.05 + 0.95 * np.clip(level, 0.0, 1.0))
 
 
-def _normals(fragments: Fragments, picture: Picture) -> Floats:
+def _normals(fragments: Fragments, state: RenderState) -> Floats:
     assert fragments.normals is not None
     return decode_srgb(0.5 * fragments.normals + 0.5).astype(np.float32)
 
 
-def _uv(fragments: Fragments, picture: Picture) -> Floats:
+def _uv(fragments: Fragments, state: RenderState) -> Floats:
     """U as red, v as green, each within its tile."""
     assert fragments.uvs is not None
     shown = np.zeros((len(fragments), 3))
@@ -107,42 +106,42 @@ def _uv(fragments: Fragments, picture: Picture) -> Floats:
     return decode_srgb(shown).astype(np.float32)
 
 
-def _texels(fragments: Fragments, picture: Picture) -> tuple[FloatArray, Floats]:
+def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Floats]:
     """(n, 2): place in texels of the base color's image; (n,): level that a pixel asks for."""
     at, changes, width, height = fragments.uvs, fragments.uv_changes, _TEXELS, _TEXELS
     assert at is not None and changes is not None
-    if _has_image(picture.question, fragments.target):
-        image = image_of(picture, fragments.target, "base_color")
+    if _has_image(state.request, fragments.target):
+        image = image_of(state, fragments.target, "base_color")
         at, changes = on_image(image, at, changes)
         width, height = image.chain.width, image.chain.height
     assert changes is not None
     return at * (width, height), mip_levels(changes, width, height, threads=1)
 
 
-def _mip_level(fragments: Fragments, picture: Picture) -> Floats:
+def _mip_level(fragments: Fragments, state: RenderState) -> Floats:
     """A hue for each level, mixed between two; gray where the texture is magnified."""
-    _, levels = _texels(fragments, picture)
+    _, levels = _texels(fragments, state)
     shown = np.clip(levels, 0.0, 30.0)
     chroma = np.where(levels < 0.0, 0.0, 0.14)
     return linear_from_oklch(0.75, chroma, 30.0 + 50.0 * shown).astype(np.float32)
 
 
-def _overdraw(fragments: Fragments, picture: Picture) -> Floats:
+def _overdraw(fragments: Fragments, state: RenderState) -> Floats:
     """Brighter the more triangles lie on the pixel's middle, up to 16."""
-    tries = picture.value("buffer", min(picture.seen))
-    side = picture.options.supersampling
+    tries = state.of(BUFFER_RANGES, min(state.visible.objects))
+    side = state.options.supersampling
     columns, rows = (fragments.places.T * side).astype(np.int64)
     return _gray(np.minimum(tries[rows, columns], _MOST_TRIES) / _MOST_TRIES)
 
 
-def _object_id(fragments: Fragments, picture: Picture) -> Floats:
+def _object_id(fragments: Fragments, state: RenderState) -> Floats:
     color = linear_from_oklch(0.72, 0.13, 30.0 + _NEXT_HUE * fragments.target)
     return np.broadcast_to(color.astype(np.float32), (len(fragments), 3))
 
 
-def _texel_grid(fragments: Fragments, picture: Picture) -> Floats:
+def _texel_grid(fragments: Fragments, state: RenderState) -> Floats:
     """Texels as a fine checker; gray where they are smaller than a pixel."""
-    texels, levels = _texels(fragments, picture)
+    texels, levels = _texels(fragments, state)
     odd = (np.floor(texels).sum(axis=1) % 2.0).astype(np.float32)
     # Fades from texels of two pixels to texels of one.
     sharp = np.clip(-levels, 0.0, 1.0)
@@ -153,7 +152,7 @@ def _gray(codes: npt.NDArray[np.floating]) -> Floats:
     return np.repeat(decode_srgb(codes)[:, None], 3, axis=1).astype(np.float32)
 
 
-_PICTURES: dict[str, Callable[[Fragments, Picture], Floats]] = {
+_PICTURES: dict[str, Callable[[Fragments, RenderState], Floats]] = {
     "depth": _depth,
     "normals": _normals,
     "uv": _uv,
@@ -164,10 +163,12 @@ _PICTURES: dict[str, Callable[[Fragments, Picture], Floats]] = {
 }
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
-    assert picture.options.buffer is not None
-    fragments.light += _PICTURES[picture.options.buffer](fragments, picture)
+def _shade(fragments: Fragments, state: RenderState) -> None:
+    assert state.options.buffer is not None
+    fragments.light += _PICTURES[state.options.buffer](fragments, state)
 
+
+BUFFER_RANGES = Result(_prepare)
 
 BUFFER = Effect(
     name="buffer",
@@ -175,6 +176,6 @@ BUFFER = Effect(
     called_for=_called_for,
     left_out="the options ask for the picture itself",
     needs=_needs,
-    prepare=_prepare,
+    prepare=BUFFER_RANGES,
     shade=_shade,
 )

@@ -33,8 +33,8 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.bump_surface import (
-    BumpSurface,
     bump_of,
     bump_surface,
     dot,
@@ -49,40 +49,38 @@ from texbake.rendering.effects.lights import incident, shining
 from texbake.rendering.effects.normals import finish_normal
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Fragments, row_dot, row_of
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture
 
 
-def _bump_called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded if "normals" in question.keep else question.lit:
-        holder = question.material(index).bump_map
+def _bump_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded if "normals" in request.keep else request.lit:
+        holder = request.material(index).bump_map
         if holder is not None and holder.form != "emboss":
-            yield Call(index, question.name(index), f"its material has a bump map, {holder.form}")
+            yield Call(index, request.name(index), f"its material has a bump map, {holder.form}")
 
 
-def _emboss_called_for(question: Question) -> Iterator[Call]:
-    for index in question.lit:
-        holder = question.material(index).bump_map
-        if holder is not None and holder.form == "emboss" and shining(question):
-            yield Call(index, question.name(index), "its material has a bump map, emboss")
+def _emboss_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.lit:
+        holder = request.material(index).bump_map
+        if holder is not None and holder.form == "emboss" and shining(request):
+            yield Call(index, request.name(index), "its material has a bump map, emboss")
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    holder = bump_of(question, target)
+    holder = bump_of(request, target)
     yield "derivatives"
     yield "images" if isinstance(holder.texture, ImageTexture) else "procedures"
     if is_over_uvs(holder):
         yield "texture coordinates"
-    yield from ("vertex normals", normals_effect(question, target))
+    yield from ("vertex normals", normals_effect(request, target))
 
 
-def _emboss_needs(question: Question, target: Target) -> Iterator[str]:
-    yield from _needs(question, target)
+def _emboss_needs(request: RenderRequest, target: Target) -> Iterator[str]:
+    yield from _needs(request, target)
     yield "slots"
-    if any(question.light(index).kind != "directional" for index in shining(question)):
+    if any(request.light(index).kind != "directional" for index in shining(request)):
         yield "positions"
 
 
@@ -111,23 +109,23 @@ def _bump_kernel(surface, fragments, to_world, heights, slopes, back, out):  # t
         finish_normal(bumped[0], bumped[1], bumped[2], side, back, out[i])
 
 
-def _bump(fragments: Fragments, picture: Picture) -> None:
-    surface: BumpSurface = picture.value("bump map", fragments.target)
-    steps = lookup_steps(fragments, picture, surface)
+def _bump(fragments: Fragments, state: RenderState) -> None:
+    surface = state.of(BUMP_SURFACES, fragments.target)
+    steps = lookup_steps(fragments, state, surface)
     slopes = np.empty_like(steps)
     for axis in range(2):
         shifts = np.zeros_like(steps)
         shifts[:, axis] = 0.5 * steps[:, axis]
-        rise = heights_at(fragments, picture, surface, shifts)
-        rise -= heights_at(fragments, picture, surface, -shifts)
+        rise = heights_at(fragments, state, surface, shifts)
+        rise -= heights_at(fragments, state, surface, -shifts)
         slopes[:, axis] = _over(rise, steps[:, axis])
     heights = np.zeros(len(fragments))
-    if bump_of(picture.question, fragments.target).form == "exact":
-        heights = heights_at(fragments, picture, surface, np.zeros((1, 2)))
+    if bump_of(state.request, fragments.target).form == "exact":
+        heights = heights_at(fragments, state, surface, np.zeros((1, 2)))
     normals = np.empty((len(fragments), 3), np.float32)
     _bump_kernel(
         *kernel_arrays(fragments, surface), surface.to_world, heights, slopes,
-        picture.camera.axes[2], normals,
+        state.camera.axes[2], normals,
     )  # fmt: skip
     fragments.normals = normals
 
@@ -173,25 +171,28 @@ def _emboss_kernel(normals, directions, radiance, base, metalness, lifts, out): 
 _NO_METAL = np.zeros((1, 1), np.float32)
 
 
-def _emboss(fragments: Fragments, picture: Picture) -> None:
-    surface: BumpSurface = picture.value("emboss", fragments.target)
-    steps = lookup_steps(fragments, picture, surface)
+def _emboss(fragments: Fragments, state: RenderState) -> None:
+    surface = state.of(EMBOSSED_SURFACES, fragments.target)
+    steps = lookup_steps(fragments, state, surface)
     shifts, lengths = np.empty_like(steps), np.empty(len(fragments))
     is_metal = fragments.drawn.material.shading == "metallic-roughness"
-    for index in shining(picture.question):
-        light = incident(fragments, picture, index)
+    for index in shining(state.request):
+        light = incident(fragments, state, index)
         _light_steps_kernel(
             *kernel_arrays(fragments, surface), light.directions, surface.directions_to_object,
             steps, shifts, lengths,
         )  # fmt: skip
-        rise = heights_at(fragments, picture, surface, shifts)
-        rise -= heights_at(fragments, picture, surface, -shifts)
+        rise = heights_at(fragments, state, surface, shifts)
+        rise -= heights_at(fragments, state, surface, -shifts)
         _emboss_kernel(
-            fragments.normals, light.directions, light.radiance, fragments.values["base_color"],
-            fragments.values["metalness"] if is_metal else _NO_METAL, _over(rise, 2.0 * lengths),
+            fragments.normals, light.directions, light.radiance, fragments.values.base_color,
+            fragments.values.metalness if is_metal else _NO_METAL, _over(rise, 2.0 * lengths),
             fragments.light,
         )  # fmt: skip
 
+
+BUMP_SURFACES = Result(bump_surface)
+EMBOSSED_SURFACES = Result(bump_surface)
 
 BUMP_MAP = Effect(
     name="bump map",
@@ -199,7 +200,7 @@ BUMP_MAP = Effect(
     called_for=_bump_called_for,
     left_out="no lit material in the picture has a bump map",
     needs=_needs,
-    load=bump_surface,
+    load=BUMP_SURFACES,
     shade=_bump,
 )
 
@@ -209,6 +210,6 @@ EMBOSS = Effect(
     called_for=_emboss_called_for,
     left_out="no lit material in the picture is embossed",
     needs=_emboss_needs,
-    load=bump_surface,
+    load=EMBOSSED_SURFACES,
     shade=_emboss,
 )

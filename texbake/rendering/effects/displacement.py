@@ -27,18 +27,18 @@ from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import Surface, displaced
 from texbake.rendering.edge_lengths import EdgeView, MapView
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import (
     LoadedImage,
     image_values,
     placed_image,
     with_levels,
 )
+from texbake.rendering.effects.placing import PLACED_OBJECTS
 from texbake.rendering.effects.slots import procedure_values
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
-from texbake.rendering.picture import DrawnObject, Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Displacement
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture, ProcedureTexture
 from texbake.rendering.surface_steps import steps_along_surface
@@ -90,38 +90,38 @@ class Relief:
         return own + (0 if self.image is None else self.image.n_bytes)
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index, item in enumerate(question.scene.objects):
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index, item in enumerate(request.scene.objects):
         if item.material.displacement is not None:
-            yield Call(index, question.name(index), "its material has a displacement map")
+            yield Call(index, request.name(index), "its material has a displacement map")
 
 
-def _load(picture: Picture, target: Target) -> Relief | DrawnObject:
+def _load(state: RenderState, target: Target) -> Relief | DrawnObject:
     """Return what a picture cuts and moves; or that done already where it is cut alike for all."""
     assert target is not None
-    relief = _relief(picture, target)
-    return relief if relief.holder.edge_px is not None else _cut(picture, target, relief, MapView())
+    relief = _relief(state, target)
+    return relief if relief.holder.edge_px is not None else _cut(state, target, relief, MapView())
 
 
-def _relief(picture: Picture, target: int) -> Relief:
-    item = picture.scene.objects[target]
-    drawn: DrawnObject = picture.value("placing", target)
+def _relief(state: RenderState, target: int) -> Relief:
+    item = state.scene.objects[target]
+    drawn = state.of(PLACED_OBJECTS, target)
     holder = item.material.displacement
     assert holder is not None
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
     image = texels = frames = None
     if isinstance(holder.texture, ImageTexture):
-        image = _loaded_image(picture, drawn, holder, holder.texture)
+        image = _loaded_image(state, drawn, holder, holder.texture)
         texels = _texels_of(drawn.mesh, image)
         filtered = image.filter in FILTERS_WITH_FOOTPRINT
         if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
             frames = _frames_of(item.mesh, linear)
     else:
-        filtered = picture.question.wants_footprint(holder.texture)
+        filtered = state.request.wants_footprint(holder.texture)
     surface = Surface(
         points=drawn.positions,
         faces=drawn.faces,
-        normals=smooth_normals(item.mesh, threads=picture.threads),
+        normals=smooth_normals(item.mesh, threads=state.threads),
         linear=linear,
     )
     return Relief(
@@ -150,7 +150,7 @@ def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool)
 
 
 def _loaded_image(
-    picture: Picture, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
+    state: RenderState, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
 ) -> LoadedImage:
     drawn.mesh.corner_uvs()  # raises where there are none
     image = placed_image(
@@ -163,12 +163,12 @@ def _loaded_image(
             n_channels=3 if holder.vector else 1,
         ),
         kind="data",
-        filter_name=picture.question.filter_of(texture),
+        filter_name=state.request.filter_of(texture),
         uvs=drawn.mesh.uvs,
         name="displacement.texture",
     )
     has_levels = image.filter in FILTERS_WITH_FOOTPRINT
-    return with_levels(image, threads=picture.threads) if has_levels else image
+    return with_levels(image, threads=state.threads) if has_levels else image
 
 
 def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
@@ -191,18 +191,18 @@ def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
     return (values - (holder.mid or 0.0)) * (1.0 if holder.height is None else holder.height)
 
 
-def _prepare(picture: Picture, target: Target) -> DrawnObject:
+def _prepare(state: RenderState, target: Target) -> DrawnObject:
     assert target is not None
-    known: Relief | DrawnObject = picture.value("displacement", target)
+    known = state.of(RELIEFS, target)
     if isinstance(known, DrawnObject):
         return known
     edge_px = known.holder.edge_px
     assert edge_px is not None
-    view = EdgeView(picture.camera, picture.options, edge_px, known.reach)
-    return _cut(picture, target, known, view)
+    view = EdgeView(state.camera, state.options, edge_px, known.reach)
+    return _cut(state, target, known, view)
 
 
-def _cut(picture: Picture, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
+def _cut(state: RenderState, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
     """Cut a surface where its edges are too long, and move it."""
 
     def moves(places: Places, points: FloatArray) -> FloatArray:
@@ -213,21 +213,21 @@ def _cut(picture: Picture, target: int, relief: Relief, view: EdgeView | MapView
             widths = view.widths(points[places.vertices[rows]])
             values[rows] = _values_at(relief, target, places, rows, widths)
 
-        run_bands(work, len(values), band=_BAND, threads=picture.threads)
+        run_bands(work, len(values), band=_BAND, threads=state.threads)
         return values
 
     result = displaced(
         relief.surface,
         moves,
-        lambda now: view.excess(now, relief.texels, threads=picture.threads),
-        max_triangles=picture.options.max_triangles,
-        threads=picture.threads,
+        lambda now: view.excess(now, relief.texels, threads=state.threads),
+        max_triangles=state.options.max_triangles,
+        threads=state.threads,
     )
     drawn, pieces = relief.drawn, result.pieces
     normals = None
-    if picture.plan.has("vertex normals", target) and drawn.material.normal_map is None:
+    if state.plan.has("vertex normals", target) and drawn.material.normal_map is None:
         shape = Mesh(positions=result.positions, faces=pieces.faces)
-        normals = vertex_normals(shape, threads=picture.threads)
+        normals = vertex_normals(shape, threads=state.threads)
     return DrawnObject(
         mesh=drawn.mesh,
         material=drawn.material,
@@ -299,12 +299,16 @@ def _from_tangent_space(
     return np.asarray(x * tangent + y * bitangent + z * normal)
 
 
+RELIEFS = Result(_load)
+
+DISPLACED_OBJECTS = Result(_prepare)
+
 DISPLACEMENT = Effect(
     name="displacement",
     does="cuts surfaces finely and moves them",
     called_for=_called_for,
     left_out="no material has a displacement map",
-    load=_load,
-    prepare=_prepare,
+    load=RELIEFS,
+    prepare=DISPLACED_OBJECTS,
     moves_surface=True,
 )

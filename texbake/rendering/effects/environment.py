@@ -19,6 +19,15 @@ import numpy as np
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
+from texbake.rendering.effect import (
+    Call,
+    Effect,
+    Refusal,
+    RenderState,
+    Result,
+    Target,
+    only_when_needed,
+)
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
 from texbake.rendering.fragments import (
@@ -28,15 +37,7 @@ from texbake.rendering.fragments import (
     row_of,
 )
 from texbake.rendering.maps import colors_from
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
-    Call,
-    Effect,
-    Refusal,
-    Target,
-    only_when_needed,
-)
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.studio_room import STUDIO_ROOM, studio_room
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
@@ -82,13 +83,13 @@ def turn_of(environment: Environment, up: str) -> FloatArray:
     return turned
 
 
-def _load(picture: Picture, target: Target) -> PlacedEnvironment:
-    environment = picture.scene.lighting.environment
+def _load(state: RenderState, target: Target) -> PlacedEnvironment:
+    environment = state.scene.lighting.environment
     assert environment is not None
-    cube = _cube(environment, picture.threads)
+    cube = _cube(environment, state.threads)
     if environment.intensity != 1.0:
         cube = CubeMap(cube.faces * np.float32(environment.intensity))
-    return PlacedEnvironment(CubeChain.of([cube]), turn_of(environment, picture.options.up))
+    return PlacedEnvironment(CubeChain.of([cube]), turn_of(environment, state.options.up))
 
 
 def _cube(environment: Environment, threads: int | None) -> CubeMap:
@@ -105,28 +106,28 @@ def _cube(environment: Environment, threads: int | None) -> CubeMap:
     return CubeMap(faces)
 
 
-def _background_called_for(question: Question) -> Iterator[Call | Refusal]:
-    environment = question.scene.lighting.environment
+def _background_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    environment = request.scene.lighting.environment
     if environment is None:
         return
-    if question.shows_buffer:
+    if request.shows_buffer:
         yield Refusal("the scene", "a buffer is shown")
-    elif question.scene.lighting.fog is not None and question.scene.lighting.fog.fades:
+    elif request.scene.lighting.fog is not None and request.scene.lighting.fog.fades:
         yield Refusal("the scene", "its fog hides what lies infinitely far")
-    elif not environment.background and question.depth == 0:  # mirrors show it all the same
+    elif not environment.background and request.depth == 0:  # mirrors show it all the same
         yield Refusal("the scene", "its environment is not to be seen")
     else:
         yield Call(None, "the scene", "it has an environment")
 
 
-def _background(picture: Picture, target: Target) -> FloatImage | None:
+def _background(state: RenderState, target: Target) -> FloatImage:
     """(H, W, 3): the environment at pixels that some surface does not fill; 0 at others."""
-    height, width = picture.options.height, picture.options.width
-    side = picture.options.supersampling
-    environment: PlacedEnvironment = picture.value("environment")
-    rays = picture.camera.view_rays(width, height).astype(np.float32)
+    height, width = state.options.height, state.options.width
+    side = state.options.supersampling
+    environment = state.of(ENVIRONMENT_MAP)
+    rays = state.camera.view_rays(width, height).astype(np.float32)
     behind = np.zeros((height, width, 3), np.float32)
-    face_ids = picture.value("visibility").face_ids
+    face_ids = state.visible.visibility.face_ids
 
     def work(start: int, stop: int) -> None:
         samples = face_ids[start * side : stop * side].reshape(stop - start, side, width, side)
@@ -135,36 +136,36 @@ def _background(picture: Picture, target: Target) -> FloatImage | None:
         directions = rays[0] + places @ rays[1:]
         behind[rows + start, columns] = environment.look(directions)
 
-    run_bands(work, height, band=_ROWS, threads=picture.threads)
+    run_bands(work, height, band=_ROWS, threads=state.threads)
     return behind
 
 
-def _lighting_called_for(question: Question) -> Iterator[Call]:
-    environment = question.scene.lighting.environment
+def _lighting_called_for(request: RenderRequest) -> Iterator[Call]:
+    environment = request.scene.lighting.environment
     if environment is not None and environment.lighting:
-        for index in question.lit:
-            yield Call(index, question.name(index), "the environment lights the scene")
+        for index in request.lit:
+            yield Call(index, request.name(index), "the environment lights the scene")
 
 
-def _lighting_needs(question: Question, target: Target) -> Iterator[str]:
+def _lighting_needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    yield from ("slots", normals_effect(question, target), "irradiance")
-    if question.material(target).shading == "metallic-roughness":
+    yield from ("slots", normals_effect(request, target), "irradiance")
+    if request.material(target).shading == "metallic-roughness":
         yield from ("view directions", "prefiltered environment")
 
 
-def _load_irradiance(picture: Picture, target: Target) -> PlacedEnvironment:
-    environment: PlacedEnvironment = picture.value("environment")
-    diffuse = irradiance(environment.chain.level(0), threads=picture.threads)
+def _load_irradiance(state: RenderState, target: Target) -> PlacedEnvironment:
+    environment = state.of(ENVIRONMENT_MAP)
+    diffuse = irradiance(environment.chain.level(0), threads=state.threads)
     return PlacedEnvironment(CubeChain.of([diffuse]), environment.turn)
 
 
-def _load_levels(picture: Picture, target: Target) -> PlacedEnvironment:
+def _load_levels(state: RenderState, target: Target) -> PlacedEnvironment:
     """Level i for the roughness i / (levels - 1)."""
-    environment: PlacedEnvironment = picture.value("environment")
+    environment = state.of(ENVIRONMENT_MAP)
     size = min(_SPECULAR_SIZE, environment.chain.size)
     chain = specular_levels(
-        environment.chain.level(0), n_levels=_LEVELS, size=size, threads=picture.threads
+        environment.chain.level(0), n_levels=_LEVELS, size=size, threads=state.threads
     )
     return PlacedEnvironment(chain, environment.turn)
 
@@ -222,26 +223,33 @@ _ZERO = np.zeros((1, 1), np.float32)
 _NO_TABLE = np.zeros((1, 1, 2), np.float32)
 
 
-def _light(fragments: Fragments, picture: Picture) -> None:
+def _or_zero(values: Floats | None) -> Floats:
+    return _ZERO if values is None else values
+
+
+def _light(fragments: Fragments, state: RenderState) -> None:
     values, normals, to_eye = fragments.values, fragments.normals, fragments.to_eye
     assert normals is not None
-    diffuse = picture.value("irradiance").look(normals)
+    diffuse = state.of(IRRADIANCE_MAP).look(normals)
     mirrored, table = np.empty((0, 3), np.float32), _NO_TABLE
     if fragments.drawn.material.shading == "metallic-roughness":
         assert to_eye is not None
         directions = np.empty_like(normals)
         mirrored_kernel(normals, to_eye, directions)
-        levels = np.broadcast_to(values["roughness"][:, 0] * (_LEVELS - 1), len(normals))
-        mirrored = picture.value("prefiltered environment").look(
+        assert values.roughness is not None
+        levels = np.broadcast_to(values.roughness[:, 0] * (_LEVELS - 1), len(normals))
+        mirrored = state.of(PREFILTERED_MAP).look(
             directions, np.ascontiguousarray(levels, np.float32)
         )
         table = split_sum_table()
     _light_kernel(
         normals, normals if to_eye is None else to_eye, diffuse, mirrored, table,
-        values["base_color"], values.get("roughness", _ZERO), values.get("metalness", _ZERO),
+        values.base_color, _or_zero(values.roughness), _or_zero(values.metalness),
         head_on(fragments.drawn.material.ior), arriving_share(fragments), fragments.light,
     )  # fmt: skip
 
+
+ENVIRONMENT_MAP = Result(_load)
 
 ENVIRONMENT = Effect(
     name="environment",
@@ -249,8 +257,10 @@ ENVIRONMENT = Effect(
     of="picture",
     called_for=only_when_needed,
     left_out="the scene has no environment, or nothing shows it",
-    load=_load,
+    load=ENVIRONMENT_MAP,
 )
+
+BACKGROUND_PICTURE = Result(_background)
 
 BACKGROUND = Effect(
     name="background",
@@ -258,10 +268,12 @@ BACKGROUND = Effect(
     of="picture",
     called_for=_background_called_for,
     left_out="the scene has no environment",
-    needs=lambda question, target: ("environment",),
-    prepare=_background,
-    behind=lambda picture: picture.value("background"),
+    needs=lambda request, target: ("environment",),
+    prepare=BACKGROUND_PICTURE,
+    behind=lambda state: state.of(BACKGROUND_PICTURE),
 )
+
+IRRADIANCE_MAP = Result(_load_irradiance)
 
 IRRADIANCE = Effect(
     name="irradiance",
@@ -269,9 +281,11 @@ IRRADIANCE = Effect(
     of="picture",
     called_for=only_when_needed,
     left_out="no environment lights a surface in the picture",
-    needs=lambda question, target: ("environment",),
-    load=_load_irradiance,
+    needs=lambda request, target: ("environment",),
+    load=IRRADIANCE_MAP,
 )
+
+PREFILTERED_MAP = Result(_load_levels)
 
 PREFILTERED_ENVIRONMENT = Effect(
     name="prefiltered environment",
@@ -279,8 +293,8 @@ PREFILTERED_ENVIRONMENT = Effect(
     of="picture",
     called_for=only_when_needed,
     left_out="no environment lights a metallic-roughness surface in the picture",
-    needs=lambda question, target: ("environment",),
-    load=_load_levels,
+    needs=lambda request, target: ("environment",),
+    load=PREFILTERED_MAP,
 )
 
 ENVIRONMENT_LIGHT = Effect(

@@ -13,29 +13,29 @@ from collections.abc import Iterator
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.rendering.fragments import Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
     Refusal,
+    RenderState,
     Target,
 )
-from texbake.rendering.plan.question import Question
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.request import RenderRequest
 from texbake.texture.image import FloatImage
 
 _MODES = {"linear": 0, "exp": 1, "exp2": 2}
 
 
-def _called_for(question: Question) -> Iterator[Call | Refusal]:
-    fog = question.scene.lighting.fog
+def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    fog = request.scene.lighting.fog
     if fog is None:
         return
     if not fog.fades:
         yield Refusal("the scene", "its fog has no density")
     else:
-        for index in question.shaded:
-            yield Call(index, question.name(index), "the scene has fog")
+        for index in request.shaded:
+            yield Call(index, request.name(index), "the scene has fog")
 
 
 def left_after(distance: float, mode: int, density: float, start: float, end: float) -> float:
@@ -60,27 +60,27 @@ def _fog_kernel(positions, eye, mode, density, start, end, color, out):  # type:
             out[i, k] = left * out[i, k] + (1.0 - left) * color[k]
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
-    fog = picture.scene.lighting.fog
+def _shade(fragments: Fragments, state: RenderState) -> None:
+    fog = state.scene.lighting.fog
     assert fog is not None
     _fog_kernel(
-        fragments.positions, picture.camera.eye, _MODES[fog.mode], float(fog.density),
+        fragments.positions, state.camera.eye, _MODES[fog.mode], float(fog.density),
         float(fog.start), float(fog.end), np.array(fog.color, np.float64), fragments.light,
     )  # fmt: skip
 
 
-def _positions(question: Question, target: Target) -> tuple[str, ...]:
+def _positions(request: RenderRequest, target: Target) -> tuple[str, ...]:
     return ("positions",)
 
 
-def _hides(question: Question) -> Iterator[Call]:
-    fog = question.scene.lighting.fog
-    if fog is not None and fog.fades and not question.shows_buffer:
+def _hides(request: RenderRequest) -> Iterator[Call]:
+    fog = request.scene.lighting.fog
+    if fog is not None and fog.fades and not request.shows_buffer:
         yield Call(None, "the scene", "its fog hides what lies infinitely far")
 
 
-def _color(picture: Picture) -> FloatImage:
-    fog = picture.scene.lighting.fog
+def _color(state: RenderState) -> FloatImage:
+    fog = state.scene.lighting.fog
     assert fog is not None
     return np.array(fog.color, np.float32)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import (
     MapSource,
@@ -25,9 +26,7 @@ from texbake.rendering.maps import (
     data_from,
     normals_from,
 )
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
     FILTERS_WITH_LEVELS,
@@ -40,8 +39,6 @@ from texbake.texture.sample import sample
 # Slots that hold colors, of three channels; the others hold numbers.
 COLOR_SLOTS = ("base_color", "specular", "emission", "light_map", "reflection.strength",
                "refraction.strength")  # fmt: skip
-# Where a picture keeps what several objects and slots have of one file.
-_TEXELS, _LEVELS = ("texels of images", None), ("levels of images", None)
 # How far out of the unit square a coordinate may be by the rounding of float32 files.
 _ROUNDING = 1e-6
 
@@ -94,57 +91,66 @@ class LoadedImage:
         return self.chain.texels.min(axis=0), self.chain.texels.max(axis=0)
 
 
-def _images(question: Question, target: int) -> Iterator[tuple[str, ImageTexture]]:
-    for name, texture in question.textures(target):
+def _images(request: RenderRequest, target: int) -> Iterator[tuple[str, ImageTexture]]:
+    for name, texture in request.textures(target):
         if isinstance(texture, ImageTexture):
             yield name, texture
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        for name, _ in _images(question, index):
-            yield Call(index, question.name(index), f"{name} is an image")
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        for name, _ in _images(request, index):
+            yield Call(index, request.name(index), f"{name} is an image")
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
     yield "texture coordinates"
-    if any(question.wants_footprint(texture) for _, texture in _images(question, target)):
+    if any(request.wants_footprint(texture) for _, texture in _images(request, target)):
         yield "derivatives"
 
 
-def _load(picture: Picture, target: Target) -> dict[str, LoadedImage]:
+def _load(state: RenderState, target: Target) -> dict[str, LoadedImage]:
     assert target is not None
-    return {
-        name: _loaded(picture, target, name, texture)
-        for name, texture in _images(picture.question, target)
-    }
+    found: dict[str, LoadedImage] = {}
+    for name, texture in _images(state.request, target):
+        others = (*state.results.all(LOADED_IMAGES).values(), found)
+        found[name] = _loaded(state, target, name, texture, others)
+    return found
 
 
-def _loaded(picture: Picture, target: int, name: str, texture: ImageTexture) -> LoadedImage:
-    origin = _origin(picture, target, name, texture)
-    known: dict[Origin, tuple[FloatImage, str, str]] = picture.values.setdefault(_TEXELS, {})
-    is_shared = origin in known
-    if not is_shared:
-        known[origin] = _pixels(picture, target, name, texture)
-    pixels, kind, space = known[origin]
+def _loaded(
+    state: RenderState,
+    target: int,
+    name: str,
+    texture: ImageTexture,
+    others: Iterable[Mapping[str, LoadedImage]],
+) -> LoadedImage:
+    """Return an image; its texels are those of another of the same origin where there is one."""
+    origin = _origin(state, target, name, texture)
+    alike = (image for images in others for image in images.values() if image.origin == origin)
+    known = next(alike, None)
+    if known is None:
+        pixels, kind, space = _pixels(state, target, name, texture)
+    else:
+        pixels, kind, space = known.chain.level(0), known.kind, known.space
     image = placed_image(
         texture,
         pixels,
         kind=kind,
-        filter_name=picture.question.filter_of(texture),
-        uvs=picture.drawn(target).mesh.uvs,
+        filter_name=state.request.filter_of(texture),
+        uvs=state.drawn(target).mesh.uvs,
         name=name,
         space=space,
     )
-    return replace(image, origin=origin, is_shared=is_shared)
+    return replace(image, origin=origin, is_shared=known is not None)
 
 
-def _origin(picture: Picture, target: int, name: str, texture: ImageTexture) -> Origin:
+def _origin(state: RenderState, target: int, name: str, texture: ImageTexture) -> Origin:
     source = texture.image
     place = os.fspath(source) if isinstance(source, str | os.PathLike) else id(source)
     if name == "normal_map.texture":
-        holder = picture.question.material(target).normal_map
+        holder = state.request.material(target).normal_map
         assert holder is not None
         return place, "normal", holder.convention, holder.space
     return place, name in COLOR_SLOTS, texture.channel, texture.color
@@ -186,11 +192,11 @@ def placed_image(
 
 
 def _pixels(
-    picture: Picture, target: int, name: str, texture: ImageTexture
+    state: RenderState, target: int, name: str, texture: ImageTexture
 ) -> tuple[FloatImage, str, str]:
     """Texels of an image, what they are, and of normals their space."""
     if name == "normal_map.texture":
-        holder = picture.question.material(target).normal_map
+        holder = state.request.material(target).normal_map
         assert holder is not None
         normals, space = normals_from(
             texture.image, convention=holder.convention, space=holder.space
@@ -223,31 +229,34 @@ def wrap_of(uvs: FloatArray | None) -> str:
     return "clamp" if inside else "repeat"
 
 
-def _mips_called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        for name, texture in _images(question, index):
-            kind = question.filter_of(texture)
+def _mips_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        for name, texture in _images(request, index):
+            kind = request.filter_of(texture)
             if kind in FILTERS_WITH_LEVELS:
-                yield Call(index, question.name(index), f"{name} is filtered {kind}")
+                yield Call(index, request.name(index), f"{name} is filtered {kind}")
 
 
-def _mips_need(question: Question, target: Target) -> tuple[str, ...]:
+def _mips_need(request: RenderRequest, target: Target) -> tuple[str, ...]:
     return ("images",)
 
 
-def _load_mips(picture: Picture, target: Target) -> dict[str, LoadedImage]:
+def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
     """Return the images with all their levels."""
-    images: dict[str, LoadedImage] = picture.value("images", target)
-    known: dict[Origin, MipChain] = picture.values.setdefault(_LEVELS, {})
-    found = {}
-    for name, image in images.items():
+    found: dict[str, LoadedImage] = {}
+    for name, image in state.of(LOADED_IMAGES, target).items():
         if image.filter not in FILTERS_WITH_LEVELS:
             continue
-        place = image.origin, image.wrap
-        is_shared = place in known
-        if not is_shared:
-            known[place] = with_levels(image, threads=picture.threads).chain
-        found[name] = replace(image, chain=known[place], is_shared=is_shared)
+        others = (*state.results.all(IMAGES_WITH_LEVELS).values(), found)
+        alike = (
+            other
+            for images in others
+            for other in images.values()
+            if (other.origin, other.wrap) == (image.origin, image.wrap)
+        )
+        known = next(alike, None)
+        chain = with_levels(image, threads=state.threads).chain if known is None else known.chain
+        found[name] = replace(image, chain=chain, is_shared=known is not None)
     return found
 
 
@@ -257,18 +266,17 @@ def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImag
     return replace(image, chain=chain)
 
 
-def image_of(picture: Picture, target: int, name: str) -> LoadedImage:
+def image_of(state: RenderState, target: int, name: str) -> LoadedImage:
     """Return the image of a slot, with its mip levels where its filter wants them."""
-    mips: dict[str, LoadedImage] = picture.value("mip maps", target) or {}
-    images: dict[str, LoadedImage] = picture.value("images", target)
-    return mips.get(name) or images[name]
+    with_levels_too = state.get(IMAGES_WITH_LEVELS, target) or {}
+    return with_levels_too.get(name) or state.of(LOADED_IMAGES, target)[name]
 
 
 def look_up(
-    fragments: Fragments, picture: Picture, name: str, *, uvs: FloatArray | None = None
+    fragments: Fragments, state: RenderState, name: str, *, uvs: FloatArray | None = None
 ) -> Floats:
     """(n, C) float32: values of an image at the coordinates of fragments, or at others."""
-    image = image_of(picture, fragments.target, name)
+    image = image_of(state, fragments.target, name)
     at = fragments.uvs if uvs is None else uvs
     changes = fragments.uv_changes if image.filter in FILTERS_WITH_FOOTPRINT else None
     assert at is not None
@@ -303,14 +311,18 @@ def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> 
     return values
 
 
+LOADED_IMAGES = Result(_load)
+
 IMAGES = Effect(
     name="images",
     does="reads the images of materials",
     called_for=_called_for,
     left_out="no material in the picture has an image",
     needs=_needs,
-    load=_load,
+    load=LOADED_IMAGES,
 )
+
+IMAGES_WITH_LEVELS = Result(_load_mips)
 
 MIP_MAPS = Effect(
     name="mip maps",
@@ -318,5 +330,5 @@ MIP_MAPS = Effect(
     called_for=_mips_called_for,
     left_out="no image is filtered over the pixel",
     needs=_mips_need,
-    load=_load_mips,
+    load=IMAGES_WITH_LEVELS,
 )

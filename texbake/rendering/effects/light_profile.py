@@ -13,19 +13,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effects.images import LoadedImage
-from texbake.rendering.effects.lights import PlacedLight, shining
-from texbake.rendering.effects.projection import load_slide, pixel_steps, thrown
-from texbake.rendering.fragments import Floats, Fragments, Incident
-from texbake.rendering.maps import colors_from
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
     Refusal,
+    RenderState,
+    Result,
     Target,
 )
-from texbake.rendering.plan.question import Question
+from texbake.rendering.effects.images import LoadedImage
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining
+from texbake.rendering.effects.projection import load_slide, pixel_steps, thrown
+from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.maps import colors_from
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.projecting import projector_matrix
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
@@ -44,26 +45,26 @@ class Slide:
         return self.image.n_bytes
 
 
-def _called_for(question: Question) -> Iterator[Call | Refusal]:
-    for index, light in enumerate(question.scene.lighting.lights):
+def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    for index, light in enumerate(request.scene.lighting.lights):
         if light.profile is None:
             continue
         name = f'light "{light.name}"'
         if light.kind != "spot":
             yield Refusal(name, f"only a spot holds a slide, and it is {light.kind}")
-        elif index not in shining(question):
+        elif index not in shining(request):
             yield Refusal(name, "it is dark")
-        elif not question.lit:
+        elif not request.lit:
             yield Refusal(name, "no object in the picture is lit")
         else:
             yield Call(index, name, "it has a slide")
 
 
-def _load(picture: Picture, target: Target) -> LoadedImage:
+def _load(state: RenderState, target: Target) -> LoadedImage:
     assert target is not None
-    light = picture.lights[target]
+    light = state.lights[target]
     assert light.profile is not None
-    return _image_of(light, picture.question.filter_of(light.profile), picture.threads)
+    return _image_of(light, state.request.filter_of(light.profile), state.threads)
 
 
 def _image_of(light: Light, filter_name: str, threads: int | None) -> LoadedImage:
@@ -96,20 +97,24 @@ def slide_colors(slide: Slide, points: FloatArray, steps: FloatArray | None = No
     return colors * coverage[:, None]
 
 
-def _prepare(picture: Picture, target: Target) -> Slide:
+def _prepare(state: RenderState, target: Target) -> Slide:
     assert target is not None
-    place = "light profiles", target
-    return slide_of(picture.lights[target], picture.value("lights", target), picture.values[place])
+    light, placed = state.lights[target], state.of(PLACED_LIGHTS, target)
+    return slide_of(light, placed, state.of(SLIDE_IMAGES, target))
 
 
-def _dim(fragments: Fragments, picture: Picture, index: int, incident: Incident) -> None:
-    slide: Slide = picture.value("light profiles", index)
+def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+    slide = state.of(SLIDES, index)
     assert fragments.positions is not None
     steps = None
     if slide.image.filter in FILTERS_WITH_FOOTPRINT:
-        steps = pixel_steps(fragments, picture)
+        steps = pixel_steps(fragments, state)
     incident.radiance = incident.radiance * slide_colors(slide, fragments.positions, steps)
 
+
+SLIDE_IMAGES = Result(_load)
+
+SLIDES = Result(_prepare)
 
 LIGHT_PROFILES = Effect(
     name="light profiles",
@@ -117,8 +122,8 @@ LIGHT_PROFILES = Effect(
     of="light",
     called_for=_called_for,
     left_out="no light has a slide",
-    needs=lambda question, target: ("lights",),
-    load=_load,
-    prepare=_prepare,
+    needs=lambda request, target: ("lights",),
+    load=SLIDE_IMAGES,
+    prepare=SLIDES,
     dim=_dim,
 )

@@ -17,20 +17,21 @@ import numpy as np
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
+from texbake.rendering.effect import (
+    Call,
+    Effect,
+    Refusal,
+    RenderState,
+    Result,
+    Target,
+)
 from texbake.rendering.fragments import (
     Floats,
     Fragments,
     Incident,
     one_row,
 )
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
-    Call,
-    Effect,
-    Refusal,
-    Target,
-)
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 
 # Nearest that a point counts to be to a light, in model units; there its strength stays finite.
@@ -70,20 +71,20 @@ class PlacedLight:
         return np.stack([right, np.cross(-self.direction, right), -self.direction])
 
 
-def _called_for(question: Question) -> Iterator[Call | Refusal]:
-    for index, light in enumerate(question.scene.lighting.lights):
+def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    for index, light in enumerate(request.scene.lighting.lights):
         name = f'light "{light.name}"'
         if light.intensity == 0.0 or not any(light.color):
             yield Refusal(name, "it is dark")
-        elif not question.lit:
+        elif not request.lit:
             yield Refusal(name, "no object in the picture is lit")
         else:
             yield Call(index, name, f"it is {light.kind}")
 
 
-def _prepare(picture: Picture, target: Target) -> PlacedLight:
+def _prepare(state: RenderState, target: Target) -> PlacedLight:
     assert target is not None
-    return placed_light(picture.lights[target], picture.camera)
+    return placed_light(state.lights[target], state.camera)
 
 
 def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
@@ -179,25 +180,27 @@ def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> 
     return found
 
 
-def incident(fragments: Fragments, picture: Picture, index: int) -> Incident:
+def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
     """Light of one lamp as it reaches fragments, dimmed by whatever the plan has for it."""
     assert fragments.normals is not None
-    found = arriving(picture.value("lights", index), fragments.positions, fragments.normals)
-    for item in picture.plan.passes:
+    found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
+    for item in state.plan.passes:
         if item.effect.dim is not None and index in item.targets:
-            with picture.costs.timed(item.name):
-                item.effect.dim(fragments, picture, index, found)
+            with state.costs.timed(item.name):
+                item.effect.dim(fragments, state, index, found)
     return found
 
 
-def shining(question: Question) -> tuple[int, ...]:
+def shining(request: RenderRequest) -> tuple[int, ...]:
     """Lights that are not dark."""
     return tuple(
         index
-        for index, light in enumerate(question.scene.lighting.lights)
+        for index, light in enumerate(request.scene.lighting.lights)
         if light.intensity > 0.0 and any(light.color)
     )
 
+
+PLACED_LIGHTS = Result(_prepare)
 
 LIGHTS = Effect(
     name="lights",
@@ -205,5 +208,5 @@ LIGHTS = Effect(
     of="light",
     called_for=_called_for,
     left_out="the scene has no lights",
-    prepare=_prepare,
+    prepare=PLACED_LIGHTS,
 )

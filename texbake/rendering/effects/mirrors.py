@@ -26,19 +26,24 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.rendering.camera import Camera
-from texbake.rendering.effects.environment import PlacedEnvironment, mirrored_kernel
+from texbake.rendering.effect import (
+    Call,
+    Effect,
+    Refusal,
+    RenderState,
+    Result,
+    Target,
+)
+from texbake.rendering.effects.environment import (
+    ENVIRONMENT_MAP,
+    PlacedEnvironment,
+    mirrored_kernel,
+)
 from texbake.rendering.effects.lights import in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
 from texbake.rendering.fragments import Floats, Fragments, row_of
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
-    Call,
-    Effect,
-    Refusal,
-    Target,
-)
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.cube_map import CubeChain, CubeMap, cube_face_axes
@@ -55,22 +60,22 @@ def _mirrors(material: Material) -> Iterator[tuple[str, Reflection | Refraction]
             yield name, mirror
 
 
-def _called_for(name: str) -> Callable[[Question], Iterator[Call]]:
-    def called_for(question: Question) -> Iterator[Call]:
-        for index in question.shaded:
-            if getattr(question.material(index), name) is not None:
-                yield Call(index, question.name(index), f"its material has a {name}")
+def _called_for(name: str) -> Callable[[RenderRequest], Iterator[Call]]:
+    def called_for(request: RenderRequest) -> Iterator[Call]:
+        for index in request.shaded:
+            if getattr(request.material(index), name) is not None:
+                yield Call(index, request.name(index), f"its material has a {name}")
 
     return called_for
 
 
-def _needs(name: str) -> Callable[[Question, Target], Iterator[str]]:
-    def needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(name: str) -> Callable[[RenderRequest, Target], Iterator[str]]:
+    def needs(request: RenderRequest, target: Target) -> Iterator[str]:
         assert target is not None
-        material = question.material(target)
-        yield from (normals_effect(question, target), "view directions")
+        material = request.material(target)
+        yield from (normals_effect(request, target), "view directions")
         mirror: Reflection | Refraction = getattr(material, name)
-        if question.scene.lighting.environment is not None:
+        if request.scene.lighting.environment is not None:
             yield "environment"
         if isinstance(mirror.strength, ImageTexture):
             yield "images"
@@ -80,38 +85,35 @@ def _needs(name: str) -> Callable[[Question, Target], Iterator[str]]:
     return needs
 
 
-def _rendered_called_for(question: Question) -> Iterator[Call | Refusal]:
-    for index in question.shaded:
-        for name, mirror in _mirrors(question.material(index)):
+def _rendered_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    for index in request.shaded:
+        for name, mirror in _mirrors(request.material(index)):
             if mirror.environment != "rendered":
                 continue
-            if question.depth > question.options.bounces:
-                yield Refusal(question.name(index), f"{question.depth} reflections are enough")
-            elif len(question.scene.objects) == 1:
-                yield Refusal(question.name(index), "there is nothing else that it could show")
+            if request.depth > request.options.bounces:
+                yield Refusal(request.name(index), f"{request.depth} reflections are enough")
+            elif len(request.scene.objects) == 1:
+                yield Refusal(request.name(index), "there is nothing else that it could show")
             else:
-                yield Call(index, question.name(index), f"its {name} is of the scene around it")
+                yield Call(index, request.name(index), f"its {name} is of the scene around it")
 
 
-def _load(picture: Picture, target: Target) -> PlacedEnvironment | None:
+def _load(state: RenderState, target: Target) -> PlacedEnvironment | None:
     """Return what an object shows, once for all cameras where none of the lights follows them."""
-    return (
-        None if any(light.follows_camera for light in picture.lights) else _render(picture, target)
-    )
+    return None if any(light.follows_camera for light in state.lights) else _render(state, target)
 
 
-def _prepare(picture: Picture, target: Target) -> PlacedEnvironment:
-    known: PlacedEnvironment | None = picture.value("rendered environment", target)
-    return known or _render(picture, target)
+def _prepare(state: RenderState, target: Target) -> PlacedEnvironment:
+    return state.of(FIXED_ENVIRONMENTS, target) or _render(state, target)
 
 
-def _render(picture: Picture, target: Target) -> PlacedEnvironment:
+def _render(state: RenderState, target: Target) -> PlacedEnvironment:
     """Six pictures of everything else, from the middle of the object's bounding box."""
     assert target is not None
-    positions = picture.drawn(target).positions
+    positions = state.drawn(target).positions
     low, high = positions.min(axis=0), positions.max(axis=0)
     extent = float(np.linalg.norm(high - low))
-    size = max(mirror.size for _, mirror in _mirrors(picture.question.material(target)))
+    size = max(mirror.size for _, mirror in _mirrors(state.request.material(target)))
     cameras = [
         Camera(
             eye=0.5 * low + 0.5 * high,
@@ -122,29 +124,27 @@ def _render(picture: Picture, target: Target) -> PlacedEnvironment:
         for face in range(6)
     ]
     # All are seen in a mirror but the mirror itself, which may yet be seen in others.
-    around = tuple(
-        replace(item, visible=i != target) for i, item in enumerate(picture.scene.objects)
-    )
+    around = tuple(replace(item, visible=i != target) for i, item in enumerate(state.scene.objects))
     options = replace(
-        picture.options, width=size, height=size, supersampling=1, background=(0.0, 0.0, 0.0)
+        state.options, width=size, height=size, supersampling=1, background=(0.0, 0.0, 0.0)
     )
-    lights = tuple(in_world(light, picture.camera) for light in picture.lights)
+    lights = tuple(in_world(light, state.camera) for light in state.lights)
     scene = replace(
-        picture.scene, objects=around, lighting=replace(picture.scene.lighting, lights=lights)
+        state.scene, objects=around, lighting=replace(state.scene.lighting, lights=lights)
     )
-    views = picture.draw_others(scene, cameras, options)
+    views = state.draw_others(scene, cameras, options)
     cube = CubeMap.from_views(np.stack([view[..., :3] for view in views]))
     return PlacedEnvironment(CubeChain.of([cube]), np.eye(3))
 
 
 def _environment(
-    fragments: Fragments, picture: Picture, mirror: Reflection | Refraction
+    fragments: Fragments, state: RenderState, mirror: Reflection | Refraction
 ) -> PlacedEnvironment | None:
     """Return what a mirror shows; None is black."""
     found: PlacedEnvironment | None = None
     if mirror.environment == "rendered":
-        found = picture.value("rendered environment", fragments.target)
-    return found or picture.value("environment")
+        found = state.get(RENDERED_ENVIRONMENTS, fragments.target)
+    return found or state.get(ENVIRONMENT_MAP)
 
 
 @kernel
@@ -179,11 +179,11 @@ def _mix_kernel(normals, to_eye, strength, seen, fresnel, out):  # type: ignore[
             out[i, k] += share * (seen[i, k] - out[i, k])
 
 
-def _mix(fragments: Fragments, picture: Picture, name: str, directions: Floats) -> None:
+def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats) -> None:
     """Replace a share of the light by what the environment shows."""
     mirror = getattr(fragments.drawn.material, name)
-    environment = _environment(fragments, picture, mirror)
-    strength = slot_values(fragments, picture, f"{name}.strength", mirror.strength, 3)
+    environment = _environment(fragments, state, mirror)
+    strength = slot_values(fragments, state, f"{name}.strength", mirror.strength, 3)
     seen = np.zeros_like(directions) if environment is None else environment.look(directions)
     _mix_kernel(
         fragments.normals, fragments.to_eye, strength, seen, getattr(mirror, "fresnel", False),
@@ -191,14 +191,14 @@ def _mix(fragments: Fragments, picture: Picture, name: str, directions: Floats) 
     )  # fmt: skip
 
 
-def _reflect(fragments: Fragments, picture: Picture) -> None:
+def _reflect(fragments: Fragments, state: RenderState) -> None:
     assert fragments.normals is not None and fragments.to_eye is not None
     directions = np.empty_like(fragments.normals)
     mirrored_kernel(fragments.normals, fragments.to_eye, directions)
-    _mix(fragments, picture, "reflection", directions)
+    _mix(fragments, state, "reflection", directions)
 
 
-def _refract(fragments: Fragments, picture: Picture) -> None:
+def _refract(fragments: Fragments, state: RenderState) -> None:
     assert fragments.normals is not None
     directions = np.empty_like(fragments.normals)
     refraction = fragments.drawn.material.refraction
@@ -207,17 +207,21 @@ def _refract(fragments: Fragments, picture: Picture) -> None:
         fragments.normals, fragments.to_eye, fragments.back_facing, float(refraction.index),
         directions,
     )  # fmt: skip
-    _mix(fragments, picture, "refraction", directions)
+    _mix(fragments, state, "refraction", directions)
 
+
+FIXED_ENVIRONMENTS = Result(_load)
+
+RENDERED_ENVIRONMENTS = Result(_prepare)
 
 RENDERED_ENVIRONMENT = Effect(
     name="rendered environment",
     does="takes six pictures of what lies around an object",
     called_for=_rendered_called_for,
     left_out="no material in the picture reflects or refracts the scene around it",
-    load=_load,
+    load=FIXED_ENVIRONMENTS,
     of_the_others=True,
-    prepare=_prepare,
+    prepare=RENDERED_ENVIRONMENTS,
 )
 
 REFRACTION = Effect(

@@ -16,40 +16,41 @@ import numpy.typing as npt
 
 from texbake.kernels import kernel
 from texbake.mesh.tangents import corner_tangents
-from texbake.rendering.effects.images import image_of, look_up
-from texbake.rendering.effects.normals import finish_normal
-from texbake.rendering.fragments import Fragments
-from texbake.rendering.maps import normal_space
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
+    RenderState,
+    Result,
     Target,
     only_when_needed,
 )
-from texbake.rendering.plan.question import Question
+from texbake.rendering.effects.images import image_of, look_up
+from texbake.rendering.effects.normals import MESH_NORMALS, finish_normal
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
+from texbake.rendering.request import RenderRequest
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    shaded = question.shaded if "normals" in question.keep else question.lit
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    shaded = request.shaded if "normals" in request.keep else request.lit
     for index in shaded:
-        if question.material(index).normal_map is not None:
-            yield Call(index, question.name(index), "its material has a normal map")
+        if request.material(index).normal_map is not None:
+            yield Call(index, request.name(index), "its material has a normal map")
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
     yield "images"
-    holder = question.material(target).normal_map
+    holder = request.material(target).normal_map
     assert holder is not None
     if (holder.space or normal_space(holder.texture.image)) == "tangent":
         yield from ("vertex normals", "tangents")
 
 
-def _load_tangents(picture: Picture, target: Target) -> npt.NDArray[np.float32]:
+def _load_tangents(state: RenderState, target: Target) -> npt.NDArray[np.float32]:
     assert target is not None
-    mesh = picture.drawn(target).mesh
+    mesh = state.drawn(target).mesh
     tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
     return read_only(tangents, np.float32)
 
@@ -109,35 +110,37 @@ def _turn_kernel(texels, matrix, back_facing, back, out):  # type: ignore[no-unt
         )
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
+def _shade(fragments: Fragments, state: RenderState) -> None:
     target = fragments.target
-    texels = look_up(fragments, picture, "normal_map.texture")
+    texels = look_up(fragments, state, "normal_map.texture")
     fragments.normals = np.empty((len(fragments), 3), np.float32)
-    space = image_of(picture, target, "normal_map.texture").space
+    space = image_of(state, target, "normal_map.texture").space
     holder = fragments.drawn.material.normal_map
     assert holder is not None
     if space == "tangent":
-        normals, corners = picture.value("vertex normals", target)
+        normals, corners = state.of(MESH_NORMALS, target)
         _bend_kernel(
-            normals, corners, picture.value("tangents", target), fragments.faces,
+            normals, corners, state.of(MESH_TANGENTS, target), fragments.faces,
             fragments.weights, texels, float(holder.strength), fragments.back_facing,
-            picture.camera.axes[2], fragments.normals,
+            state.camera.axes[2], fragments.normals,
         )  # fmt: skip
         return
     inverse = fragments.drawn.object_from_world
     matrix = np.eye(3)
     if space == "object" and inverse is not None:
         matrix = np.ascontiguousarray(inverse[:3, :3].T)
-    _turn_kernel(texels, matrix, fragments.back_facing, picture.camera.axes[2], fragments.normals)
+    _turn_kernel(texels, matrix, fragments.back_facing, state.camera.axes[2], fragments.normals)
 
+
+MESH_TANGENTS = Result(_load_tangents)
 
 TANGENTS = Effect(
     name="tangents",
     does="finds MikkTSpace tangents",
     called_for=only_when_needed,
     left_out="nothing in the picture is told in tangent space",
-    needs=lambda question, target: ("vertex normals", "texture coordinates"),
-    load=_load_tangents,
+    needs=lambda request, target: ("vertex normals", "texture coordinates"),
+    load=MESH_TANGENTS,
 )
 
 NORMAL_MAP = Effect(

@@ -15,28 +15,29 @@ import numpy as np
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
-from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
+    RenderState,
+    Result,
     Target,
     only_when_needed,
 )
-from texbake.rendering.plan.question import Question
+from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.raster.world import read_only
+from texbake.rendering.request import RenderRequest
 
 
-def _load(picture: Picture, target: Target) -> tuple[FloatArray, IntArray]:
+def _load(state: RenderState, target: Target) -> tuple[FloatArray, IntArray]:
     assert target is not None
-    normals, corners = shading_normals(picture.drawn(target).mesh, threads=picture.threads)
+    normals, corners = shading_normals(state.drawn(target).mesh, threads=state.threads)
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    if "normals" in question.keep:
-        for index in question.shaded:
-            if question.material(index).normal_map is None:
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    if "normals" in request.keep:
+        for index in request.shaded:
+            if request.material(index).normal_map is None:
                 yield Call(index, "the caller", "the frame keeps normals")
 
 
@@ -63,32 +64,34 @@ def _interpolate_kernel(normals, corners, faces, weights, back_facing, back, out
         finish_normal(x, y, z, -1.0 if back_facing[i] else 1.0, back, out[i])
 
 
-def interpolated_normals(fragments: Fragments, picture: Picture) -> Floats:
+def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
     """(n, 3) float32: unit normals of the mesh, or of the finer triangles that are drawn."""
     drawn = fragments.drawn
     if drawn.normals is not None and drawn.normal_faces is not None:
         normals, corners = drawn.normals, drawn.normal_faces
         faces, weights = fragments.drawn_faces, fragments.drawn_weights
     else:
-        normals, corners = picture.value("vertex normals", fragments.target)
+        normals, corners = state.of(MESH_NORMALS, fragments.target)
         faces, weights = fragments.faces, fragments.weights
     out = np.empty((len(fragments), 3), np.float32)
     _interpolate_kernel(
-        normals, corners, faces, weights, fragments.back_facing, picture.camera.axes[2], out
+        normals, corners, faces, weights, fragments.back_facing, state.camera.axes[2], out
     )
     return out
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
-    fragments.normals = interpolated_normals(fragments, picture)
+def _shade(fragments: Fragments, state: RenderState) -> None:
+    fragments.normals = interpolated_normals(fragments, state)
 
+
+MESH_NORMALS = Result(_load)
 
 VERTEX_NORMALS = Effect(
     name="vertex normals",
     does="finds the normals of vertices",
     called_for=only_when_needed,
     left_out="nothing in the picture has a side that light could fall on",
-    load=_load,
+    load=MESH_NORMALS,
 )
 
 NORMALS = Effect(
@@ -96,6 +99,6 @@ NORMALS = Effect(
     does="interpolates normals",
     called_for=_called_for,
     left_out="no object in the picture is lit by the normals of its mesh",
-    needs=lambda question, target: ("vertex normals",),
+    needs=lambda request, target: ("vertex normals",),
     shade=_shade,
 )

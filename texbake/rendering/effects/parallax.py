@@ -31,12 +31,11 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.rendering.surface_steps import steps_along_texture
 from texbake.texture.interpolation import bilinear_cell, interpolate_cell, wrap_to_unit
@@ -71,15 +70,15 @@ class TextureSlopes:
         return self.slopes.nbytes + self.sizes.nbytes
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        if question.material(index).parallax is not None:
-            yield Call(index, question.name(index), "its material has a parallax map")
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        if request.material(index).parallax is not None:
+            yield Call(index, request.name(index), "its material has a parallax map")
 
 
-def _load(picture: Picture, target: Target) -> TextureSlopes:
+def _load(state: RenderState, target: Target) -> TextureSlopes:
     assert target is not None
-    mesh = picture.drawn(target).mesh
+    mesh = state.drawn(target).mesh
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
     along = steps_along_texture(mesh.corner_uvs()).reshape(-1, 2, 2) @ edges  # P_u and P_v
@@ -92,11 +91,11 @@ def _load(picture: Picture, target: Target) -> TextureSlopes:
     return TextureSlopes(slopes, np.sqrt(areas))
 
 
-def _ways(fragments: Fragments, picture: Picture, depth: float) -> FloatArray:
+def _ways(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
     """(n, 2) float64: how far in (u, v) the eye's ray gets while it falls by `depth`."""
-    known: TextureSlopes = picture.value("parallax", fragments.target)
+    known = state.of(TEXTURE_SLOPES, fragments.target)
     assert fragments.to_eye is not None
-    normals = interpolated_normals(fragments, picture).astype(np.float64)
+    normals = interpolated_normals(fragments, state).astype(np.float64)
     to_eye = fragments.to_eye.astype(np.float64)
     facing = np.einsum("ij,ij->i", normals, to_eye)
     along = facing[:, None] * normals - to_eye
@@ -108,12 +107,12 @@ def _ways(fragments: Fragments, picture: Picture, depth: float) -> FloatArray:
     return np.where(np.isfinite(ways).all(axis=1, keepdims=True), ways, 0.0)
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
+def _shade(fragments: Fragments, state: RenderState) -> None:
     holder = fragments.drawn.material.parallax
     uvs, uv_changes = fragments.uvs, fragments.uv_changes
     assert holder is not None and uvs is not None
-    ways = _ways(fragments, picture, holder.depth)
-    image = image_of(picture, fragments.target, _NAME)
+    ways = _ways(fragments, state, holder.depth)
+    image = image_of(state, fragments.target, _NAME)
     starts, steps = uvs, ways
     if image.turn is not None:
         starts, steps = uvs @ image.turn.T + image.offset, ways @ image.turn.T
@@ -196,12 +195,14 @@ def _follow_kernel(  # type: ignore[no-untyped-def]
         shares[i] = far
 
 
+TEXTURE_SLOPES = Result(_load)
+
 PARALLAX = Effect(
     name="parallax",
     does="moves texture coordinates to where the eye meets heights",
     called_for=_called_for,
     left_out="no material in the picture has a parallax map",
-    needs=lambda question, target: ("images", "view directions", "vertex normals"),
-    load=_load,
+    needs=lambda request, target: ("images", "view directions", "vertex normals"),
+    load=TEXTURE_SLOPES,
     shade=_shade,
 )

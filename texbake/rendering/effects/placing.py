@@ -6,20 +6,20 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.rendering.picture import DrawnObject, Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.fragments import DrawnObject
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.placing import placed
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index in range(len(question.scene.objects)):
-        yield Call(index, question.name(index), "it is in the scene")
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in range(len(request.scene.objects)):
+        yield Call(index, request.name(index), "it is in the scene")
 
 
-def _load(picture: Picture, target: Target) -> DrawnObject:
+def _load(state: RenderState, target: Target) -> DrawnObject:
     assert target is not None
-    item = picture.scene.objects[target]
+    item = state.scene.objects[target]
     mesh = placed(item)
     inverse = None if item.transform is None else np.linalg.inv(item.transform)
     return DrawnObject(
@@ -31,11 +31,13 @@ def _load(picture: Picture, target: Target) -> DrawnObject:
     )
 
 
+PLACED_OBJECTS = Result(_load)
+
 PLACING = Effect(
     name="placing",
     does="takes meshes to world space",
     called_for=_called_for,
     left_out="there is no object",
-    load=_load,
+    load=PLACED_OBJECTS,
     moves_surface=True,
 )

@@ -16,13 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import LoadedImage
 from texbake.rendering.effects.projection import load_slide, pixel_steps, thrown
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.maps import colors_and_opacity_from
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 
@@ -40,19 +39,19 @@ class _Thrown:
         return self.image.n_bytes
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        if question.material(index).projected:
-            yield Call(index, question.name(index), "a picture is thrown onto it")
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        if request.material(index).projected:
+            yield Call(index, request.name(index), "a picture is thrown onto it")
 
 
-def _load(picture: Picture, target: Target) -> list[_Thrown]:
+def _load(state: RenderState, target: Target) -> list[_Thrown]:
     assert target is not None
-    material = picture.question.material(target)
-    return [_loaded(picture, item, i) for i, item in enumerate(material.projected)]
+    material = state.request.material(target)
+    return [_loaded(state, item, i) for i, item in enumerate(material.projected)]
 
 
-def _loaded(picture: Picture, item: ProjectedTexture, place: int) -> _Thrown:
+def _loaded(state: RenderState, item: ProjectedTexture, place: int) -> _Thrown:
     texture = item.texture
     colors, opacity = colors_and_opacity_from(texture.image, color=texture.color is not False)
     if opacity is None:
@@ -63,33 +62,35 @@ def _loaded(picture: Picture, item: ProjectedTexture, place: int) -> _Thrown:
     image = load_slide(
         replace(texture, factor=1.0, border=(0.0,)),
         texels,
-        filter_name=picture.question.filter_of(texture),
+        filter_name=state.request.filter_of(texture),
         name=f"projected[{place}].texture",
-        threads=picture.threads,
+        threads=state.threads,
     )
     return _Thrown(image, np.asarray(item.matrix, np.float64), item.strength)
 
 
-def _shade(fragments: Fragments, picture: Picture) -> None:
-    base = fragments.values["base_color"]
-    pictures: list[_Thrown] = picture.value("projected textures", fragments.target)
+def _shade(fragments: Fragments, state: RenderState) -> None:
+    base = fragments.values.base_color
+    pictures = state.of(THROWN_PICTURES, fragments.target)
     steps = None
     if any(item.image.filter in FILTERS_WITH_FOOTPRINT for item in pictures):
-        steps = pixel_steps(fragments, picture)
+        steps = pixel_steps(fragments, state)
     assert fragments.positions is not None
     for item in pictures:
         values, coverage = thrown(item.image, item.matrix, fragments.positions, steps)
         share = (item.strength * coverage)[:, None]
         base = base * (1.0 - share * values[:, 3:]) + share * values[:, :3]
-    fragments.values["base_color"] = np.ascontiguousarray(base, np.float32)
+    fragments.slots = replace(fragments.values, base_color=np.ascontiguousarray(base, np.float32))
 
+
+THROWN_PICTURES = Result(_load)
 
 PROJECTED_TEXTURES = Effect(
     name="projected textures",
     does="throws pictures onto surfaces",
     called_for=_called_for,
     left_out="no picture is thrown onto what is in the picture",
-    needs=lambda question, target: ("slots", "positions"),
-    load=_load,
+    needs=lambda request, target: ("slots", "positions"),
+    load=THROWN_PICTURES,
     shade=_shade,
 )

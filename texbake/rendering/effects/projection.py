@@ -22,6 +22,7 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.images import (
     LoadedImage,
     image_values,
@@ -29,7 +30,6 @@ from texbake.rendering.effects.images import (
     with_levels,
 )
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.picture import Picture
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
 from texbake.texture.image import FloatImage
 
@@ -77,7 +77,7 @@ def _steps_kernel(points, corners, faces, drawn_faces, places, rays, eye, out): 
                 out[i, j, k] = along * (rays[1 + j, k] - turn / facing * ray[k])
 
 
-def pixel_steps(fragments: Fragments, picture: Picture) -> FloatArray:
+def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
     """(n, 2, 3) float64: how far points move in the world for one pixel to the right, and down.
 
     Not finite where a triangle is seen exactly edge-on.
@@ -86,8 +86,8 @@ def pixel_steps(fragments: Fragments, picture: Picture) -> FloatArray:
     steps = np.empty((len(fragments), 2, 3))
     _steps_kernel(
         fragments.positions, drawn.positions, drawn.faces, fragments.drawn_faces, fragments.places,
-        picture.camera.view_rays(picture.options.width, picture.options.height),
-        np.ascontiguousarray(picture.camera.eye), steps,
+        state.camera.view_rays(state.options.width, state.options.height),
+        np.ascontiguousarray(state.camera.eye), steps,
     )  # fmt: skip
     return steps
 

@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from texbake.kernels import kernel
+from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.lights import incident, shining
 from texbake.rendering.fragments import (
     Floats,
@@ -33,34 +34,32 @@ from texbake.rendering.fragments import (
     row_dot,
     row_of,
 )
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.request import RenderRequest
 
 # Roughness below this gives highlights narrower than a float32 normal can tell.
 LEAST_ALPHA = 1e-3
 
 
-def _called_for(shading: str) -> Callable[[Question], Iterator[Call]]:
-    def called_for(question: Question) -> Iterator[Call]:
-        for index in question.lit:
-            if question.material(index).shading == shading and shining(question):
-                yield Call(index, question.name(index), f"its shading is {shading}")
+def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
+    def called_for(request: RenderRequest) -> Iterator[Call]:
+        for index in request.lit:
+            if request.material(index).shading == shading and shining(request):
+                yield Call(index, request.name(index), f"its shading is {shading}")
 
     return called_for
 
 
-def normals_effect(question: Question, target: int) -> str:
+def normals_effect(request: RenderRequest, target: int) -> str:
     """Return the effect that an object's normals come from, before any bump."""
-    return "normals" if question.material(target).normal_map is None else "normal map"
+    return "normals" if request.material(target).normal_map is None else "normal map"
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    yield from ("slots", normals_effect(question, target))
-    if question.material(target).shading != "lambert":
+    yield from ("slots", normals_effect(request, target))
+    if request.material(target).shading != "lambert":
         yield "view directions"
-    if any(question.light(index).kind != "directional" for index in shining(question)):
+    if any(request.light(index).kind != "directional" for index in shining(request)):
         yield "positions"
 
 
@@ -148,15 +147,15 @@ def add_lambert(normals: Floats, arriving: Incident, base: Floats, light: Floats
 
 def _lambert(fragments: Fragments, light: Incident) -> None:
     assert fragments.normals is not None
-    add_lambert(fragments.normals, light, fragments.values["base_color"], fragments.light)
+    add_lambert(fragments.normals, light, fragments.values.base_color, fragments.light)
 
 
 def _blinn_phong(fragments: Fragments, light: Incident) -> None:
     values = fragments.values
     _blinn_phong_kernel(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
-        values["base_color"], values["specular"], values["exponent"],
-        values.get("gloss", _ONE), fragments.light,
+        values.base_color, values.specular, values.exponent,
+        _ONE if values.gloss is None else values.gloss, fragments.light,
     )  # fmt: skip
 
 
@@ -164,29 +163,29 @@ def _metallic(fragments: Fragments, light: Incident) -> None:
     values = fragments.values
     _metallic_kernel(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
-        values["base_color"], values["roughness"], values["metalness"],
+        values.base_color, values.roughness, values.metalness,
         head_on(fragments.drawn.material.ior), fragments.light,
     )  # fmt: skip
 
 
 def _reflecting(
     reflect: Callable[[Fragments, Incident], None],
-) -> Callable[[Fragments, Picture], None]:
-    def shade(fragments: Fragments, picture: Picture) -> None:
-        for index in shining(picture.question):
-            reflect(fragments, incident(fragments, picture, index))
+) -> Callable[[Fragments, RenderState], None]:
+    def shade(fragments: Fragments, state: RenderState) -> None:
+        for index in shining(state.request):
+            reflect(fragments, incident(fragments, state, index))
 
     return shade
 
 
-def _unlit_called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        if question.material(index).shading == "unlit":
-            yield Call(index, question.name(index), "its shading is unlit")
+def _unlit_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        if request.material(index).shading == "unlit":
+            yield Call(index, request.name(index), "its shading is unlit")
 
 
-def _show_base(fragments: Fragments, picture: Picture) -> None:
-    fragments.light += fragments.values["base_color"]
+def _show_base(fragments: Fragments, state: RenderState) -> None:
+    fragments.light += fragments.values.base_color
 
 
 UNLIT = Effect(
@@ -194,7 +193,7 @@ UNLIT = Effect(
     does="shows the base color",
     called_for=_unlit_called_for,
     left_out="no material in the picture is unlit",
-    needs=lambda question, target: ("slots",),
+    needs=lambda request, target: ("slots",),
     shade=_show_base,
 )
 

@@ -21,8 +21,8 @@ from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.camera import Camera
+from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
-from texbake.rendering.picture import Picture
 from texbake.rendering.raster.world import object_of
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import SceneObject
@@ -51,11 +51,11 @@ def corners_of(item: SceneObject) -> Box:
     return np.asarray(corners @ item.transform[:3, :3].T + item.transform[:3, 3])
 
 
-def box_of(picture: Picture, index: int) -> Box:
+def box_of(state: RenderState, index: int) -> Box:
     """(8, 3): corners of the bounding box of an object as it is drawn."""
-    if picture.value("displacement", index) is None:
-        return corners_of(picture.scene.objects[index])
-    points = picture.drawn(index).positions
+    if state.drawn(index).base_faces is None:
+        return corners_of(state.scene.objects[index])
+    points = state.drawn(index).positions
     return _corners(np.stack([points.min(axis=0), points.max(axis=0)]))
 
 
@@ -241,33 +241,33 @@ def _bounds_kernel(  # type: ignore[no-untyped-def]
 
 
 def seen_bounds(
-    picture: Picture, placed: PlacedLight, receivers: Sequence[int]
+    state: RenderState, placed: PlacedLight, receivers: Sequence[int]
 ) -> dict[int, FloatArray]:
     """(2, 3) for each of some objects: bounds, along a light's axes, of what the picture shows.
 
     Of objects that light goes through, which no sample keeps, the whole box. Least above greatest
     where nothing is seen.
     """
-    visibility = picture.value("visibility")
+    visibility = state.visible.visibility
     height, width = visibility.face_ids.shape
-    receives = np.zeros(picture.world.n_objects, np.bool_)
+    receives = np.zeros(state.world.n_objects, np.bool_)
     receives[list(receivers)] = True
     bounds = np.empty((-(-height // _ROWS), len(receives), 2, 3))
     bounds[:, :, 0], bounds[:, :, 1] = np.inf, -np.inf
-    rays = picture.camera.view_rays(width, height)
-    eye = np.ascontiguousarray(picture.camera.eye, np.float64)
+    rays = state.camera.view_rays(width, height)
+    eye = np.ascontiguousarray(state.camera.eye, np.float64)
 
     def work(start: int, stop: int) -> None:
         _bounds_kernel(
-            visibility.face_ids, visibility.depths, rays, eye, float(picture.camera.near),
-            picture.world.starts, receives, placed.axes, _DEPTH_ROUNDING, start, stop,
+            visibility.face_ids, visibility.depths, rays, eye, float(state.camera.near),
+            state.world.starts, receives, placed.axes, _DEPTH_ROUNDING, start, stop,
             bounds[start // _ROWS],
         )  # fmt: skip
 
-    run_bands(work, height, band=_ROWS, threads=picture.threads)
+    run_bands(work, height, band=_ROWS, threads=state.threads)
     found = np.stack([bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0)], axis=1)
     for index in receivers:
-        if picture.plan.has("transparency", index):
-            along = box_of(picture, index) @ placed.axes.T
+        if state.plan.has("transparency", index):
+            along = box_of(state, index) @ placed.axes.T
             found[index] = along.min(axis=0), along.max(axis=0)
     return {index: found[index] for index in receivers}

@@ -17,7 +17,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.rendering.effects.lights import PlacedLight, placed_light, shining
+from texbake.rendering.effect import (
+    Call,
+    Effect,
+    Refusal,
+    RenderState,
+    Result,
+    Target,
+)
+from texbake.rendering.effects.lights import PLACED_LIGHTS, placed_light, shining
 from texbake.rendering.effects.shadow_filter import ShadowMap, lit_radiance
 from texbake.rendering.effects.shadow_fit import (
     Box,
@@ -30,30 +38,25 @@ from texbake.rendering.effects.shadow_fit import (
     shading_pairs,
 )
 from texbake.rendering.fragments import Fragments, Incident
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
-    Call,
-    Effect,
-    Refusal,
-    Target,
-)
-from texbake.rendering.plan.question import Question
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, SKIP
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 
 
-def _pairs(question: Question, index: int, picture: Picture | None = None) -> list[Pair] | str:
+def _pairs(
+    request: RenderRequest, index: int, state: RenderState | None = None
+) -> list[Pair] | str:
     """Pairs of what may cast and what may receive shadows of a light, or why there are none.
 
     With a picture it is known which objects are seen, and how far displaced ones reach.
     """
-    objects = question.scene.objects
+    objects = request.scene.objects
     casters = [i for i, item in enumerate(objects) if item.casts_shadows]
-    receivers = [i for i in question.lit if objects[i].receives_shadows]
-    if picture is not None:
-        receivers = [i for i in receivers if i in picture.seen]
-    if index not in shining(question):
+    receivers = [i for i in request.lit if objects[i].receives_shadows]
+    if state is not None:
+        receivers = [i for i in receivers if i in state.visible.objects]
+    if index not in shining(request):
         return "it is dark"
     if not receivers:
         return "nothing that receives shadows is in the picture"
@@ -61,55 +64,55 @@ def _pairs(question: Question, index: int, picture: Picture | None = None) -> li
         return "no object casts shadows"
 
     def box(i: int) -> Box | None:
-        if picture is not None:
-            return box_of(picture, i)
-        return None if question.material(i).displacement is not None else corners_of(objects[i])
+        if state is not None:
+            return box_of(state, i)
+        return None if request.material(i).displacement is not None else corners_of(objects[i])
 
     boxes = {i: box(i) for i in {*casters, *receivers}}
-    light = placed_light(question.light(index), question.camera)
+    light = placed_light(request.light(index), request.camera)
     pairs = shading_pairs(light, {i: boxes[i] for i in casters}, {i: boxes[i] for i in receivers})
     return pairs or "its shadows fall on nothing that is in the picture"
 
 
-def _called_for(question: Question) -> Iterator[Call | Refusal]:
-    for index, light in enumerate(question.scene.lighting.lights):
+def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    for index, light in enumerate(request.scene.lighting.lights):
         if light.shadow is not None:
-            name, found = f'light "{light.name}"', _pairs(question, index)
+            name, found = f'light "{light.name}"', _pairs(request, index)
             if isinstance(found, str):
                 yield Refusal(name, found)
             else:
                 yield Call(index, name, "it casts shadows")
 
 
-def _unneeded(picture: Picture, target: Target) -> str | None:
+def _unneeded(state: RenderState, target: Target) -> str | None:
     assert target is not None
-    found = _pairs(picture.question, target, picture)
+    found = _pairs(state.request, target, state)
     return found if isinstance(found, str) else None
 
 
-def _prepare(picture: Picture, target: Target) -> ShadowMap | None:
+def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
     """Rasterize the casters as a light sees them; None where none is before what is seen."""
     assert target is not None
-    light: Light = picture.lights[target]
-    placed: PlacedLight = picture.value("lights", target)
+    light: Light = state.lights[target]
+    placed = state.of(PLACED_LIGHTS, target)
     assert light.shadow is not None
-    pairs = _pairs(picture.question, target, picture)
+    pairs = _pairs(state.request, target, state)
     assert not isinstance(pairs, str)
     casters = sorted({caster for caster, _ in pairs})
-    boxes = {i: box_of(picture, i) for i in casters}
+    boxes = {i: box_of(state, i) for i in casters}
     shape = (light.shadow.size, light.shadow.size)
     if light.kind == "directional":
-        seen = seen_bounds(picture, placed, sorted({receiver for _, receiver in pairs}))
+        seen = seen_bounds(state, placed, sorted({receiver for _, receiver in pairs}))
         view = parallel_view(light, placed, [(boxes[i], seen[j]) for i, j in pairs])
         if view is None:
             return None
         views, shape = view[0][None], view[1]
     else:
         views = perspective_views(light, placed, list(boxes.values()))
-    modes = np.full(len(picture.scene.objects), SKIP, np.uint8)
+    modes = np.full(len(state.scene.objects), SKIP, np.uint8)
     modes[casters] = SHOW_BACK
     found = [
-        rasterize(picture.world, matrix, shape[1], shape[0], modes=modes, threads=picture.threads)
+        rasterize(state.world, matrix, shape[1], shape[0], modes=modes, threads=state.threads)
         for matrix in views
     ]
     return ShadowMap(
@@ -121,17 +124,17 @@ def _prepare(picture: Picture, target: Target) -> ShadowMap | None:
     )
 
 
-def _dim(fragments: Fragments, picture: Picture, index: int, incident: Incident) -> None:
-    shadow: ShadowMap | None = picture.value("shadow maps", index)
-    if shadow is None or not picture.plan.has("shadows", fragments.target):
+def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+    shadow = state.get(LIGHT_SHADOWS, index)
+    if shadow is None or not state.plan.has("shadows", fragments.target):
         return
-    light: PlacedLight = picture.value("lights", index)
-    first, stop = picture.world.starts[fragments.target : fragments.target + 2]
+    light = state.of(PLACED_LIGHTS, index)
+    first, stop = state.world.starts[fragments.target : fragments.target + 2]
     assert fragments.positions is not None and fragments.normals is not None
     incident.radiance = lit_radiance(
         shadow,
         light,
-        picture.world,
+        state.world,
         fragments.positions,
         fragments.normals,
         fragments.drawn_faces + np.int32(first),
@@ -140,14 +143,16 @@ def _dim(fragments: Fragments, picture: Picture, index: int, incident: Incident)
     )
 
 
-def _shadows_called_for(question: Question) -> Iterator[Call]:
-    for index, light in enumerate(question.scene.lighting.lights):
-        found = _pairs(question, index) if light.shadow is not None else "it casts none"
+def _shadows_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index, light in enumerate(request.scene.lighting.lights):
+        found = _pairs(request, index) if light.shadow is not None else "it casts none"
         if not isinstance(found, str):
             for receiver in sorted({receiver for _, receiver in found}):
                 why = f'shadows of light "{light.name}" may fall on it'
-                yield Call(receiver, question.name(receiver), why)
+                yield Call(receiver, request.name(receiver), why)
 
+
+LIGHT_SHADOWS = Result(_prepare)
 
 SHADOW_MAPS = Effect(
     name="shadow maps",
@@ -155,9 +160,9 @@ SHADOW_MAPS = Effect(
     of="light",
     called_for=_called_for,
     left_out="no light casts shadows",
-    needs=lambda question, target: ("lights",),
+    needs=lambda request, target: ("lights",),
     unneeded=_unneeded,
-    prepare=_prepare,
+    prepare=LIGHT_SHADOWS,
     dim=_dim,
 )
 
@@ -167,5 +172,5 @@ SHADOWS = Effect(
     does="tells what lies in shadow",
     called_for=_shadows_called_for,
     left_out="no shadow falls on anything in the picture",
-    needs=lambda question, target: ("positions",),
+    needs=lambda request, target: ("positions",),
 )

@@ -12,11 +12,10 @@ import numpy as np
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up
-from texbake.rendering.fragments import Floats, Fragments, one_row
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Call, Effect, Target
-from texbake.rendering.plan.question import Question
+from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
 from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
@@ -25,38 +24,37 @@ from texbake.texture.procedures import evaluate
 _SHARES = ("roughness", "metalness")
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        yield Call(
-            index, question.name(index), f"its shading is {question.material(index).shading}"
-        )
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        yield Call(index, request.name(index), f"its shading is {request.material(index).shading}")
 
 
-def _needs(question: Question, target: Target) -> Iterator[str]:
+def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    for _, texture in question.textures(target):
+    for _, texture in request.textures(target):
         yield "images" if isinstance(texture, ImageTexture) else "procedures"
 
 
-def _look_up_all(fragments: Fragments, picture: Picture) -> None:
+def _look_up_all(fragments: Fragments, state: RenderState) -> None:
     material = fragments.drawn.material
-    for name in picture.question.slots(fragments.target):
+    found: dict[str, Floats] = {}
+    for name in state.request.slots(fragments.target):
         channels = 3 if name in COLOR_SLOTS else 1
-        fragments.values[name] = slot_values(
-            fragments, picture, name, getattr(material, name), channels
-        )
+        found[name] = slot_values(fragments, state, name, getattr(material, name), channels)
         if name in _SHARES:
-            fragments.values[name] = np.clip(fragments.values[name], 0.0, 1.0)
+            found[name] = np.clip(found[name], 0.0, 1.0)
     if material.vertex_colors and fragments.drawn.mesh.colors is not None:
-        _multiply_vertex_colors(fragments)
+        colored = found["base_color"] * vertex_colors(fragments)[:, :3]
+        found["base_color"] = np.ascontiguousarray(colored, np.float32)
+    fragments.slots = SlotValues(**found)
 
 
 def slot_values(
-    fragments: Fragments, picture: Picture, name: str, slot: Slot, channels: int
+    fragments: Fragments, state: RenderState, name: str, slot: Slot, channels: int
 ) -> Floats:
     """(n or 1, channels) float32: what a slot holds at each fragment."""
     if isinstance(slot, ImageTexture):
-        return look_up(fragments, picture, name)
+        return look_up(fragments, state, name)
     if isinstance(slot, ProcedureTexture):
         return procedure_values(fragments, slot, channels)
     return one_row(slot, channels)
@@ -130,25 +128,20 @@ def vertex_colors(fragments: Fragments) -> Floats:
     return np.asarray(np.einsum("nc,nck->nk", weights, corners), np.float32)
 
 
-def _multiply_vertex_colors(fragments: Fragments) -> None:
-    colored = fragments.values["base_color"] * vertex_colors(fragments)[:, :3]
-    fragments.values["base_color"] = np.ascontiguousarray(colored, np.float32)
-
-
-def _procedures_called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        for name, texture in question.textures(index):
+def _procedures_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        for name, texture in request.textures(index):
             if isinstance(texture, ProcedureTexture):
-                yield Call(index, question.name(index), f"{name} is {texture.procedure}")
+                yield Call(index, request.name(index), f"{name} is {texture.procedure}")
 
 
-def _procedures_need(question: Question, target: Target) -> Iterator[str]:
+def _procedures_need(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    for _, texture in question.textures(target):
+    for _, texture in request.textures(target):
         if isinstance(texture, ProcedureTexture):
             if texture.space == "uv":
                 yield "texture coordinates"
-            if question.wants_footprint(texture):
+            if request.wants_footprint(texture):
                 yield "derivatives"
 
 

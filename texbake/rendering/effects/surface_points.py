@@ -15,9 +15,8 @@ import math
 import numpy as np
 
 from texbake.kernels import kernel
+from texbake.rendering.effect import Effect, RenderState, Result, Target, only_when_needed
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import Effect, Target, only_when_needed
 
 
 @kernel
@@ -34,7 +33,7 @@ def _positions_kernel(points, corners, faces, weights, out):  # type: ignore[no-
             )
 
 
-def _find_positions(fragments: Fragments, picture: Picture) -> None:
+def _find_positions(fragments: Fragments, state: RenderState) -> None:
     drawn = fragments.drawn
     fragments.positions = np.empty((len(fragments), 3))
     _positions_kernel(
@@ -56,8 +55,8 @@ def _to_eye_kernel(places, rays, out):  # type: ignore[no-untyped-def]
             out[i, k] *= scale
 
 
-def _find_view(fragments: Fragments, picture: Picture) -> None:
-    rays = picture.camera.view_rays(picture.options.width, picture.options.height)
+def _find_view(fragments: Fragments, state: RenderState) -> None:
+    rays = state.camera.view_rays(state.options.width, state.options.height)
     fragments.to_eye = np.empty((len(fragments), 3), np.float32)
     _to_eye_kernel(fragments.places, rays, fragments.to_eye)
 
@@ -75,10 +74,10 @@ def _uvs_kernel(uvs, corners, faces, weights, changes, out, changes_out):  # typ
                 changes_out[i, 2 + k] = changes[i, 2] * along + changes[i, 3] * up
 
 
-def _find_uvs(fragments: Fragments, picture: Picture) -> None:
+def _find_uvs(fragments: Fragments, state: RenderState) -> None:
     mesh = fragments.drawn.mesh
     assert mesh.uvs is not None and mesh.uv_faces is not None
-    wanted = picture.plan.has("derivatives", fragments.target)
+    wanted = state.plan.has("derivatives", fragments.target)
     fragments.uvs = np.empty((len(fragments), 2))
     fragments.uv_changes = np.empty((len(fragments) if wanted else 0, 4), np.float32)
     _uvs_kernel(
@@ -87,9 +86,9 @@ def _find_uvs(fragments: Fragments, picture: Picture) -> None:
     )  # fmt: skip
 
 
-def _require_uvs(picture: Picture, target: Target) -> None:
+def _require_uvs(state: RenderState, target: Target) -> None:
     assert target is not None
-    picture.drawn(target).mesh.corner_uvs()  # raises where there are none
+    state.drawn(target).mesh.corner_uvs()  # raises where there are none
 
 
 POSITIONS = Effect(
@@ -116,11 +115,13 @@ DERIVATIVES = Effect(
     left_out="no lookup is filtered over the pixel",
 )
 
+_REQUIRED_UVS = Result(_require_uvs)
+
 TEXTURE_COORDINATES = Effect(
     name="texture coordinates",
     does="interpolates (u, v)",
     called_for=only_when_needed,
     left_out="nothing is looked up at (u, v)",
-    load=_require_uvs,
+    load=_REQUIRED_UVS,
     shade=_find_uvs,
 )

@@ -23,21 +23,21 @@ import numpy.typing as npt
 
 from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
-from texbake.rendering.effects.images import look_up
-from texbake.rendering.effects.slots import vertex_colors
-from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.picture import Picture
-from texbake.rendering.plan.effect import (
+from texbake.rendering.effect import (
     Call,
     Effect,
+    RenderState,
+    Result,
     Target,
     only_when_needed,
 )
-from texbake.rendering.plan.question import Question
+from texbake.rendering.effects.images import look_up
+from texbake.rendering.effects.slots import vertex_colors
+from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.raster.fragments import FragmentRows
 from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.visibility import Visibility
-from texbake.rendering.raster.world import SKIP
+from texbake.rendering.raster.world import SKIP, VisibilityBuffer
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
 
 MAX_LAYERS = 16
@@ -48,26 +48,26 @@ _BEFORE_ALL = 2.0
 ShadeRows = Callable[..., tuple[FragmentRows, list[Fragments]]]
 
 
-def _called_for(question: Question) -> Iterator[Call]:
-    for index in question.shaded:
-        material = question.material(index)
+def _called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        material = request.material(index)
         if material.alpha_mode == "opaque":
             continue
         if material.opacity is not None and material.opacity != 1.0:
-            yield Call(index, question.name(index), "its opacity is not 1 everywhere")
-        if question.image_opacity(index) is not None:
-            yield Call(index, question.name(index), "the image of its base color has opacity")
-        colors = question.scene.objects[index].mesh.colors
+            yield Call(index, request.name(index), "its opacity is not 1 everywhere")
+        if request.image_opacity(index) is not None:
+            yield Call(index, request.name(index), "the image of its base color has opacity")
+        colors = request.scene.objects[index].mesh.colors
         if material.vertex_colors and colors is not None and colors.shape[1] == 4:
-            yield Call(index, question.name(index), "its vertex colors have opacity")
+            yield Call(index, request.name(index), "its vertex colors have opacity")
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
     """What each sample sees of transparent objects, the nearest first, before what is opaque."""
 
-    layers: tuple[Visibility, ...]
-    opaque: Visibility
+    layers: tuple[VisibilityBuffer, ...]
+    opaque: VisibilityBuffer
 
     @property
     def n_bytes(self) -> int:
@@ -75,21 +75,21 @@ class Layers:
         return sum(layer.n_bytes for layer in self.layers)
 
     def compose(
-        self, picture: Picture, sums: Sums, rows: tuple[int, int], shade_rows: ShadeRows
+        self, state: RenderState, sums: Sums, rows: tuple[int, int], shade_rows: ShadeRows
     ) -> None:
         """Shade all layers in some rows of pixels, and add them to the sums."""
-        side = picture.options.supersampling
-        shape = (rows[1] - rows[0]) * side, picture.options.width * side
+        side = state.options.supersampling
+        shape = (rows[1] - rows[0]) * side, state.options.width * side
         light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
         normals = np.zeros((*shape, 3) if len(sums.normals) else (0, 0, 3), np.float32)
         seen = np.zeros(shape, np.bool_)
         for layer in (*self.layers, self.opaque):
-            found, shaded = shade_rows(picture, layer, rows, wants_samples=True)
+            found, shaded = shade_rows(state, layer, rows, wants_samples=True)
             put_behind(
-                picture, found.of_samples, shaded, light, passed, normals, seen,
+                state, found.of_samples, shaded, light, passed, normals, seen,
                 opaque=layer is self.opaque,
             )  # fmt: skip
-        with picture.costs.timed("pixels"):
+        with state.costs.timed("pixels"):
             _sum_kernel(
                 light, passed, normals, seen, rows[0], side,
                 sums.color, sums.coverage, sums.normals,
@@ -97,7 +97,7 @@ class Layers:
 
 
 def put_behind(
-    picture: Picture,
+    state: RenderState,
     of_samples: IntArray,
     shaded: list[Fragments],
     light: Floats,
@@ -122,11 +122,11 @@ def put_behind(
     """
     if not shaded:
         return
-    with picture.costs.timed("transparency"):
+    with state.costs.timed("transparency"):
         opacity = (
             np.ones(sum(map(len, shaded)), np.float32)
             if opaque
-            else np.concatenate([opacity_of(fragments, picture) for fragments in shaded])
+            else np.concatenate([opacity_of(fragments, state) for fragments in shaded])
         )
         _over_kernel(
             of_samples,
@@ -137,16 +137,16 @@ def put_behind(
         )  # fmt: skip
 
 
-def opacity_of(fragments: Fragments, picture: Picture) -> Floats:
+def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
     """(n,) float32: share of what lies behind that each fragment hides.
 
     The product of the opacity slot, of the base color's image and of vertex colors.
     """
     values = np.ones(len(fragments), np.float32)
-    if "opacity" in fragments.values:
-        values = values * fragments.values["opacity"][:, 0]
-    if picture.question.image_opacity(fragments.target) is not None:
-        values = values * look_up(fragments, picture, "base_color.opacity")[:, 0]
+    if fragments.values.opacity is not None:
+        values = values * fragments.values.opacity[:, 0]
+    if state.request.image_opacity(fragments.target) is not None:
+        values = values * look_up(fragments, state, "base_color.opacity")[:, 0]
     colors = fragments.drawn.mesh.colors
     if fragments.drawn.material.vertex_colors and colors is not None and colors.shape[1] == 4:
         values = values * vertex_colors(fragments)[:, 3]
@@ -203,27 +203,27 @@ def _sum_kernel(light, passed, normals, seen, first_row, side, color, coverage, 
                 coverage[row, column] += np.float32(1.0)
 
 
-def _peel(picture: Picture, target: Target) -> Layers:
-    opaque: Visibility = picture.value("visibility")
+def _peel(state: RenderState, target: Target) -> Layers:
+    opaque = state.visible.visibility
     height, width = opaque.face_ids.shape
-    modes = picture.value("object modes").copy()
+    modes = state.visible.modes.copy()
     for index in range(len(modes)):
-        if not picture.plan.has("transparency", index):
+        if not state.plan.has("transparency", index):
             modes[index] = SKIP
-    last = Visibility(
+    last = VisibilityBuffer(
         np.full((height, width), -1, np.int32), np.full((height, width), _BEFORE_ALL, np.float32)
     )
-    layers: list[Visibility] = []
+    layers: list[VisibilityBuffer] = []
     while len(layers) < MAX_LAYERS:
         layer = rasterize(
-            picture.world,
-            picture.camera.clip_from_world(width / height),
+            state.world,
+            state.camera.clip_from_world(width / height),
             width,
             height,
             modes=modes,
             behind=last,
             before=opaque,
-            threads=picture.threads,
+            threads=state.threads,
         )
         if not (layer.face_ids >= 0).any():
             break
@@ -232,13 +232,15 @@ def _peel(picture: Picture, target: Target) -> Layers:
     return Layers(tuple(layers), opaque)
 
 
+PEELED_LAYERS = Result(_peel)
+
 LAYERS = Effect(
     name="layers",
     does="peels transparent surfaces from front to back",
     of="picture",
     called_for=only_when_needed,
     left_out="nothing in the picture is transparent",
-    prepare=_peel,
+    prepare=PEELED_LAYERS,
 )
 
 TRANSPARENCY = Effect(
@@ -246,5 +248,5 @@ TRANSPARENCY = Effect(
     does="lets light through surfaces, in order",
     called_for=_called_for,
     left_out="nothing in the picture is transparent",
-    needs=lambda question, target: ("layers", "slots"),
+    needs=lambda request, target: ("layers", "slots"),
 )

@@ -37,10 +37,10 @@ from texbake.rendering.raster.clip import (
     clip_triangle,
     project,
 )
-from texbake.rendering.raster.visibility import Visibility
 from texbake.rendering.raster.world import (
     SHOW_BACK,
     SKIP,
+    VisibilityBuffer,
     World,
     object_of,
 )
@@ -274,11 +274,11 @@ def rasterize(
     height: int,
     *,
     modes: npt.NDArray[np.uint8],
-    behind: Visibility | None = None,
-    before: Visibility | None = None,
+    behind: VisibilityBuffer | None = None,
+    before: VisibilityBuffer | None = None,
     tries: npt.NDArray[np.uint32] | None = None,
     threads: int | None = None,
-) -> Visibility:
+) -> VisibilityBuffer:
     """Find what each sample of a screen sees.
 
     Parameters
@@ -301,7 +301,7 @@ def rasterize(
 
     Returns
     -------
-    Visibility
+    VisibilityBuffer
         A triangle without area on the grid is seen nowhere.
     """
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
@@ -328,4 +328,4 @@ def rasterize(
             )  # fmt: skip
 
     run_bands(draw, n_bands, band=1, threads=threads)
-    return Visibility(face_ids, depths)
+    return VisibilityBuffer(face_ids, depths)

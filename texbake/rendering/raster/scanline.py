@@ -29,8 +29,7 @@ from texbake.rendering.raster.clip import (
     clip_triangle,
 )
 from texbake.rendering.raster.fragments import corner_edges
-from texbake.rendering.raster.visibility import Visibility
-from texbake.rendering.raster.world import SHOW_BACK, SKIP, World
+from texbake.rendering.raster.world import SHOW_BACK, SKIP, VisibilityBuffer, World
 
 # Values that step: the weights of three corners before division, and depth.
 _N_VALUES = 4
@@ -170,7 +169,7 @@ def rasterize_scanlines(
     height: int,
     *,
     modes: npt.NDArray[np.uint8],
-) -> tuple[Visibility, FloatArray]:
+) -> tuple[VisibilityBuffer, FloatArray]:
     """Find what each sample sees, and where on its triangle, step by step.
 
     Parameters
@@ -180,7 +179,7 @@ def rasterize_scanlines(
 
     Returns
     -------
-    visibility : Visibility
+    visibility : VisibilityBuffer
         That of `rasterize`, but for samples where two surfaces are equally near to rounding.
     weights : (height, width, 2) float64
         Of the second and third corner; 0 where there is no triangle.
@@ -190,4 +189,4 @@ def rasterize_scanlines(
     weights = np.zeros((height, width, 2))
     scene = world.positions, world.faces, clip_from_world, width, height
     _scanline_kernel(scene, world.starts, modes, face_ids, depths, weights)
-    return Visibility(face_ids, depths), weights
+    return VisibilityBuffer(face_ids, depths), weights

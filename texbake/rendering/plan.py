@@ -1,14 +1,19 @@
-"""The plan of a picture, as rows of a table and as numbers for scripts."""
+"""The plan of a picture: which effects it needs and why, compiled from the scene; and as a table.
+
+`compile_plan` asks every effect whether the scene calls for it, and adds what those effects need in
+turn. `plan_table` and `plan_report` show the passes with their reasons and, once they have run,
+what they cost.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from texbake.rendering.picture import Costs
-from texbake.rendering.plan.effect import Call
-from texbake.rendering.plan.plan import Plan
+from texbake.rendering.costs import Costs
+from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal
+from texbake.rendering.request import RenderRequest
 
 # Parts of every picture, which nothing has to call for, in the order in which they are run.
 EVERY_PICTURE = {
@@ -18,6 +23,65 @@ EVERY_PICTURE = {
 }
 # Most reasons that one row of the table tells.
 _TOLD = 2
+
+
+def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
+    """List the passes that a picture needs.
+
+    Parameters
+    ----------
+    request
+        The scene and how it is looked at.
+    effects
+        All that there are, each after those it needs.
+
+    Raises
+    ------
+    AssertionError
+        An effect needs one that stands after it, or that does not exist: a defect of the list.
+    """
+    by_name = {effect.name: effect for effect in effects}
+    places = {effect.name: place for place, effect in enumerate(effects)}
+    calls: dict[str, list[Call]] = {effect.name: [] for effect in effects}
+    refusals: dict[str, list[Refusal]] = {effect.name: [] for effect in effects}
+
+    def add(effect: Effect, call: Call) -> None:
+        known = call in calls[effect.name]
+        is_new = all(call.target != other.target for other in calls[effect.name])
+        if not known:
+            calls[effect.name].append(call)
+        if not is_new or effect.needs is None:
+            return
+        for name in effect.needs(request, call.target):
+            needed = by_name[name]
+            assert places[name] < places[effect.name], f"{effect.name} stands before {name}"
+            target = call.target if needed.of == effect.of else None
+            assert target is not None or needed.of == "picture", f"{effect.name} needs {name}"
+            add(needed, Call(target, call.by, f"for {effect.name}"))
+
+    for effect in effects:
+        for answer in effect.called_for(request):
+            if isinstance(answer, Call):
+                add(effect, answer)
+            else:
+                refusals[effect.name].append(answer)
+    return Plan(
+        tuple(Pass(effect, tuple(calls[effect.name])) for effect in effects if calls[effect.name]),
+        tuple(_left_out(effects, calls, refusals)),
+    )
+
+
+def _left_out(
+    effects: Sequence[Effect], calls: dict[str, list[Call]], refusals: dict[str, list[Refusal]]
+) -> list[LeftOut]:
+    left_out = []
+    for effect in effects:
+        left_out += [
+            LeftOut(effect.name, refusal.by, refusal.why) for refusal in refusals[effect.name]
+        ]
+        if not calls[effect.name] and not refusals[effect.name]:
+            left_out.append(LeftOut(effect.name, "", effect.left_out))
+    return left_out
 
 
 @dataclass(frozen=True)

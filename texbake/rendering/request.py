@@ -33,7 +33,7 @@ LIT_SLOTS = ("occlusion", "light_map")
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class RenderRequest:
     """A scene, the choices made for its picture, and the camera.
 
     `keep` names what the frame holds beside its color; `depth` counts pictures within pictures: 1
@@ -52,7 +52,7 @@ class Question:
         return self.options.buffer is not None
 
     @cached_property
-    def seen(self) -> tuple[int, ...]:
+    def in_view(self) -> tuple[int, ...]:
         """Objects that may be in the picture, by their bounding boxes."""
         return tuple(
             index
@@ -63,7 +63,7 @@ class Question:
     @cached_property
     def shaded(self) -> tuple[int, ...]:
         """Objects that may be in the picture and are shaded there."""
-        return () if self.shows_buffer else self.seen
+        return () if self.shows_buffer else self.in_view
 
     @cached_property
     def lit(self) -> tuple[int, ...]:

@@ -1,1 +1,0 @@
-"""Which effects a picture needs, and why: a scene compiled into a list of passes."""
