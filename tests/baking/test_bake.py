@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from displaced_mesh import displace
 from embreex_oracle import EmbreexScene
 
 import texbake
@@ -16,7 +17,6 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
-from texbake.rendering.displace import displace
 from texbake.rendering.maps import heights_from
 from texbake.texture.encoding import encode_normals
 

@@ -212,10 +212,3 @@ def _texel_kernel(faces, face_edges, base_faces, weights, corners, outside, leng
                 y = along * (b[1] - a[1]) + up * (c[1] - a[1])
                 length = np.sqrt(x * x + y * y)
             lengths[edge] = max(lengths[edge], length)
-
-
-def interpolated(corners: FloatArray, places: Places, rows: slice) -> FloatArray:
-    """(n, C) float64: what corners (F, 3, C) of base triangles hold, at some places."""
-    a, b, c = np.moveaxis(corners[places.base_faces[rows]], 1, 0)
-    along, up = places.weights[rows].T.astype(np.float64)
-    return np.asarray(a + along[:, None] * (b - a) + up[:, None] * (c - a))

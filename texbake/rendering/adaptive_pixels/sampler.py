@@ -111,7 +111,7 @@ class PixelSampler:
 
     Parameters
     ----------
-    picture
+    state
         By `texbake.rendering.draw.laid_out`, with all objects prepared.
 
     Attributes

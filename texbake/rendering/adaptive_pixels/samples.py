@@ -44,7 +44,7 @@ class AdaptivePicture:
 
     Parameters
     ----------
-    picture
+    state
         Laid out, with all objects prepared.
 
     Attributes

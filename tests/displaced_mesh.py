@@ -1,11 +1,10 @@
-"""A mesh displaced by a map for its own sake: as fine as the map, whatever one sees of it."""
+"""A mesh displaced by a height map, cut as finely as the map: what a baked map must give back."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.parallel import run_bands
@@ -13,7 +12,6 @@ from texbake.rendering.displaced import (
     Displaced,
     Surface,
     displaced,
-    interpolated,
     texel_lengths,
 )
 from texbake.rendering.effects.images import wrap_of
@@ -33,47 +31,13 @@ def displace(
     max_triangles: int = RenderOptions.max_triangles,
     threads: int | None = None,
 ) -> Mesh:
-    """Cut a mesh into small triangles and move them along its smooth normals.
+    """Cut a mesh with texture coordinates into small triangles and move them along its normals.
 
-    Parameters
-    ----------
-    mesh
-        With texture coordinates.
-    heights : (H, W) or (H, W, 1) float32
-        Signed distances in model units, positive outwards, row 0 at the top.
-    edge_texels
-        Longest edge of a piece in texels. Edges are halved, so that few are shorter than half that.
-    max_triangles
-        Bound on the pieces; a mesh that has more already is moved as it is.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    Mesh
-        Pieces of each face follow one another, in the order of the faces. Vertices at one position
-        are one, and stay one; a vertex where the smooth normal is 0 stays where it is.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
-    OptionError
-        The heights are not one channel or not finite, or `edge_texels` is not above 0.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import plane
-    >>> sorted(set(displace(plane(), np.full((2, 2), 0.5, np.float32)).positions[:, 2].tolist()))
-    [0.5]
+    `heights` (H, W) or (H, W, 1) are in model units, positive outwards. No edge of a piece is
+    longer than `edge_texels`. Pieces of each face follow one another, in the order of the faces;
+    vertices at one position are one, and stay one.
     """
-    if not edge_texels > 0.0:
-        raise OptionError(f"edge_texels: {edge_texels} is not above 0")
     image = heights[..., None] if heights.ndim == 2 else heights
-    if image.ndim != 3 or image.shape[2] != 1:
-        raise OptionError(f"displacement: the shape {heights.shape} is not (height, width, 1)")
-    if not np.isfinite(image).all():
-        raise OptionError("displacement: a height is not finite; fill what was not baked first")
     corner_uvs = mesh.corner_uvs()
     texels = texel_coordinates(corner_uvs, image.shape[1], image.shape[0])
     wrap = wrap_of(mesh.uvs)
@@ -117,3 +81,10 @@ def displace(
         uv_faces=np.arange(3 * len(pieces.faces), dtype=np.int32).reshape(-1, 3),
         name=mesh.name,
     )
+
+
+def interpolated(corners: FloatArray, places: Places, rows: slice) -> FloatArray:
+    """(n, C) float64: what corners (F, 3, C) of base triangles hold, at some places."""
+    a, b, c = np.moveaxis(corners[places.base_faces[rows]], 1, 0)
+    along, up = places.weights[rows].T.astype(np.float64)
+    return np.asarray(a + along[:, None] * (b - a) + up[:, None] * (c - a))

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
+from displaced_mesh import displace
 
-from texbake.errors import OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
-from texbake.rendering.displace import displace
 from texbake.texture.lookup import lookup
 
 
@@ -174,16 +173,3 @@ def test_pieces_stay_within_their_bound():
         cut = displace(plane(), heights, max_triangles=bound)
         # An edge at the border has one triangle, so that nearly any number can be reached.
         assert max(2, bound - 1) <= cut.n_faces <= max(2, bound)
-
-
-def test_what_cannot_be_displaced_is_an_error():
-    flat = np.zeros((2, 2), np.float32)
-    with pytest.raises(UvError):
-        displace(cube(), flat)
-    with pytest.raises(OptionError, match="displacement: the shape"):
-        displace(plane(), np.zeros((2, 2, 3), np.float32))
-    with pytest.raises(OptionError, match="displacement: a height is not finite"):
-        displace(plane(), np.full((2, 2), np.nan, np.float32))
-    for edge in 0.0, -1.0, float("nan"):
-        with pytest.raises(OptionError, match="edge_texels"):
-            displace(plane(), flat, edge_texels=edge)
