@@ -1,13 +1,13 @@
-"""Error against time of fixed and of adaptive samples, on the real pairs.
+"""Error against time of fixed and adaptive samples, on the real pairs.
 
     python tests/benchmarks/bench_adaptive.py [PAIR ...] [--rounds N] [--size PX]
 
-Error is the angle to a bake of 64 samples a texel, over the texels that both cover. Time is that of
-one thread on the processor, the least of the rounds, which are interleaved; distances of rays are
-given, so that they are not measured in it. Prints tables in Markdown: every setting, then, for each
-figure of the error, the time and the rays in which that of 16 samples is reached, as shares of its
-own, between two bounds as if the error fell as a power of them. The check of errors, one texel in a
-hundred, is part of the time.
+The error is the angle to a bake with 64 rays per texel, over the texels that both cover. The time
+is the processor time of one thread, the fastest of several interleaved rounds. Ray distances are
+given, so they are not measured each time. Prints two tables in Markdown: every setting; and for each
+measure of the error, the time and the rays that reach the error of 16 rays per texel, as shares of
+their cost. Between two bounds the error is taken to fall as a power of the cost. The check of the
+error, 1 % of the texels, is part of the time.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ FIGURES = ("mean", "rms", "99 %", "99.9 %", "greatest")
 
 
 def degrees_apart(result, truth):
-    """Angles of a bake to the truth, one a texel that both cover."""
+    """Angle between a bake and the reference for each texel that both cover."""
     both = result.has_data & truth.has_data
     a, b = (bake.maps["normal"].values[both].astype(float) for bake in (result, truth))
     return np.degrees(2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2, 1)))
 
 
 def figures_of(degrees):
-    """Mean, root of mean squares, percentiles and greatest."""
+    """Mean, root mean square, percentiles and maximum."""
     return (degrees.mean(), np.sqrt((degrees**2).mean()), *np.percentile(degrees, [99, 99.9, 100]))
 
 
 def measure(name, size, n_rounds):
-    """Seconds, rays a texel and error figures of every setting."""
+    """Seconds, rays per texel and errors of every setting."""
     folder = DATA / "pairs" / name
     high, low = texbake.read_mesh(folder / "high.obj"), texbake.read_mesh(folder / "low_uv.obj")
     reach = texbake.bake(high, low, texbake.BakeOptions(size=64)).report
@@ -62,13 +62,13 @@ def measure(name, size, n_rounds):
 
 
 def print_tables(name, rows):
-    """Every setting, and what equals 16 samples."""
+    """Print every setting, and what equals 16 rays per texel."""
     full = rows["16"][0]
-    print(f"\n{name}\n\n| samples | seconds | of 16 | rays a texel | {' | '.join(FIGURES)} |")
+    print(f"\n{name}\n\n| samples | seconds | of 16 | rays per texel | {' | '.join(FIGURES)} |")
     print("|---" * (4 + len(FIGURES)) + "|")
     for setting, (seconds, rays, *errors) in rows.items():
-        told = " | ".join(f"{error:.3g}°" for error in errors)
-        print(f"| {setting} | {seconds:.2f} | {seconds / full:.2f} | {rays:.2f} | {told} |")
+        columns = " | ".join(f"{error:.3g}°" for error in errors)
+        print(f"| {setting} | {seconds:.2f} | {seconds / full:.2f} | {rays:.2f} | {columns} |")
     print("\n| error as of 16 samples | time of 16 | rays of 16 |\n|---|---|---|")
     for i, figure in enumerate(FIGURES):
         errors = [rows[bound][2 + i] for bound in BOUNDS]
@@ -80,7 +80,7 @@ def print_tables(name, rows):
 
 
 def share_at(errors, shares, goal):
-    """Share at which errors, of ever closer bounds, fall to a goal, in words."""
+    """Share of the cost at which the error falls to a goal, as text."""
     if errors[0] <= goal:
         return f"below {shares[0]:.2f}"
     for k in range(1, len(errors)):

@@ -1,14 +1,13 @@
-"""Ambient occlusion of 64 rays a texel: seconds and noise, beside Blender's bake in the same run.
+"""Ambient occlusion with 64 rays per texel: seconds and noise, beside Blender in the same run.
 
     python tests/benchmarks/bench_ao.py [--runs 3] [--pairs koala skull] [--no-noise]
 
-The dense meshes have 100,000 triangles. Times are those of the whole bake at 1024², both programs
-with their code loaded, taken in turn: by the clock, and in brackets of all processors together,
-which other work on the machine disturbs less. Noise is the standard deviation from the program's
-own map of 4096 rays, at 256², where that takes minutes and not hours: it depends on what is seen
-and on the rays, not on the number of texels. Blender runs where TEXBAKE_BLENDER_PYTHON names a
-Python with bpy 5.0.1; the meshes are those of TEXBAKE_DATA, or of ../shared/data beside the
-project. Prints a table in Markdown.
+The high-poly meshes have 100,000 triangles. Times are those of the whole bake at 1024², of both
+programs in turn, with their code loaded: by the clock, and in parentheses the processor time, which
+other work on the machine disturbs less. Noise is the standard deviation from the program's own map
+of 4,096 rays. It is measured at 256², because it depends on the scene and the rays and not on the
+number of texels. Blender runs where TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1. The meshes
+are those of TEXBAKE_DATA, or of ../shared/data beside the project. Prints a table in Markdown.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ def timed(name, runs):
 
 
 def noises(name):
-    """Noise of texbake's map, of Blender's, and how far those of many rays lie apart."""
+    """Noise of texbake's map and of Blender's, and the difference of their references."""
     _, few, has_data = texbake_ao(name, NOISE_SIZE, N_RAYS)
     _, many, _ = texbake_ao(name, NOISE_SIZE, MANY_RAYS)
     found = [noise(few, many, has_data)]

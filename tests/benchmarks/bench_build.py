@@ -1,13 +1,11 @@
-"""Throughput of a build: one worker against two, its overhead, and a second run.
+"""Throughput of a build: one worker against two, the overhead, and a second run.
 
     python tests/benchmarks/bench_build.py [--assets 200] [--size 512] [--dask]
 
-Assets are spheres of 5,000 to 20,000 triangles, each different; each is unwrapped whole, and a
-denser one in relief is baked onto it. All runs have one thread a worker, so that workers
-are compared and not threads; a first build of two assets, which compiles, is not counted. Overhead
-is the share of the workers' time that is not spent within steps: starting, compiling what a fresh
-process compiles, checksums, copies, waiting.
-Prints a table in Markdown.
+Assets are different spheres of 5,000 to 20,000 triangles. Each is unwrapped, and a denser sphere
+with relief is baked onto it. Every worker has one thread, so the comparison is of workers and not of
+threads. A first build of two assets, which compiles, does not count. Overhead is the share of the
+workers' time outside steps: starting, checksums, copies, waiting. Prints a table in Markdown.
 """
 
 from __future__ import annotations
@@ -50,7 +48,7 @@ output = "{{asset}}_{{output}}.{{ext}}"
 
 
 def make_assets(folder: Path, n_assets: int) -> None:
-    """Write a dense and a light mesh for each asset."""
+    """Write a high-poly and a low-poly mesh for each asset."""
     import numpy as np
 
     for name in "low", "high":
@@ -74,7 +72,7 @@ def make_assets(folder: Path, n_assets: int) -> None:
 
 
 def timed(path: Path, folder: Path, **options: object) -> tuple[float, BuildResult]:
-    """Seconds of a build, and what came of it."""
+    """Seconds of a build, and its result."""
     start = time.perf_counter()
     result = build(path, BuildOptions(folder=folder, **options))  # type: ignore[arg-type]
     seconds = time.perf_counter() - start

@@ -1,10 +1,10 @@
-"""A dense mesh in one ray tree, and in chunks under half the memory that it is estimated to take.
+"""A high-poly mesh in one ray tree, and in chunks that need less memory.
 
     python tests/benchmarks/bench_chunks.py            2 million triangles, 2048²
     python tests/benchmarks/bench_chunks.py 500 1024   500 thousand triangles, 1024²
 
-Each bake is a process of its own; memory is its highest resident memory, and that of one that has
-only read the meshes is told apart. Maps are compared byte by byte.
+Each bake runs in a process of its own. Memory is the peak resident memory; a process that only reads
+the meshes is measured too. The maps are compared byte by byte.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ REPEATS = 3
 
 
 def one(folder: Path, size: int, share: float) -> dict[str, object]:
-    """Bake under a share of the estimate, or only read for 0."""
+    """Bake within a share of the estimate; for 0, only read the meshes."""
     high, low = read_mesh(folder / "high.ply"), read_mesh(folder / "low.obj")
     after_reading = peak_memory_bytes()
     if not share:
@@ -59,8 +59,8 @@ def main(thousands: int, size: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         side = math.isqrt(500 * thousands)
-        dense = uv_sphere(side, side, lambda a, b: 1 + 0.01 * np.sin(31 * a) * np.sin(29 * b))
-        write_mesh(Mesh(positions=dense.positions, faces=dense.faces), folder / "high.ply")
+        high = uv_sphere(side, side, lambda a, b: 1 + 0.01 * np.sin(31 * a) * np.sin(29 * b))
+        write_mesh(Mesh(positions=high.positions, faces=high.faces), folder / "high.ply")
         write_mesh(uv_sphere(30, 60), folder / "low.obj")
         found = []
         for share in (0.0, 1.0, 0.75, 0.5):
@@ -68,7 +68,7 @@ def main(thousands: int, size: int) -> None:
             done = subprocess.run(given, check=True, capture_output=True)
             found.append(json.loads(done.stdout))
     read, whole, *parts = found
-    print(f"{dense.n_faces:,} triangles, {size}²; reading alone: {read['memory'] / 1e6:.0f} MB")
+    print(f"{high.n_faces:,} triangles, {size}²; reading alone: {read['memory'] / 1e6:.0f} MB")
     for row in whole, *parts:
         assert row["digest"] == whole["digest"], "the bytes differ"
         print(

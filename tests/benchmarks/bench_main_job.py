@@ -1,12 +1,12 @@
-"""What the main job costs, from file to file, and what the peers take for it in the same run.
+"""What the main job costs, from file to file, beside other programs in the same run.
 
     python tests/benchmarks/bench_main_job.py [--runs 3] [--slow-peers] [--sizes 2048 4096]
 
-A dense sphere of 3,996,000 triangles as binary PLY, a light one of 512 as OBJ, a normal map as a
-16-bit PNG with 16 texels of padding and 1 sample. Both programs run in a process a bake. "File to
-file" is reading the meshes, baking and writing the map, with their own code loaded (and kernels
-compiled); below it stands the whole process. Blender runs where TEXBAKE_BLENDER_PYTHON names a
-Python with bpy 5.0.1. `--slow-peers` adds pymeshlab, which takes minutes.
+A sphere of 3,996,000 triangles as binary PLY is baked onto 512 triangles as OBJ: normal map, 16-bit
+PNG, 16 texels of padding, one ray per texel. Every bake runs in a process of its own. "File to file"
+is reading the meshes, baking and writing the map, with the program loaded and its kernels compiled;
+below it stands the whole process. Blender runs where TEXBAKE_BLENDER_PYTHON names a Python with
+bpy 5.0.1. `--slow-peers` adds pymeshlab, which takes minutes.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ def make_meshes(folder):
     import texbake
     from texbake.mesh.shapes import grid_sphere, uv_sphere
 
-    dense = grid_sphere(1000, 2000, radius)
+    high = grid_sphere(1000, 2000, radius)
     texbake.write_mesh(
-        dense.replace(positions=dense.positions.astype(np.float32)), folder / "dense.ply"
+        high.replace(positions=high.positions.astype(np.float32)), folder / "high.ply"
     )
-    texbake.write_mesh(uv_sphere(17, 16), folder / "light.obj")
+    texbake.write_mesh(uv_sphere(17, 16), folder / "low.obj")
 
 
 def run_process(command, **environment):
-    """Wall seconds of one process, and what it printed."""
+    """Wall-clock seconds of one process, and its output."""
     start = time.perf_counter()
     process = subprocess.Popen(
         [str(word) for word in command],
@@ -60,7 +60,7 @@ def run_process(command, **environment):
 def bake_with(python, script, folder, size, **environment):
     """Seconds of import, bake and save, seconds of the whole process, and its peak memory."""
     command = [
-        python, HERE / script, folder / "dense.ply", folder / "light.obj", folder / "map.png",
+        python, HERE / script, folder / "high.ply", folder / "low.obj", folder / "map.png",
         size, DISTANCE, PADDING,
     ]  # fmt: skip
     whole, output = run_process(command, **environment)
@@ -81,8 +81,8 @@ def pymeshlab_transfer(folder, size):
     import pymeshlab
 
     meshes = pymeshlab.MeshSet()
-    meshes.load_new_mesh(str(folder / "light.obj"))
-    meshes.load_new_mesh(str(folder / "dense.ply"))
+    meshes.load_new_mesh(str(folder / "low.obj"))
+    meshes.load_new_mesh(str(folder / "high.ply"))
     start = time.perf_counter()
     meshes.transfer_attributes_to_texture_per_vertex(
         sourcemesh=1, targetmesh=0, attributeenum="Vertex Normal", textname="pymeshlab.png",
@@ -94,7 +94,7 @@ def pymeshlab_transfer(folder, size):
 def texbake_bake_alone(folder, size):
     import texbake
 
-    high, low = texbake.read_mesh(folder / "dense.ply"), texbake.read_mesh(folder / "light.obj")
+    high, low = texbake.read_mesh(folder / "high.ply"), texbake.read_mesh(folder / "low.obj")
     options = texbake.BakeOptions(size=size, front=DISTANCE, back=DISTANCE, padding=PADDING)
     start = time.perf_counter()
     texbake.bake(high, low, options)
@@ -104,7 +104,7 @@ def texbake_bake_alone(folder, size):
 def texbake_simplify(folder):
     import texbake
 
-    mesh = texbake.read_mesh(folder / "dense.ply")
+    mesh = texbake.read_mesh(folder / "high.ply")
     start = time.perf_counter()
     reached = texbake.simplify(mesh, 500).n_faces
     return time.perf_counter() - start, reached
@@ -114,7 +114,7 @@ def pymeshlab_simplify(folder):
     import pymeshlab
 
     meshes = pymeshlab.MeshSet()
-    meshes.load_new_mesh(str(folder / "dense.ply"))
+    meshes.load_new_mesh(str(folder / "high.ply"))
     start = time.perf_counter()
     meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=500)
     return time.perf_counter() - start
@@ -125,7 +125,7 @@ def column(runs, place):
 
 
 def row(name, ours, peer, reach):
-    """One line: medians, spreads, ratio of the peer to us."""
+    """One row: medians, spreads, and the peer's time over ours."""
     mine = f"{statistics.median(ours):7.2f} s ({min(ours):.2f} to {max(ours):.2f})"
     if not peer:
         print(f"{name:<34} {mine:<26} {'not run':<26} {'':>8}  {reach}")

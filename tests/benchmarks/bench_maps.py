@@ -1,11 +1,11 @@
-"""All maps without secondary rays, by one bake, against the normal map alone.
+"""All maps without secondary rays in one bake, against the normal map alone.
 
     python tests/benchmarks/bench_maps.py [PAIR ...] [--rounds N] [--size PX ...] [--samples N]
 
-The dense mesh of a pair is given colors, texture coordinates and an image, and groups, so that
-every map has something to carry over. Bakes take turns; time is that of one thread on the CPU,
-the least of the rounds: the bake alone, from meshes in memory to maps in memory, and with all maps
-written as PNG. Prints tables in Markdown: the two bakes, and what each map adds by itself.
+The high-poly mesh of a pair gets colors, texture coordinates, an image and groups, so that every map
+has values. Bakes take turns. The time is the processor time of one thread, the fastest of the
+rounds: of the bake alone, from meshes in memory to maps in memory, and with all maps written as PNG.
+Prints tables in Markdown: the two bakes, and what each map adds.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-"""Error against time of pictures with fixed and with adaptive samples, on scenes of `samples/`.
+"""Error against time of pictures with fixed and adaptive samples, on scenes of `samples/`.
 
     python tests/benchmarks/bench_picture_samples.py [SCENE ...] [--rounds N] [--width PX]
 
-Error is the greatest difference of a channel of the sRGB-coded picture, in steps of 255, over the
-pixels that show a surface, to 13 x 13 and 15 x 15 samples of each, all shaded: no setting has any
-of these but the middle. Time
-is that of one thread on the processor, the least of the rounds, which are interleaved; the check of
-one pixel in a hundred is part of that of adaptive samples. Prints tables in Markdown: every
-setting, then, for each figure of the error and each bound, the cheapest fixed setting, of both ways
-to treat edges, whose error is not above, and its time in that of the adaptive picture.
+The error is the greatest difference in any channel of the sRGB-coded picture, in steps of 255, over
+the pixels that show a surface, from 13 x 13 plus 15 x 15 shaded samples per pixel. No setting has any
+of these samples but the middle one. The time is the processor time of one thread, the fastest of the
+interleaved rounds, with the check of 1 % of the pixels. Prints tables in Markdown: every setting; and
+for each measure of the error and each bound, the cheapest fixed setting that is not worse, with its
+time as a multiple of the adaptive picture's.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ FIGURES = ("rms", "99 %", "99.9 %", "greatest")
 
 
 def truth_of(scene, options):
-    """Light (H, W, 3) of 394 samples a pixel, and which pixels show a surface."""
+    """Light (H, W, 3) of 394 samples per pixel, and which pixels show a surface."""
     asked = replace(options, max_error=0.5)
     request = RenderRequest(scene, asked, camera_of(scene, asked))
     state = laid_out(prepare(scene, asked), request, Stages(), all_objects=True)
@@ -51,13 +50,13 @@ def truth_of(scene, options):
 
 
 def figures_of(color, truth, shows):
-    """Root of mean squares, percentiles and greatest."""
+    """Root mean square, percentiles and maximum."""
     off = np.abs(encode_srgb(color[..., :3]) - encode_srgb(truth)).max(axis=-1)[shows]
     return 255.0 * np.array([np.sqrt((off**2).mean()), *np.percentile(off, [99, 99.9, 100])])
 
 
 def measure(name, width, n_rounds):
-    """Seconds, shadings a pixel and error figures of every setting."""
+    """Seconds, shadings per pixel and errors of every setting."""
     scene = with_lighting(texbake.read_scene(SCENES / f"{name}.toml"))
     own = scene.options(interpolation="perspective", buffer=None)
     options = replace(own, width=width, height=max(1, width * own.height // own.width))
@@ -80,12 +79,12 @@ def measure(name, width, n_rounds):
 
 
 def print_tables(name, rows):
-    """Every setting, and what fixed setting equals each bound."""
+    """Print every setting, and the fixed setting that equals each bound."""
     print(f"\n{name}\n\n| setting | seconds | shadings | {' | '.join(FIGURES)} |")
     print("|---" * (3 + len(FIGURES)) + "|")
     for setting, (seconds, shadings, *errors) in rows.items():
-        told = " | ".join(f"{error:.3g}" for error in errors)
-        print(f"| {setting} | {seconds:.2f} | {shadings:.2f} | {told} |")
+        columns = " | ".join(f"{error:.3g}" for error in errors)
+        print(f"| {setting} | {seconds:.2f} | {shadings:.2f} | {columns} |")
     print(f"\n| bound | {' | '.join(FIGURES)} |\n" + "|---" * (1 + len(FIGURES)) + "|")
     fixed = [setting for setting in rows if setting not in BOUNDS]
     for bound in BOUNDS:

@@ -2,12 +2,11 @@
 
     python tests/benchmarks/bench_plan.py [--runs 41] [--threads 1] [--size 640 360]
 
-A sphere of one color, unlit, is drawn with all effects there are, and with a list in which one of
-those that it does not call for does not exist; and with a list of nothing else but what it calls
-for. Both take turns, one picture each, after a first round that is not counted. Prints a table in
-Markdown: the median of the pictures without the effect, and the ratio of the medians with it to
-without; 1.00 is no cost. The last column is the spread that the same list has against itself: the
-half of the pictures drawn first against the other half.
+An unlit sphere of one color is drawn with all effects, with a list that lacks one effect that it does
+not call for, and with only the effects that it calls for. The pictures take turns after a first round
+that does not count. Prints a table in Markdown: the median time without the effect, and the ratio of
+the medians with and without it; 1.00 is no cost. The last column is the spread of one list against
+itself: the first half of its pictures against the second.
 """
 
 from __future__ import annotations

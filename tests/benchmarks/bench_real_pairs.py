@@ -1,9 +1,9 @@
-"""Bakes of real dense and light meshes: misses, Blender's answer, and how close the result comes.
+"""Bakes of real pairs: misses, the difference from Blender, and how close the result comes.
 
     python tests/benchmarks/bench_real_pairs.py [--picture OUT.png]
 
 The meshes and Blender's maps are those of TEXBAKE_DATA, or of ../shared/data beside the project.
-Prints a table in Markdown; `--picture` puts the pictures of all pairs below one another.
+Prints a table in Markdown; `--picture` draws all pairs, one below the other.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def main():
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
     print(
-        "| pair | dense | light | missed | to Blender, mean / median | over 5° "
+        "| pair | high-poly | low-poly | missed | to Blender, mean / median | over 5° "
         "| bare | baked | PSNR bare | PSNR baked | bake |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|")

@@ -1,15 +1,15 @@
-"""What a picture costs, and what OpenGL on Mesa's llvmpipe takes for it in the same run.
+"""What a picture costs, beside OpenGL on Mesa's llvmpipe in the same run.
 
     python tests/benchmarks/bench_render.py [--runs 9] [--threads 2]
 
-Two scenes under one directional light: a sphere of 3,996,000 triangles at 1280 x 720, and one of
-5,040 at 1920 x 1080 with a texture and a normal map of 2048 x 2048, trilinear. Each with one sample
-a pixel and with four, shaded once a pixel inside a triangle (texbake's `multisample`, OpenGL's
-MSAA). "Frame" is one picture of what is prepared (buffers, mip levels, shaders), with reading it
-back; "whole" starts at arrays in memory, with normals and tangents among them. llvmpipe gives codes
-of 8 bits, which costs it least; texbake gives linear float32. Both take turns, after a first round
-that is not counted. Prints a table in Markdown: medians with the least and the most, and how many
-pictures texbake draws while llvmpipe draws one.
+Two scenes with one directional light: a sphere of 3,996,000 triangles at 1280 x 720, and one of 5,040
+triangles at 1920 x 1080 with a texture and a normal map of 2048 x 2048, trilinear. Each is drawn with
+one sample per pixel and with four, where a pixel inside a triangle is shaded once (texbake's
+`multisample`, OpenGL's MSAA). "Frame" is one picture of prepared data (buffers, mip levels, shaders),
+read back; "whole" starts from arrays in memory, including normals and tangents. llvmpipe gives 8-bit
+codes, which costs it least; texbake gives linear float32. Both take turns after a first round that
+does not count. Prints a table in Markdown: medians with minimum and maximum, and how many pictures
+texbake draws while llvmpipe draws one.
 
 Needs what `peer_llvmpipe` needs.
 """
@@ -63,7 +63,7 @@ def with_normals(mesh):
     return mesh.replace(normals=normals, normal_faces=normal_faces)
 
 
-def dense():
+def many_triangles():
     def radius(theta, phi):
         return 1 + 0.02 * np.sin(40 * theta) * np.sin(40 * phi)
 
@@ -168,7 +168,7 @@ def measure(functions: dict[tuple[str, str], Callable[[], object]], runs: int):
     return {key: values[1:] for key, values in times.items()}
 
 
-def told(values):
+def cell(values):
     return f"{statistics.median(values):.0f} ({min(values):.0f} to {max(values):.0f})"
 
 
@@ -185,7 +185,7 @@ def main() -> int:
         return 1
     print(f"{peer.name}\n\n| scene | samples | what | texbake, ms | llvmpipe, ms | rate |")
     print("|" + "---|" * 6)
-    for case in dense(), mapped():
+    for case in many_triangles(), mapped():
         for samples in arguments.samples:
             functions = contenders(case, samples, peer, arguments.threads)
             times = measure(functions, arguments.runs)
@@ -193,7 +193,7 @@ def main() -> int:
                 ours, theirs = times[what, "texbake"], times[what, "llvmpipe"]
                 rate = statistics.median(theirs) / statistics.median(ours)
                 print(
-                    f"| {case.name} | {samples} | {what} | {told(ours)} | {told(theirs)} "
+                    f"| {case.name} | {samples} | {what} | {cell(ours)} | {cell(theirs)} "
                     f"| {rate:.2f} |",
                     flush=True,
                 )

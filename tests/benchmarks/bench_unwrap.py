@@ -1,14 +1,14 @@
-"""Atlases of real meshes: texbake, xatlas as it comes, and Blender, on the same meshes.
+"""Atlases of real meshes by texbake, xatlas and Blender.
 
     python tests/benchmarks/bench_unwrap.py [--large] [--slow] [--meshes NAME ...]
 
 The meshes are those of TEXBAKE_DATA, or of ../shared/data beside the project, scaled to a longest
-side of 1. Every atlas is for 1024 x 1024 texels with 2 between charts (texbake: padding 1).
-`--large` adds a noisy sphere of 81,920 triangles and one of 1.3 million, on which xatlas is run
-only with `--slow` (half a minute, and hours). Blender runs where TEXBAKE_BLENDER_PYTHON names a
-Python with bpy 5.0.1, on meshes of at most --blender-faces triangles. Stretch is told as if
-mirrored faces were turned over, or it would be infinite for xatlas. Prints a table in Markdown;
-every process has its kernels compiled.
+side of 1. Every atlas is for 1024 x 1024 texels with 2 texels between charts (texbake: padding 1).
+xatlas runs with its default options. `--large` adds a noisy sphere of 81,920 triangles and one of 1.3
+million, on which xatlas runs only with `--slow` (half a minute, and hours). Blender runs where
+TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1, on meshes of at most --blender-faces triangles.
+Mirrored faces count as if they were not mirrored, or the stretch of xatlas would be infinite. Prints
+a table in Markdown; every process has its kernels compiled.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ import numpy as np
 from blender_bake import bake_target, imported  # beside this script
 
 
-def main(dense_path, light_path, out, size, samples, distance):
+def main(high_path, low_path, out, size, samples, distance):
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    dense, light = imported(dense_path), imported(light_path)
-    image = bake_target(light, int(size))
+    high, low = imported(high_path), imported(low_path)
+    image = bake_target(low, int(size))
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", int(samples)
@@ -29,7 +29,7 @@ def main(dense_path, light_path, out, size, samples, distance):
     settings.max_ray_distance = 2 * float(distance)
     settings.margin = 0
     bpy.ops.object.select_all(action="DESELECT")
-    dense.select_set(True)
+    high.select_set(True)
     light.select_set(True)
     bpy.context.view_layer.objects.active = light
     start, spent = time.perf_counter(), sum(os.times()[:2])

@@ -20,8 +20,8 @@ def imported(path):
     return thing
 
 
-def bake_target(light, size):
-    """Give the light mesh a material whose active image takes the bake."""
+def bake_target(low, size):
+    """Give the low-poly mesh a material whose active image takes the bake."""
     image = bpy.data.images.new("map", size, size, float_buffer=True, is_data=True)
     material = bpy.data.materials.new("baked")
     material.use_nodes = True
@@ -33,12 +33,12 @@ def bake_target(light, size):
     return image
 
 
-def main(dense_path, light_path, out, size, distance, margin):
+def main(high_path, low_path, out, size, distance, margin):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     times = [time.perf_counter()]
-    dense, light = imported(dense_path), imported(light_path)
+    high, low = imported(high_path), imported(low_path)
     times.append(time.perf_counter())
-    image = bake_target(light, int(size))
+    image = bake_target(low, int(size))
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", 1
@@ -48,7 +48,7 @@ def main(dense_path, light_path, out, size, distance, margin):
     settings.max_ray_distance = 2 * float(distance)
     settings.margin = int(margin)
     bpy.ops.object.select_all(action="DESELECT")
-    dense.select_set(True)
+    high.select_set(True)
     light.select_set(True)
     bpy.context.view_layer.objects.active = light
     bpy.ops.object.bake(type="NORMAL")

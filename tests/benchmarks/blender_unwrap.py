@@ -1,10 +1,10 @@
-"""Unwrap one mesh with Blender, for the benchmark to run in a Python that has `bpy` 5.0.1.
+"""Unwrap one mesh with Blender, in a Python that has `bpy` 5.0.1.
 
     python blender_unwrap.py MESH.npz OUT.npz smart|minimum-stretch SIZE GAP
 
-The file in has `positions` and `faces`, the file out `corners` (F, 3, 2). "smart" is Smart UV
-Project as it comes; "minimum-stretch" takes its islands for seams, unwraps them by minimum stretch
-and packs them. Prints one JSON object: seconds without reading and writing.
+The input has `positions` and `faces`, the output `corners` (F, 3, 2). "smart" is Smart UV Project with
+its default options; "minimum-stretch" uses its islands as seams, unwraps them by minimum stretch and
+packs them. Prints one JSON object: seconds without reading and writing.
 """
 
 import json

@@ -11,7 +11,7 @@ import time
 from texbake.progress import peak_memory_bytes
 
 
-def main(dense_path, light_path, out, size, distance, padding):
+def main(high_path, low_path, out, size, distance, padding):
     # What both programs have loaded before their clock starts: their own code.
     import texbake.baking.bake
     import texbake.mesh.files
@@ -25,9 +25,9 @@ def main(dense_path, light_path, out, size, distance, padding):
         bits=16,
     )
     times = [time.perf_counter()]
-    dense, light = texbake.read_mesh(dense_path), texbake.read_mesh(light_path)
+    high, low = texbake.read_mesh(high_path), texbake.read_mesh(low_path)
     times.append(time.perf_counter())
-    result = texbake.bake(dense, light, options)
+    result = texbake.bake(high, low, options)
     times.append(time.perf_counter())
     result.write(out)
     times.append(time.perf_counter())
