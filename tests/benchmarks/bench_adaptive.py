@@ -4,10 +4,10 @@
 
 The error is the angle to a bake with 64 rays per texel, over the texels that both cover. The time
 is the processor time of one thread, the fastest of several interleaved rounds. Ray distances are
-given, so they are not measured each time. Prints two tables in Markdown: every setting; and for each
-measure of the error, the time and the rays that reach the error of 16 rays per texel, as shares of
-their cost. Between two bounds the error is taken to fall as a power of the cost. The check of the
-error, 1 % of the texels, is part of the time.
+given, so they are not measured each time. Prints two tables in Markdown: every setting; and for
+each measure of the error, the time and the rays that reach the error of 16 rays per texel, as
+shares of their cost. Between two bounds the error is taken to fall as a power of the cost. The
+check of the error, 1 % of the texels, is part of the time.
 """
 
 from __future__ import annotations

@@ -3,11 +3,12 @@
     python tests/benchmarks/bench_ao.py [--runs 3] [--pairs koala skull] [--no-noise]
 
 The high-poly meshes have 100,000 triangles. Times are those of the whole bake at 1024², of both
-programs in turn, with their code loaded: by the clock, and in parentheses the processor time, which
-other work on the machine disturbs less. Noise is the standard deviation from the program's own map
-of 4,096 rays. It is measured at 256², because it depends on the scene and the rays and not on the
-number of texels. Blender runs where TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1. The meshes
-are those of TEXBAKE_DATA, or of ../shared/data beside the project. Prints a table in Markdown.
+programs in turn, with their code loaded: by the clock, and in parentheses the processor time,
+which other work on the machine disturbs less. Noise is the standard deviation from the program's
+own map of 4,096 rays. It is measured at 256², because it depends on the scene and the rays and not
+on the number of texels. Blender runs where TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1.
+The meshes are those of TEXBAKE_DATA, or of ../shared/data beside the project. Prints a table in
+Markdown.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
     python tests/benchmarks/bench_build.py [--assets 200] [--size 512] [--dask]
 
 Assets are different spheres of 5,000 to 20,000 triangles. Each is unwrapped, and a denser sphere
-with relief is baked onto it. Every worker has one thread, so the comparison is of workers and not of
-threads. A first build of two assets, which compiles, does not count. Overhead is the share of the
-workers' time outside steps: starting, checksums, copies, waiting. Prints a table in Markdown.
+with relief is baked onto it. Every worker has one thread, so the comparison is of workers and not
+of threads. A first build of two assets, which compiles, does not count. Overhead is the share of
+the workers' time outside steps: starting, checksums, copies, waiting. Prints a table in Markdown.
 """
 
 from __future__ import annotations

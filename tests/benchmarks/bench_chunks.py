@@ -3,8 +3,8 @@
     python tests/benchmarks/bench_chunks.py            2 million triangles, 2048²
     python tests/benchmarks/bench_chunks.py 500 1024   500 thousand triangles, 1024²
 
-Each bake runs in a process of its own. Memory is the peak resident memory; a process that only reads
-the meshes is measured too. The maps are compared byte by byte.
+Each bake runs in a process of its own. Memory is the peak resident memory; a process that only
+reads the meshes is measured too. The maps are compared byte by byte.
 """
 
 import hashlib

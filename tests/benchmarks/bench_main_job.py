@@ -2,11 +2,11 @@
 
     python tests/benchmarks/bench_main_job.py [--runs 3] [--slow-peers] [--sizes 2048 4096]
 
-A sphere of 3,996,000 triangles as binary PLY is baked onto 512 triangles as OBJ: normal map, 16-bit
-PNG, 16 texels of padding, one ray per texel. Every bake runs in a process of its own. "File to file"
-is reading the meshes, baking and writing the map, with the program loaded and its kernels compiled;
-below it stands the whole process. Blender runs where TEXBAKE_BLENDER_PYTHON names a Python with
-bpy 5.0.1. `--slow-peers` adds pymeshlab, which takes minutes.
+A sphere of 3,996,000 triangles as binary PLY is baked onto 512 triangles as OBJ: normal map,
+16-bit PNG, 16 texels of padding, one ray per texel. Every bake runs in a process of its own. "File
+to file" is reading the meshes, baking and writing the map, with the program loaded and its kernels
+compiled; below it stands the whole process. Blender runs where TEXBAKE_BLENDER_PYTHON names a
+Python with bpy 5.0.1. `--slow-peers` adds pymeshlab, which takes minutes.
 """
 
 from __future__ import annotations

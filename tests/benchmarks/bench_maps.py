@@ -2,10 +2,10 @@
 
     python tests/benchmarks/bench_maps.py [PAIR ...] [--rounds N] [--size PX ...] [--samples N]
 
-The high-poly mesh of a pair gets colors, texture coordinates, an image and groups, so that every map
-has values. Bakes take turns. The time is the processor time of one thread, the fastest of the
-rounds: of the bake alone, from meshes in memory to maps in memory, and with all maps written as PNG.
-Prints tables in Markdown: the two bakes, and what each map adds.
+The high-poly mesh of a pair gets colors, texture coordinates, an image and groups, so that every
+map has values. Bakes take turns. The time is the processor time of one thread, the fastest of the
+rounds: of the bake alone, from meshes in memory to maps in memory, and with all maps written as
+PNG. Prints tables in Markdown: the two bakes, and what each map adds.
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
     python tests/benchmarks/bench_picture_samples.py [SCENE ...] [--rounds N] [--width PX]
 
-The error is the greatest difference in any channel of the sRGB-coded picture, in steps of 255, over
-the pixels that show a surface, from 13 x 13 plus 15 x 15 shaded samples per pixel. No setting has any
-of these samples but the middle one. The time is the processor time of one thread, the fastest of the
-interleaved rounds, with the check of 1 % of the pixels. Prints tables in Markdown: every setting; and
-for each measure of the error and each bound, the cheapest fixed setting that is not worse, with its
-time as a multiple of the adaptive picture's.
+The error is the greatest difference in any channel of the sRGB-coded picture, in steps of 255,
+over the pixels that show a surface, from 13 x 13 plus 15 x 15 shaded samples per pixel. No setting
+has any of these samples but the middle one. The time is the processor time of one thread, the
+fastest of the interleaved rounds, with the check of 1 % of the pixels. Prints tables in Markdown:
+every setting; and for each measure of the error and each bound, the cheapest fixed setting that is
+not worse, with its time as a multiple of the adaptive picture's.
 """
 
 from __future__ import annotations

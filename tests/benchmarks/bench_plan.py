@@ -2,11 +2,11 @@
 
     python tests/benchmarks/bench_plan.py [--runs 41] [--threads 1] [--size 640 360]
 
-An unlit sphere of one color is drawn with all effects, with a list that lacks one effect that it does
-not call for, and with only the effects that it calls for. The pictures take turns after a first round
-that does not count. Prints a table in Markdown: the median time without the effect, and the ratio of
-the medians with and without it; 1.00 is no cost. The last column is the spread of one list against
-itself: the first half of its pictures against the second.
+An unlit sphere of one color is drawn with all effects, with a list that lacks one effect that it
+does not call for, and with only the effects that it calls for. The pictures take turns after a
+first round that does not count. Prints a table in Markdown: the median time without the effect,
+and the ratio of the medians with and without it; 1.00 is no cost. The last column is the spread of
+one list against itself: the first half of its pictures against the second.
 """
 
 from __future__ import annotations

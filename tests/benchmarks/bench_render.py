@@ -2,14 +2,14 @@
 
     python tests/benchmarks/bench_render.py [--runs 9] [--threads 2]
 
-Two scenes with one directional light: a sphere of 3,996,000 triangles at 1280 x 720, and one of 5,040
-triangles at 1920 x 1080 with a texture and a normal map of 2048 x 2048, trilinear. Each is drawn with
-one sample per pixel and with four, where a pixel inside a triangle is shaded once (texbake's
-`multisample`, OpenGL's MSAA). "Frame" is one picture of prepared data (buffers, mip levels, shaders),
-read back; "whole" starts from arrays in memory, including normals and tangents. llvmpipe gives 8-bit
-codes, which costs it least; texbake gives linear float32. Both take turns after a first round that
-does not count. Prints a table in Markdown: medians with minimum and maximum, and how many pictures
-texbake draws while llvmpipe draws one.
+Two scenes with one directional light: a sphere of 3,996,000 triangles at 1280 x 720, and one of
+5,040 triangles at 1920 x 1080 with a texture and a normal map of 2048 x 2048, trilinear. Each is
+drawn with one sample per pixel and with four, where a pixel inside a triangle is shaded once
+(texbake's `multisample`, OpenGL's MSAA). "Frame" is one picture of prepared data (buffers, mip
+levels, shaders), read back; "whole" starts from arrays in memory, including normals and tangents.
+llvmpipe gives 8-bit codes, which costs it least; texbake gives linear float32. Both take turns
+after a first round that does not count. Prints a table in Markdown: medians with minimum and
+maximum, and how many pictures texbake draws while llvmpipe draws one.
 
 Needs what `peer_llvmpipe` needs.
 """

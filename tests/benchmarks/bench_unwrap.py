@@ -4,11 +4,11 @@
 
 The meshes are those of TEXBAKE_DATA, or of ../shared/data beside the project, scaled to a longest
 side of 1. Every atlas is for 1024 x 1024 texels with 2 texels between charts (texbake: padding 1).
-xatlas runs with its default options. `--large` adds a noisy sphere of 81,920 triangles and one of 1.3
-million, on which xatlas runs only with `--slow` (half a minute, and hours). Blender runs where
-TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1, on meshes of at most --blender-faces triangles.
-Mirrored faces count as if they were not mirrored, or the stretch of xatlas would be infinite. Prints
-a table in Markdown; every process has its kernels compiled.
+xatlas runs with its default options. `--large` adds a noisy sphere of 81,920 triangles and one of
+1.3 million, on which xatlas runs only with `--slow` (half a minute, and hours). Blender runs where
+TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1, on meshes of at most --blender-faces
+triangles. Mirrored faces count as if they were not mirrored, or the stretch of xatlas would be
+infinite. Prints a table in Markdown; every process has its kernels compiled.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ def main(high_path, low_path, out, size, samples, distance):
     settings.margin = 0
     bpy.ops.object.select_all(action="DESELECT")
     high.select_set(True)
-    light.select_set(True)
-    bpy.context.view_layer.objects.active = light
+    low.select_set(True)
+    bpy.context.view_layer.objects.active = low
     start, spent = time.perf_counter(), sum(os.times()[:2])
     bpy.ops.object.bake(type="AO")
     seconds, spent = time.perf_counter() - start, sum(os.times()[:2]) - spent

@@ -28,8 +28,8 @@ def bake_target(low, size):
     texture = material.node_tree.nodes.new("ShaderNodeTexImage")
     texture.image = image
     material.node_tree.nodes.active = texture
-    light.data.materials.clear()
-    light.data.materials.append(material)
+    low.data.materials.clear()
+    low.data.materials.append(material)
     return image
 
 
@@ -49,8 +49,8 @@ def main(high_path, low_path, out, size, distance, margin):
     settings.margin = int(margin)
     bpy.ops.object.select_all(action="DESELECT")
     high.select_set(True)
-    light.select_set(True)
-    bpy.context.view_layer.objects.active = light
+    low.select_set(True)
+    bpy.context.view_layer.objects.active = low
     bpy.ops.object.bake(type="NORMAL")
     times.append(time.perf_counter())
     files = scene.render.image_settings

@@ -2,9 +2,9 @@
 
     python blender_unwrap.py MESH.npz OUT.npz smart|minimum-stretch SIZE GAP
 
-The input has `positions` and `faces`, the output `corners` (F, 3, 2). "smart" is Smart UV Project with
-its default options; "minimum-stretch" uses its islands as seams, unwraps them by minimum stretch and
-packs them. Prints one JSON object: seconds without reading and writing.
+The input has `positions` and `faces`, the output `corners` (F, 3, 2). "smart" is Smart UV Project
+with its default options; "minimum-stretch" uses its islands as seams, unwraps them by minimum
+stretch and packs them. Prints one JSON object: seconds without reading and writing.
 """
 
 import json
