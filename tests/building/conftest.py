@@ -9,7 +9,7 @@ import pytest
 from texbake.building.build import build
 from texbake.building.options import BuildOptions
 from texbake.building.report import BuildResult
-from texbake.building.task import Outcome, Task, run_task
+from texbake.building.task import Task, TaskOutcome, run_task
 from texbake.building.workers import LocalWorkers
 
 STEPS = """
@@ -56,11 +56,11 @@ class Inline:
         self._begun.append((number, task))
         self.most_at_once = max(self.most_at_once, len(self._begun))
 
-    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+    def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
         if timeout == 0.0:
             return []
         number, task = self._begun.pop(0)
-        return [(number, Outcome(**run_task(task.to_json())))]
+        return [(number, TaskOutcome(**run_task(task.to_json())))]
 
     def close(self) -> None:
         pass

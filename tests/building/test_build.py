@@ -13,11 +13,11 @@ import pytest
 from texbake import FileError, OptionError
 from texbake.building import locations
 from texbake.building.build import build, plan_build
-from texbake.building.keys import checksum
+from texbake.building.digests import checksum
 from texbake.building.options import BuildOptions, parse_bytes
 from texbake.building.progress import BuildEvent
 from texbake.building.store import Store
-from texbake.building.task import Outcome, Task, run_task
+from texbake.building.task import Task, TaskOutcome, run_task
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.raycast.rays import RayHits, Rays
@@ -315,9 +315,9 @@ def test_a_damaged_result_that_many_steps_read_is_made_again_once(
 
         def submit(self, number: int, task: Task) -> None:
             self.tasks.append(task)
-            self._begun.append((number, Outcome(**run_task(task.to_json()))))
+            self._begun.append((number, TaskOutcome(**run_task(task.to_json()))))
 
-        def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+        def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
             return [] if timeout == 0.0 else [self._begun.pop(0 if order == "first" else -1)]
 
     crew = Eager(slots)
@@ -511,12 +511,12 @@ def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(
     other.write_text('folder = "elsewhere"\n' + text)
 
     class Nested(inline):  # type: ignore[misc]
-        def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+        def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
             if timeout != 0.0 and not other.with_name("elsewhere").exists():
                 with Store(str(path.parent / "common")).folder() as folder:
                     assert build(other, workers=inline()).ok
                     assert folder.is_dir()
-            found: list[tuple[int, Outcome]] = super().finished(timeout)
+            found: list[tuple[int, TaskOutcome]] = super().finished(timeout)
             return found
 
     assert build(path, workers=Nested()).ok

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
-from texbake_cli.light_baking import file_names
+from texbake.jobs.light_maps import file_names
 
 from texbake import read_image
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from texbake.building.file import AssetRule, Pipeline
 from texbake.building.locations import is_url, matches
-from texbake.building.names import filled
 from texbake.errors import OptionError
 from texbake.rendering.scene.file.faults import nearest
 
 DEFAULT_NAME = "{stem}"
+_PLACE = re.compile(r"\{([^{}]*)\}")
 
 
 @dataclass(frozen=True)
-class Asset:
+class PipelineAsset:
     """One asset.
 
     Attributes
@@ -34,7 +35,7 @@ class Asset:
     inputs: dict[str, str]
 
 
-def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[Asset]:
+def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAsset]:
     """All assets, or those whose names match, in the order of the file and then by path.
 
     Raises
@@ -44,7 +45,7 @@ def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[Asset]:
     OptionError
         `only` names none.
     """
-    assets: dict[str, Asset] = {}
+    assets: dict[str, PipelineAsset] = {}
     for rule in pipeline.rules:
         for asset in _of_rule(pipeline, rule):
             if asset.name in assets:
@@ -63,12 +64,12 @@ def _is(name: str, pattern: str) -> bool:
     return name == pattern or fnmatchcase(name, pattern)
 
 
-def _near(pattern: str, names: dict[str, Asset]) -> str:
+def _near(pattern: str, names: dict[str, PipelineAsset]) -> str:
     told = nearest(pattern, names)
     return told if len(told) < 200 else f"there are {len(names):,}"
 
 
-def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[Asset]:
+def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[PipelineAsset]:
     place = ("assets", rule.index)
     if not rule.inputs:
         return [_asset(pipeline, rule, {}, {"name": rule.name or ""})]
@@ -111,7 +112,7 @@ def absolute(pipeline: Pipeline, path: str) -> str:
 
 def _asset(
     pipeline: Pipeline, rule: AssetRule, inputs: dict[str, str], values: dict[str, str]
-) -> Asset:
+) -> PipelineAsset:
     place = ("assets", rule.index, "name")
     try:
         name = filled(rule.name or DEFAULT_NAME, values)
@@ -120,10 +121,10 @@ def _asset(
     parts = name.split("/")
     if not name or name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
         raise pipeline.fault(place, f"{name!r} is no name for files; use one without .. and \\")
-    return Asset(name, rule, inputs)
+    return PipelineAsset(name, rule, inputs)
 
 
-def _twice(pipeline: Pipeline, one: Asset, other: Asset) -> Exception:
+def _twice(pipeline: Pipeline, one: PipelineAsset, other: PipelineAsset) -> Exception:
     rule = other.rule
     key = ("name",) if rule.name else ("inputs", *list(rule.inputs)[:1])
     place: tuple[int | str, ...] = ("assets", rule.index, *key)
@@ -135,3 +136,27 @@ def _twice(pipeline: Pipeline, one: Asset, other: Asset) -> Exception:
             "have the name tell them apart, as '{folder}_{stem}'",
         )
     return pipeline.fault(place, f"two assets are called {one.name!r}; give each its own name")
+
+
+def filled(pattern: str, values: Mapping[str, str]) -> str:
+    """Fill in the names in braces.
+
+    >>> filled("{asset}_{output}.png", {"asset": "vase", "output": "normal"})
+    'vase_normal.png'
+
+    Raises
+    ------
+    OptionError
+        A name in braces is not known, or a brace has no other.
+    """
+    if {"{", "}"} & set(_PLACE.sub("", pattern)):
+        raise OptionError(f"{pattern!r} has a brace without its other; names are written {{name}}")
+
+    def value(found: re.Match[str]) -> str:
+        if found[1] not in values:
+            raise OptionError(
+                f"{pattern!r} has {found[0]}, which is not known; {nearest(found[1], values)}"
+            )
+        return values[found[1]]
+
+    return _PLACE.sub(value, pattern)

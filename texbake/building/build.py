@@ -14,14 +14,13 @@ from texbake import __version__
 from texbake.building import progress
 from texbake.building.assets import find_assets
 from texbake.building.digests import Digests
+from texbake.building.disk import locked
 from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, plan_nodes
 from texbake.building.locations import is_url
-from texbake.building.lock import locked
 from texbake.building.memory import machine_memory
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent, BuildListener
-from texbake.building.publish import Publisher
 from texbake.building.report import (
     FINISHED,
     INSIDE,
@@ -34,7 +33,7 @@ from texbake.building.report import (
 )
 from texbake.building.resolve import LastKeys, Resolver, StepState
 from texbake.building.schedule import Schedule, states_of
-from texbake.building.store import Store
+from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import OptionError, TexbakeError
 from texbake.files import PathLike, make_folder
@@ -108,10 +107,10 @@ def build(
     site = Site(pipeline, options)
     site.make()
 
-    def told(message: str) -> None:
+    def note(message: str) -> None:
         listener(BuildEvent(event="note", message=message))
 
-    with locked(site.inside / "lock", wait=options.wait, told=told):
+    with locked(site.inside / "lock", wait=options.wait, note=note):
         result = _build(pipeline, site, options, listener, workers)
     if html is not None:
         from texbake.building.overview import write_overview

@@ -19,7 +19,7 @@ from typing import Any
 from texbake import __version__
 from texbake.building.task import (
     FAILED,
-    Outcome,
+    TaskOutcome,
     Task,
     run_task,
 )
@@ -78,7 +78,7 @@ class DaskWorkers:
             self.close()
             raise
         self.threads = threads or shared
-        self._outcomes: queue.SimpleQueue[tuple[int, Outcome]] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[tuple[int, TaskOutcome]] = queue.SimpleQueue()
         self._futures: dict[int, Any] = {}
 
     def _inspected(self) -> int:
@@ -124,13 +124,13 @@ class DaskWorkers:
     def _note(self, number: int, future: Any) -> None:
         """Take in what came of a task; called by a thread of Dask's."""
         try:
-            outcome = Outcome(**future.result(timeout=_ANSWER_SECONDS))
+            outcome = TaskOutcome(**future.result(timeout=_ANSWER_SECONDS))
         except BaseException as error:
             told = f"its worker ended: {type(error).__name__}: {str(error)[:200]}"
-            outcome = Outcome(status=FAILED, error=" ".join(told.split()))
+            outcome = TaskOutcome(status=FAILED, error=" ".join(told.split()))
         self._outcomes.put((number, outcome))
 
-    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+    def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
         """Wait until at least one task is done, or the time is over; return those that are.
 
         Raises

@@ -1,8 +1,8 @@
-"""SHA-256 of files, computed once and remembered as long as the files are not written to.
+"""Checksums: SHA-256 of values, and of files as long as they are not written to.
 
-A file is taken for unchanged while size, times of modification and of change, and number are. As
-clocks of file systems tick in steps, a file that was changed within such a step before it was read
-is read again the next time.
+A file counts as unchanged while its size, its times of modification and of change, and its inode
+are the same. File systems' clocks tick in steps: a file that was changed within one step before it
+was read is read again the next time.
 """
 
 from __future__ import annotations
@@ -18,14 +18,24 @@ from pathlib import Path
 from typing import Any
 
 from texbake.building.companions import SUFFIXES, companions
-from texbake.building.keys import checksum
 from texbake.building.locations import file_signature, is_url, location_of
 from texbake.errors import FileError
 from texbake.files import replacing
 from texbake.mesh.files.source import require_file
 
 _TICK_NS = 50_000_000
-MISSING = "missing"  # in place of the digest of a file that is not there
+MISSING = "missing"  # in place of the digest of a missing file
+
+
+def canonical(value: Any) -> bytes:
+    """Return JSON in which each value is written in one way only: keys sorted, no blanks, UTF-8."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return text.encode("utf-8", "surrogateescape")
+
+
+def checksum(value: Any) -> str:
+    """SHA-256 of the canonical JSON of a value."""
+    return hashlib.sha256(canonical(value)).hexdigest()
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:

@@ -9,8 +9,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from texbake.building.digests import MISSING, companion_changed, file_digest
-from texbake.building.keys import checksum
+from texbake.building.digests import MISSING, checksum, companion_changed, file_digest
 from texbake.building.locations import is_url, location_of
 from texbake.building.store import Store, StoredFile
 from texbake.errors import FileError

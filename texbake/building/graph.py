@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import PurePosixPath
 
-from texbake.building.assets import Asset, absolute
+from texbake.building.assets import PipelineAsset, absolute, filled
 from texbake.building.file import Pipeline, StepTable
 from texbake.building.locations import is_url
-from texbake.building.names import filled
 from texbake.errors import OptionError
 from texbake.rendering.scene.file.faults import nearest
 
@@ -67,7 +66,7 @@ class Node:
 
 
 def plan_nodes(
-    pipeline: Pipeline, assets: Sequence[Asset], outputs: str | None = None
+    pipeline: Pipeline, assets: Sequence[PipelineAsset], outputs: str | None = None
 ) -> dict[Id, Node]:
     """All steps of all assets, each after those that it waits for.
 
@@ -94,7 +93,7 @@ def plan_nodes(
     return nodes
 
 
-def _steps_of(pipeline: Pipeline, asset: Asset) -> dict[str, Node]:
+def _steps_of(pipeline: Pipeline, asset: PipelineAsset) -> dict[str, Node]:
     """Steps that are wanted, and all that they need."""
     wanted = list(pipeline.steps if asset.rule.steps is None else asset.rule.steps)
     found: dict[str, Node] = {}
@@ -106,7 +105,7 @@ def _steps_of(pipeline: Pipeline, asset: Asset) -> dict[str, Node]:
     return found
 
 
-def _node(pipeline: Pipeline, asset: Asset, table: StepTable) -> Node:
+def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
     inputs = {
         role: tuple(_source(pipeline, asset, table, role, text) for text in texts)
         for role, texts in table.inputs.items()
@@ -129,7 +128,7 @@ def _node(pipeline: Pipeline, asset: Asset, table: StepTable) -> Node:
     )
 
 
-def _source(pipeline: Pipeline, asset: Asset, table: StepTable, role: str, text: str) -> Source:
+def _source(pipeline: Pipeline, asset: PipelineAsset, table: StepTable, role: str, text: str) -> Source:
     """What a reference stands for: a step, one of its outputs, an input of the asset, or a file."""
     name, _, output = text.partition(".")
     if name in pipeline.steps:
@@ -158,13 +157,13 @@ def _source(pipeline: Pipeline, asset: Asset, table: StepTable, role: str, text:
     return FileSource(path)
 
 
-def _outputs_of(pipeline: Pipeline, asset: Asset, name: str) -> dict[str, str]:
+def _outputs_of(pipeline: Pipeline, asset: PipelineAsset, name: str) -> dict[str, str]:
     table = pipeline.step(name, asset.rule)
     return table.kind.outputs(table.settings)
 
 
 def _published(
-    pipeline: Pipeline, asset: Asset, table: StepTable, outputs: dict[str, str]
+    pipeline: Pipeline, asset: PipelineAsset, table: StepTable, outputs: dict[str, str]
 ) -> dict[str, str]:
     """Name of each output below the folder of outputs."""
     if table.output is None:
@@ -218,7 +217,7 @@ def _outputs(pipeline: Pipeline) -> str:
 
 
 def _check_outputs(
-    pipeline: Pipeline, nodes: Collection[Node], assets: Sequence[Asset], outputs: str
+    pipeline: Pipeline, nodes: Collection[Node], assets: Sequence[PipelineAsset], outputs: str
 ) -> None:
     """Raise where two outputs have one name, one lies in another, or would overwrite an input."""
     owners: dict[str, Node] = {}

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from texbake.building.digests import Digests
+from texbake import __version__
+from texbake.building.digests import Digests, checksum
 from texbake.building.fetching import TaskInput
 from texbake.building.graph import (
     FileSource,
@@ -17,18 +18,13 @@ from texbake.building.graph import (
     Node,
     Source,
 )
-from texbake.building.keys import (
-    Ingredients,
-    checksum,
-    differences,
-    ingredients_of,
-)
 from texbake.building.locations import is_url
 from texbake.building.memory import size_by_length, size_of
 from texbake.building.progress import WAITING
-from texbake.building.step import InputSize
+from texbake.building.step import InputSize, Settings, StepKind
 from texbake.building.store import (
     DamagedError,
+    Ingredients,
     Manifest,
     Store,
     output_digest,
@@ -221,3 +217,57 @@ class Resolver:
 def _called(source: FileSource) -> str:
     path = source.path
     return path.rsplit("/", 1)[-1] if is_url(path) else PurePosixPath(Path(path).as_posix()).name
+
+
+def ingredients_of(
+    kind: StepKind, settings: Settings, inputs: Mapping[str, list[dict[str, Any]]], asset: str
+) -> Ingredients:
+    """Everything that the result of a step depends on.
+
+    Parameters
+    ----------
+    kind, settings
+    inputs
+        By role, `called` and `sha256` of each file, and `with`, digests of the files that it
+        names. Names count, because meshes and reports have
+        them.
+    asset
+        Counts for kinds that use it.
+    """
+    return {
+        "texbake": __version__,
+        "step": kind.name,
+        "revision": kind.revision,
+        "settings": settings,
+        "inputs": {role: files for role, files in sorted(inputs.items()) if files},
+        **({"asset": asset} if kind.names_asset else {}),
+    }
+
+
+def differences(before: Ingredients | None, now: Ingredients) -> list[str]:
+    """What has changed since a step last ran, a phrase each.
+
+    >>> differences({"texbake": "1", "settings": {"size": 1}}, {"texbake": "1", "settings":
+    ...     {"size": 2}})
+    ['size: 1 before, 2 now']
+    """
+    if before is None:
+        return ["it has not run before"]
+    changes = []
+    for name, called in ("texbake", "the version"), ("revision", "the step itself"):
+        if before.get(name) != now.get(name):
+            changes.append(f"{called}: {before.get(name)} before, {now.get(name)} now")
+    if before.get("step") != now.get("step"):
+        changes.append(f"do: {before.get('step')} before, {now.get('step')} now")
+    old, new = before.get("settings", {}), now.get("settings", {})
+    changes += [
+        f"{name}: {json.dumps(old.get(name))} before, {json.dumps(new.get(name))} now"
+        for name in sorted({*old, *new})
+        if old.get(name) != new.get(name)
+    ]
+    old, new = before.get("inputs", {}), now.get("inputs", {})
+    for role in sorted({*old, *new}):
+        if old.get(role) != new.get(role):
+            called = ", ".join(file["called"] for file in new.get(role, ()))
+            changes.append(f"{role} changed: {called}" if called else f"{role}: no longer given")
+    return changes

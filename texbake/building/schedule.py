@@ -13,13 +13,12 @@ from collections.abc import Callable, Mapping
 from texbake.building import progress
 from texbake.building.graph import Id, Node
 from texbake.building.progress import BuildEvent, BuildListener, Outlook
-from texbake.building.publish import Publisher
 from texbake.building.resolve import Resolver, StepState
-from texbake.building.store import Manifest, Store
+from texbake.building.store import Manifest, Publisher, Store
 from texbake.building.task import (
     DAMAGED,
     DONE,
-    Outcome,
+    TaskOutcome,
     Task,
 )
 from texbake.building.workers import Executor
@@ -173,7 +172,7 @@ class Schedule:
             for step in self._same.pop(task.key):
                 self._close(step, outcome)
 
-    def _close(self, step: Id, outcome: Outcome) -> None:
+    def _close(self, step: Id, outcome: TaskOutcome) -> None:
         """End a step as its task, or the same of another asset, has ended."""
         if outcome.status == DONE:
             assert outcome.manifest is not None
@@ -223,7 +222,7 @@ class Schedule:
                 self._tell(follower)
                 blocked += self._followers[follower.node.id]
 
-    def _mend(self, steps: list[Id], outcome: Outcome, begun: int) -> None:
+    def _mend(self, steps: list[Id], outcome: TaskOutcome, begun: int) -> None:
         """Have a damaged result made again, and put off the steps that read it or are going to.
 
         Those that began before it was last made again say nothing of what is stored now.

@@ -16,15 +16,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from texbake.building.digests import Digests, file_digest
-from texbake.building.keys import Ingredients, checksum
+from texbake.building.digests import Digests, checksum, file_digest
+from texbake.building.disk import clear, owned_folder
+from texbake.building.graph import Node
 from texbake.building.locations import LocalFolder, file_signature, location_of
-from texbake.building.lock import clear, owned_folder
 from texbake.errors import FileError, TexbakeError
 
 MANIFEST = "manifest.json"
 _TEMPORARY = "tmp"  # which is no beginning of a key
 Manifest = dict[str, Any]
+Ingredients = dict[str, Any]  # what a key is the checksum of
 
 
 class DamagedError(TexbakeError):
@@ -228,3 +229,42 @@ def _listed(folder: Path, name: str) -> dict[str, Any]:
             for file, inner in zip(files, names, strict=True)
         ],
     }
+
+
+class Publisher:
+    """Copies outputs to the folder of outputs, where they are not there yet."""
+
+    def __init__(self, place: str, store: Store, digests: Digests) -> None:
+        self.place = place
+        self._location = location_of(place)
+        self._store, self._digests = store, digests
+
+    def missing(self, node: Node, manifest: Manifest) -> list[tuple[str, StoredFile]]:
+        """Outputs that are not there, or are not what was stored: their names and stored files."""
+        stored = stored_files(manifest)
+        return [
+            (name, file)
+            for output, base in node.published.items()
+            for file in stored[output]
+            for name in (f"{base}/{file.path}" if file.path else base,)
+            if not self._digests.is_known(self._location.path(name), file.sha256)
+        ]
+
+    def publish(self, node: Node, manifest: Manifest) -> int:
+        """Put out what is missing; return how many files.
+
+        Raises
+        ------
+        FileError
+            A file cannot be written.
+        """
+        missing = self.missing(node, manifest)
+        if not missing:
+            return 0
+        with tempfile.TemporaryDirectory(prefix="texbake-") as copies:
+            for name, file in missing:
+                self._location.put(self._store.fetch(file, Path(copies)), name)
+                signature = self._location.signature(name)
+                if signature is not None:  # nobody has taken it away at once
+                    self._digests.remember(self._location.path(name), signature, file.sha256)
+        return len(missing)

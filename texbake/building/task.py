@@ -82,7 +82,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class TaskOutcome:
     """What came of a task.
 
     Attributes
@@ -123,7 +123,7 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Fields of an `Outcome`.
+        Fields of an `TaskOutcome`.
     """
     worker = f"{socket.gethostname()}"
     if values["version"] != __version__:
@@ -131,21 +131,21 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
             f"the worker on {worker} has texbake {__version__}, this build {values['version']}; "
             "install the same there"
         )
-        return asdict(Outcome(status=FAILED, error=error, worker=worker))
+        return asdict(TaskOutcome(status=FAILED, error=error, worker=worker))
     task = Task.from_json(values)
     try:
-        return asdict(Outcome(status=DONE, manifest=_done(task), worker=worker))
+        return asdict(TaskOutcome(status=DONE, manifest=_done(task), worker=worker))
     except DamagedInputError as damaged:
-        outcome = Outcome(status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker)
+        outcome = TaskOutcome(status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker)
     except TexbakeError as error:
-        outcome = Outcome(status=FAILED, error=_one_line(str(error)), worker=worker)
+        outcome = TaskOutcome(status=FAILED, error=_one_line(str(error)), worker=worker)
     except MemoryError:
         told = "out of memory; give it a smaller size, or fewer jobs"
-        outcome = Outcome(status=FAILED, error=told, worker=worker)
+        outcome = TaskOutcome(status=FAILED, error=told, worker=worker)
     except Exception as error:
         told = _one_line(f"{type(error).__name__}: {error}")
         trace = traceback.format_exc()
-        outcome = Outcome(
+        outcome = TaskOutcome(
             status=FAILED, error=f"texbake itself failed: {told}", trace=trace, worker=worker
         )
     return asdict(outcome)

@@ -1,7 +1,12 @@
-"""Workers on this machine: processes that are kept warm, and replaced where they end.
+"""Workers on this machine: processes that stay warm between steps, and are replaced if they end.
 
-A worker that is killed takes the step in hand with it, and nothing else. The step is tried once
-more by a fresh worker, because it may not have been its fault; the second time it is.
+A worker that is killed loses only the step it was running. A new worker tries the step once more,
+in case it was not the cause; if the second worker ends as well, the step has failed.
+
+Run as a program (`python -m texbake.building.workers`), this module is one worker: it reads tasks
+from stdin, one line of JSON each, and writes their outcomes to stdout. It ends as soon as stdin
+does, whatever it is doing, so that no worker outlives its build. What libraries print goes to
+stderr.
 """
 
 from __future__ import annotations
@@ -21,8 +26,9 @@ from typing import IO, Any, Protocol
 from texbake.building.task import (
     FAILED,
     LOST,
-    Outcome,
+    TaskOutcome,
     Task,
+    run_task,
 )
 
 MOST_ATTEMPTS = 2
@@ -38,7 +44,7 @@ class Executor(Protocol):
     def submit(self, number: int, task: Task) -> None:
         """Begin a task; there may be more of them than slots."""
 
-    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+    def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
         """Wait until at least one task is done, or the time is over; return those that are."""
 
     def close(self) -> None:
@@ -59,7 +65,7 @@ class LocalWorkers:
     def __init__(self, slots: int, threads: int) -> None:
         self.slots, self.threads = slots, threads
         self._tasks: queue.SimpleQueue[tuple[int, Task] | None] = queue.SimpleQueue()
-        self._outcomes: queue.SimpleQueue[tuple[int, Outcome]] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[tuple[int, TaskOutcome]] = queue.SimpleQueue()
         self._crew: list[threading.Thread] = []
         self._processes: set[_Process] = set()
         self._lock = threading.Lock()
@@ -79,7 +85,7 @@ class LocalWorkers:
             self._crew.append(thread)
         self._tasks.put((number, task))
 
-    def finished(self, timeout: float | None) -> list[tuple[int, Outcome]]:
+    def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
         """Wait until at least one task is done, or the time is over; return those that are."""
         found = []
         with suppress(queue.Empty):
@@ -106,7 +112,7 @@ class LocalWorkers:
         try:
             while (item := self._tasks.get()) is not None:
                 number, task = item
-                outcome = Outcome(status=LOST)
+                outcome = TaskOutcome(status=LOST)
                 for attempt in range(1, MOST_ATTEMPTS + 1):
                     try:
                         process = process or self._start()
@@ -114,7 +120,7 @@ class LocalWorkers:
                             return
                         outcome = process.ask(task)
                     except Exception as error:  # a step that nobody answers for is waited for
-                        outcome = Outcome(status=FAILED, error=_told(error, started=process))
+                        outcome = TaskOutcome(status=FAILED, error=_told(error, started=process))
                         if process is not None:
                             self._bury(process)
                             process = None
@@ -163,7 +169,7 @@ class _Process:
         try:
             self._process = subprocess.Popen(
                 # -P: what lies in the current folder is no module.
-                [sys.executable, "-P", "-m", "texbake.building.worker"],
+                [sys.executable, "-P", "-m", "texbake.building.workers"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._said,
@@ -178,7 +184,7 @@ class _Process:
         """Number of the process."""
         return self._process.pid
 
-    def ask(self, task: Task) -> Outcome:
+    def ask(self, task: Task) -> TaskOutcome:
         """Have a task done; `lost` if the process ends before it answers."""
         assert self._process.stdin is not None and self._process.stdout is not None
         line = b""
@@ -187,9 +193,9 @@ class _Process:
             self._process.stdin.flush()
             line = self._process.stdout.readline()
         if not line.endswith(b"\n"):
-            return Outcome(status=LOST, error=self._ending())
+            return TaskOutcome(status=LOST, error=self._ending())
         values: dict[str, Any] = json.loads(line)
-        return Outcome(**values)
+        return TaskOutcome(**values)
 
     def kill(self) -> None:
         """End the process, also if it is at work; whoever asked it something is told `lost`."""
@@ -222,3 +228,27 @@ class _Process:
         hint = "; the system may have run out of memory" if how == "SIGKILL" else ""
         told = f"its worker ended ({how}), twice{hint}"
         return f"{told}: {last[:200]}" if last else told
+
+
+def main() -> None:
+    """Run one task after another, as a worker process."""
+    # Ctrl-C reaches all processes of a terminal; the build decides what becomes of workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(tasks,), daemon=True).start()
+    while True:
+        outcome = run_task(json.loads(tasks.get()))
+        answers.write(json.dumps(outcome).encode() + b"\n")
+        answers.flush()
+
+
+def _read(tasks: queue.SimpleQueue[bytes]) -> None:
+    for line in sys.stdin.buffer:
+        tasks.put(line)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -13,7 +13,7 @@ import pytest
 
 from texbake import FileError
 from texbake.building.build import build
-from texbake.building.lock import clear, locked, owned_folder
+from texbake.building.disk import clear, locked, owned_folder
 from texbake.building.options import BuildOptions
 
 
@@ -23,7 +23,10 @@ def test_a_second_build_is_told_who_is_there(write: Any, inline: Any) -> None:
     inside.mkdir(parents=True)
     with (
         locked(inside / "lock"),
-        pytest.raises(FileError, match=r"build: another build works here \(process \d+ on \S+\)"),
+        pytest.raises(
+            FileError,
+            match=r"build: another build is running in this folder \(process \d+ on \S+\)",
+        ),
     ):
         build(path, BuildOptions(wait=False), workers=inline())
     assert build(path, BuildOptions(wait=False), workers=inline()).ok
@@ -36,7 +39,7 @@ def test_it_waits_until_the_lock_is_let_go(tmp_path: Path) -> None:
     order: list[str] = []
 
     def second() -> None:
-        with locked(path, told=told.append):
+        with locked(path, note=told.append):
             order.append("second")
 
     with locked(path):
@@ -53,7 +56,7 @@ def test_it_waits_until_the_lock_is_let_go(tmp_path: Path) -> None:
 def test_a_killed_holder_holds_nothing(tmp_path: Path) -> None:
     code = (
         "import sys, time\nfrom pathlib import Path\n"
-        "from texbake.building.lock import clear, locked, owned_folder\n"
+        "from texbake.building.disk import clear, locked, owned_folder\n"
         "with locked(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
     )
     (tmp_path / "in").mkdir()
@@ -73,7 +76,7 @@ def test_a_killed_holder_holds_nothing(tmp_path: Path) -> None:
 def test_folders_are_cleared_when_their_owners_are_dead(tmp_path: Path) -> None:
     program = (
         "import sys, time; from pathlib import Path\n"
-        "from texbake.building.lock import owned_folder\n"
+        "from texbake.building.disk import owned_folder\n"
         "with owned_folder(Path(sys.argv[1])) as folder:\n"
         "    (folder / 'file').write_text('x'); print(folder, flush=True); time.sleep(60)\n"
     )
@@ -124,7 +127,7 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr("fcntl.flock", refuse)
-    told = "cannot be locked: No locks available; give a folder"
+    told = "cannot be locked: No locks available; give a `folder`"
     with pytest.raises(FileError, match=told), locked(tmp_path / "lock"):
         pass
     with owned_folder(tmp_path / "tmp") as folder:
