@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
-from texbake.jobs.light_maps import file_names
 
 from texbake import read_image
+from texbake.jobs.light_maps import file_names
 
 Invoke = Callable[..., Result]
 

@@ -19,8 +19,8 @@ from typing import Any
 from texbake import __version__
 from texbake.building.task import (
     FAILED,
-    TaskOutcome,
     Task,
+    TaskOutcome,
     run_task,
 )
 from texbake.errors import DependencyError, FileError, OptionError

@@ -128,7 +128,9 @@ def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
     )
 
 
-def _source(pipeline: Pipeline, asset: PipelineAsset, table: StepTable, role: str, text: str) -> Source:
+def _source(
+    pipeline: Pipeline, asset: PipelineAsset, table: StepTable, role: str, text: str
+) -> Source:
     """What a reference stands for: a step, one of its outputs, an input of the asset, or a file."""
     name, _, output = text.partition(".")
     if name in pipeline.steps:

@@ -18,8 +18,8 @@ from texbake.building.store import Manifest, Publisher, Store
 from texbake.building.task import (
     DAMAGED,
     DONE,
-    TaskOutcome,
     Task,
+    TaskOutcome,
 )
 from texbake.building.workers import Executor
 from texbake.errors import TexbakeError

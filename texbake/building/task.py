@@ -136,7 +136,9 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
     try:
         return asdict(TaskOutcome(status=DONE, manifest=_done(task), worker=worker))
     except DamagedInputError as damaged:
-        outcome = TaskOutcome(status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker)
+        outcome = TaskOutcome(
+            status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker
+        )
     except TexbakeError as error:
         outcome = TaskOutcome(status=FAILED, error=_one_line(str(error)), worker=worker)
     except MemoryError:

@@ -26,8 +26,8 @@ from typing import IO, Any, Protocol
 from texbake.building.task import (
     FAILED,
     LOST,
-    TaskOutcome,
     Task,
+    TaskOutcome,
     run_task,
 )
 

@@ -27,13 +27,13 @@ from texbake.jobs.outputs import (
 from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
+from texbake.rendering.costs import Costs
 from texbake.rendering.draw import prepare
+from texbake.rendering.effect import Plan
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
-from texbake.rendering.costs import Costs
 from texbake.rendering.plan import plan_report, plan_table
-from texbake.rendering.effect import Plan
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
