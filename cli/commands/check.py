@@ -113,7 +113,7 @@ def _print_findings(checked: CheckReport, terminal: Terminal) -> None:
     """Print the findings as a table, and below it what they mean."""
     findings = checked.findings
     if not terminal.quiet:
-        for role, mesh in (("high-poly", checked.dense), ("low-poly", checked.light)):
+        for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
             if mesh is not None:
                 say(f"{role} mesh  {mesh.name}, {mesh.n_faces:,} faces")
     if findings:

@@ -13,7 +13,7 @@ from texbake.mesh.shapes import cube, icosphere, plane
 
 
 class Case(NamedTuple):
-    """A mesh, or a dense and a light one; how often its one fault is there; faces it is at."""
+    """A mesh, or a high-poly and a low-poly mesh, with one fault: how often, and at which faces."""
 
     mesh: Mesh
     low: Mesh | None
@@ -34,7 +34,7 @@ def smooth(mesh: Mesh) -> Mesh:
 
 
 def soup(points: list, faces: list) -> Mesh:
-    """A dense mesh of some faces."""
+    """A high-poly mesh of some faces."""
     return flat(Mesh(positions=np.array(points, float), faces=faces))
 
 
@@ -249,14 +249,14 @@ def axes() -> Case:
     return Case(flat(lying), cuboid(1, 2, 4), 1, set())
 
 
-def far_from_dense() -> Case:
+def far_from_high() -> Case:
     low = squares(*(((i, 0, 0), (0.02 + 0.24 * i, 0.1), (0.16, 0.16)) for i in range(3)),
                   ((3, 0, 2), (0.75, 0.1), (0.16, 0.16)))  # fmt: skip
     high = flat(plane(6, 2))
     return Case(high.replace(positions=high.positions * [3, 1, 1]), low, 2, {6, 7})
 
 
-def far_from_light() -> Case:
+def far_from_low() -> Case:
     high = squares(ROOMY, ((0, 0, 2), (0, 0), (1, 1)))
     return Case(high, squares(ROOMY), 2, {2, 3})
 
@@ -276,16 +276,16 @@ def sheets(*heights: tuple) -> Mesh:
 
 
 def thin_walls() -> Case:
-    """A wall of 0.05, beside a face whose dense surface lies 0.1 behind it."""
-    light, dense = (sheets((0, 0, 1), (0, -0.05, -1), (3, z, 1)) for z in (0.0, -0.1))
-    return Case(dense, light, 4, {0, 1, 2, 3})
+    """A wall of 0.05, beside a face whose high-poly surface lies 0.1 behind it."""
+    low, high = (sheets((0, 0, 1), (0, -0.05, -1), (3, z, 1)) for z in (0.0, -0.1))
+    return Case(high, low, 4, {0, 1, 2, 3})
 
 
 def other_parts() -> Case:
-    """A gap of 0.03 below a slab of 0.02, beside a face whose dense surface lies 0.1 before it."""
+    """A gap of 0.03 below a slab of 0.02, beside a face 0.1 below the high-poly surface."""
     slab = ((0, 0, 1), (0, 0.03, -1), (0, 0.05, 1))
-    light, dense = (sheets(*slab, (3, z, 1)) for z in (0.0, 0.1))
-    return Case(dense, light, 2, {0, 1})
+    low, high = (sheets(*slab, (3, z, 1)) for z in (0.0, 0.1))
+    return Case(high, low, 2, {0, 1})
 
 
 def opposite_sides() -> Case:
@@ -334,12 +334,12 @@ CASES: dict[str, Callable[[], Case]] = {
     "differing-scale": scale,
     "differing-place": place,
     "differing-axes": axes,
-    "far-from-dense": far_from_dense,
-    "far-from-light": far_from_light,
+    "far-from-high": far_from_high,
+    "far-from-low": far_from_low,
     "thin-walls": thin_walls,
     "other-parts": other_parts,
     "opposite-sides": opposite_sides,
-    "dense-is-coarser": coarser,
+    "high-is-coarser": coarser,
     "detail-below-texels": below_texels,
 }
 

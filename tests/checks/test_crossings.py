@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.checks import crossings
+from texbake.checks import surface
 from texbake.checks.check import check
-from texbake.checks.crossings import crossed_by
+from texbake.checks.checked_mesh import CheckedMesh
 from texbake.checks.options import CheckOptions
-from texbake.checks.subject import Subject
+from texbake.checks.surface import crossed_by
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 
 def crossed(mesh: Mesh) -> list[bool]:
-    others, unsure = crossed_by(Subject(mesh, "dense", CheckOptions()))
+    others, unsure = crossed_by(CheckedMesh(mesh, "high", CheckOptions()))
     assert not unsure.any()
     return (others >= 0).tolist()
 
@@ -98,7 +98,7 @@ def test_a_box_through_the_top_of_another(scale: float) -> None:
     assert found[12:] == sides.tolist()
 
 
-def test_a_thousand_sheets_through_one_another_are_told_at_once() -> None:
+def test_a_thousand_sheets_through_one_another_are_found_quickly() -> None:
     angles = np.arange(1000) * np.pi / 1000
     up = np.array([0.0, 0.0, 1.0])
     ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(1000)], axis=1)
@@ -113,11 +113,13 @@ def test_a_thousand_sheets_through_one_another_are_told_at_once() -> None:
 @pytest.fixture
 def few_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Faces are given up after those of one leaf of the tree."""
-    monkeypatch.setattr(crossings, "_MOST_PAIRS", 0)
-    monkeypatch.setattr(crossings, "_LEAST_PAIRS_OF_A_FACE", 1)
+    monkeypatch.setattr(surface, "_MAX_PAIRS", 0)
+    monkeypatch.setattr(surface, "_MIN_PAIRS_PER_FACE", 1)
 
 
-def test_faces_that_were_given_up_are_told_where_no_other_is_crossed(few_pairs: None) -> None:
+def test_undecided_faces_are_reported_where_none_is_crossed(
+    few_pairs: None,
+) -> None:
     """Each face of a sphere touches its neighbors, of more than one leaf; none crosses another."""
     mesh = icosphere(3)
     report = check(mesh)
@@ -125,17 +127,19 @@ def test_faces_that_were_given_up_are_told_where_no_other_is_crossed(few_pairs: 
     found = report.finding("undecided-intersections")
     assert found is not None and found.severity == "note"
     assert found.count == len(found.faces) > mesh.n_faces / 2
-    areas = Subject(mesh, "dense", CheckOptions()).areas
+    areas = CheckedMesh(mesh, "high", CheckOptions()).areas
     assert areas[found.faces[0]] == areas[found.faces].max()
 
 
-def test_faces_that_were_given_up_are_told_beside_those_that_are_crossed(few_pairs: None) -> None:
+def test_undecided_faces_are_reported_beside_crossed_ones(
+    few_pairs: None,
+) -> None:
     """Two spheres through one another, and what of it the first leaf of each face shows."""
     ball = icosphere(3)
     other = ball.replace(positions=ball.positions + np.array([1.0, 0.1, 0.2]))
     report = check(join_meshes([ball, other]))
     found = report.finding("self-intersections")
-    assert found is not None and " more faces it was not told" in found.problem
+    assert found is not None and " more faces were not decided" in found.problem
     assert report.finding("undecided-intersections") is None
 
 

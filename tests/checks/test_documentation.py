@@ -12,7 +12,7 @@ def test_the_table_is_that_of_the_code() -> None:
         line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| `")
     ]
     assert rows == [
-        f"| `{kind.name}` | {kind.title} | {kind.unit[1]} | {kind.light or '—'} "
-        f"| {kind.dense or '—'} |"
+        f"| `{kind.name}` | {kind.title} | {kind.unit[1]} | {kind.low or '—'} "
+        f"| {kind.high or '—'} |"
         for kind in KINDS.values()
     ]

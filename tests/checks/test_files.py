@@ -35,16 +35,16 @@ def test_what_is_no_mesh_is_a_finding(files: Path, name: str) -> None:
 def test_the_other_mesh_is_checked_all_the_same(files: Path) -> None:
     report = check_files(files / "good.obj", files / "nan.obj")
     assert [f.name for f in report.findings] == ["unreadable"]
-    assert report.findings[0].mesh == "light"
-    assert report.dense is not None
+    assert report.findings[0].mesh == "low"
+    assert report.high is not None
     report = check_files(files / "nan.obj", files / "good.obj")
     assert {f.name for f in report.findings} == {"unreadable", "no-coordinates"}
 
 
-def test_one_mesh_without_coordinates_is_a_dense_one(files: Path) -> None:
+def test_one_mesh_without_coordinates_is_a_high_poly_one(files: Path) -> None:
     report = check_files(files / "good.obj")
-    assert report.light is None
-    assert report.dense is not None
+    assert report.low is None
+    assert report.high is not None
     assert report.findings == ()
 
 

@@ -39,8 +39,8 @@ def test_a_face_too_small_to_be_seen_gets_a_dot(case_of: Callable) -> None:
 
 def test_nothing_found_is_a_layout_alone(clean: tuple[Mesh, Mesh | None]) -> None:
     report = check(*clean)
-    if report.light is None:
-        with pytest.raises(UvError, match="no light mesh"):
+    if report.low is None:
+        with pytest.raises(UvError, match="no low-poly mesh"):
             report.picture()
     else:
         assert not share_of(report.picture(64), "error").any()

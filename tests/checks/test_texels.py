@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake.checks.checked_mesh import CheckedMesh
+from texbake.checks.coordinates import chart_widths, close_charts
 from texbake.checks.options import CheckOptions
-from texbake.checks.subject import Subject
-from texbake.checks.texels import chart_widths, close_charts
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 from texbake.texture.padding import nearest_owner
 
 
-def subject(mesh: Mesh, size: int = 128, padding: int = 4) -> Subject:
-    return Subject(mesh, "light", CheckOptions(size=size, padding=padding))
+def checked(mesh: Mesh, size: int = 128, padding: int = 4) -> CheckedMesh:
+    return CheckedMesh(mesh, "low", CheckOptions(size=size, padding=padding))
 
 
 @pytest.mark.parametrize(("width", "length"), [(3, 100), (3, 3), (50, 100), (0.01, 120)])
 def test_width_of_a_rectangle_is_its_width(width: float, length: float) -> None:
     uvs = plane(7, 3).uvs * [width / 128, length / 128]
-    (found,) = chart_widths(subject(plane(7, 3).replace(uvs=uvs)))
+    (found,) = chart_widths(checked(plane(7, 3).replace(uvs=uvs)))
     assert found == pytest.approx(width, rel=1e-9)  # a root of numbers near 1e5, in float64
 
 
@@ -32,14 +32,14 @@ def test_width_of_a_disk_and_of_a_ring() -> None:
     disk = Mesh(positions=np.column_stack([uvs, np.zeros(n + 1)]), faces=faces, uvs=uvs,
                 uv_faces=faces)  # fmt: skip
     # A polygon of 200 sides is 1e-4 narrower.
-    assert chart_widths(subject(disk))[0] == pytest.approx(64.0, rel=2e-4)
+    assert chart_widths(checked(disk))[0] == pytest.approx(64.0, rel=2e-4)
     inner = 0.5 + (rim - 0.5) * 0.9
     uvs = np.concatenate([rim, inner])
     faces = [t for i in range(n) for j in [(i + 1) % n] for t in ((i, j, i + n), (j, j + n, i + n))]
     ring = Mesh(positions=np.column_stack([uvs, np.zeros(2 * n)]), faces=faces, uvs=uvs,
                 uv_faces=faces)  # fmt: skip
     # The strip laid straight: 3.2 texels by the mean circumference, which adds 1.6 %.
-    assert chart_widths(subject(ring))[0] == pytest.approx(3.2, rel=0.03)
+    assert chart_widths(checked(ring))[0] == pytest.approx(3.2, rel=0.03)
 
 
 @settings(deadline=None, max_examples=60)
@@ -58,7 +58,7 @@ def test_pairs_are_found_just_where_padding_meets(seed: int, padding: int) -> No
     faces = np.arange(3 * n_charts).reshape(-1, 3)
     mesh = Mesh(positions=np.column_stack([points, np.arange(3.0 * n_charts)]), faces=faces,
                 uvs=points, uv_faces=faces)  # fmt: skip
-    found = close_charts(subject(mesh, size=24, padding=padding), owners)
+    found = close_charts(checked(mesh, size=24, padding=padding), owners)
     n_meeting = nearest_owner(owners, padding).n_meeting
     touching = (
         any(

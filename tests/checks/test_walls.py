@@ -13,7 +13,7 @@ from texbake.mesh.mesh import Mesh
 
 
 def heights(high: Mesh, low: Mesh, faces: list[int], **options: object) -> np.ndarray:
-    """Displacements that a bake finds at the texels of some faces of the light mesh."""
+    """Displacements that a bake finds at the texels of some faces of the low-poly mesh."""
     result = bake(high, low, BakeOptions(size=128, maps=("displacement",), padding=0, **options))
     there = np.isin(result.texel_faces, faces) & ~result.missed
     return result.maps["displacement"].values[..., 0][there]
@@ -45,9 +45,9 @@ def test_a_ray_that_misses_its_side_of_a_thin_wall_takes_the_other(case_of: Call
 
 
 def test_faces_beyond_the_number_looked_at_are_told_of(monkeypatch, case_of: Callable) -> None:
-    monkeypatch.setattr(walls, "_MOST_FACES", 4)
+    monkeypatch.setattr(walls, "_MAX_FACES", 4)
     case = case_of("thin-walls")
     found = check(case.mesh, case.low, CheckOptions(size=128)).finding("thin-walls")
     assert found is not None
     assert found.faces.tolist() == [0, 2]
-    assert "One face in 2 was looked at" in found.problem
+    assert "Only one of every 2 faces was checked" in found.problem

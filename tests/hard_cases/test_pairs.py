@@ -47,9 +47,9 @@ def test_nothing_is_found_where_there_is_nothing(case_of_pair):
 
 # What the preflight must say of each pair; of the others, nothing but notes.
 SAID = {
-    "dense mesh coarser than the light one": "dense-is-coarser",
+    "dense mesh coarser than the light one": "high-is-coarser",
     "wall thinner than the cage": "thin-walls",
-    "dense mesh with a hole": "far-from-dense",
+    "dense mesh with a hole": "far-from-high",
     "dense mesh inside out": "opposite-sides",
     "dense mesh elsewhere": "differing-place",
 }

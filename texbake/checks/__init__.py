@@ -1,1 +1,1 @@
-"""The preflight: what will go wrong in a bake, named before it does."""
+"""Checks before a bake: they report what will go wrong."""

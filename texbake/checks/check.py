@@ -1,23 +1,17 @@
-"""A preflight of one mesh, or of a dense and a light one: all checks in their order."""
+"""The check before a bake: every test of one mesh, or of a high-poly and a low-poly mesh."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from texbake.checks import (
-    coordinates,
-    crossings,
-    shading,
-    surface,
-    winding,
-)
-from texbake.checks.finding import Finding, found
+from texbake.checks import coordinates, orientation, surface
+from texbake.checks.checked_mesh import CheckedMesh, make_finding
+from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
+from texbake.checks.finding import Finding
 from texbake.checks.kinds import KINDS
 from texbake.checks.options import SEVERITIES, CheckOptions
-from texbake.checks.pair import Pair, pair_findings
+from texbake.checks.pair import MeshPair, pair_findings
 from texbake.checks.report import CheckReport
-from texbake.checks.subject import Subject
-from texbake.checks.texels import Owners, texel_findings, texel_owners
 from texbake.checks.walls import wall_findings
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
@@ -28,9 +22,9 @@ from texbake.progress import ProgressSink, Stages
 
 _SURFACE_CHECKS = (
     *surface.CHECKS,
-    crossings.self_intersections,
-    *winding.CHECKS,
-    *shading.CHECKS,
+    surface.self_intersections,
+    *orientation.WINDING_CHECKS,
+    *orientation.NORMAL_CHECKS,
 )
 
 
@@ -41,19 +35,19 @@ def check(
     *,
     progress: ProgressSink | None = None,
 ) -> CheckReport:
-    """Name what will go wrong in a bake before it does.
+    """Check meshes before a bake, and report what will go wrong.
 
     Parameters
     ----------
     mesh
-        By itself it is checked as a light mesh, or as a dense one if it has no texture
-        coordinates; with `low`, as the dense mesh.
+        The high-poly mesh, where `low` is given. A mesh on its own is checked as a low-poly mesh,
+        or as a high-poly mesh if it has no texture coordinates.
     low
-        The light mesh that is to be baked to.
+        The low-poly mesh to bake to.
     options
-        The bake that it is for; None for `CheckOptions()`.
+        The bake to check for; None for `CheckOptions()`.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Returns
     -------
@@ -63,8 +57,8 @@ def check(
     Examples
     --------
     >>> from texbake.mesh.shapes import plane
-    >>> turned = plane().replace(uvs=[[1, 0], [0, 0], [1, 1], [0, 1]])
-    >>> [finding.name for finding in check(turned).findings]
+    >>> mirrored = plane().replace(uvs=[[1, 0], [0, 0], [1, 1], [0, 1]])
+    >>> [finding.name for finding in check(mirrored).findings]
     ['mirrored-coordinates', 'no-normals']
     """
     options = options or CheckOptions()
@@ -82,7 +76,7 @@ def check_files(
     *,
     progress: ProgressSink | None = None,
 ) -> CheckReport:
-    """Read and check one mesh or two; a file that holds no mesh is a finding.
+    """Read and check one mesh or two. A file that does not hold a mesh is a finding.
 
     Parameters
     ----------
@@ -96,68 +90,69 @@ def check_files(
     """
     options = options or CheckOptions()
     paths = [mesh] if low is None else [mesh, low]
-    roles = ["light"] if low is None else ["dense", "light"]
+    roles = ["low"] if low is None else ["high", "low"]
     read: dict[str, Mesh] = {}
     unreadable = []
     for role, path in zip(roles, paths, strict=True):
         try:
             read[role] = read_mesh(path, progress=progress)
         except (FileFormatError, MeshError) as error:
-            unreadable.append(found("unreadable", role, 1, message=str(error)))
-    if low is None and "light" in read and read["light"].uvs is None:
-        read = {"dense": read["light"]}
-    stages = Stages(progress)
-    return _check(read.get("light"), read.get("dense"), options, unreadable, stages)
+            unreadable.append(make_finding("unreadable", role, 1, message=str(error)))
+    if low is None and "low" in read and read["low"].uvs is None:
+        read = {"high": read["low"]}
+    return _check(read.get("low"), read.get("high"), options, unreadable, Stages(progress))
 
 
 def _check(
-    light: Mesh | None,
-    dense: Mesh | None,
+    low: Mesh | None,
+    high: Mesh | None,
     options: CheckOptions,
     before: Iterable[Finding | None],
     stages: Stages,
 ) -> CheckReport:
     findings = list(before)
-    light_subject = dense_subject = owners = None
-    if dense is not None:
-        with stages.stage("check dense mesh"):
-            dense_subject = Subject(dense, "dense", options)
-            findings += [look(dense_subject) for look in _SURFACE_CHECKS]
-    if light is not None:
-        with stages.stage("check light mesh"):
-            light_subject = Subject(light, "light", options)
-            findings += [look(light_subject) for look in _SURFACE_CHECKS]
-            more, owners = _coordinate_findings(light_subject)
+    checked_low = checked_high = owners = None
+    if high is not None:
+        with stages.stage("check the high-poly mesh"):
+            checked_high = CheckedMesh(high, "high", options)
+            findings += [look(checked_high) for look in _SURFACE_CHECKS]
+    if low is not None:
+        with stages.stage("check the low-poly mesh"):
+            checked_low = CheckedMesh(low, "low", options)
+            findings += [look(checked_low) for look in _SURFACE_CHECKS]
+            more, owners = _coordinate_findings(checked_low)
             findings += more
-    if light_subject is not None and dense_subject is not None:
+    if checked_low is not None and checked_high is not None:
         with stages.stage("compare both"):
-            pair = Pair(light_subject, dense_subject)
+            pair = MeshPair(checked_low, checked_high)
             findings += pair_findings(pair, owners)
             if not (pair.apart or pair.opposite):
                 findings += wall_findings(pair)
     return CheckReport(
-        light=light,
-        dense=dense,
+        low=low,
+        high=high,
         options=options,
         findings=_most_severe_first(findings),
         stages=stages.records,
     )
 
 
-def _coordinate_findings(subject: Subject) -> tuple[list[Finding | None], Owners | None]:
-    """What only a light mesh can have, and which of its faces own which texels."""
-    if not subject.has_coordinates:
-        return [found("no-coordinates", subject.role, 1)], None
-    if not has_measurable_uvs(subject.mesh):  # all that can be told is that they are far
-        return [coordinates.outside_tile(subject)], None
-    owners = texel_owners(subject)
-    looks = (*coordinates.CHECKS, *shading.LIGHT_CHECKS)
-    return [*(look(subject) for look in looks), *texel_findings(subject, owners)], owners
+def _coordinate_findings(
+    checked: CheckedMesh,
+) -> tuple[list[Finding | None], TexelOwners | None]:
+    """Findings that only a low-poly mesh can have, and which of its faces own which texels."""
+    if not checked.has_coordinates:
+        return [make_finding("no-coordinates", checked.role, 1)], None
+    if not has_measurable_uvs(checked.mesh):  # too far away for anything else to be computed
+        return [coordinates.outside_tile(checked)], None
+    owners = texel_owners(checked)
+    looks = (*coordinates.CHECKS, *orientation.LOW_POLY_CHECKS)
+    return [*(look(checked) for look in looks), *texel_findings(checked, owners)], owners
 
 
 def _most_severe_first(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
-    """By severity, then as kinds are listed, the light mesh before the dense one."""
+    """By severity, then in the order of `KINDS`, the low-poly mesh before the high-poly mesh."""
     order = list(KINDS)
     there = [finding for finding in findings if finding is not None]
-    there.sort(key=lambda f: (SEVERITIES.index(f.severity), order.index(f.name), f.mesh == "dense"))
+    there.sort(key=lambda f: (SEVERITIES.index(f.severity), order.index(f.name), f.mesh == "high"))
     return tuple(there)

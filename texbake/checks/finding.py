@@ -1,23 +1,61 @@
-"""One thing that was found in a mesh."""
+"""What a check reports: the kinds of findings, and one finding in one mesh.
+
+`kinds.KINDS` lists every kind there is.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from texbake.checks.kind import Kind
-from texbake.checks.kinds import KINDS
 from texbake.mesh.mesh import IntArray
 
-N_WORST = 10  # faces named
+FACES = ("face", "faces")
+EDGES = ("edge", "edges")
+VERTICES = ("vertex", "vertices")
+CHARTS = ("chart", "charts")
+MESHES = ("mesh", "meshes")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of problem that a check can find.
+
+    Attributes
+    ----------
+    name : str
+        Its identifier, for scripts.
+    title : str
+        What a reader sees.
+    unit : (str, str)
+        What is counted, in the singular and the plural.
+    low, high : str or None
+        Severity in a low-poly mesh and in a high-poly mesh; None where it is not checked.
+    problem : str
+        What goes wrong. The check fills in the figures in braces.
+    remedy : str
+        What to do.
+    """
+
+    name: str
+    title: str
+    unit: tuple[str, str] = FACES
+    low: str | None = None
+    high: str | None = None
+    problem: str
+    remedy: str
+
+    def counted(self, count: int) -> str:
+        """Return a count with its unit, such as `2 faces`."""
+        return f"{count:,} {self.unit[count != 1]}"
+
+
+N_WORST = 10  # faces that a report names
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """What will go wrong, how much of it there is, and where.
+    """A problem in one mesh: what it is, how often it occurs, and where.
 
     Attributes
     ----------
@@ -25,14 +63,14 @@ class Finding:
     severity : str
         `error`, `warning` or `note`.
     mesh : str
-        `light` or `dense`: the mesh that it is found in.
+        `low` or `high`: the mesh that has it.
     count : int
-        In units of the kind.
+        How often it occurs, in the unit of the kind.
     faces : (n,) int32
-        Faces of that mesh where it is, each once, the worst first; empty where it is nowhere in
-        particular.
+        Faces of that mesh that have it, each once, the worst first; empty where the problem
+        concerns the mesh as a whole.
     problem, remedy : str
-        What goes wrong, and what to do.
+        What goes wrong, and what to do about it.
     """
 
     kind: Kind
@@ -45,7 +83,7 @@ class Finding:
 
     @property
     def name(self) -> str:
-        """Name of its kind."""
+        """Identifier of its kind."""
         return self.kind.name
 
     @property
@@ -55,12 +93,12 @@ class Finding:
 
     @property
     def worst_faces(self) -> list[int]:
-        """The worst ten of its faces."""
+        """Its ten worst faces."""
         worst: list[int] = self.faces[:N_WORST].tolist()
         return worst
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values."""
+        """Return all of it as plain values."""
         return {
             "name": self.name,
             "title": self.kind.title,
@@ -73,55 +111,3 @@ class Finding:
             "problem": self.problem,
             "remedy": self.remedy,
         }
-
-
-def found(
-    name: str,
-    mesh: str,
-    count: int,
-    faces: npt.NDArray[Any] | None = None,
-    badness: npt.NDArray[Any] | None = None,
-    **figures: Any,
-) -> Finding | None:
-    """Make a finding, or None where nothing was counted.
-
-    Parameters
-    ----------
-    name
-        In `KINDS`.
-    mesh
-        `light` or `dense`.
-    count
-        In units of the kind.
-    faces : (n,) int, optional
-        Those concerned, in any order, maybe repeated.
-    badness : (n,) float, optional
-        Of each of them, greater where it is worse; None where all are alike.
-    figures
-        Fill the braces of the kind's sentences.
-    """
-    if not count:
-        return None
-    kind = KINDS[name]
-    severity = kind.light if mesh == "light" else kind.dense
-    assert severity is not None, f"{name} is not looked for in a {mesh} mesh"
-    return Finding(
-        kind=kind,
-        severity=severity,
-        mesh=mesh,
-        count=int(count),
-        faces=_worst_first(faces, badness),
-        problem=kind.problem.format(**figures),
-        remedy=kind.remedy.format(**figures),
-    )
-
-
-def _worst_first(faces: npt.NDArray[Any] | None, badness: npt.NDArray[Any] | None) -> IntArray:
-    if faces is None:
-        return np.zeros(0, dtype=np.int32)
-    if badness is None:
-        return np.unique(faces).astype(np.int32)
-    # A face stands where it is worst; among equals the lower number comes first.
-    ordered = faces[np.lexsort((faces, -badness))]
-    _, firsts = np.unique(ordered, return_index=True)
-    return np.asarray(ordered[np.sort(firsts)], dtype=np.int32)

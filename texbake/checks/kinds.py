@@ -1,27 +1,21 @@
-"""Everything that a check can find: what it is called, what it does to a bake, what to do.
+"""Every kind of finding: its name, what it does to a bake, and what to do about it.
 
 One table, read by the checks, the command line and the documentation.
 """
 
 from __future__ import annotations
 
-from texbake.checks.kind import (
-    CHARTS,
-    EDGES,
-    MESHES,
-    VERTICES,
-    Kind,
-)
+from texbake.checks.finding import CHARTS, EDGES, MESHES, VERTICES, Kind
 
 _FILES = (
     Kind(
         name="unreadable",
         title="not a mesh",
         unit=("file", "files"),
-        light="error",
-        dense="error",
+        low="error",
+        high="error",
         problem="{message}.",
-        remedy="Export it again; nothing else was looked at in this file.",
+        remedy="Export it again. Nothing else in this file was checked.",
     ),
 )
 
@@ -30,137 +24,137 @@ _SURFACE = (
         name="no-surface",
         title="no surface",
         unit=MESHES,
-        light="error",
-        dense="error",
-        problem="No face has any area: no ray starts from the mesh, and none hits it.",
-        remedy="Export it again; its points lie on lines, or all in one place.",
+        low="error",
+        high="error",
+        problem="No face has any area: no ray starts from this mesh, and none hits it.",
+        remedy="Export it again. Its points lie on lines, or all in one place.",
     ),
     Kind(
         name="zero-area-faces",
         title="faces without area",
-        light="warning",
-        dense="note",
-        problem="They have no normal: rays from them have no direction, and none can hit them.",
-        remedy="Remove them, or merge the vertices that make them thin.",
+        low="warning",
+        high="note",
+        problem="They have no normal: rays from them have no direction, and no ray can hit them.",
+        remedy="Delete them, or merge the vertices that make them so thin.",
     ),
     Kind(
         name="duplicate-faces",
         title="duplicate faces",
-        light="warning",
-        dense="note",
-        problem="They repeat the three vertices of an earlier face: it depends on the order of the "
-        "faces which of the two is baked, hit or seen.",
-        remedy="Remove one of each pair; draw two-sided faces with --back-faces show instead.",
+        low="warning",
+        high="note",
+        problem="They repeat the three vertices of an earlier face. Which of the two is baked, hit "
+        "or drawn depends on the order of the faces.",
+        remedy="Delete one of each pair. To draw a surface from both sides, show back faces.",
     ),
     Kind(
         name="duplicate-vertices",
         title="duplicate vertices",
         unit=VERTICES,
-        light="note",
-        dense="note",
-        problem="They repeat an earlier vertex with all that it carries. texbake takes them as "
-        "one; programs that do not shade a crease there or open a gap.",
-        remedy="Merge vertices at equal places, or use a format that shares them (OBJ, PLY, GLB).",
+        low="note",
+        high="note",
+        problem="They repeat an earlier vertex with all its attributes. texbake treats them as one "
+        "vertex; other programs may shade a crease there or open a gap.",
+        remedy="Merge them by distance, or use a format that shares vertices (OBJ, PLY, GLB).",
     ),
     Kind(
         name="unused-vertices",
         title="unused vertices",
         unit=VERTICES,
-        light="note",
-        dense="note",
-        problem="No face uses them. texbake ignores them; other programs let them enlarge the "
+        low="note",
+        high="note",
+        problem="No face uses them. texbake ignores them; in other programs they may enlarge the "
         "bounding box.",
-        remedy="Remove loose vertices.",
+        remedy="Delete loose vertices.",
     ),
     Kind(
         name="non-manifold-edges",
         title="non-manifold edges",
         unit=EDGES,
-        light="warning",
-        dense="note",
-        problem="More than two faces meet there: normals are averaged over sheets that have "
-        "nothing to do with one another, rays lean the wrong way, and charts end.",
-        remedy="Separate the sheets, or remove faces inside the model.",
+        low="warning",
+        high="note",
+        problem="More than two faces share each of these edges. Normals are averaged over sheets "
+        "that do not belong together, so rays lean the wrong way, and charts end there.",
+        remedy="Separate the sheets, or delete faces inside the model.",
     ),
     Kind(
         name="pinched-vertices",
         title="pinched vertices",
         unit=VERTICES,
-        light="warning",
-        dense="note",
-        problem="Several fans of faces meet in one point only (a bow tie): its normal is the "
-        "mean of all, and right for none.",
-        remedy="Give each fan a vertex at a place of its own.",
+        low="warning",
+        high="note",
+        problem="Several fans of faces touch in a single vertex (a bow tie). Its normal is the "
+        "mean of all of them and fits none.",
+        remedy="Split the vertex, and move the parts of the mesh slightly apart.",
     ),
     Kind(
         name="cracks",
         title="cracks",
         unit=VERTICES,
-        light="warning",
-        dense="warning",
-        problem="Vertices of open edges lie within a millionth of the mesh's size of one another "
-        "and not at one place: rays slip through, normals crease.",
+        low="warning",
+        high="warning",
+        problem="Vertices of open edges lie almost at the same place, within a millionth of the "
+        "size of the mesh, but not exactly. Rays slip through, and the shading shows a crease.",
         remedy="Merge vertices by distance ({distance:.2g} model units).",
     ),
     Kind(
         name="self-intersections",
-        title="faces through one another",
-        light="warning",
-        dense="note",
-        problem="Face {one} passes through face {other}, for one. What of a light face lies within "
-        "the model takes texels that nobody sees, and rays that start inside take the other part's "
-        "surface; of a dense one it is never hit.{unsure}",
-        remedy="Cut the parts along their intersection, or give them groups and bake them apart.",
+        title="self-intersections",
+        low="warning",
+        high="note",
+        problem="Face {one} passes through face {other}, for example. On a low-poly mesh, the part "
+        "inside the model takes up texels that nobody sees, and rays that start inside it hit the "
+        "surface of the other part. On a high-poly mesh, the part inside is never hit.{unsure}",
+        remedy="Cut the parts along their intersection, or bake them separately, as groups.",
     ),
     Kind(
         name="undecided-intersections",
-        title="faces with too many others near them",
-        light="note",
-        dense="note",
-        problem="Whether they pass through another face was not found out, for the many faces near "
-        "them; no other face passes through one.",
-        remedy="Remove long or large faces that span what is dense, or look at the parts one by "
-        "one.",
+        title="possible self-intersections",
+        low="note",
+        high="note",
+        problem="So many other faces lie near these that the search for intersections was stopped. "
+        "Everywhere else no face passes through another.",
+        remedy="Split long or large faces that span detailed regions, or check the parts of the "
+        "mesh one at a time.",
     ),
     Kind(
         name="inconsistent-winding",
         title="inconsistent winding",
         unit=EDGES,
-        light="error",
-        dense="error",
-        problem="The two faces of such an edge do not agree on which side is outside. The faces "
-        "turned over cast rays the wrong way in a light mesh, and are passed through in a dense "
-        "one.",
-        remedy="Recalculate the normals to the outside; the faces named are those in the minority.",
+        low="error",
+        high="error",
+        problem="The two faces at each of these edges disagree about which side is outside. "
+        "Flipped faces of a low-poly mesh cast rays the wrong way; rays pass through flipped faces "
+        "of a high-poly mesh.",
+        remedy="Recalculate the normals to point outside. The faces named are the minority.",
     ),
     Kind(
         name="inside-out-shells",
-        title="shells inside out",
+        title="inside-out shells",
         unit=("shell", "shells"),
-        light="error",
-        dense="error",
-        problem="A closed shell has its outside within: rays go the wrong way in a light mesh, and "
-        "pass through it in a dense one.",
+        low="error",
+        high="error",
+        problem="The faces of a closed shell point inward. Rays from a low-poly mesh go the wrong "
+        "way; rays pass through such a shell of a high-poly mesh.",
         remedy="Flip the faces of the shell.",
     ),
     Kind(
         name="far-from-origin",
         title="far from the origin",
         unit=MESHES,
-        light="warning",
-        dense="warning",
-        problem="It lies {times:,.0f} times its size from the origin: formats and programs of "
-        "32-bit floats round its vertices to steps of {step:.2g} of its size.",
-        remedy="Move both meshes to the origin by the same way.",
+        low="warning",
+        high="warning",
+        problem="It lies {times:,.0f} times its own size away from the origin. File formats and "
+        "programs with 32-bit floats round its vertices to steps of {step:.2g} of its size.",
+        remedy="Move both meshes to the origin, by the same offset.",
     ),
     Kind(
         name="extreme-size",
         title="extreme size",
         unit=MESHES,
-        light="note",
-        dense="note",
-        problem="It is {size:.3g} model units across. texbake works at any size; programs that "
-        "take lengths below 1e-6 for nothing, or store distances in 16 bits, do not.",
+        low="note",
+        high="note",
+        problem="It is {size:.3g} model units across. texbake works at any size, but programs that "
+        "treat lengths below 1e-6 as zero or store distances in 16 bits do not.",
         remedy="Choose a unit of length in which it is about 1 across.",
     ),
 )
@@ -170,38 +164,39 @@ _SHADING = (
         name="no-normals",
         title="no normals",
         unit=MESHES,
-        light="note",
-        dense="note",
-        problem="The file has no normals, so that they are averaged by angle. A light mesh drawn "
-        "elsewhere with other normals shows seams; hard edges of a dense one become round.",
-        remedy="Export the normals that the asset is drawn with.",
+        low="note",
+        high="note",
+        problem="The file has no normals, so smooth ones are computed, weighted by angle. A "
+        "low-poly mesh that is drawn elsewhere with other normals shows seams; hard edges of a "
+        "high-poly mesh become round.",
+        remedy="Export the mesh with the normals that it will be drawn with.",
     ),
     Kind(
         name="zero-normals",
         title="normals of length zero",
-        light="warning",
-        dense="warning",
-        problem="A corner has a normal without a direction; texbake puts the smooth one in its "
-        "place, other programs draw black or NaN.",
-        remedy="Recalculate the normals before the export.",
+        low="warning",
+        high="warning",
+        problem="A corner has a normal without a direction. texbake replaces it by the smooth "
+        "normal; other programs may draw black or NaN.",
+        remedy="Recalculate the normals before you export.",
     ),
     Kind(
         name="turned-normals",
-        title="normals on the far side",
-        light="warning",
-        dense="warning",
-        problem="A corner's normal points to the back of its face: light comes from the wrong "
-        "side, and rays along normals (--rays vertex) go the wrong way.",
-        remedy="Recalculate the normals, or flip the winding if the normals are right.",
+        title="normals that point backward",
+        low="warning",
+        high="warning",
+        problem="A corner's normal points to the back of its face. The face is lit from the wrong "
+        "side, and rays along vertex normals (`rays=vertex`) go the wrong way.",
+        remedy="Recalculate the normals, or flip the face if the normals are right.",
     ),
     Kind(
         name="hard-edges-without-seam",
         title="hard edges without a seam",
         unit=EDGES,
-        light="warning",
-        problem="Normals jump across the edge and the texture does not: filtering mixes the two "
-        "sides, and a line shows along it.",
-        remedy="Cut the coordinates along hard edges, or make the edges smooth.",
+        low="warning",
+        problem="The shading has a hard edge here, but the texture continues across it. Filtering "
+        "mixes the two sides, and a line shows along the edge.",
+        remedy="Mark hard edges as UV seams and unwrap again, or make the edges smooth.",
     ),
 )
 
@@ -210,58 +205,59 @@ _COORDINATES = (
         name="no-coordinates",
         title="no texture coordinates",
         unit=MESHES,
-        light="error",
-        problem="There is nothing to bake to.",
-        remedy="Make some with: texbake unwrap.",
+        low="error",
+        problem="Without texture coordinates nothing can be baked to this mesh.",
+        remedy="Unwrap it: texbake unwrap.",
     ),
     Kind(
         name="nothing-covered",
         title="no texel covered",
         unit=MESHES,
-        light="error",
-        problem="Its coordinates cover the center of no texel: all have no area, lie outside the "
-        "tile or are smaller than texels.",
-        remedy="Make new ones with: texbake unwrap.",
+        low="error",
+        problem="Its texture coordinates cover the center of no texel: the faces have no area "
+        "there, lie outside the UV tile or are smaller than texels.",
+        remedy="Unwrap it again: texbake unwrap.",
     ),
     Kind(
         name="outside-tile",
-        title="coordinates outside the tile",
-        light="error",
-        problem="What lies outside the unit square is not baked.",
-        remedy="Move the charts into the square; bake tiles one by one, each moved to it.",
+        title="coordinates outside the UV tile",
+        low="error",
+        problem="Only what lies inside the unit square is baked.",
+        remedy="Move the charts into the unit square. To bake several tiles, move each of them "
+        "there in turn.",
     ),
     Kind(
         name="overlapping-coordinates",
         title="overlapping coordinates",
-        light="error",
-        problem="Faces share texels, and each texel keeps what the first of them bakes; the others "
-        "show its detail.{unsure}",
-        remedy="Lay the charts apart (texbake unwrap), or move copies that are meant to share by a "
-        "whole tile before the bake.",
+        low="error",
+        problem="Faces share texels. Each texel is baked from the first of them, and the others "
+        "show detail that is not theirs.{unsure}",
+        remedy="Separate the charts (texbake unwrap), or, where copies are meant to share a "
+        "texture, move all but one by a whole tile before the bake.",
     ),
     Kind(
         name="shared-coordinates",
         title="groups that share the texture",
-        light="warning",
-        problem="Faces share texels with faces of other groups, and with none of their own. That "
-        "is as it should be where each group has a texture of its own, and an overlap where all "
-        "are in one.",
-        remedy="Bake with --texture-sets, or lay the groups apart (texbake unwrap).",
+        low="warning",
+        problem="Faces share texels with faces of other groups, but with none of their own group. "
+        "That is correct where each group has its own texture, and an overlap where all groups "
+        "share one.",
+        remedy="Bake with `texture_sets`, or separate the groups (texbake unwrap).",
     ),
     Kind(
         name="mirrored-coordinates",
         title="mirrored coordinates",
-        light="warning",
-        problem="They run clockwise in the texture: text reads backwards, and programs that leave "
-        "out the sign of the bitangent light the detail from the wrong side.",
-        remedy="Flip the charts, if mirroring is not meant.",
+        low="warning",
+        problem="These faces run clockwise in the texture: text reads backward, and programs that "
+        "ignore the sign of the bitangent light the detail from the wrong side.",
+        remedy="Flip the charts, unless they are mirrored on purpose.",
     ),
     Kind(
         name="collapsed-coordinates",
         title="coordinates without area",
-        light="warning",
-        problem="They have area in space and none in the texture: no texel is theirs, and no "
-        "tangent can be computed.",
+        low="warning",
+        problem="These faces have an area in space but none in the texture: they own no texel, and "
+        "no tangent can be computed.",
         remedy="Unwrap these faces again.",
     ),
 )
@@ -271,35 +267,36 @@ _TEXELS = (
         name="thin-charts",
         title="charts thinner than the padding",
         unit=CHARTS,
-        light="warning",
-        problem="They are less than {padding} texels wide at this size, {least:.2g} the thinnest: "
-        "more of what filtering reads of them is padding than chart, and they vanish in the first "
-        "mip levels.",
-        remedy="Join them to their neighbors, or use a larger texture.",
+        low="warning",
+        problem="At this texture size they are less than {padding} texels wide, the thinnest "
+        "{least:.2g}. Filtering reads more padding than chart, and they vanish in the first mip "
+        "levels.",
+        remedy="Join them to neighboring charts, or use a larger texture.",
     ),
     Kind(
         name="close-charts",
         title="charts closer than the padding",
         unit=("pair", "pairs"),
-        light="warning",
-        problem="The padding of two charts meets on {texels:,} texels: one chart's color bleeds "
-        "into the other in the smaller mip levels.",
-        remedy="Pack with more room (texbake unwrap --padding {padding}), or bake with less.",
+        low="warning",
+        problem="The padding of two charts meets on {texels:,} texels. In the smaller mip levels, "
+        "the color of one chart bleeds into the other.",
+        remedy="Pack the charts with more room (texbake unwrap --padding {padding}), or bake with "
+        "less padding.",
     ),
     Kind(
         name="faces-without-texel",
         title="faces without a texel",
-        light="note",
-        problem="They cover the center of no texel at this size, so that they show what their "
-        "neighbors bake.",
+        low="note",
+        problem="At this texture size they cover the center of no texel, so they show what is "
+        "baked for their neighbors.",
         remedy="Use a larger texture, or fewer faces where they are this small.",
     ),
     Kind(
         name="low-texel-density",
         title="low texel density",
-        light="warning",
-        problem="They get {least:.3g} texels a model unit where it is worst, and the mesh "
-        "{mean:.3g} in the mean: detail is blurred there, along one direction at least.",
+        low="warning",
+        problem="The worst of them get {least:.3g} texels per model unit, while the mean of the "
+        "mesh is {mean:.3g}. Detail is blurred there, in one direction at least.",
         remedy="Unwrap again so that charts keep their size (texbake unwrap --max-stretch 1.2).",
     ),
 )
@@ -307,90 +304,94 @@ _TEXELS = (
 _PAIR = (
     Kind(
         name="differing-scale",
-        title="meshes of differing scale",
+        title="meshes of different scale",
         unit=MESHES,
-        light="error",
-        problem="The dense mesh is {ratio:.4g} times as large as the light one: rays do not reach "
-        "it.",
-        remedy="Scale the light mesh by {ratio:.4g}, or export both in one unit.",
+        low="error",
+        problem="The high-poly mesh is {ratio:.4g} times as large as the low-poly mesh: rays do "
+        "not reach it.",
+        remedy="Scale the low-poly mesh by {ratio:.4g}, or export both in the same unit.",
     ),
     Kind(
         name="differing-place",
-        title="meshes in differing places",
+        title="meshes in different places",
         unit=MESHES,
-        light="error",
-        problem="The middles of the two meshes lie {way} apart: rays do not reach the dense one.",
-        remedy="Move the light mesh by {offset}, or export both from one scene.",
+        low="error",
+        problem="The centers of the two meshes are {distance} apart: rays do not reach the "
+        "high-poly mesh.",
+        remedy="Move the low-poly mesh by {offset}, or export both from the same scene.",
     ),
     Kind(
         name="differing-axes",
-        title="meshes turned apart",
+        title="meshes with different axes",
         unit=MESHES,
-        light="error",
-        problem="They agree if in the light mesh {axes}: one of them is lying down or turned.",
-        remedy="Export both with the same axis up.",
+        low="error",
+        problem="The meshes fit if in the low-poly mesh {axes}: one of them lies on its side or is "
+        "rotated.",
+        remedy="Export both with the same up axis.",
     ),
     Kind(
-        name="far-from-dense",
-        title="light faces far from the dense mesh",
-        light="warning",
-        problem="No dense surface lies within {percent:g} % of the size, the farthest {most:.3g} "
-        "model units away: rays miss there, or are made so long that they hit other parts.{part}",
-        remedy="Remove what the dense mesh does not have, or fit the light mesh to it.",
+        name="far-from-high",
+        title="low-poly faces far from the high-poly mesh",
+        low="warning",
+        problem="The high-poly surface is farther from them than {percent:g} % of the size of the "
+        "mesh, at most {most:.3g} model units. Rays miss there, or become so long that they hit "
+        "other parts.{part}",
+        remedy="Delete what the high-poly mesh does not have, or fit the low-poly mesh to it.",
     ),
     Kind(
-        name="far-from-light",
-        title="dense faces far from the light mesh",
-        dense="warning",
-        problem="No light surface lies within {percent:g} % of the size, the farthest {most:.3g} "
-        "model units away: this detail is lost, or rays must start beyond neighboring parts to "
-        "reach it.{part}",
-        remedy="Give the light mesh a face there, or leave these parts out of the dense one.",
+        name="far-from-low",
+        title="high-poly faces far from the low-poly mesh",
+        high="warning",
+        problem="The low-poly surface is farther from them than {percent:g} % of the size of the "
+        "mesh, at most {most:.3g} model units. This detail is lost, or rays must start beyond "
+        "neighboring parts to hit it.{part}",
+        remedy="Add faces to the low-poly mesh there, or leave these parts out of the high-poly "
+        "mesh.",
     ),
     Kind(
         name="thin-walls",
-        title="walls thinner than rays reach",
-        light="note",
-        problem="Rays end {reach:.3g} model units behind the surface, and the thinnest of these "
-        "walls is {least:.3g} thick: a ray that misses its own side goes on through the other, and "
-        "takes that where back faces are not culled, or what lies beyond.{part}",
-        remedy="Bake with a --back below the thickness, or leave back faces culled.",
+        title="walls thinner than the ray distance",
+        low="note",
+        problem="Rays end {reach:.3g} model units behind the surface, but the thinnest of these "
+        "walls is {least:.3g} thick. A ray that misses its own side goes on through the other: it "
+        "hits that side where back faces are not culled, or else what lies beyond.{part}",
+        remedy="Bake with `back` below the thickness of the wall, or keep back-face culling on.",
     ),
     Kind(
         name="other-parts",
-        title="rays that find another part",
-        light="warning",
-        problem="At the middle of these faces the ray finds the dense surface beyond another part "
-        "of the light mesh, {least:.3g} model units away where it is nearest; it starts "
-        "{reach:.3g} outside: the wrong part is baked.{part}",
-        remedy="Bake with a --front below that distance, with a cage, or with the parts moved "
-        "apart in both meshes.",
+        title="rays that hit another part",
+        low="warning",
+        problem="The rays from the centers of these faces hit the high-poly surface only beyond "
+        "another part of the low-poly mesh, which is {least:.3g} model units away where it is "
+        "nearest; rays start {reach:.3g} outside. The wrong part is baked.{part}",
+        remedy="Bake with `front` below that distance, with a cage, or with the parts moved apart "
+        "in both meshes.",
     ),
     Kind(
         name="opposite-sides",
         title="meshes that face opposite ways",
-        light="error",
-        problem="Most of the light mesh faces against the dense surface next to it: rays pass "
-        "through what they should hit.",
+        low="error",
+        problem="Most of the low-poly mesh faces against the high-poly surface next to it: rays "
+        "pass through what they should hit.",
         remedy="Flip the faces of the mesh that is inside out.",
     ),
     Kind(
-        name="dense-is-coarser",
-        title="dense mesh coarser than the light one",
+        name="high-is-coarser",
+        title="high-poly mesh coarser than the low-poly mesh",
         unit=MESHES,
-        dense="warning",
-        problem="It has {dense:,} faces and the light one {light:,}: there is no detail to carry "
-        "over.",
-        remedy="Name the dense mesh first: texbake check HIGH LOW.",
+        high="warning",
+        problem="It has {high:,} faces and the low-poly mesh has {low:,}: there is no detail to "
+        "bake.",
+        remedy="Name the high-poly mesh first: texbake check HIGH LOW.",
     ),
     Kind(
         name="detail-below-texels",
         title="detail finer than texels",
         unit=MESHES,
-        dense="warning",
-        problem="There are {per_texel:.1f} dense faces to a texel at this size: one ray a texel "
-        "takes one of them by chance.",
-        remedy="Bake at {size} texels a side, or with --samples 16.",
+        high="warning",
+        problem="At this texture size there are {per_texel:.1f} high-poly faces per texel. With "
+        "one ray per texel, chance decides which of them is baked.",
+        remedy="Bake {size} x {size} texels, or 16 rays per texel (`samples=16`).",
     ),
 )
 

@@ -1,6 +1,8 @@
-"""Where in the texture the findings are: the layout, pale, once for each, with its faces colored.
+"""A picture of where in the texture the findings are.
 
-Faces too small to be seen get a dot, and the worst a ring.
+Each finding gets a pale UV layout with its faces colored.
+
+Faces too small to be seen get a dot, and the worst ones a ring.
 """
 
 from __future__ import annotations
@@ -11,12 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.texels import (
-    NO_FACE,
-    SampleGrid,
-    rasterize_uv,
-    snap_uvs,
-)
+from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.finding import Finding
 from texbake.errors import UvError
 from texbake.mapping.layout_view import BACKGROUND, INK, Window, linear
@@ -27,32 +24,33 @@ from texbake.text import text_coverage
 if TYPE_CHECKING:
     from texbake.checks.report import CheckReport
 
+
 Picture = npt.NDArray[np.float32]
 
-# sRGB-coded: red, amber, blue.
+# sRGB-encoded: red, amber, blue.
 COLORS = {"error": (0.85, 0.10, 0.12), "warning": (0.90, 0.55, 0.00), "note": (0.15, 0.40, 0.85)}
+_SAMPLES = 2  # along each side of a pixel
 
-_SAMPLES = 2  # a side of a pixel
-# sRGB-coded grays: the inside of charts, edges of triangles, outlines of charts.
+# Grays, sRGB-encoded: the inside of charts, edges of triangles, outlines of charts.
 _FILL, _EDGE, _OUTLINE = 0.90, 0.86, 0.55
-_DOT_PX = 2.0  # faces smaller than this along a side of their area's square get a dot
+_DOT_PX = 2.0  # faces with less area than a square of this side get a dot
 _RING_PX = (9.0, 1.3)  # radius and half the width of a ring
 _FRAME_DARKNESS = 0.3
 _COLUMNS = 3
 
 
 def draw_findings(report: CheckReport, size: int) -> Picture:
-    """Draw the findings of a report in the texture of its light mesh; see `CheckReport.picture`.
+    """Draw the findings of a report in the texture of its low-poly mesh; see `CheckReport.picture`.
 
     Raises
     ------
     UvError
-        There is no light mesh with texture coordinates.
+        There is no low-poly mesh with texture coordinates.
     """
-    mesh = report.light
+    mesh = report.low
     if mesh is None or not report.has_layout:
         raise UvError(
-            "check: there is no light mesh with texture coordinates near the tile to draw in; "
+            "check: no low-poly mesh has texture coordinates near the tile that could be drawn; "
             "make some with: texbake unwrap"
         )
     shape = _shape(report, size)
@@ -60,9 +58,9 @@ def draw_findings(report: CheckReport, size: int) -> Picture:
     owners = _pixel_owners(mesh, window, report.options.threads)
     base = _pale_layout(owners, chart_ids(mesh))
     pixels = window.pixels(mesh.corner_uvs())
-    shown = [f for f in report.findings if f.mesh == "light" and len(f.faces)]
+    shown = [f for f in report.findings if f.mesh == "low" and len(f.faces)]
     if not shown:
-        return _captioned(base, "nothing to show in the texture", INK)
+        return _captioned(base, "no findings in the texture", INK)
     panels = [
         _captioned(
             _panel(base, finding, owners, pixels),
@@ -75,7 +73,7 @@ def draw_findings(report: CheckReport, size: int) -> Picture:
 
 
 def tiled(panels: list[Picture], columns: int = _COLUMNS) -> Picture:
-    """Lay pictures of one width and height side by side and below one another, on paper."""
+    """Arrange pictures of equal size in rows and columns on a white background."""
     columns = min(columns, len(panels))
     n_rows = math.ceil(len(panels) / columns)
     height, width = panels[0].shape[:2]
@@ -89,23 +87,23 @@ def tiled(panels: list[Picture], columns: int = _COLUMNS) -> Picture:
 
 
 def ring(picture: Picture, x: float, y: float, color: FloatArray) -> None:
-    """Draw a ring about a point, in pixels from the upper left corner, as far as it lies within."""
+    """Draw a ring about a point, in pixels from the upper left corner, clipped to the picture."""
     radius, half = _RING_PX
-    reach = int(radius + half) + 2
+    extent = int(radius + half) + 2
     height, width = picture.shape[:2]
-    rows = slice(max(int(y) - reach, 0), max(min(int(y) + reach + 1, height), 0))
-    columns = slice(max(int(x) - reach, 0), max(min(int(x) + reach + 1, width), 0))
+    rows = slice(max(int(y) - extent, 0), max(min(int(y) + extent + 1, height), 0))
+    columns = slice(max(int(x) - extent, 0), max(min(int(x) + extent + 1, width), 0))
     part = picture[rows, columns]
     if part.size == 0:
         return
     ys, xs = np.mgrid[rows, columns] + 0.5
-    ways = np.abs(np.hypot(xs - x, ys - y) - radius)
-    ink = np.clip(half + 0.5 - ways, 0.0, 1.0)[:, :, None].astype(np.float32)
+    distances = np.abs(np.hypot(xs - x, ys - y) - radius)
+    ink = np.clip(half + 0.5 - distances, 0.0, 1.0)[:, :, None].astype(np.float32)
     part += ink * (color.astype(np.float32) - part)
 
 
 def _shape(report: CheckReport, size: int) -> tuple[int, int]:
-    """Width and height of a picture of one tile, of the shape of the texture."""
+    """Width and height of a picture of one tile, in the proportions of the texture."""
     width, height = report.options.width_px, report.options.height_px
     longer = max(width, height)
     return max(1, round(size * width / longer)), max(1, round(size * height / longer))
@@ -114,7 +112,7 @@ def _shape(report: CheckReport, size: int) -> tuple[int, int]:
 def _pale_layout(owners: IntArray, charts: IntArray) -> Picture:
     """Draw charts, with their outlines and faint triangles, from the owners of samples.
 
-    Without the colors of `draw_layout`, in which those of findings would be lost.
+    Gray, unlike `draw_layout`, so that the colors of findings stand out.
     """
     chart_of = np.where(owners == NO_FACE, NO_FACE, charts[owners])
     shades = np.where(owners == NO_FACE, BACKGROUND[0], _FILL)
@@ -134,7 +132,7 @@ def _pixel_owners(mesh: Mesh, window: Window, threads: int | None) -> IntArray:
     grid = SampleGrid(window.width, window.height, _SAMPLES)
     try:
         faces = snap_uvs(mesh.replace(uvs=(mesh.uvs - low) / (high - low)), grid)
-    except UvError:  # nothing has area: dots will do
+    except UvError:  # no face has an area: dots are enough
         return np.full((grid.n_rows, grid.n_columns), NO_FACE, dtype=np.int32)
     return rasterize_uv(faces, grid, threads=threads)[0]
 
@@ -165,7 +163,7 @@ def _dots(corners: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Middles of faces, in pixels, and which of them are too small to be seen."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     areas = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2.0
-    # Far outside of any picture, so that no integer overflows.
+    # Clipped far outside of any picture, so that no integer overflows.
     middles = np.clip(corners.mean(axis=1), -1e6, 1e6)
     return middles, areas < _DOT_PX**2
 

@@ -1,4 +1,4 @@
-"""Everything that a check found, for a person, a script and a build."""
+"""The report of a check: its findings for a reader, a script and a build."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from texbake.progress import StageRecord
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckReport:
-    """What a check found.
+    """Everything that a check found.
 
     Attributes
     ----------
-    light, dense : Mesh or None
-        What was checked.
+    low, high : Mesh or None
+        The meshes that were checked.
     options : CheckOptions
     findings : tuple of Finding
         The most severe first.
     stages : list of StageRecord
     """
 
-    light: Mesh | None
-    dense: Mesh | None
+    low: Mesh | None
+    high: Mesh | None
     options: CheckOptions
     findings: tuple[Finding, ...]
     stages: list[StageRecord]
@@ -41,12 +41,12 @@ class CheckReport:
         return sum(finding.severity == severity for finding in self.findings)
 
     def fails(self, severity: str = "error") -> bool:
-        """Whether something was found that is as severe as this, or more.
+        """Whether any finding is as severe as this, or more severe.
 
         Raises
         ------
         OptionError
-            It is no severity.
+            There is no such severity.
         """
         if severity not in SEVERITIES:
             raise OptionError(f"severity: {severity} is not one of {', '.join(SEVERITIES)}")
@@ -58,21 +58,21 @@ class CheckReport:
 
     @property
     def has_layout(self) -> bool:
-        """Whether there are texture coordinates that can be drawn."""
-        light = self.light
-        return light is not None and light.uvs is not None and has_measurable_uvs(light)
+        """Whether the low-poly mesh has texture coordinates that can be drawn."""
+        low = self.low
+        return low is not None and low.uvs is not None and has_measurable_uvs(low)
 
     @property
     def seconds(self) -> float:
-        """Time of all stages."""
+        """Time that all stages took."""
         return sum(stage.seconds for stage in self.stages)
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values, for `json.dump`."""
+        """Return all of it as plain values, for `json.dump`."""
         return {
             **{
                 role: None if mesh is None else {"name": mesh.name, "n_faces": mesh.n_faces}
-                for role, mesh in (("light", self.light), ("dense", self.dense))
+                for role, mesh in (("low", self.low), ("high", self.high))
             },
             "options": asdict(self.options),
             "n_errors": self.count("error"),
@@ -83,7 +83,7 @@ class CheckReport:
         }
 
     def picture(self, size: int = 640) -> npt.NDArray[np.float32]:
-        """Draw where in the texture the findings are: the layout, once for each.
+        """Draw where in the texture the findings are: one UV layout for each.
 
         Parameters
         ----------
@@ -93,12 +93,13 @@ class CheckReport:
         Returns
         -------
         (H, W, 3) float32
-            Linear light. Faces are colored by severity, red, amber or blue, and the worst ringed.
+            Linear. Faces are colored by severity, red, amber or blue; the worst have a ring.
 
         Raises
         ------
         UvError
-            There is no light mesh with texture coordinates, or they are too far to be drawn.
+            The low-poly mesh is missing, or its texture coordinates are, or they lie too far away
+            to be drawn.
         """
         from texbake.checks.picture import draw_findings
 

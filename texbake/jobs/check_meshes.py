@@ -133,7 +133,7 @@ def render_findings(
     rows = []
     with Stages(progress).stage("draw findings", total=len(shown), unit="findings") as advance:
         for finding in shown:
-            mesh = report.light if finding.mesh == "light" else report.dense
+            mesh = report.low if finding.mesh == "low" else report.high
             assert mesh is not None
             rows.append(_row(mesh, finding, options, threads))
             advance(1)
@@ -169,7 +169,7 @@ def _row(
         color = np.ascontiguousarray(frame.color[:, :, :3])
         for x, y in _pixels(camera, middles[best == i], options):
             ring(color, x, y, np.array(decode_srgb(_RING)))
-        notes = (f"{finding.severity}, {finding.mesh} mesh", finding.counted, "", "")
+        notes = (f"{finding.severity}, {finding.mesh}-poly mesh", finding.counted, "", "")
         caption = finding.kind.title if i == 0 else f"azimuth {(azimuth + turn) % 360.0:g}°"
         panels.append(Panel(color, caption, notes[i]))
     return side_by_side(panels, seen)

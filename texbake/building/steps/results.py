@@ -76,11 +76,11 @@ def _stretch(report: CheckReport) -> float | None:
     """L2 stretch of the low-poly mesh; None if its texture coordinates cannot be measured."""
     from texbake.mapping.distortion import distortion
 
-    if not report.has_layout or report.light is None:
+    if not report.has_layout or report.low is None:
         return None
     try:
         size = report.options.width_px, report.options.height_px
-        return distortion(report.light, size, threads=report.options.threads).turned_stretch.l2
+        return distortion(report.low, size, threads=report.options.threads).turned_stretch.l2
     except UvError:
         return None
 
@@ -97,7 +97,7 @@ def _check_limits(
             if finding.severity in severe
         ]
         raise MeshError(f"{name}: the check found {', '.join(findings)}; see: texbake check")
-    low = report.light
+    low = report.low
     if options.max_faces is not None and low is not None and low.n_faces > options.max_faces:
         raise MeshError(
             f"{name}: {low.n_faces:,} triangles are more than max_faces, {options.max_faces:,}"

@@ -1,4 +1,4 @@
-"""A mesh that is checked, with what several checks ask of it, computed once."""
+"""A mesh that is checked, with what several checks need of it, and the findings in it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.checks.finding import Finding
+from texbake.checks.kinds import KINDS
 from texbake.checks.options import CheckOptions
 from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces, edge_ids
@@ -20,60 +22,60 @@ from texbake.mesh.topology import duplicate_faces, repeated_vertices
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
-Ids = npt.NDArray[np.int64]
+IdArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Edges:
-    """Edges of the faces of a surface, and who has them.
+class SurfaceEdges:
+    """The edges of a surface, and the faces at each.
 
     Attributes
     ----------
     faces : (n,) int64
-        The faces looked at, ascending.
+        The faces whose edges these are, ascending.
     ids : (n, 3) int64
-        Edge from each of their corners to the next.
+        Number of the edge from each of their corners to the next.
     counts : (E,) int64
-        Faces that have each edge.
+        How many faces have each edge.
     ordered : (3 n,) int64
-        Half-edges, 3 i + c for corner c of the i-th of `faces`, by edge and then by number.
+        Half-edges, 3 i + c for corner c of the i-th of `faces`, sorted by edge, then by number.
     starts : (E,) int64
-        Place in `ordered` of the first half-edge of each edge.
+        Index in `ordered` of the first half-edge of each edge.
     """
 
-    faces: Ids
-    ids: Ids
-    counts: Ids
-    ordered: Ids
-    starts: Ids
+    faces: IdArray
+    ids: IdArray
+    counts: IdArray
+    ordered: IdArray
+    starts: IdArray
 
     @classmethod
-    def of(cls, corners: npt.NDArray[np.integer[Any]], faces: Ids) -> Edges:
-        """Edges between (F, 3) corners, of some faces."""
+    def of(cls, corners: npt.NDArray[np.integer[Any]], faces: IdArray) -> SurfaceEdges:
+        """Return the edges of some faces, from the (F, 3) corners of all."""
         ids = edge_ids(corners[faces])
         counts = np.bincount(ids.ravel())
         ordered = np.argsort(ids.ravel(), kind="stable")
         return cls(faces, ids, counts, ordered, np.cumsum(counts) - counts)
 
-    def pairs(self) -> tuple[Ids, Ids]:
-        """Both half-edges of each edge of exactly two faces."""
+    def pairs(self) -> tuple[IdArray, IdArray]:
+        """Both half-edges of each edge that exactly two faces share."""
         firsts = self.starts[self.counts == 2]
         return self.ordered[firsts], self.ordered[firsts + 1]
 
-    def faces_at(self, edges: BoolArray) -> tuple[Ids, Ids]:
-        """Faces at some of the edges, given as (E,) bool, and the edge each was found at."""
+    def faces_at(self, edges: BoolArray) -> tuple[IdArray, IdArray]:
+        """Faces at the edges selected by (E,) bool, and for each of them the edge."""
         rows, corners = np.nonzero(edges[self.ids])
         return self.faces[rows], self.ids[rows, corners]
 
 
-class Subject:
-    """A mesh, which of the two it is, and what is asked of it more than once.
+class CheckedMesh:
+    """A mesh, its role, and its properties that several checks need, computed once.
 
     Parameters
     ----------
     mesh
     role : str
-        `light` or `dense`.
+        `low` or `high`: whether it is the low-poly or the high-poly mesh.
     options
     """
 
@@ -103,12 +105,12 @@ class Subject:
 
     @cached_property
     def firsts(self) -> IntArray:
-        """(V,) int32: first vertex at the place of each."""
+        """(V,) int32: for each vertex, the first one at the same place."""
         return weld_rows(self.mesh.positions, threads=self.options.threads)
 
     @cached_property
     def places(self) -> IntArray:
-        """(F, 3) int32: equal for corners at one place."""
+        """(F, 3) int32: numbers of places, equal for corners at the same place."""
         return self.firsts[self.mesh.faces]
 
     @cached_property
@@ -130,14 +132,14 @@ class Subject:
 
     @cached_property
     def duplicates(self) -> BoolArray:
-        """(F,) bool: faces at the places of an earlier one; none without three of them."""
+        """(F,) bool: faces with the same three places as an earlier face."""
         return np.asarray(duplicate_faces(self.places) & ~repeated_vertices(self.places))
 
     @cached_property
-    def edges(self) -> Edges:
-        """Edges by place, of faces at three places that repeat no other."""
+    def edges(self) -> SurfaceEdges:
+        """Edges between places, of faces with three different places that repeat no other face."""
         kept = ~self.duplicates & ~repeated_vertices(self.places)
-        return Edges.of(self.places, np.flatnonzero(kept))
+        return SurfaceEdges.of(self.places, np.flatnonzero(kept))
 
     @property
     def has_coordinates(self) -> bool:
@@ -151,13 +153,13 @@ class Subject:
 
     @cached_property
     def uv_ids(self) -> IntArray:
-        """(F, 3) int32: equal for corners of equal texture coordinates."""
+        """(F, 3) int32: numbers of texture coordinates, equal where these are equal."""
         assert self.mesh.uvs is not None
         return weld_rows(self.mesh.uvs, threads=self.options.threads)[self.mesh.uv_faces]
 
     @cached_property
     def uv_areas(self) -> FloatArray:
-        """(F,) float64: signed areas in the texture, 0 where they are rounding."""
+        """(F,) float64: signed areas in the texture, 0 where they are within rounding."""
         a, b, c = (self.uvs[:, corner] for corner in range(3))
         first, second = b - a, c - a
         doubles = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
@@ -166,8 +168,8 @@ class Subject:
         return np.asarray(np.where(np.abs(doubles) > AREA_ROUNDING * longest, doubles / 2.0, 0.0))
 
     @cached_property
-    def texture_edges(self) -> Ids:
-        """(F, 3) int64: edges, equal where faces share them in space and in the texture."""
+    def texture_edges(self) -> IdArray:
+        """(F, 3) int64: numbers of edges, equal where faces share them in space and texture."""
         both = np.stack([self.places, self.uv_ids], axis=2).reshape(-1, 2)
         return edge_ids(weld_rows(both, threads=self.options.threads).reshape(-1, 3))
 
@@ -178,12 +180,12 @@ class Subject:
 
     @cached_property
     def overlaps(self) -> Overlaps:
-        """Faces that lie on another in the texture."""
+        """Which faces overlap another in the texture."""
         return find_overlaps(self.uvs, threads=self.options.threads)
 
     @cached_property
     def shares_texture(self) -> BoolArray:
-        """(F,) bool: faces that lie, in the texture, on faces of other groups alone."""
+        """(F,) bool: faces that overlap, in the texture, only faces of other groups."""
         overlapping, groups = self.overlaps.overlapping, self.mesh.face_groups
         if groups is None:
             return np.zeros_like(overlapping)
@@ -193,3 +195,55 @@ class Subject:
             apart = find_overlaps(self.uvs[faces], threads=self.options.threads)
             within[faces] = apart.overlapping
         return np.asarray(overlapping & ~within)
+
+
+def make_finding(
+    name: str,
+    mesh: str,
+    count: int,
+    faces: npt.NDArray[Any] | None = None,
+    badness: npt.NDArray[Any] | None = None,
+    **figures: Any,
+) -> Finding | None:
+    """Make a finding, or return None where nothing was counted.
+
+    Parameters
+    ----------
+    name
+        Identifier of the kind, a key of `KINDS`.
+    mesh
+        `low` or `high`: the mesh that has it.
+    count
+        How often it occurs, in the unit of the kind; 0 gives None.
+    faces : (n,) int, optional
+        Faces that have it, in any order, maybe repeated.
+    badness : (n,) float, optional
+        How bad each of them is, greater where it is worse; None where all are equal.
+    figures
+        Values for the braces in the kind's sentences.
+    """
+    if not count:
+        return None
+    kind = KINDS[name]
+    severity = kind.low if mesh == "low" else kind.high
+    assert severity is not None, f"{name} is not checked in a {mesh}-poly mesh"
+    return Finding(
+        kind=kind,
+        severity=severity,
+        mesh=mesh,
+        count=int(count),
+        faces=_worst_first(faces, badness),
+        problem=kind.problem.format(**figures),
+        remedy=kind.remedy.format(**figures),
+    )
+
+
+def _worst_first(faces: npt.NDArray[Any] | None, badness: npt.NDArray[Any] | None) -> IntArray:
+    if faces is None:
+        return np.zeros(0, dtype=np.int32)
+    if badness is None:
+        return np.unique(faces).astype(np.int32)
+    # A repeated face takes its worst place; of equals, the lower number comes first.
+    ordered = faces[np.lexsort((faces, -badness))]
+    _, firsts = np.unique(ordered, return_index=True)
+    return np.asarray(ordered[np.sort(firsts)], dtype=np.int32)

@@ -1,0 +1,230 @@
+"""Checks of which side is outside: winding, shells inside out, and shading normals.
+
+Neighbors that disagree are found edge by edge. A majority decides which of them are flipped: the
+faces of a connected part are oriented from one to the next, and those of the smaller area count as
+flipped. A closed shell of negative volume is inside out, unless it is the wall of a cavity: then it
+lies within another shell.
+
+Based on: A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", 1983 (whether a point
+lies within a shell).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray, SurfaceEdges, make_finding
+from texbake.checks.finding import Finding
+from texbake.checks.kernels import orient_kernel
+from texbake.mapping.adjacency import next_half_edges
+from texbake.mapping.seams import connected_faces
+from texbake.mesh.mesh import FloatArray, IntArray
+
+# Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.
+_LEAST_VOLUME = 1e-12
+
+# Faces examined to distinguish cavities from inside-out shells; beyond that, boxes decide.
+_MAX_FACES = 50_000_000
+
+
+def inconsistent_winding(checked: CheckedMesh) -> Finding | None:
+    """Edges that both faces run along in the same direction, and the faces to blame."""
+    edges = checked.edges
+    one, other, along = _neighbors(checked)
+    if not along.any():
+        return None
+    turned = _minority(checked, one // 3, other // 3, along)
+    # A part that has no consistent winding, such as a Möbius strip, stays torn somewhere.
+    torn = along ^ turned[one // 3] ^ turned[other // 3]
+    rows = np.concatenate([np.flatnonzero(turned), one[torn] // 3])
+    faces = edges.faces[rows]
+    return make_finding(
+        "inconsistent-winding", checked.role, along.sum(), faces, checked.areas[faces]
+    )
+
+
+def inside_out_shells(checked: CheckedMesh) -> Finding | None:
+    """Closed shells with a negative volume that are not the walls of a cavity."""
+    shells = _Shells(checked)
+    faces = checked.edges.faces
+    inverted = [shell for shell in shells.negative() if not shells.is_cavity(shell)]
+    rows = np.flatnonzero(np.isin(shells.of_rows, inverted))
+    return make_finding(
+        "inside-out-shells", checked.role, len(inverted), faces[rows], checked.areas[faces[rows]]
+    )
+
+
+WINDING_CHECKS = (inconsistent_winding, inside_out_shells)
+
+
+def _neighbors(checked: CheckedMesh) -> tuple[IdArray, IdArray, BoolArray]:
+    """Half-edges of each edge of two faces, and whether both run the same way."""
+    edges = checked.edges
+    one, other = edges.pairs()
+    places = checked.places[edges.faces].ravel()
+    return one, other, np.asarray(places[one] == places[other])
+
+
+def _minority(checked: CheckedMesh, one: IdArray, other: IdArray, along: BoolArray) -> BoolArray:
+    """(n,) bool: faces wound against most of the area of their part."""
+    rows = checked.edges.faces
+    roots, flips = _oriented(len(rows), one, other, along)
+    areas = checked.areas[rows]
+    flipped = np.bincount(roots, areas * flips, len(rows))
+    upright = np.bincount(roots, areas * ~flips, len(rows))
+    # Of two equal areas, the one with the first face is right.
+    return np.asarray(flips ^ (flipped > upright)[roots])
+
+
+def _oriented(n: int, one: IdArray, other: IdArray, along: BoolArray) -> tuple[IdArray, BoolArray]:
+    """The part of each face, and whether it is wound against the first face of the part."""
+    parents, flips = np.arange(n), np.zeros(n, dtype=np.bool_)
+    orient_kernel(parents, flips, one, other, along)
+    return parents, flips
+
+
+class _Shells:
+    """Parts of a surface that are connected by edges, and which of them are closed."""
+
+    def __init__(self, checked: CheckedMesh) -> None:
+        edges: SurfaceEdges = checked.edges
+        self._corners = checked.corners[edges.faces]
+        self.of_rows = connected_faces(edges.ids)
+        self._n = int(self.of_rows.max(initial=-1)) + 1
+        _, _, along = _neighbors(checked)
+        bad = edges.counts != 2
+        bad[edges.counts == 2] |= along
+        torn = np.zeros(self._n, dtype=bool)
+        torn[self.of_rows[bad[edges.ids].any(axis=1)]] = True
+        self._closed = ~torn
+        self._faces_left = _MAX_FACES
+        self._order = np.argsort(self.of_rows, kind="stable")
+        sizes = np.bincount(self.of_rows, minlength=self._n)
+        self._starts = np.concatenate([[0], np.cumsum(sizes)])
+        self._measure()
+
+    def _measure(self) -> None:
+        """Compute boxes and signed volumes, each about the center of its own box."""
+        self._low, self._high = np.full((self._n, 3), np.inf), np.full((self._n, 3), -np.inf)
+        grouped, starts = self._corners[self._order], self._starts[:-1]
+        if self._n:
+            self._low = np.minimum.reduceat(grouped.min(axis=1), starts, axis=0)
+            self._high = np.maximum.reduceat(grouped.max(axis=1), starts, axis=0)
+        middles = (self._low + self._high) / 2.0
+        a, b, c = np.moveaxis(self._corners - middles[self.of_rows][:, None], 1, 0)
+        sixfold = np.einsum("ij,ij->i", a, np.cross(b, c))
+        self._volumes = np.bincount(self.of_rows, sixfold, self._n) / 6.0
+
+    def negative(self) -> list[int]:
+        """Closed shells with a negative volume."""
+        sizes = (self._high - self._low).max(axis=1, initial=0.0)
+        inside_out = self._closed & (self._volumes < -_LEAST_VOLUME * sizes**3)
+        shells: list[int] = np.flatnonzero(inside_out).tolist()
+        return shells
+
+    def is_cavity(self, shell: int) -> bool:
+        """Whether a shell lies within others, more of them facing outward than inward."""
+        point = self._corners[self._order[self._starts[shell]]].mean(axis=0)
+        around = self._closed & (self._low < point).all(axis=1) & (self._high > point).all(axis=1)
+        around[shell] = False
+        candidates = np.flatnonzero(around)
+        turns = 0.0
+        for other in candidates.tolist():
+            rows = self._order[self._starts[other] : self._starts[other + 1]]
+            self._faces_left -= len(rows)
+            if self._faces_left < 0:
+                return True
+            turns += _solid_angle(self._corners[rows], point) / (4.0 * math.pi)
+        return turns > 0.5
+
+
+def _solid_angle(corners: FloatArray, point: npt.NDArray[Any]) -> float:
+    """Signed solid angle of triangles seen from a point; 4 π for a shell around it."""
+    a, b, c = np.moveaxis(corners - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(edge, axis=1) for edge in (a, b, c))
+    above = np.einsum("ij,ij->i", a, np.cross(b, c))
+    below = la * lb * lc
+    for x, y, length in ((a, b, lc), (b, c, la), (c, a, lb)):
+        below += np.einsum("ij,ij->i", x, y) * length
+    return float(2.0 * np.arctan2(above, below).sum())
+
+
+# Normals with 8 bits per component are off by up to half a degree.
+_ROUNDING = math.radians(1.0)
+
+
+def no_normals(checked: CheckedMesh) -> Finding | None:
+    """Whether the mesh has no normals."""
+    return make_finding("no-normals", checked.role, int(checked.mesh.normals is None))
+
+
+def zero_normals(checked: CheckedMesh) -> Finding | None:
+    """Faces with an area and a normal of length zero at a corner."""
+    mesh = checked.mesh
+    if mesh.normals is None:
+        return None
+    zero = (mesh.normals == 0.0).all(axis=1)
+    faces = np.flatnonzero(zero[mesh.normal_faces].any(axis=1) & checked.has_area)
+    return make_finding("zero-normals", checked.role, len(faces), faces, checked.areas[faces])
+
+
+def turned_normals(checked: CheckedMesh) -> Finding | None:
+    """Faces with a normal at a corner that points to their back."""
+    mesh = checked.mesh
+    if mesh.normals is None or mesh.normal_faces is None:
+        return None
+    cosines = np.full(mesh.n_faces, np.inf)
+    for corner in range(3):
+        shading = mesh.normals[mesh.normal_faces[:, corner]]
+        np.minimum(cosines, np.einsum("ij,ij->i", shading, checked.normals), out=cosines)
+    faces = np.flatnonzero(cosines < -math.sin(_ROUNDING))
+    return make_finding("turned-normals", checked.role, len(faces), faces, -cosines[faces])
+
+
+def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
+    """Edges across which normals jump and texture coordinates do not."""
+    mesh, edges = checked.mesh, checked.edges
+    if mesh.normals is None or mesh.normal_faces is None or not checked.has_coordinates:
+        return None
+    one, other = edges.pairs()
+    places = checked.places[edges.faces].ravel()
+    # Corners of the other face at both ends of the edge.
+    along = places[one] == places[other]
+    ends = next_half_edges(one), next_half_edges(other)
+    across = np.where(along, other, ends[1]), np.where(along, ends[1], other)
+    uv_ids = checked.uv_ids[edges.faces].ravel()
+    normal_ids = mesh.normal_faces[edges.faces].ravel()
+    joined = (uv_ids[one] == uv_ids[across[0]]) & (uv_ids[ends[0]] == uv_ids[across[1]])
+    jumps = np.maximum(
+        _angles(mesh.normals, normal_ids[one], normal_ids[across[0]]),
+        _angles(mesh.normals, normal_ids[ends[0]], normal_ids[across[1]]),
+    )
+    hard = joined & (jumps > _ROUNDING)
+    faces = edges.faces[np.concatenate([one[hard], other[hard]]) // 3]
+    return make_finding(
+        "hard-edges-without-seam", checked.role, hard.sum(), faces, np.tile(jumps[hard], 2)
+    )
+
+
+def _angles(
+    normals: FloatArray,
+    one: IntArray,
+    other: IntArray,
+) -> FloatArray:
+    """Angles between normals in radians; 0 where one of them has no direction."""
+    angles = np.zeros(len(one))
+    differ = np.flatnonzero(one != other)
+    a, b = normals[one[differ]], normals[other[differ]]
+    # 2 asin of half the chord: exact for small angles, where the cosine is not.
+    chords = np.linalg.norm(a - b, axis=1) / 2.0
+    directed = (a != 0.0).any(axis=1) & (b != 0.0).any(axis=1)
+    angles[differ] = np.where(directed, 2.0 * np.arcsin(np.minimum(chords, 1.0)), 0.0)
+    return angles
+
+
+NORMAL_CHECKS = (no_normals, zero_normals, turned_normals)
+LOW_POLY_CHECKS = (hard_edges_without_seam,)
