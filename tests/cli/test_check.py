@@ -27,10 +27,10 @@ def overlapping() -> str:
     return "bad.obj"
 
 
-def test_a_pair_is_told_and_passes(invoke: Invoke) -> None:
+def test_a_pair_is_reported_and_passes(invoke: Invoke) -> None:
     text = invoke("check high.ply low.obj").stdout
-    assert "dense mesh  high.ply, 11,400 faces" in text
-    assert "light mesh  low.obj, 112 faces" in text
+    assert "high-poly mesh  high.ply, 11,400 faces" in text
+    assert "low-poly mesh  low.obj, 112 faces" in text
     assert "error" not in text
 
 
@@ -61,11 +61,11 @@ def test_json_and_the_report_are_what_the_api_says(invoke: Invoke, overlapping: 
 
 def test_pictures_have_a_panel_for_each_finding(invoke: Invoke, overlapping: str) -> None:
     invoke(f"check high.ply {overlapping} --layout layout.png --sides sides.png", exit_code=1)
-    n_light = sum(len(f.faces) > 0 for f in check_files("high.ply", overlapping).findings)
+    n_low = sum(len(f.faces) > 0 for f in check_files("high.ply", overlapping).findings)
     layout, sides = (read_image(name, color=True).pixels for name in ("layout.png", "sides.png"))
-    assert n_light > 0
-    assert layout.shape[1] >= min(n_light, 3) * 640
-    assert sides.shape[1] > 3 * sides.shape[0] / n_light  # four panels in each row
+    assert n_low > 0
+    assert layout.shape[1] >= min(n_low, 3) * 640
+    assert sides.shape[1] > 3 * sides.shape[0] / n_low  # four panels in each row
 
 
 def test_what_cannot_be_drawn_is_said(invoke: Invoke) -> None:
