@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mesh.kernels.triangle_tree import dot, minus, point_at
-from texbake.mesh.kernels.triangle_tree import STACK_SIZE
+from texbake.mesh.kernels.triangle_tree import STACK_SIZE, dot, minus, point_at
 
 
 @kernel
