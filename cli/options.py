@@ -19,6 +19,10 @@ from texbake.baking.options import (
     BakeOptions,
 )
 from texbake.jobs.options import DEFAULT_SAMPLES
+from texbake.mesh.files import (
+    MESH_SUFFIXES as MESH_SUFFIXES,
+    WRITABLE_MESH_SUFFIXES as WRITABLE_MESH_SUFFIXES,
+)
 from texbake.rendering.options import BACK_FACES, UPS, RenderOptions
 
 from .types import FileOf, Size, View
@@ -26,9 +30,6 @@ from .types import FileOf, Size, View
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
 
-_USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl", *_USD_SUFFIXES)
-WRITABLE_MESH_SUFFIXES = (".glb", ".obj", ".off", ".ply", ".stl", *_USD_SUFFIXES)
 IMAGE_SUFFIXES = (".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
 
 

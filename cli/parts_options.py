@@ -11,8 +11,9 @@ import click
 
 from texbake.baking.parts.options import OCCLUDERS, TEXTURE_SETS, PartsOptions
 from texbake.errors import FileError
+from texbake.mesh.files import MESH_SUFFIXES
 
-from .options import MESH_SUFFIXES, choice_option
+from .options import choice_option
 from .types import FileOf
 
 Command = TypeVar("Command", bound=Callable[..., Any])

@@ -7,7 +7,7 @@ from typing import Any
 import click
 import pytest
 from texbake_cli.main import texbake
-from texbake_cli.options import IMAGE_SUFFIXES, MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
+from texbake_cli.options import IMAGE_SUFFIXES
 
 from texbake import (
     BakeOptions,
@@ -20,6 +20,7 @@ from texbake import (
     write_mesh,
 )
 from texbake.baking.secondary.options import SecondaryOptions
+from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
 from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format
 

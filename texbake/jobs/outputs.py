@@ -16,12 +16,10 @@ from typing import Any, Generic, TypeVar
 
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, check_writable, replacing
+from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
 
 Report = TypeVar("Report")
 
-WRITABLE_MESH_SUFFIXES = (
-    ".glb", ".obj", ".off", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz",
-)  # fmt: skip
 _PAGE_SUFFIXES = (".html", ".htm")
 
 

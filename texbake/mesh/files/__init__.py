@@ -52,7 +52,9 @@ _FORMATS = {
 }
 MESH_SUFFIXES = tuple(_FORMATS)
 """Suffixes of the files that `read_mesh` reads."""
-WRITTEN_SUFFIXES = tuple(suffix for suffix, kind in _FORMATS.items() if kind.writer is not None)
+WRITABLE_MESH_SUFFIXES = tuple(
+    suffix for suffix, kind in _FORMATS.items() if kind.writer is not None
+)
 """Suffixes of the files that `write_mesh` writes."""
 
 
