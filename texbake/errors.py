@@ -62,8 +62,8 @@ class UnwrapError(MeshError):
 
 
 class CageError(MeshError):
-    """A cage does not fit the light mesh that it is meant for."""
+    """A cage does not fit the low-poly mesh that it is meant for."""
 
 
 class MissError(TexbakeError):
-    """More texels missed the dense mesh than the user allows."""
+    """More texels missed the high-poly mesh than the user allows."""

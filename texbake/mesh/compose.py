@@ -175,7 +175,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     -------
     Mesh
         Its faces are counter-clockwise seen from outside also where the map mirrors: then all
-        corners of a face are listed in the other order, which `corner_order` tells.
+        corners of a face are listed in the opposite order; see `corner_order`.
     """
     linear = np.asarray(matrix[:3, :3], np.float64)
     order = corner_order(linear)
@@ -216,7 +216,7 @@ def transformed_tangents(tangents: npt.NDArray[Any], linear: FloatArray) -> npt.
     lengths = np.linalg.norm(directions, axis=1, keepdims=True)
     scaled = (np.abs(lengths - 1.0) > _UNIT) & (lengths > 0.0)
     directions = np.divide(directions, lengths, out=directions, where=scaled)
-    # w is the sign of the bitangent; what rounds to neither is no tangent space, and counts as 1.
+    # w is the sign of the bitangent; a value that rounds to neither counts as 1.
     signs = np.where(tangents[:, 3:] < 0.0, -1.0, 1.0) * (-1.0 if is_mirroring(linear) else 1.0)
     return np.concatenate([directions, signs], axis=1).astype(np.float32)
 

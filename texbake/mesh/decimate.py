@@ -30,8 +30,8 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.vertex_stream import VertexStream
 
-# Larger meshes first come down to this many faces, or this many times the faces asked for: from
-# more, PyMeshLab takes longer and comes no closer.
+# Larger meshes are first reduced to this many faces, or to this multiple of the requested faces:
+# from more, PyMeshLab takes longer and comes no closer.
 _START_FACES = 50_000
 _START_TIMES = 4
 
@@ -42,7 +42,7 @@ _ANY_ERROR = 1e9  # in units of the mesh's size: only the count stops it
 
 
 def bring_down(stream: VertexStream, n_faces: int) -> VertexStream:
-    """Bring a large stream down to where further steps are cheap, its boundary untouched if it can.
+    """Reduce a large stream until further steps are cheap, leaving its boundary if possible.
 
     Starting the quadrics anew from there also brings the result a little closer to the surface.
     """
@@ -75,7 +75,7 @@ def collapse_stream(
     stream
         Its seams keep together and are kept; each of its vertices is used by a face.
     n_faces
-        Faces asked for.
+        Number of faces wanted.
     lock_boundary
         Leave boundary vertices where they are, instead of collapsing them along the boundary.
     prune
@@ -127,7 +127,7 @@ def _call(stream: VertexStream, n_faces: int, reduce: Any, **options: Any) -> In
 _WORKER = Path(__file__).with_name("quadric_worker.py")
 
 # Ten times what it takes on 2 cores, and enough to start Python on a busy machine.
-_SECONDS_A_FACE = 300e-6
+_SECONDS_PER_FACE = 300e-6
 _SECONDS_TO_START = 60.0
 
 
@@ -139,15 +139,15 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
     mesh
         Its positions and faces count, and nothing else.
     n_faces
-        Faces asked for.
+        Number of faces wanted.
     keep_boundary
         Leave every boundary edge where it is.
 
     Returns
     -------
     list of Mesh
-        What each attempt came to: none if the mesh was too broken for it; one with the topology
-        kept, and where that did not reach `n_faces`, one without.
+        The result of each attempt: none if the mesh was too broken; one with the topology kept;
+        and where that did not reach `n_faces`, one without.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
             # -P: the worker's neighbors are not modules of its own.
             subprocess.run(
                 [sys.executable, "-P", str(_WORKER), str(folder)],
-                timeout=_SECONDS_TO_START + _SECONDS_A_FACE * mesh.n_faces,
+                timeout=_SECONDS_TO_START + _SECONDS_PER_FACE * mesh.n_faces,
                 capture_output=True,
                 check=False,
             )
@@ -179,7 +179,7 @@ def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mes
             reason = " ".join(import_error.read_text(encoding="utf-8").split())
             raise DependencyError(
                 f"simplify: pymeshlab does not load: {reason}; "
-                "install what it needs, or ask for quality fast"
+                "install what it needs, or use the quality fast"
             )
         reduced = [_reduced(path, mesh, frame) for path in sorted(folder.glob("reduced-*.npz"))]
     return [result for result in reduced if result is not None]

@@ -6,7 +6,7 @@ the worse of both ways); Martin Roberts, "The unreasonable effectiveness of quas
 2018 (the points within a face).
 
 Departs from Metro in taking samples in equal steps of area, one a step, so that no face is
-forgotten and each sample stands for the same area.
+forgotten and each sample represents the same area.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
@@ -91,8 +92,8 @@ class SurfaceDistance:
 
 
 def surface_distance(
-    a: Mesh,
-    b: Mesh,
+    a: MeshLike,
+    b: MeshLike,
     *,
     n_samples: int = _DEFAULT_SAMPLES,
     seed: int = 0,
@@ -125,8 +126,9 @@ def surface_distance(
     >>> surface_distance(low, high).max
     0.25
     """
+    a, b = as_mesh(a), as_mesh(b)
     if n_samples < 1:
-        raise OptionError(f"surface_distance: n_samples is {n_samples}; it must be at least 1")
+        raise OptionError(f"n_samples: {n_samples} is too few; it must be at least 1")
     frame = LocalFrame.around(a, b)
     positions_a, positions_b = frame.to_local(a.positions), frame.to_local(b.positions)
     bounds = np.stack([a.bounds, b.bounds])
@@ -184,7 +186,7 @@ def sample_surface(
         Weights of the face's corners.
     """
     if n < 1:
-        raise OptionError(f"sample_surface: n is {n}; it must be at least 1")
+        raise OptionError(f"n: {n} is too few; it must be at least 1")
     local = LocalFrame.around(mesh).to_local(mesh.positions)
     face_ids, barycentrics = _spread_samples(local, mesh.faces, n, seed, threads)
     return _points_on(mesh.positions, mesh.faces, face_ids, barycentrics), face_ids, barycentrics
@@ -233,7 +235,7 @@ def _points_on(
 
 
 def _some_vertices(positions: FloatArray, faces: IntArray, at_most: int) -> FloatArray:
-    """Positions that faces use, or as many as asked at even steps among them."""
+    """Positions that faces use, at even steps if there are more than `at_most`."""
     used = np.zeros(len(positions), dtype=bool)
     used[faces.ravel()] = True
     ids = np.flatnonzero(used)

@@ -1,4 +1,4 @@
-"""What is in a mesh: what ``texbake info`` tells."""
+"""Counts and measures of a mesh, as ``texbake info`` prints them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from texbake.mesh.frame import unit_scale
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.topology import (
     degenerate_faces,
@@ -82,7 +83,7 @@ class MeshInfo:
     closed : bool
         Every edge has exactly two faces.
     genus : int or None
-        Number of handles over all components; None where the mesh is no closed, consistently
+        Number of handles over all components; None where the mesh is not a closed, consistently
         oriented manifold.
     """
 
@@ -114,7 +115,7 @@ class MeshInfo:
         return json.dumps({**asdict(self), "area": area}, indent=2, allow_nan=False)
 
 
-def mesh_info(mesh: Mesh) -> MeshInfo:
+def mesh_info(mesh: MeshLike) -> MeshInfo:
     """Count and measure a mesh.
 
     Examples
@@ -123,6 +124,7 @@ def mesh_info(mesh: Mesh) -> MeshInfo:
     >>> info.area, info.n_boundary_edges, info.closed
     (0.5, 3, False)
     """
+    mesh = as_mesh(mesh)
     firsts = weld_rows(mesh.positions)
     is_first = firsts == np.arange(len(firsts))
     faces = mesh.faces if is_first.all() else firsts[mesh.faces]

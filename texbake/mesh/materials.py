@@ -9,6 +9,7 @@ from pathlib import Path
 
 from texbake.errors import MeshError
 from texbake.files import PathLike
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh, frozen
 
 # Rows of a matrix that takes (u, v, 1) to (u, v) of an image.
@@ -104,7 +105,7 @@ _READERS = {
 }
 
 
-def read_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     """Read the materials of a mesh file: of OBJ with its .mtl files, and of glTF.
 
     Parameters
@@ -126,6 +127,7 @@ def read_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     FileFormatError
         It is damaged, or asks for what is not read.
     """
+    mesh = as_mesh(mesh)
     reader = _READERS.get(Path(path).suffix.lower())
     if reader is None:
         return None

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.mesh.frame import LocalFrame, unit_scale
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.kernels.normals import (
     curvature_kernel,
     face_normals_kernel,
@@ -140,11 +141,11 @@ def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None)
         vertex_normals_kernel(positions, faces, scale, start, stop, normals)
 
     run_bands(work, len(positions), band=band, threads=threads)
-    _mend_canceled(normals, positions, faces)
+    _fill_canceled(normals, positions, faces)
     return normals
 
 
-def _mend_canceled(normals: FloatArray, positions: FloatArray, faces: IntArray) -> None:
+def _fill_canceled(normals: FloatArray, positions: FloatArray, faces: IntArray) -> None:
     """Give zero normals, in place, the normal of their vertex's first face with area."""
     zero = (normals == 0.0).all(axis=1)
     if not zero.any():
@@ -166,7 +167,7 @@ def _position_scale(positions: FloatArray) -> float:
 
 
 def vertex_curvatures(
-    mesh: Mesh, *, normals: FloatArray | None = None, threads: int | None = None
+    mesh: MeshLike, *, normals: FloatArray | None = None, threads: int | None = None
 ) -> FloatArray:
     """Mean curvature at each vertex, in units of one over the model unit.
 
@@ -191,6 +192,7 @@ def vertex_curvatures(
     >>> vertex_curvatures(plane(3, 3)).max()
     np.float64(0.0)
     """
+    mesh = as_mesh(mesh)
     if normals is None:
         normals = smooth_normals(mesh, threads=threads)
     firsts = weld_rows(mesh.positions, threads=threads)

@@ -2,7 +2,7 @@
 
 Reads `mesh.npz` and writes `reduced-0.npz` and perhaps `reduced-1.npz`, each as soon as it is made;
 or, where PyMeshLab does not load, `import_error.txt`.
-It is a script, started by `quadric_collapse`, and imports nothing of texbake, to start quickly.
+It is a script, started by `decimate`, and imports nothing of texbake, to start quickly.
 """
 
 from __future__ import annotations

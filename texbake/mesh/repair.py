@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.topology import degenerate_faces, duplicate_faces
@@ -42,7 +43,7 @@ class RepairReport:
     counts: Mapping[str, int]
 
 
-def repair(mesh: Mesh, options: RepairOptions | None = None) -> tuple[Mesh, RepairReport]:
+def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, RepairReport]:
     """Repair a mesh without moving its surface.
 
     Parameters
@@ -63,6 +64,7 @@ def repair(mesh: Mesh, options: RepairOptions | None = None) -> tuple[Mesh, Repa
     MeshError
         No face has an area.
     """
+    mesh = as_mesh(mesh)
     options = options or RepairOptions()
     counts = {}
     if not options.coordinates:

@@ -40,8 +40,8 @@ def plane(n_x: int = 1, n_y: int = 1, height_at: Field | None = None) -> Mesh:
     Mesh
         2 n_x n_y triangles; vertex `row * (n_x + 1) + column` is (column / n_x, row / n_y).
     """
-    _check_count("plane: n_x", n_x, 1)
-    _check_count("plane: n_y", n_y, 1)
+    _check_count("n_x", n_x, 1)
+    _check_count("n_y", n_y, 1)
     x, y = np.meshgrid(np.arange(n_x + 1) / n_x, np.arange(n_y + 1) / n_y)
     z = _evaluated(height_at, x, y, 0.0)
     faces = split_quads(grid_quads(n_y, n_x)[:, [0, 3, 2, 1]])
@@ -84,10 +84,10 @@ def grid_sphere(
     Mesh
         2 (n_theta - 1) n_phi triangles, without texture coordinates.
     """
-    _check_count("grid_sphere: n_theta", n_theta, 2)
-    _check_count("grid_sphere: n_phi", n_phi, 3)
+    _check_count("n_theta", n_theta, 2)
+    _check_count("n_phi", n_phi, 3)
     if not 0.0 < pole_margin < np.pi / 2.0:
-        raise OptionError(f"grid_sphere: pole_margin is {pole_margin}; give one between 0 and π/2")
+        raise OptionError(f"pole_margin: {pole_margin} is out of range; give one between 0 and π/2")
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
     phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
     faces = ids_around(n_theta, n_phi)[split_quads(grid_quads(n_theta - 1, n_phi))]
@@ -115,8 +115,8 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
     Mesh
         2 (n_lat - 1) n_lon triangles on (n_lat - 1) n_lon + 2 vertices, the poles last.
     """
-    _check_count("uv_sphere: n_lat", n_lat, 2)
-    _check_count("uv_sphere: n_lon", n_lon, 3)
+    _check_count("n_lat", n_lat, 2)
+    _check_count("n_lon", n_lon, 3)
     n_rows = n_lat - 1  # rings of vertices between the poles
     theta = np.linspace(0.0, np.pi, n_lat + 1)[1:-1]
     phi = np.linspace(0.0, 2.0 * np.pi, n_lon, endpoint=False)
@@ -147,7 +147,7 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
 
 def icosphere(level: int = 3) -> Mesh:
     """Unit sphere of 20 · 4^level nearly equal triangles, from an icosahedron; no seam, no uvs."""
-    _check_count("icosphere: level", level, 0, most=_MOST_LEVELS)
+    _check_count("level", level, 0, most=_MOST_LEVELS)
     directions, faces = _geodesic_sphere(2**level)
     return Mesh(positions=directions, faces=faces, name="icosphere")
 
@@ -171,7 +171,7 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
     """
     from texbake.mesh.peel import peel_radii  # brings numba
 
-    _check_count("orange: n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
+    _check_count("n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
     directions, faces = _geodesic_sphere(round((n_triangles / 20.0) ** 0.5))
     directions *= peel_radii(directions)[:, None]
     return Mesh(positions=directions, faces=faces, name="orange")
@@ -179,9 +179,9 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
 
 def _check_count(what: str, count: int, least: int, *, most: int | None = None) -> None:
     if count < least:
-        raise OptionError(f"{what} is {count}; it must be at least {least}")
+        raise OptionError(f"{what}: {count} is too few; it must be at least {least}")
     if most is not None and count > most:
-        raise OptionError(f"{what} is {count:,}; it must be at most {most:,}")
+        raise OptionError(f"{what}: {count:,} is too many; it must be at most {most:,}")
 
 
 def _evaluated(field: Field | None, a: FloatArray, b: FloatArray, default: float) -> FloatArray:

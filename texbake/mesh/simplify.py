@@ -1,4 +1,4 @@
-"""Fewer triangles: `fast` with meshoptimizer, `best` with PyMeshLab from where that leaves off.
+"""Fewer triangles: `fast` uses meshoptimizer, `best` goes on from its result with PyMeshLab.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
 SIGGRAPH 1997; Jarek Rossignac, Paul Borrel, "Multi-resolution 3D approximations for rendering
@@ -29,6 +29,7 @@ from texbake.mesh.decimate import (
     collapse_stream,
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
 from texbake.mesh.triangle_tree import with_nearest_attributes
@@ -48,24 +49,25 @@ _TRIES = 6
 
 _COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
 
-# Of the faces asked for, that an attempt must leave to be taken before others are tried.
-_MOST_OF_IT = 0.75
+# Share of the requested faces that an attempt must leave, or else further attempts are made.
+_ENOUGH = 0.75
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimplifyReport:
-    """What came of `simplify`.
+    """Figures of a run of `simplify`.
 
     Attributes
     ----------
     n_faces_before, n_faces_asked, n_faces : int
-        `n_faces` is above `n_faces_asked` where nothing came down to it.
+        Of the given mesh, requested, and of the result. `n_faces` is above `n_faces_asked` where
+        no attempt came down to it.
     n_vertices : int
         Positions of the result.
     quality : str
-        As asked.
+        As requested.
     method : str
-        What made the result.
+        The libraries that made the result.
     notes : tuple of str
         What was given up to reach the count, or why it was not reached.
     distance : SurfaceDistance
@@ -86,7 +88,7 @@ class SimplifyReport:
 
     @property
     def reached(self) -> bool:
-        """Whether the result has no more faces than asked for."""
+        """Whether the result has at most the requested number of faces."""
         return self.n_faces <= self.n_faces_asked
 
     def to_json(self) -> dict[str, Any]:
@@ -109,20 +111,20 @@ class _Result:
 
 
 def simplify(
-    mesh: Mesh,
+    mesh: MeshLike,
     n_faces: int,
     *,
     quality: str = DEFAULT_QUALITY,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> Mesh:
-    """Make a mesh lighter: at most `n_faces` triangles, as close to the surface as can be.
+    """Reduce a mesh to at most `n_faces` triangles that stay as close to its surface as possible.
 
     Boundaries, seams of texture coordinates, hard edges (where the mesh's own normals differ at one
     position) and borders between groups are kept, as long as the count can be reached with them.
     Where it cannot, they are given up in this order: a locked boundary, small separate parts, seams
-    and hard edges with their attributes, and then the topology; `simplify_with_report` says so. The
-    count is reached even so, but for meshes that are mostly broken.
+    and hard edges with their attributes, and then the topology; the report of
+    `simplify_with_report` says which. Only a mesh that is mostly broken may keep more faces.
 
     Parameters
     ----------
@@ -130,14 +132,15 @@ def simplify(
         Any mesh; vertices at bit-equal positions are joined, faces without three distinct
         positions and duplicate faces dropped.
     n_faces
-        Triangles asked for, at least 4. A mesh with no more comes back itself, unchanged.
+        Number of triangles wanted, at least 4. A mesh with no more than that is returned
+        unchanged.
     quality
         `fast`: a subset of the vertices, bit-equal, with their texture coordinates, hard normals,
         groups and colors. `best`: moved vertices, closer to the surface, and slower; groups and
         colors are those of the nearest point of the mesh given. A mesh that keeps texture
         coordinates or hard edges gets `fast` in both: PyMeshLab smears them.
     progress
-        Told of the stages.
+        Called with each stage.
     threads
         None for every processor; the result does not depend on it.
 
@@ -162,78 +165,82 @@ def simplify(
     >>> simplify(icosphere(4), 500).n_faces
     500
     """
+    mesh = as_mesh(mesh)
     return _simplified(mesh, n_faces, quality, Stages(progress), threads)[0]
 
 
 def simplify_with_report(
-    mesh: Mesh,
+    mesh: MeshLike,
     n_faces: int,
     *,
     quality: str = DEFAULT_QUALITY,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
-    """`simplify`, with what came of it and how far the result lies from the mesh given."""
+    """Simplify a mesh, and report the method and how far the result lies from the given mesh."""
+    mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
-    light, method, notes = _simplified(mesh, n_faces, quality, stages, threads)
+    low, method, notes = _simplified(mesh, n_faces, quality, stages, threads)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
-        distance = surface_distance(mesh, light, threads=threads)
+        distance = surface_distance(mesh, low, threads=threads)
     report = SimplifyReport(
         n_faces_before=mesh.n_faces,
         n_faces_asked=n_faces,
-        n_faces=light.n_faces,
-        n_vertices=light.n_vertices,
+        n_faces=low.n_faces,
+        n_vertices=low.n_vertices,
         quality=quality,
         method=method,
         notes=notes,
         distance=distance,
         seconds=seconds,
     )
-    return light, report
+    return low, report
 
 
 def _simplified(
     mesh: Mesh, n_faces: int, quality: str, stages: Stages, threads: int | None
 ) -> tuple[Mesh, str, tuple[str, ...]]:
-    """Light mesh, what made it, and what was given up."""
+    """The simplified mesh, the libraries that made it, and what was given up."""
     if n_faces < MIN_FACES:
-        raise OptionError(f"faces: {n_faces} is too few; it must be at least {MIN_FACES}")
+        raise OptionError(f"n_faces: {n_faces} is too few; it must be at least {MIN_FACES}")
     if quality not in QUALITIES:
         raise OptionError(f"quality: {quality} is not one of {', '.join(QUALITIES)}")
     if n_faces >= mesh.n_faces:
-        return mesh, "unchanged", ("it has no more faces than asked for",)
+        return mesh, "unchanged", ("it has no more faces than requested",)
     with stages.stage("simplify"):
         start = bring_down(weld_corners(mesh, threads=threads), n_faces)
         if gather(mesh, start, start.faces) is None:
-            raise MeshError(f"{mesh.name}: no face of it has three distinct corners; mend it first")
+            raise MeshError(
+                f"{mesh.name}: none of its faces has three distinct corners; repair it first"
+            )
         fast = _fast(mesh, start, n_faces, threads)
         result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
     return with_nearest_attributes(result.mesh, mesh, threads), result.method, result.notes
 
 
 def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
-    """First attempt that reaches the count and most of it, else the one that comes nearest.
+    """The first attempt that comes close to the count from below, else the one nearest to it.
 
-    Dropping separate parts can leave next to nothing of a mesh of many parts; then joining them is
-    the better of two bad ways.
+    Dropping separate parts can leave next to nothing of a mesh of many parts; clustering vertices
+    then keeps more of it.
     """
     results: list[_Result] = []
     for stream, reduce, method, notes in _attempts(mesh, start, n_faces, threads):
-        light = _reach(mesh, stream, reduce, n_faces)
-        if light is None:
+        low = _reduce_to(mesh, stream, reduce, n_faces)
+        if low is None:
             continue
-        results.append(_Result(light, stream, method, notes))
-        if _MOST_OF_IT * n_faces <= light.n_faces <= n_faces:
+        results.append(_Result(low, stream, method, notes))
+        if _ENOUGH * n_faces <= low.n_faces <= n_faces:
             return results[-1]
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
     if reached:
         result = max(reached, key=lambda result: result.mesh.n_faces)
-        few = f"only {result.mesh.n_faces} faces are left of the {n_faces} asked for"
+        few = f"only {result.mesh.n_faces} of the {n_faces} requested faces are left"
         return result if 2 * result.mesh.n_faces > n_faces else _noted(result, few)
     result = min(results, key=lambda result: result.mesh.n_faces)
-    stopped = f"it does not come below {result.mesh.n_faces} faces: its topology stands in the way"
+    stopped = f"its topology does not allow fewer than {result.mesh.n_faces} faces"
     return _noted(result, stopped)
 
 
@@ -244,7 +251,7 @@ def _noted(result: _Result, note: str) -> _Result:
 def _attempts(
     mesh: Mesh, stream: VertexStream, n_faces: int, threads: int | None
 ) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
-    """Ways to the count, each giving up more than the one before, and notes on what."""
+    """Yield attempts to reach the count, each giving up more than the one before, with notes."""
     notes: tuple[str, ...] = ()
     while True:
         collapse = partial(collapse_stream, stream)
@@ -262,17 +269,17 @@ def _attempts(
     yield stream, lambda _: stream.faces, "meshoptimizer", notes
 
 
-def _reach(
+def _reduce_to(
     mesh: Mesh, stream: VertexStream, reduce: Callable[[int], IntArray], n_faces: int
 ) -> Mesh | None:
     """Reduce to the count, asking for more where degenerate faces or clusters leave fewer."""
     nearest: Mesh | None = None
     n_asked = n_faces
     for _ in range(_TRIES):
-        light = gather(mesh, stream, reduce(n_asked))
-        n_left = 0 if light is None else light.n_faces
-        if light is not None and (nearest is None or nearest.n_faces < n_left <= n_faces):
-            nearest = light
+        low = gather(mesh, stream, reduce(n_asked))
+        n_left = 0 if low is None else low.n_faces
+        if low is not None and (nearest is None or nearest.n_faces < n_left <= n_faces):
+            nearest = low
         if n_left >= (1.0 - _SLACK) * n_faces:
             break
         n_asked += n_faces - n_left
@@ -289,7 +296,7 @@ def _seams(stream: VertexStream) -> str:
 
 
 def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Result:
-    """Whatever comes closest of what reaches the count, else the one with the fewest faces."""
+    """Of the results that reach the count the closest, else the one with the fewest faces."""
     start = fast.start
     if start.uv_ids is not None or start.normal_ids is not None:
         return replace(fast, notes=(*fast.notes, f"only fast keeps {_seams(start)}"))
@@ -300,12 +307,12 @@ def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Resu
     results = [fast]
     for reduced in collapse_edges(welded, n_faces, keep_boundary=boundary_fits(start, n_faces)):
         stream = weld_positions(reduced, threads=threads)
-        light = gather(reduced, stream, stream.faces)
-        if light is not None:
-            results.append(_Result(light, start, "meshoptimizer, then pymeshlab", given_up))
+        low = gather(reduced, stream, stream.faces)
+        if low is not None:
+            results.append(_Result(low, start, "meshoptimizer, then pymeshlab", given_up))
 
     if len(results) == 1:
-        broken = "PyMeshLab crashed or made nothing of it, so that this is what fast makes"
+        broken = "PyMeshLab crashed or returned nothing, so this is the result of fast"
         return replace(fast, notes=(*fast.notes, broken))
 
     def order(result: _Result) -> tuple[int, float]:

@@ -28,8 +28,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.frame import LocalFrame, unit_scale
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.kernels.connectivity import fans_kernel, pair_edges_kernel
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.weld import weld_rows
 
@@ -38,13 +39,13 @@ from texbake.mesh.weld import weld_rows
 _PARALLEL = 1.0 - 1e-6
 
 
-def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
+def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
     """MikkTSpace tangent of each corner, for the mesh's texture coordinates and normals.
 
     Interpolate tangents, normals and bitangents over a face without renormalizing them; the
     bitangent of a corner is ``w * cross(normal, tangent)``. The normals are the mesh's own, as
-    they are, else `smooth_normals`. Tangents that came with the file (`Mesh.tangents`) are not
-    looked at.
+    they are, else `smooth_normals`. Tangents that came with the file (`Mesh.tangents`) are
+    ignored.
 
     Position, scale and unit of the mesh change nothing beyond float32 rounding, and scaling by a
     power of two not even that. Corners are one vertex where their positions are equal, and their
@@ -55,7 +56,7 @@ def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
     (F, 3, 4) float32
         x, y, z: unit, never NaN. w: 1, or -1 where the mapping is mirrored.
 
-        What has no tangent by the rules gets one all the same:
+        Corners for which the rules give no tangent get one all the same:
 
         - A corner whose face has no area in texture space and touches no mapped face there, or
           has two equal positions and no vertex in common with other faces: (1, 0, 0) and -1,
@@ -71,6 +72,7 @@ def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
 
     Examples
     --------
+    >>> from texbake.mesh.mesh import Mesh
     >>> square = Mesh(
     ...     positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0]], faces=[[0, 1, 2]],
     ...     uvs=[[0, 0], [1, 0], [1, 1]], uv_faces=[[0, 1, 2]],
@@ -78,6 +80,7 @@ def corner_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
     >>> corner_tangents(square)[0, 0]
     array([1., 0., 0., 1.], dtype=float32)
     """
+    mesh = as_mesh(mesh)
     corner_uvs = mesh.corner_uvs()
     uvs = (corner_uvs * unit_scale(float(np.abs(corner_uvs).max()))).astype(np.float32)
     shading, shading_faces = shading_normals(mesh)

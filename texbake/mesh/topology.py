@@ -55,7 +55,7 @@ class MeshEdges:
 
     @property
     def misoriented(self) -> BoolArray:
-        """(E,) bool: edges of two faces that walk it in the same direction, so face two ways."""
+        """(E,) bool: edges of two faces that face opposite sides: both walk it one way."""
         against: BoolArray = (self.n_faces == 2) & (self.n_forward != 1)
         return against
 

@@ -137,41 +137,41 @@ def _morton_order(
     return ids, keys
 
 
-def with_nearest_attributes(light: Mesh, mesh: Mesh, threads: int | None = None) -> Mesh:
-    """Give a mesh the groups and colors that it lacks and another has.
+def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
+    """Give a mesh the groups and colors that it lacks and another mesh has.
 
     Parameters
     ----------
-    light
-        The mesh to give to.
     mesh
-        The mesh to take from, in the same space.
+        The mesh that they are given to.
+    source
+        The mesh that has them, in the same space.
     threads
         None for every processor.
 
     Returns
     -------
     Mesh
-        A face has the group of the point of `mesh` nearest to its center, a vertex the color
+        A face has the group of the point of `source` nearest to its center, a vertex the color
         there, interpolated between the corners.
     """
-    groups = mesh.face_groups if light.face_groups is None else None
-    colors = mesh.colors if light.colors is None else None
-    if groups is not None and len(mesh.group_names) == 1:
-        ids = np.zeros(light.n_faces, dtype=np.int32)
-        light = light.replace(face_groups=ids, group_names=mesh.group_names)
+    groups = source.face_groups if mesh.face_groups is None else None
+    colors = source.colors if mesh.colors is None else None
+    if groups is not None and len(source.group_names) == 1:
+        ids = np.zeros(mesh.n_faces, dtype=np.int32)
+        mesh = mesh.replace(face_groups=ids, group_names=source.group_names)
         groups = None
     if groups is None and colors is None:
-        return light
-    frame = LocalFrame.around(mesh)
-    tree = TriangleTree.build(frame.to_local(mesh.positions), mesh.faces, threads=threads)
-    points = frame.to_local(light.positions)
+        return mesh
+    frame = LocalFrame.around(source)
+    tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
+    points = frame.to_local(mesh.positions)
     if groups is not None:
-        centers = points[light.faces].mean(axis=1)
+        centers = points[mesh.faces].mean(axis=1)
         _, nearest, _ = tree.closest_points(centers, threads=threads)
-        light = light.replace(face_groups=groups[nearest], group_names=mesh.group_names)
+        mesh = mesh.replace(face_groups=groups[nearest], group_names=source.group_names)
     if colors is not None:
         _, nearest, weights = tree.closest_points(points, threads=threads)
-        blended = np.einsum("nc,ncx->nx", weights, colors[mesh.faces[nearest]])
-        light = light.replace(colors=blended)
-    return light
+        blended = np.einsum("nc,ncx->nx", weights, colors[source.faces[nearest]])
+        mesh = mesh.replace(colors=blended)
+    return mesh

@@ -1,4 +1,4 @@
-"""Vertices that carry all attributes at one index, as decimation libraries and graphics cards want.
+"""Vertices with one index for all attributes, as decimation libraries and graphics cards take them.
 
 Where corners at one position differ in texture coordinates, hard normals or group, the stream has a
 vertex for each; a library that sees several vertices at one position takes the edges between them
@@ -19,7 +19,7 @@ from texbake.mesh.weld import weld_rows
 
 @dataclass(frozen=True, eq=False)
 class VertexStream:
-    """Stream vertices as rows of a mesh's lists; `None` where they do not tell vertices apart.
+    """Vertices of a stream as rows of a mesh's lists; None for a list that separates no vertices.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class VertexStream:
 
     @property
     def has_seams(self) -> bool:
-        """Whether vertices are told apart by more than their positions."""
+        """Whether vertices differ in more than their positions."""
         return any(ids is not None for ids in (self.uv_ids, self.normal_ids, self.group_ids))
 
     def restricted(self, faces: IntArray) -> VertexStream:
@@ -64,7 +64,7 @@ def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
 
 
 def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
-    """Stream that tells apart texture coordinates, hard normals and groups.
+    """Stream with a vertex for each combination of texture coordinate, hard normal and group.
 
     Normals count where the mesh has hard edges, and groups where it has more than one.
     """
@@ -102,7 +102,7 @@ def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
 
 
 def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
-    """Mesh of faces over stream vertices, with the attributes that tell those apart.
+    """Mesh of faces over stream vertices, with the attributes that separate those.
 
     None where no face has three distinct positions. Positions keep their bits. What no corner uses
     is left out; so are duplicate faces (of one winding) and faces with fewer than three distinct
@@ -115,7 +115,7 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     if len(faces) == 0:
         return None
     position_faces, position_ids = _compact(stream.position_ids[faces], mesh.n_vertices)
-    light = Mesh(
+    low = Mesh(
         positions=mesh.positions[position_ids],
         faces=position_faces,
         colors=None if mesh.colors is None else mesh.colors[position_ids],
@@ -123,15 +123,13 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     )
     if mesh.uvs is not None and stream.uv_ids is not None:
         uv_faces, uv_ids = _compact(stream.uv_ids[faces], len(mesh.uvs))
-        light = light.replace(uvs=mesh.uvs[uv_ids], uv_faces=uv_faces)
+        low = low.replace(uvs=mesh.uvs[uv_ids], uv_faces=uv_faces)
     if mesh.normals is not None and stream.normal_ids is not None:
         normal_faces, normal_ids = _compact(stream.normal_ids[faces], len(mesh.normals))
-        light = light.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
+        low = low.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
     if stream.group_ids is not None:
-        light = light.replace(
-            face_groups=stream.group_ids[faces[:, 0]], group_names=mesh.group_names
-        )
-    return light
+        low = low.replace(face_groups=stream.group_ids[faces[:, 0]], group_names=mesh.group_names)
+    return low
 
 
 def _local_points(mesh: Mesh, position_ids: IntArray) -> npt.NDArray[np.float32]:

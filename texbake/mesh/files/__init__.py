@@ -12,6 +12,7 @@ from texbake.files import PathLike
 from texbake.progress import ProgressSink, Stages
 
 if TYPE_CHECKING:
+    from texbake.mesh.interchange import MeshLike
     from texbake.mesh.mesh import Mesh
 
 
@@ -102,7 +103,7 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
     return mesh
 
 
-def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
+def write_mesh(mesh: MeshLike, path: PathLike, **options: Any) -> None:
     """Write a mesh to an OBJ, PLY, STL, OFF, GLB or USD file, whole or not at all.
 
     Parameters
@@ -128,14 +129,14 @@ def write_mesh(mesh: Mesh, path: PathLike, **options: Any) -> None:
     suffix = Path(path).suffix.lower()
     kind = _format_of(path)
     if kind.writer is None:
-        raise FileFormatError(
-            f"{path}: {suffix} files can be read but not written; write a .glb file"
-        )
+        raise FileFormatError(f"{path}: {suffix} files can only be read; write a .glb file")
     given = {option: value for option, value in options.items() if value is not None}
     for option in given:
         if option not in kind.options:
             raise OptionError(f"{path}: a {suffix} file has no {option}; write a .glb file")
-    _function(kind.writer)(mesh, path, **given)
+    from texbake.mesh.interchange import as_mesh  # loads numpy
+
+    _function(kind.writer)(as_mesh(mesh), path, **given)
 
 
 def _format_of(path: PathLike) -> _Format:

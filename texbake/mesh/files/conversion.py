@@ -128,7 +128,7 @@ def image_file(path: PathLike) -> tuple[bytes, str]:
         return data, "image/png"
     if data.startswith(_JPEG_START):
         return data, "image/jpeg"
-    raise OptionError(f"{path}: a material's images are PNG or JPEG alone; save it as PNG")
+    raise OptionError(f"{path}: the images of a material must be PNG or JPEG; save it as PNG")
 
 
 def check_normal_map(path: PathLike) -> None:
@@ -140,12 +140,12 @@ def check_normal_map(path: PathLike) -> None:
     if facts.get(SPACE, "tangent") != "tangent":
         raise OptionError(
             f"{path}: it is in {facts[SPACE]} space; "
-            "a material needs a map baked with --space tangent"
+            "a material needs a map baked with `space` tangent"
         )
     if facts.get(CONVENTION, "opengl") != "opengl":
         raise OptionError(
             f"{path}: its green channel is {facts[CONVENTION]}; "
-            "glTF and USD need a map baked with --convention opengl"
+            "glTF and USD need a map baked with `convention` opengl"
         )
 
 

@@ -165,7 +165,7 @@ class GltfAsset:
         return len(self._json["accessors"]) - 1
 
     def _add_rows(self, values: npt.NDArray[Any], target: int) -> int:
-        """Add the rows of an array as a buffer view, compressed where that is asked for."""
+        """Add the rows of an array as a buffer view, compressed if the asset is."""
         if not self._compress:
             return self._add_view(values.tobytes(), target=target)
         stride = values.itemsize * values.shape[1]

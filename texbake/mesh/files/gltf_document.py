@@ -1,7 +1,7 @@
 """glTF 2.0 files: their JSON document, their buffers, and the arrays that accessors describe.
 
-Whatever a damaged file says, no more memory is asked for than the file has bytes, and what does not
-fit together is one clear error.
+Whatever a damaged file says, no more memory is taken than the file has bytes, and parts that do not
+fit together give one clear error.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
 """
@@ -194,7 +194,7 @@ class Document:
         n_bytes = self.integer(buffer, "byteLength")
         uri = buffer.get("uri")
         if uri is None and self.mapping(self.mapping(buffer, "extensions"), EXTENSION):
-            return self.binary[:0]  # stands for what compressed views hold
+            return self.binary[:0]  # its place is taken by compressed views
         if uri is None:
             data = self.binary if index == 0 else self.binary[:0]
         elif not isinstance(uri, str):
@@ -248,7 +248,7 @@ class Document:
 
 
 def read_document(path: PathLike) -> Document:
-    """Read the document of a .gltf or .glb file, told apart by their first bytes.
+    """Read the document of a .gltf or .glb file, which differ in their first bytes.
 
     Raises
     ------

@@ -116,7 +116,7 @@ def _factor(path: Path, words: str) -> tuple[float, float, float]:
     except ValueError:
         numbers = []
     if len(numbers) not in (1, 3) or not np.isfinite(numbers).all():
-        raise FileFormatError(f"{path}: Kd {words!r} is not a color of three numbers; mend it")
+        raise FileFormatError(f"{path}: Kd {words!r} is not a color of three numbers; correct it")
     red, green, blue = numbers * 3 if len(numbers) == 1 else numbers
     return red, green, blue
 

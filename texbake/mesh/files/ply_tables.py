@@ -116,7 +116,7 @@ def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tupl
                 _append(elements, Property(name, TYPES[value_type]))
             case _:
                 raise FileFormatError(
-                    f"{path}: line {number}: {line[:60]!r} is no statement of a PLY header"
+                    f"{path}: line {number}: {line[:60]!r} is not a statement of a PLY header"
                 )
     return order, tuple(elements)
 
@@ -152,7 +152,7 @@ def read_element(
     """
     text = body.dtype.kind == "f"
     least = element.n_rows * (len(element.properties) if text else element.least_row_size)
-    if least > len(body) - start:  # asked before anything is allocated
+    if least > len(body) - start:  # checked before anything is allocated
         raise FileFormatError(
             f"{path}: its header promises {element.n_rows} rows of '{element.name}', for which "
             f"the file is too short; it is truncated or damaged"

@@ -24,7 +24,7 @@ def map_file(path: PathLike) -> ByteArray:
     Raises
     ------
     FileError
-        There is no such file, it is no regular file, or it cannot be read.
+        There is no such file, it is not a regular file, or it cannot be read.
     FileFormatError
         It is empty.
     """

@@ -45,7 +45,7 @@ def read_stl(path: PathLike) -> Mesh:
     n_triangles = _binary_count(data)
     body = data[_HEADER_SIZE + 4 :]
     if n_triangles is not None and len(body) == n_triangles * _RECORD.itemsize:
-        # Asked first, because many binary files begin with the word solid too.
+        # Tested first, because many binary files begin with the word solid too.
         records = np.ndarray(n_triangles, _RECORD, buffer=body.data)
         corners: npt.NDArray[np.floating] = records["corners"].reshape(-1, 3)
     elif data[:512].tobytes().lstrip()[:5].lower() == b"solid":
@@ -53,7 +53,7 @@ def read_stl(path: PathLike) -> Mesh:
     else:
         raise FileFormatError(
             f"{path}: it is not an STL file, or it is truncated: it neither begins with 'solid' "
-            f"nor is it as long as its number of triangles asks for"
+            f"nor does its length fit its number of triangles"
         )
     if len(corners) == 0:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
@@ -87,7 +87,7 @@ def _read_ascii(
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32] | None, tuple[str, ...]]:
     """(3F, 3) corners, the solid of each triangle, and the solids' names.
 
-    One solid without a name is no group.
+    A single solid without a name makes no group.
     """
     require_text(path, data, "an STL file")
     if not _END.search(data[-4096:].data):

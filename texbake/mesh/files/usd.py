@@ -70,7 +70,7 @@ def read_usd(path: PathLike) -> Mesh:
 
 def _read_parts(path: PathLike, stage: Any) -> list[Mesh]:
     """Meshes of a stage, in world space."""
-    house = _house_matrix(stage)
+    to_world = _world_matrix(stage)
     parts = []
     n_corners = 0
     placed = list(_placed_meshes(stage))
@@ -82,11 +82,11 @@ def _read_parts(path: PathLike, stage: Any) -> list[Mesh]:
         if n_corners > _MAX_CORNERS:
             raise FileFormatError(f"{path}: it places more triangles than 32-bit indices can count")
         with np.errstate(over="ignore", invalid="ignore"):
-            parts.append(transformed(mesh, house @ matrix))
+            parts.append(transformed(mesh, to_world @ matrix))
     return parts
 
 
-def _house_matrix(stage: Any) -> FloatArray:
+def _world_matrix(stage: Any) -> FloatArray:
     """(4, 4) matrix of a stage's axes and unit to Y up and meters."""
     from pxr import UsdGeom
 

@@ -65,8 +65,8 @@ def open_stage(path: PathLike) -> Any:
 def reporting_damage(path: PathLike) -> Iterator[None]:
     """Turn what the library complains of into `FileFormatError`.
 
-    Values are read when they are first asked for, so that a stage which could be opened may still
-    turn out to be damaged.
+    Values are read when they are first used, so that a stage which could be opened may still turn
+    out to be damaged.
     """
     from pxr import Tf
 
@@ -237,7 +237,7 @@ def _values(
             corners.fail(prim, name, f"it has {len(table)} indices for {elements.max() + 1} places")
         elements = table[elements]
     if len(elements) and (elements.min() < 0 or elements.max() >= len(array)):
-        corners.fail(prim, name, f"it has {len(array)} values, and one asked for is none of them")
+        corners.fail(prim, name, f"it has {len(array)} values, and an index points outside of them")
     is_listed = interpolation == "faceVarying" and not indices
     if is_listed and len(array) != len(elements):
         corners.fail(prim, name, f"it has {len(array)} values for {len(elements)} corners")

@@ -146,7 +146,7 @@ def make_height_field(
     Raises
     ------
     OptionError
-        It is no image, has fewer than 2 x 2 pixels, or one that is not finite.
+        It is not an image, has fewer than 2 x 2 pixels, or one that is not finite.
     """
     pixels = _gray(image)
     n_down, n_across = pixels.shape
@@ -185,7 +185,9 @@ def _gray(image: npt.ArrayLike) -> FloatArray:
         # One or two channels are gray and alpha; three or four are colors and alpha.
         pixels = pixels[..., : 3 if pixels.shape[2] > 2 else 1].mean(axis=2)
     if pixels.ndim != 2:
-        raise OptionError(f"image: an array of the shape {pixels.shape} is no image; give (H, W)")
+        raise OptionError(
+            f"image: an array of the shape {pixels.shape} is not an image; give (H, W)"
+        )
     if min(pixels.shape) < 2:
         raise OptionError(
             f"image: it has {pixels.shape[1]} x {pixels.shape[0]} pixels; "

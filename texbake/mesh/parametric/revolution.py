@@ -74,7 +74,7 @@ def round_columns(n_columns: int, turns: float = 1.0) -> SweptColumns:
 
 
 def flat_columns(n_columns: int, sides: int) -> SweptColumns:
-    """Columns on a regular polygon, at least as many as asked for, evenly spaced on its sides.
+    """Columns on a regular polygon, at least `n_columns` of them, evenly spaced on its sides.
 
     A corner is at the seam. At each corner there are two columns with normals of their own.
     """
@@ -169,7 +169,7 @@ def _side_and_caps(
     sides: int | None,
     caps: bool,
 ) -> Mesh:
-    """Straight outline, swept, with flat ends where asked for.
+    """Straight outline, swept, with flat ends if there are `caps`.
 
     The side fills the unit square; its groups, where there are caps, are `side`, `bottom` and
     `top`. The bottom is a disk in the tile to the right of it, 1 < u < 2, and the top one in the

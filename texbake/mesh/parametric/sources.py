@@ -52,7 +52,7 @@ def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
     Raises
     ------
     OptionError
-        The array is no profile.
+        The array is not a profile.
     """
     if isinstance(source, (str, os.PathLike)):
         return read_profile(source)
@@ -61,7 +61,9 @@ def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
     except (TypeError, ValueError) as error:
         raise OptionError("profile: it is not an array of numbers") from error
     if points.ndim != 2 or points.shape[1] != 2:
-        raise OptionError(f"profile: an array of the shape {points.shape} is none; give (n, 2)")
+        raise OptionError(
+            f"profile: an array of the shape {points.shape} is no profile; give (n, 2)"
+        )
     if not np.isfinite(points).all():
         raise OptionError("profile: a point is not finite")
     if (points[:, 0] < 0.0).any():
@@ -87,7 +89,7 @@ def read_profile(path: PathLike) -> FloatArray:
     FileError
         The file is missing or cannot be read.
     FileFormatError
-        It is no such file; the message names the line.
+        It is not such a file; the message names the line.
     """
     lines = read_lines(path, "a profile")
     rows = []
@@ -123,7 +125,7 @@ def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
     Raises
     ------
     OptionError
-        The array is none of patches.
+        The array does not hold patches.
     """
     if isinstance(source, (str, os.PathLike)):
         return read_patches(source)
@@ -133,7 +135,7 @@ def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
         raise OptionError("patches: it is not an array of numbers") from error
     if patches.ndim != 4 or patches.shape[1:] != (4, 4, 3) or len(patches) == 0:
         raise OptionError(
-            f"patches: an array of the shape {patches.shape} is none; give (n, 4, 4, 3)"
+            f"patches: an array of the shape {patches.shape} holds no patches; give (n, 4, 4, 3)"
         )
     if not np.isfinite(patches).all():
         raise OptionError("patches: a point is not finite")
@@ -267,7 +269,7 @@ def _count(path: PathLike, line: TextLine, what: str) -> int:
     """Read a number of things, alone on its line."""
     if not _is_count(line) or int(line.words[0]) < 1:
         raise FileFormatError(
-            f"{path}: line {line.number}: {' '.join(line.words)[:20]!r} is no number of {what}"
+            f"{path}: line {line.number}: {' '.join(line.words)[:20]!r} is not a number of {what}"
         )
     return int(line.words[0])
 

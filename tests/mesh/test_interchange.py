@@ -1,0 +1,150 @@
+"""Meshes of trimesh and back, and what counts as a mesh."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import texbake
+from texbake.errors import FileError, MeshError
+from texbake.mesh.interchange import as_mesh
+from texbake.mesh.shapes import cube, icosphere, uv_sphere
+
+
+def test_positions_and_faces_come_back_bit_equal() -> None:
+    mesh = icosphere(2)
+    back = texbake.from_trimesh(texbake.to_trimesh(mesh))
+    assert np.array_equal(back.positions, mesh.positions)
+    assert np.array_equal(back.faces, mesh.faces)
+    assert back.name == mesh.name
+    assert back.uvs is None
+    assert back.normals is None
+    assert back.colors is None
+
+
+def test_seams_split_vertices_and_keep_every_corner() -> None:
+    mesh = uv_sphere(6, 8)
+    converted = texbake.to_trimesh(mesh)
+    # The column of the seam and all but one coordinate of each pole stand behind the positions.
+    assert np.array_equal(converted.vertices[: mesh.n_vertices], mesh.positions)
+    assert len(converted.vertices) == mesh.n_vertices + 5 + 2 * 7
+    back = texbake.from_trimesh(converted)
+    assert np.array_equal(back.positions[back.faces], mesh.positions[mesh.faces])
+    assert np.array_equal(back.corner_uvs(), mesh.corner_uvs())
+
+
+def test_hard_normals_keep_every_corner() -> None:
+    mesh = cube()
+    normals = np.repeat(np.eye(3), 4, axis=0)
+    mesh = mesh.replace(
+        normals=normals, normal_faces=np.arange(36, dtype=np.int32).reshape(12, 3) % len(normals)
+    )
+    back = texbake.from_trimesh(texbake.to_trimesh(mesh))
+    assert back.normals is not None
+    assert np.array_equal(back.normals[back.normal_faces], mesh.normals[mesh.normal_faces])
+    assert np.array_equal(back.positions[back.faces], mesh.positions[mesh.faces])
+
+
+@pytest.mark.parametrize("textured", [False, True])
+def test_colors_come_back_rounded_to_8_bits(textured: bool) -> None:
+    mesh = uv_sphere(4, 6)
+    if not textured:
+        mesh = mesh.replace(uvs=None, uv_faces=None)
+    colors = np.random.default_rng(1).random((mesh.n_vertices, 4), dtype=np.float32)
+    mesh = mesh.replace(colors=colors)
+    back = texbake.from_trimesh(texbake.to_trimesh(mesh))
+    assert back.colors is not None
+    # Half a step of 8 bits, and what float32 adds to it.
+    apart = back.colors[back.faces] - colors[mesh.faces]
+    assert np.abs(apart).max() <= 0.5 / 255 + 1e-6
+
+
+def test_groups_come_back() -> None:
+    groups = np.repeat(np.arange(3, dtype=np.int32), 4)
+    mesh = cube().replace(face_groups=groups, group_names=("a", "b", "c"))
+    back = texbake.from_trimesh(texbake.to_trimesh(mesh))
+    assert np.array_equal(back.face_groups, groups)
+    assert back.group_names == mesh.group_names
+
+
+def test_unused_vertices_and_degenerate_faces_stay() -> None:
+    mesh = texbake.Mesh(
+        positions=[[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        faces=[[1, 2, 3], [1, 1, 2]],
+        uvs=[[0, 0], [1, 0], [0, 1]],
+        uv_faces=[[0, 1, 2], [0, 0, 1]],
+    )
+    converted = texbake.to_trimesh(mesh)
+    assert converted.faces.tolist() == [[1, 2, 3], [1, 1, 2]]
+    assert converted.visual.uv.tolist() == [[0, 0], [0, 0], [1, 0], [0, 1]]
+    assert texbake.from_trimesh(converted).n_vertices == 4
+
+
+def test_normals_that_nobody_gave_are_not_computed() -> None:
+    box = trimesh.creation.box()
+    assert texbake.from_trimesh(box).normals is None or "vertex_normals" in box._cache.cache
+    given = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
+    assert texbake.from_trimesh(given).normals is None
+    given.vertex_normals = [[1, 0, 0]] * 3
+    assert texbake.from_trimesh(given).normals.tolist() == [[1, 0, 0]] * 3
+
+
+def test_a_later_change_does_not_reach_the_other_mesh() -> None:
+    box = trimesh.creation.box()
+    mesh = texbake.from_trimesh(box)
+    box.vertices[:] += 1.0
+    assert mesh.positions.max() == 0.5
+
+
+def test_a_scene_is_placed_and_joined() -> None:
+    scene = trimesh.Scene()
+    shift = trimesh.transformations.translation_matrix([2.0, 0.0, 0.0])
+    scene.add_geometry(trimesh.creation.box(), node_name="left")
+    scene.add_geometry(trimesh.creation.box(), node_name="right", transform=shift)
+    mesh = texbake.from_trimesh(scene)
+    assert mesh.n_faces == 24
+    assert mesh.bounds.tolist() == [[-0.5, -0.5, -0.5], [2.5, 0.5, 0.5]]
+    assert set(mesh.group_names) == {"left", "right"}
+
+
+@pytest.mark.parametrize(
+    "value", [None, 3, [[0, 0, 0]], trimesh.PointCloud([[0, 0, 0]]), trimesh.Trimesh()]
+)
+def test_what_is_not_a_mesh_is_one_error(value: object) -> None:
+    with pytest.raises(MeshError):
+        as_mesh(value)  # type: ignore[arg-type]
+
+
+def test_a_broken_trimesh_is_one_error() -> None:
+    points = [[0, 0, 0], [1, 0, 0], [0, np.nan, 0]]
+    with pytest.raises(MeshError, match="not finite"):
+        as_mesh(trimesh.Trimesh(points, [[0, 1, 2]], process=False))
+    with pytest.raises(MeshError, match="out of range"):
+        as_mesh(trimesh.Trimesh(np.eye(3), [[0, 1, 7]], process=False))
+
+
+def test_a_path_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cube.obj"
+    texbake.write_mesh(cube(), path)
+    assert as_mesh(path).n_faces == as_mesh(str(path)).n_faces == 12
+    with pytest.raises(FileError):
+        as_mesh(tmp_path / "missing.obj")
+
+
+def test_a_mesh_is_itself() -> None:
+    mesh = cube()
+    assert as_mesh(mesh) is mesh
+
+
+def test_public_functions_take_whatever_is_a_mesh(tmp_path: Path) -> None:
+    mesh = uv_sphere(12, 16)
+    path = tmp_path / "sphere.obj"
+    texbake.write_mesh(mesh, path)
+    for value in (path, texbake.to_trimesh(mesh)):
+        assert texbake.mesh_info(value).n_faces == mesh.n_faces
+        assert texbake.corner_tangents(value).shape == (mesh.n_faces, 3, 4)
+        assert texbake.simplify(value, 100).n_faces <= 100
+        assert texbake.surface_distance(value, mesh).max < 1e-6
+        texbake.write_mesh(value, tmp_path / "again.ply")
+        assert texbake.read_mesh(tmp_path / "again.ply").n_faces == mesh.n_faces

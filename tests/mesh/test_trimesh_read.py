@@ -1,0 +1,161 @@
+"""Formats that are read through trimesh, and Draco and strips, which our own readers know."""
+
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import texbake
+from texbake.errors import DependencyError, FileError, FileFormatError, MeshError, TexbakeError
+from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES, trimesh_read
+from texbake.mesh.shapes import cube, uv_sphere
+
+ONLY_READ = sorted({*MESH_SUFFIXES} - {*WRITABLE_MESH_SUFFIXES, ".gltf"})
+
+
+def test_a_3mf_file_keeps_positions_and_faces(tmp_path: Path) -> None:
+    mesh = uv_sphere(6, 8).replace(uvs=None, uv_faces=None)
+    texbake.to_trimesh(mesh).export(tmp_path / "sphere.3mf")
+    read = texbake.read_mesh(tmp_path / "sphere.3mf")
+    # The file has as many digits as trimesh writes.
+    assert np.allclose(read.positions[read.faces], mesh.positions[mesh.faces], atol=1e-7)
+    assert read.name == "sphere.3mf"
+    assert len(read.group_names) == 1
+
+
+def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path: Path) -> None:
+    mesh = uv_sphere(6, 8)
+    texbake.to_trimesh(mesh).export(tmp_path / "sphere.dae")
+    read = texbake.read_mesh(tmp_path / "sphere.dae")
+    assert read.n_vertices == mesh.n_vertices
+    assert np.allclose(read.positions[read.faces], mesh.positions[mesh.faces], atol=1e-6)
+    assert np.allclose(read.corner_uvs(), mesh.corner_uvs(), atol=1e-6)
+    with zipfile.ZipFile(tmp_path / "sphere.zae", "w") as archive:
+        archive.write(tmp_path / "sphere.dae", "sphere.dae")
+    assert texbake.read_mesh(tmp_path / "sphere.zae").n_faces == mesh.n_faces
+
+
+def test_a_xaml_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a.xaml").write_text(
+        '<Viewport3D xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation">'
+        '<GeometryModel3D><GeometryModel3D.Geometry><MeshGeometry3D Positions="0,0,0 1,0,0 0,1,0" '
+        'Normals="0,0,1 0,0,1 0,0,1" TriangleIndices="0,1,2"/></GeometryModel3D.Geometry>'
+        "<GeometryModel3D.Material><DiffuseMaterial><DiffuseMaterial.Brush>"
+        '<SolidColorBrush Color="#FF0000" Opacity="1"/></DiffuseMaterial.Brush></DiffuseMaterial>'
+        "</GeometryModel3D.Material></GeometryModel3D></Viewport3D>",
+        encoding="utf-8",
+    )
+    assert texbake.read_mesh(tmp_path / "a.xaml").n_faces == 1
+
+
+@pytest.mark.parametrize("suffix", ONLY_READ)
+@pytest.mark.parametrize("content", [b"", b"hello", b"<COLLADA/>", b"PK\x03\x04", b"\xff" * 300])
+def test_a_damaged_file_is_one_error(suffix: str, content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / f"broken{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(FileError) as caught:
+        texbake.read_mesh(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_3mf_file_with_a_bad_number_is_one_error(tmp_path: Path) -> None:
+    texbake.to_trimesh(cube()).export(tmp_path / "good.3mf")
+    for old, new in (('v1="0"', 'v1="77"'), ('x="-0.5', 'x="abc'), ('x="-0.5', 'x="nan')):
+        changed = tmp_path / "bad.3mf"
+        with zipfile.ZipFile(tmp_path / "good.3mf") as good, zipfile.ZipFile(changed, "w") as bad:
+            for name in good.namelist():
+                text = good.read(name)
+                bad.writestr(name, text.replace(old.encode(), new.encode(), 1))
+        with pytest.raises(TexbakeError):
+            texbake.read_mesh(changed)
+
+
+def test_a_file_is_not_written_in_a_format_that_is_only_read(tmp_path: Path) -> None:
+    for suffix in ONLY_READ:
+        with pytest.raises(FileFormatError, match="can only be read"):
+            texbake.write_mesh(cube(), tmp_path / f"cube{suffix}")
+
+
+def test_a_missing_package_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.dae").write_text("<COLLADA/>")
+    monkeypatch.setattr(trimesh_read.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(DependencyError, match=r"pip install 'texbake\[formats\]'"):
+        texbake.read_mesh(tmp_path / "a.dae")
+
+
+def draco_file(mesh: texbake.Mesh, path: Path) -> bytes:
+    content = trimesh.Scene(texbake.to_trimesh(mesh)).export(file_type="glb", extension_draco=True)
+    assert b"KHR_draco_mesh_compression" in content
+    path.write_bytes(content)
+    return content
+
+
+def test_a_file_compressed_by_draco_is_read(tmp_path: Path) -> None:
+    mesh = uv_sphere(12, 16)
+    path = tmp_path / "sphere.glb"
+    draco_file(mesh, path)
+    read = texbake.read_mesh(path)
+    assert read.n_faces == mesh.n_faces
+    assert read.uvs is not None
+    # 14 bits of a length of 2, half a step up or down along each axis.
+    assert texbake.surface_distance(read, mesh).max <= 3**0.5 * 2 / 2**14
+
+
+def test_a_damaged_draco_file_is_one_error(tmp_path: Path) -> None:
+    path = tmp_path / "sphere.glb"
+    content = draco_file(cube(), path)
+    at = content.index(b"DRACO")
+    path.write_bytes(content[:at] + b"XXXXX" + content[at + 5 :])
+    with pytest.raises(FileFormatError, match="compressed by Draco is damaged"):
+        texbake.read_mesh(path)
+
+
+def test_draco_without_its_library_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "cube.glb"
+    draco_file(cube(), path)
+    monkeypatch.setitem(sys.modules, "DracoPy", None)
+    with pytest.raises(DependencyError, match=r"pip install 'texbake\[formats\]'"):
+        texbake.read_mesh(path)
+
+
+def test_triangle_strips_of_a_ply_file_become_triangles(tmp_path: Path) -> None:
+    path = tmp_path / "strips.ply"
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+        "property float z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    )
+    points = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n1 2 0\n"
+    path.write_text(header + points + "9 0 1 2 3 -1 2 3 4 5\n")
+    mesh = texbake.read_mesh(path)
+    assert mesh.faces.tolist() == [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]]
+    # All on one side, and a triangle that only turns the strip around is dropped.
+    path.write_text(header + points + "5 0 1 2 2 3\n")
+    assert texbake.read_mesh(path).faces.tolist() == [[0, 1, 2]]
+    path.write_text(header + points + "3 0 1 9\n")
+    with pytest.raises(MeshError, match="out of range"):
+        texbake.read_mesh(path)
+    path.write_text(header + points + "2 0 1\n")
+    with pytest.raises(MeshError, match="no faces"):
+        texbake.read_mesh(path)
+
+
+def test_strips_of_a_binary_ply_file_in_several_rows(tmp_path: Path) -> None:
+    path = tmp_path / "strips.ply"
+    header = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\n"
+        "property float y\nproperty float z\nelement tristrips 2\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "<f4").tobytes()
+    rows = b"\x03" + np.array([0, 1, 2], "<i4").tobytes()
+    rows += b"\x04" + np.array([2, 1, 3, 0], "<i4").tobytes()
+    path.write_bytes(header.encode() + points + rows)
+    assert texbake.read_mesh(path).faces.tolist() == [[0, 1, 2], [2, 1, 3], [1, 0, 3]]
