@@ -8,8 +8,8 @@ from typing import Any
 
 import texbake
 
+from .bake_options import Asked
 from .html import command_line
-from .parts_options import Asked
 from .terminal import Terminal
 
 # Files that only the bake of one mesh onto one set of maps can write.

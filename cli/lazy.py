@@ -25,6 +25,7 @@ COMMANDS = (
     "bake-normals",
     "bake-displacement",
     "bake",
+    "bake-lightmap",
     "remap",
     "bake-texture",
     "pack-textures",
@@ -38,6 +39,7 @@ COMMANDS = (
     "run",
     "build",
     "watch",
+    "schema",
     "study",
     "demo",
 )

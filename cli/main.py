@@ -30,10 +30,10 @@ from .lazy import LazyGroup
 @click.version_option(__version__, prog_name="texbake")
 @click.pass_context
 def texbake(ctx: click.Context) -> None:
-    """Carry the detail of a dense mesh over to a light one.
+    """Bake the detail of a high-poly mesh into maps for a low-poly one.
 
-    Makes a mesh lighter, gives it texture coordinates, bakes normal and displacement maps onto it
-    and shows the result, without a GPU or a display.
+    Simplifies meshes, gives them texture coordinates, bakes normal, displacement and other maps,
+    and renders the result, without a GPU or a display.
     """
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())

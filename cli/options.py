@@ -1,36 +1,179 @@
-"""Options that several commands share; every default is read from the API's options."""
+"""Flags of commands, read from the classes of options of the library.
+
+A class of options declares each option once: type, default, range, choices, help. Here those become
+flags of a command, which are passed on under the names of the fields. What is no such option, such
+as the file of a report, is declared here where several commands share it.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, get_args, get_origin
 
 import click
 from click.core import ParameterSource
 
-from texbake.baking.options import (
-    CONVENTIONS,
-    FILLS,
-    RAYS,
-    SHADINGS,
-    SPACES,
-    BakeOptions,
-)
-from texbake.jobs.options import DEFAULT_SAMPLES
-from texbake.mesh.files import (
+from texbake import (
     MESH_SUFFIXES as MESH_SUFFIXES,
     WRITABLE_MESH_SUFFIXES as WRITABLE_MESH_SUFFIXES,
+    BakeOptions,
+    BuildOptions,
+    OptionField,
+    RenderOptions,
+    option_field,
+    option_fields,
 )
-from texbake.rendering.options import BACK_FACES, UPS, RenderOptions
 
-from .types import FileOf, Size, View
+from .types import FileOf, NameAndStrength, Names, Numbers, Size, View
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
 
 IMAGE_SUFFIXES = (".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
+SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
+
+
+def options_of(
+    kind: type,
+    *names: str,
+    without: Collection[str] = (),
+    required: Collection[str] = (),
+    unset: bool = False,
+    defaults: Mapping[str, Any] | None = None,
+) -> Decorator[Any]:
+    """Add flags for options of a class, in their order.
+
+    Parameters
+    ----------
+    kind
+        The class.
+    names
+        Fields; none for all.
+    without
+        Of all fields, those that are no flags.
+    required
+        Fields that must be given though they have a default.
+    unset
+        Whether a flag that is not given is None, and no default is shown.
+    defaults
+        Defaults of this command, where they are others than those of the class.
+    """
+    fields = {field.name: field for field in option_fields(kind)}
+    chosen = [fields[name] for name in names] or [
+        field for field in fields.values() if field.name not in without
+    ]
+    given = defaults or {}
+    return all_of(
+        [
+            _flag(
+                replace(field, default=given.get(field.name, field.default)),
+                required=field.name in required or field.required,
+                unset=unset,
+            )
+            for field in chosen
+        ]
+    )
+
+
+def all_of(options: Sequence[Decorator[Any]]) -> Decorator[Any]:
+    """Add several options, in their order."""
+
+    def add(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
+    """Return the flag of one option."""
+    option = field.option
+    names = [option.flag or f"--{field.name.replace('_', '-')}", field.name]
+    text = option.help
+    default = None if unset or required else field.default
+    if option.default and field.optional and not unset:
+        text += f"  [default: {option.default}]"
+    if field.kinds == (bool,):
+        alone = "/" not in names[0]
+        shown = None if field.optional or unset else default
+        return click.option(
+            *names, is_flag=True, default=shown, show_default=not alone and not unset, help=text
+        )
+    kind = _type(field)
+    if isinstance(kind, Names):
+        text = f"{text.rstrip('.')}: {', '.join(kind.known)}."
+    if option.many:
+        default = None
+    elif isinstance(default, tuple) and not isinstance(kind, Size):
+        default = ",".join(f"{v:g}" if isinstance(v, float) else str(v) for v in default)
+    return click.option(
+        *names,
+        type=kind,
+        default=default,
+        multiple=option.many,
+        required=required,
+        show_default=default is not None,
+        metavar=_metavar(field),
+        help=text,
+    )
+
+
+def _type(field: OptionField) -> Any:
+    """Return how the text of a value is read, by the types of the option."""
+    kinds, words = field.kinds, field.option.choices
+    tuples = [kind for kind in kinds if get_origin(kind) is tuple]
+    if tuple[int, int] in tuples:
+        return Size()
+    if tuple[str, ...] in tuples:
+        if field.option.many:
+            return click.Choice(words) if words else str
+        return Names(words)
+    if tuple[str, float] in tuples:
+        return NameAndStrength(words)
+    if tuples and all(set(get_args(kind)) & {float, int} for kind in tuples):
+        return Numbers(field.option.metavar or "", words)
+    if words and kinds == (str,):
+        return click.Choice(words)
+    if str in kinds:
+        return number_or_word if int in kinds and words else str
+    return next((kind for kind in (int, float) if kind in kinds), str)
+
+
+def _metavar(field: OptionField) -> str | None:
+    words = field.option.choices
+    if words and not field.option.metavar and field.kinds != (str,):
+        return "|".join(map(str, words))
+    return field.option.metavar if not isinstance(_type(field), Numbers | NameAndStrength) else None
+
+
+def number_or_word(text: str | int) -> int | str:
+    """Numbers as numbers; which words there are is the options' own to check."""
+    return int(text) if str(text).isdecimal() else text
+
+
+def build_options(*, without: Collection[str] = ()) -> Decorator[Any]:
+    """Add the options of a build; received as `options`, which are `BuildOptions`."""
+    hidden = {"folder", *without}
+    names = [field.name for field in option_fields(BuildOptions) if field.name not in hidden]
+    folder = option_field(BuildOptions, "folder").option
+    flags = (
+        options_of(BuildOptions, *names),
+        output_folder(f"{folder.help}  [default: {folder.default}]"),
+    )
+
+    def add(command: Command) -> Command:
+        @functools.wraps(command)
+        def with_options(*args: Any, output: Path | None, **values: Any) -> None:
+            chosen = {name: values.pop(name) for name in names}
+            command(*args, options=BuildOptions(folder=output, **chosen), **values)
+
+        return all_of(flags)(with_options)  # type: ignore[no-any-return]
+
+    return add
 
 
 def mesh_argument(name: str) -> Decorator[Any]:
@@ -70,312 +213,62 @@ report_option = click.option(
     "--report",
     type=FileOf((".json",)),
     metavar="FILE.json",
-    help="Also write what was done, with every setting and figure, as JSON.",
+    help="Also write every setting and figure as JSON.",
 )
+threads_option = options_of(BakeOptions, "threads")
+bits_option = options_of(BakeOptions, "bits")
 
-threads_option = click.option(
-    "--threads", type=int, metavar="N", help="Threads to work with.  [default: every processor]"
+
+_PICTURE = ("view", "up", "back_faces", "supersampling")
+_PIXELS = click.option(
+    "--size",
+    type=Size(),
+    default=f"{RenderOptions.width}x{RenderOptions.height}",
+    show_default=True,
+    help="Width and height of the picture in pixels.",
 )
-
-
-def size_option(default: Any, text: str) -> Decorator[Any]:
-    """Add `--size PX|WxH`."""
-    return click.option("--size", type=Size(), default=default, show_default=True, help=text)
-
-
-def choice_option(
-    flag: str, choices: Sequence[str], default: str | None, text: str
-) -> Decorator[Any]:
-    """Add an option that takes one word of a few."""
-    return click.option(
-        flag, type=click.Choice(choices), default=default, show_default=True, help=text
-    )
-
-
-def number_option(
-    flag: str, kind: Callable[[Any], Any], default: Any, metavar: str, text: str
-) -> Decorator[Any]:
-    """Add an option that takes a number; its range is the options' own to check."""
-    return click.option(
-        flag, type=kind, default=default, show_default=True, metavar=metavar, help=text
-    )
-
-
-def _view_option(*, turns: bool) -> Decorator[Any]:
-    return click.option(
-        "--view",
-        type=View(turns=turns),
-        default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
-        show_default=True,
-        help="Azimuth and elevation in degrees, and the distance from the middle in model units"
-        + ("; or a whole turn of N pictures." if turns else "."),
-    )
-
-
-view_option = _view_option(turns=False)
-
-
-def _picture_options(*, turns: bool) -> tuple[Decorator[Any], ...]:
-    return (
-        size_option(f"{RenderOptions.width}x{RenderOptions.height}", "Pixels of the picture."),
-        _view_option(turns=turns),
-        choice_option(
-            "--up", UPS, RenderOptions.up, "Axis of the world that is up in the picture."
-        ),
-        choice_option(
-            "--back-faces",
-            BACK_FACES,
-            RenderOptions.back_faces,
-            "Triangles that are seen from behind.",
-        ),
-        number_option(
-            "--supersampling",
-            int,
-            RenderOptions.supersampling,
-            "N",
-            "Samples of a pixel along one side, N x N in all.",
-        ),
-    )
-
-
-_PICTURE_NAMES = ("size", "view", "up", "back_faces", "supersampling")
 
 
 def picture_options(command: Command) -> Command:
-    """Add how a picture is taken: `--size`, `--view` and `--up`; received as `RenderOptions`."""
+    """Add how a picture is drawn; received as `picture`, which are `RenderOptions`."""
 
     @functools.wraps(command)
-    def with_picture(*args: Any, **options: Any) -> None:
-        picture = _sized({name: options.pop(name) for name in _PICTURE_NAMES})
-        command(*args, picture=RenderOptions(**picture), **options)
+    def with_picture(*args: Any, size: Any, **options: Any) -> None:
+        chosen = {name: options.pop(name) for name in _PICTURE}
+        command(*args, picture=RenderOptions(**_sides(size), **chosen), **options)
 
-    return _all_of(_picture_options(turns=False), cast(Command, with_picture))
+    return all_of((_PIXELS, options_of(RenderOptions, *_PICTURE)))(with_picture)  # type: ignore[no-any-return]
 
 
 def picture_changes(command: Command) -> Command:
-    """Add the same, and a whole turn for a view; received as a dictionary of what was given.
+    """Add the same, and a turntable for a view; received as a dictionary of what was given.
 
-    What a scene's file says stands where nothing is given.
+    What a scene's file says holds where nothing is given.
     """
 
     @functools.wraps(command)
     def with_changes(*args: Any, **options: Any) -> None:
         source = click.get_current_context().get_parameter_source
-        picture = {name: options.pop(name) for name in _PICTURE_NAMES}
+        picture = {name: options.pop(name) for name in ("size", *_PICTURE)}
         given = {
             name: value
             for name, value in picture.items()
             if source(name) not in (ParameterSource.DEFAULT, None)
         }
-        command(*args, picture=_sized(given), **options)
+        size = given.pop("size", None)
+        command(*args, picture={**({} if size is None else _sides(size)), **given}, **options)
 
-    return _all_of(_picture_options(turns=True), cast(Command, with_changes))
-
-
-def _sized(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options with width and height in place of the size."""
-    size = options.pop("size", None)
-    if size is None:
-        return options
-    width, height = (size, size) if isinstance(size, int) else size
-    return {"width": width, "height": height, **options}
-
-
-def _samples(word: str | int) -> int | str:
-    """Numbers as numbers; words are the options' own to check."""
-    return int(word) if str(word).isdecimal() else word
-
-
-_MEASURED = "[default: measured from the meshes]"
-
-
-def _sample_options(default: int | str | None, text: str = "") -> tuple[Decorator[Any], ...]:
-    """How many rays a texel gets, or what is asked for in their place."""
-    return (
-        number_option(
-            "--samples",
-            _samples,
-            default,
-            "1|4|16|64|adaptive",
-            "Rays a texel, averaged as directions and not as colors; adaptive: more where they "
-            f"differ.{text}",
-        ),
-        number_option(
-            "--max-error",
-            str,
-            BakeOptions.max_error,
-            "E",
-            "Adaptive samples until each texel is estimated to be off by at most so much: 0.5deg "
-            "for normals, 0.001 (model units) or 0.01% (of the diagonal) for heights, or "
-            "0.5deg,0.001.",
-        ),
-        number_option(
-            "--time-budget",
-            str,
-            BakeOptions.time_budget,
-            "T",
-            "Pick what is predicted to bake in 20s, 2min, ...; a short probe tells how long it "
-            "takes.",
-        ),
-    )
-
-
-_BAKE_OPTIONS = (
-    size_option(BakeOptions.size, "Texels of the maps."),
-    *_sample_options(BakeOptions.samples),
-    choice_option("--space", SPACES, BakeOptions.space, "Space of the normals."),
-    choice_option(
-        "--convention",
-        CONVENTIONS,
-        BakeOptions.convention,
-        "Green channel: opengl is +Y up, directx +Y down.",
-    ),
-    number_option(
-        "--bits",
-        int,
-        BakeOptions.bits,
-        "8|16|32",
-        "Bits a channel; 32 is float.  [default: the most that the format holds]",
-    ),
-    number_option(
-        "--front",
-        float,
-        BakeOptions.front,
-        "D",
-        f"How far outside the light mesh rays start, in model units.  {_MEASURED}",
-    ),
-    number_option(
-        "--back",
-        float,
-        BakeOptions.back,
-        "D",
-        f"How far inside the light mesh rays end, in model units.  {_MEASURED}",
-    ),
-    mesh_option(
-        "--cage", "Start rays on this mesh, which has the light mesh's faces moved outwards."
-    ),
-    choice_option(
-        "--rays",
-        RAYS,
-        BakeOptions.rays,
-        "Direction of rays: smooth normals without gaps, the light mesh's own at its vertices, "
-        "or each face's.",
-    ),
-    image_option(
-        "--skew-mask",
-        "Where this image is 1, on the light mesh's coordinates, rays go straight along the face's "
-        "normal; where 0, as --rays says; a blend between.",
-    ),
-    image_option(
-        "--offset-map",
-        "Multiply the front distance, or the cage's, by this image, 0 to 1, or above in floats.",
-    ),
-    choice_option(
-        "--high-shading",
-        SHADINGS,
-        BakeOptions.high_shading,
-        "Normals of the dense mesh: its own or averaged, or one a face.",
-    ),
-    click.option(
-        "--cull-back-faces/--hit-back-faces",
-        default=BakeOptions.cull_back_faces,
+    view = option_field(RenderOptions, "view")
+    turns = click.option(
+        "--view",
+        type=View(),
+        default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
         show_default=True,
-        help="Let rays pass through surfaces seen from behind, or not.",
-    ),
-    number_option(
-        "--padding",
-        int,
-        BakeOptions.padding,
-        "PX",
-        "Texels around each chart that repeat its edge.",
-    ),
-    choice_option("--fill", FILLS, BakeOptions.fill, "What fills the rest of a map."),
-    number_option(
-        "--fail-on-miss",
-        float,
-        BakeOptions.fail_on_miss,
-        "PERCENT",
-        "Write nothing and fail if more of the texels missed the dense mesh.",
-    ),
-    picture_option("--miss-map", "Also draw where rays missed."),
-    report_option,
-    number_option(
-        "--max-memory",
-        str,
-        BakeOptions.max_memory,
-        "SIZE",
-        "Memory that the bake may be estimated to take, such as 2G; a dense mesh too large for "
-        "that is cast at in chunks.  [default: as much as it takes]",
-    ),
-    threads_option,
-)
-
-_HEIGHT_OPTIONS = (
-    number_option(
-        "--mid",
-        float,
-        BakeOptions.mid,
-        "M",
-        "Value of height 0 in an integer file, in [0, 1].  [default: 0.5]",
-    ),
-    number_option(
-        "--scale",
-        float,
-        BakeOptions.scale,
-        "S",
-        "Height that a change of 1 in an integer file stands for, in model units.  "
-        "[default: the least that holds every height]",
-    ),
-)
-
-_SECONDARY_OPTIONS = (
-    number_option(
-        "--secondary-rays",
-        int,
-        BakeOptions.secondary_rays,
-        "N",
-        "Rays a sample for ao, bent-normal and thickness, a power of two.",
-    ),
-    number_option(
-        "--occluder-distance",
-        float,
-        BakeOptions.occluder_distance,
-        "D",
-        "How far a surface hides what lies behind it, in model units, for ao and bent-normal.  "
-        "[default: however far it is]",
-    ),
-    number_option(
-        "--thickness-distance",
-        float,
-        BakeOptions.thickness_distance,
-        "D",
-        "Thickness, in model units, that is white; rays into the surface go no farther.  "
-        "[default: the greatest of the map]",
-    ),
-)
+        help=f"{view.option.help.rstrip('.')}; or a whole turn of N pictures.",
+    )
+    return all_of((_PIXELS, turns, options_of(RenderOptions, *_PICTURE[1:])))(with_changes)  # type: ignore[no-any-return]
 
 
-def bake_options(command: Command) -> Command:
-    """Add what every bake takes."""
-    return _all_of(_BAKE_OPTIONS, command)
-
-
-def run_sample_options(command: Command) -> Command:
-    """Add how finely the maps of the whole job are sampled."""
-    return _all_of(_sample_options(None, f"  [default: {DEFAULT_SAMPLES}]"), command)
-
-
-def height_options(command: Command) -> Command:
-    """Add how heights are coded."""
-    return _all_of(_HEIGHT_OPTIONS, command)
-
-
-def secondary_options(command: Command) -> Command:
-    """Add how rays from the dense surface look around."""
-    return _all_of(_SECONDARY_OPTIONS, command)
-
-
-def _all_of(options: Sequence[Decorator[Any]], command: Command) -> Command:
-    for option in reversed(options):
-        command = option(command)
-    return command
+def _sides(size: int | tuple[int, int]) -> dict[str, Any]:
+    width, height = (size, size) if isinstance(size, int) else size
+    return {"width": width, "height": height}

@@ -14,7 +14,7 @@ class SectionedCommand(click.Command):
     Parameters
     ----------
     sections
-        Headings with the names of the options below them; the others come last, as "Options".
+        Headings with the names of the options below them; the others come first, as "Options".
     """
 
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]], **extra: Any) -> None:
@@ -29,9 +29,10 @@ class SectionedCommand(click.Command):
             if isinstance(param, click.Option)
             and (record := param.get_help_record(ctx)) is not None
         }
-        for heading, names in self._sections.items():
-            rows = [records.pop(name) for name in names]
+        sections = {
+            heading: [records.pop(name) for name in names]
+            for heading, names in self._sections.items()
+        }
+        for heading, rows in {"Options": list(records.values()), **sections}.items():
             with formatter.section(heading):
                 formatter.write_dl(rows)
-        with formatter.section("Options"):
-            formatter.write_dl(list(records.values()))

@@ -1,4 +1,4 @@
-"""What a command says: progress on stderr, results on stdout."""
+"""Output of a command: progress on stderr, results on stdout."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from .flags import with_flags
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from texbake.progress import ProgressSink
+    from texbake import ProgressSink
 
 PROGRESS = ("auto", "json", "none")
 
 
 @dataclass(frozen=True)
 class Terminal:
-    """Where a command's words go.
+    """Where a command prints.
 
     Attributes
     ----------
     kind : str
-        `auto` (bars if stderr is a terminal), `json` (one object a line on stderr) or `none`.
+        `auto` (bars if stderr is a terminal), `json` (one object per line on stderr) or `none`.
     quiet : bool
-        Leave out progress and summaries; warnings and errors are still told.
+        Leave out progress and summaries; warnings and errors are still printed.
     """
 
     kind: str = "auto"
@@ -62,7 +62,7 @@ class Terminal:
             table(rows)
 
     def wrote(self, paths: Iterable[Path]) -> None:
-        """Tell which files there are now."""
+        """Print which files have been written."""
         if not self.quiet:
             for path in paths:
                 say(f"wrote {path}")
@@ -73,7 +73,7 @@ class Terminal:
 
 
 def say(text: str) -> None:
-    """Print on stdout; a disk that is full behind it is a user's error, told in one line."""
+    """Print on stdout; a full disk behind it is a user's error, printed in one line."""
     try:
         click.echo(text)
     except BrokenPipeError:  # the reader has gone, and wants no more
@@ -118,24 +118,24 @@ def _cut(text: str, width: int) -> str:
 def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command `--quiet` and `--progress`; it receives both as `terminal`."""
 
-    @click.option("-q", "--quiet", is_flag=True, help="Show no progress and no summary.")
+    @click.option("-q", "--quiet", is_flag=True, help="Print no progress and no summary.")
     @click.option(
         "--progress",
-        "kind",
         type=click.Choice(PROGRESS),
         default="auto",
         show_default=True,
-        help="auto: bars where stderr is a terminal; json: one object a line on stderr.",
+        help="Show bars if stderr is a terminal (auto), or print one JSON object per line on "
+        "stderr (json).",
     )
     @functools.wraps(command)
-    def with_terminal(*args: Any, kind: str, quiet: bool, **options: Any) -> None:
-        command(*args, terminal=Terminal(kind, quiet), **options)
+    def with_terminal(*args: Any, progress: str, quiet: bool, **options: Any) -> None:
+        command(*args, terminal=Terminal(progress, quiet), **options)
 
     return with_terminal
 
 
 class JsonLines:
-    """Progress as JSON, one object a line, for a program that watches.
+    """Progress as JSON, one object per line, for a program that watches.
 
     Every object has `event` (`started`, `advanced` or `finished`), `stage`, `done`, `total` (null
     where the amount of work is unknown), `unit` and `seconds` since the stage began. `advanced`
@@ -148,28 +148,28 @@ class JsonLines:
         self._stream = stream
         self._stages: dict[str, tuple[int | None, str, float]] = {}
         self._done: dict[str, int] = {}
-        self._told = 0.0
+        self._reported = 0.0
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Tell that a stage has begun."""
+        """Report that a stage has begun."""
         self._stages[stage] = total, unit, time.perf_counter()
         self._done[stage] = 0
-        self._tell("started", stage, 0.0)
+        self._report("started", stage, 0.0)
 
     def advanced(self, stage: str, done: int) -> None:
-        """Tell how far a stage is, unless that was told just before."""
+        """Report how far a stage is, unless that was reported just before."""
         self._done[stage] = done
         now = time.perf_counter()
-        if now - self._told >= self.INTERVAL:
-            self._told = now
-            self._tell("advanced", stage, now - self._stages[stage][2])
+        if now - self._reported >= self.INTERVAL:
+            self._reported = now
+            self._report("advanced", stage, now - self._stages[stage][2])
 
     def finished(self, stage: str, seconds: float) -> None:
-        """Tell that a stage has ended."""
-        self._tell("finished", stage, seconds)
+        """Report that a stage has ended."""
+        self._report("finished", stage, seconds)
         del self._stages[stage], self._done[stage]
 
-    def _tell(self, event: str, stage: str, seconds: float) -> None:
+    def _report(self, event: str, stage: str, seconds: float) -> None:
         total, unit, _ = self._stages[stage]
         line = {
             "event": event,

@@ -1,4 +1,4 @@
-"""What values of options look like on the command line."""
+"""How values of options are written on the command line."""
 
 from __future__ import annotations
 
@@ -38,28 +38,22 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
 
 @dataclass(frozen=True)
 class Turntable:
-    """As many views as a turn is made of."""
+    """A number of views around a mesh."""
 
     n_views: int
 
 
 class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """`az,el` or `az,el,dist`: degrees, and the distance in model units.
+    """`az,el` or `az,el,dist`, or `turntable:N`, which becomes a `Turntable`.
 
-    Parameters
-    ----------
-    turns
-        Whether `turntable:N` is taken too, which becomes a `Turntable`.
+    Angles are in degrees, the distance in model units.
     """
 
     name = "view"
 
-    def __init__(self, *, turns: bool = False) -> None:
-        self.turns = turns
-
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """Show the forms."""
-        return "AZ,EL[,DIST]|turntable:N" if self.turns else "AZ,EL[,DIST]"
+        return "AZ,EL[,DIST]|turntable:N"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -68,7 +62,7 @@ class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
         if not isinstance(value, str):
             return value  # type: ignore[no-any-return]  # a default
         word, colon, count = value.partition(":")
-        if self.turns and colon and word == "turntable":
+        if colon and word == "turntable":
             if not count.isascii() or not count.isdigit() or int(count) < 1:
                 self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
             return Turntable(int(count))
@@ -82,13 +76,13 @@ class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """Numbers with commas between them, or one word of a few instead.
+    """Numbers separated by commas, or one of a few words.
 
     Parameters
     ----------
     form
-        What the help shows, as `X,Y,Z`: one letter or name a number. A part in brackets may be
-        left out.
+        What the help shows, such as `X,Y,Z`: one name per number. A part in brackets may be left
+        out.
     words
         Words that are taken as they are.
     """
@@ -108,7 +102,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes non
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> str | float | tuple[float, ...]:
-        """Parse; a single number comes as it is, several as a tuple."""
+        """Parse; one number becomes a float, several a tuple."""
         if not isinstance(value, str) or value in self.words:
             return value  # type: ignore[no-any-return]  # a default, or a word
         try:
@@ -121,7 +115,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes non
 
 
 class NameAndStrength(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """`twirl` or `twirl:120`: one name of a few, and maybe a number."""
+    """`twirl` or `twirl:120`: one of a few names, with or without a number."""
 
     name = "name"
 
@@ -152,7 +146,7 @@ class NameAndStrength(click.ParamType):  # type: ignore[type-arg]  # click 8.1 t
 
 
 class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """Names with commas between them, out of a list of known ones."""
+    """Known names separated by commas."""
 
     name = "names"
 
@@ -173,7 +167,7 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
         unknown = [name for name in names if name not in self.known]
         if unknown or not names:
             wrong = ", ".join(unknown) or "nothing"
-            self.fail(f"{wrong} is not among {', '.join(self.known)}", param, ctx)
+            self.fail(f"{wrong} is not one of {', '.join(self.known)}", param, ctx)
         return names
 
     def shell_complete(

@@ -32,6 +32,7 @@ from .baking.texture.camera import PhotoCamera as PhotoCamera
 from .baking.texture.options import (
     PhotoOptions as PhotoOptions,
     SolidOptions as SolidOptions,
+    TextureBakeOptions as TextureBakeOptions,
 )
 from .baking.texture.photo import Photo as Photo
 from .baking.texture.photos import bake_photos as bake_photos
@@ -51,13 +52,14 @@ from .building.progress import (
     BuildListener as BuildListener,
 )
 from .building.report import BuildResult as BuildResult
+from .building.schema import pipeline_schema as pipeline_schema, schema_file as schema_file
 from .building.watch import watch as watch
 from .checks.check import (
     check as check,
     check_files as check_files,
 )
 from .checks.finding import Finding as Finding
-from .checks.options import CheckOptions as CheckOptions
+from .checks.options import SEVERITIES as SEVERITIES, CheckOptions as CheckOptions
 from .checks.report import CheckReport as CheckReport
 from .errors import (
     CageError as CageError,
@@ -113,6 +115,7 @@ from .jobs.meshes import (
     simplify_levels as simplify_levels,
 )
 from .jobs.options import (
+    DEMO_FOLDER as DEMO_FOLDER,
     DemoOptions as DemoOptions,
     RunOptions as RunOptions,
 )
@@ -148,6 +151,7 @@ from .mapping.distortion import (
 )
 from .mapping.layout import draw_layout as draw_layout
 from .mapping.layout_svg import layout_svg as layout_svg
+from .mapping.matrix_file import read_matrix as read_matrix
 from .mapping.options import UnwrapOptions as UnwrapOptions
 from .mapping.unwrap import (
     unwrap as unwrap,
@@ -160,6 +164,8 @@ from .mesh.distance import (
     surface_distance as surface_distance,
 )
 from .mesh.files import (
+    MESH_SUFFIXES as MESH_SUFFIXES,
+    WRITABLE_MESH_SUFFIXES as WRITABLE_MESH_SUFFIXES,
     read_mesh as read_mesh,
     write_mesh as write_mesh,
 )
@@ -180,7 +186,7 @@ from .mesh.materials import (
 from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import vertex_curvatures as vertex_curvatures
 from .mesh.parametric.make import make as make
-from .mesh.parametric.options import MakeOptions as MakeOptions
+from .mesh.parametric.options import SHAPES as SHAPES, MakeOptions as MakeOptions
 from .mesh.repair import (
     RepairReport as RepairReport,
     repair as repair,
@@ -191,8 +197,10 @@ from .mesh.simplify import (
     simplify as simplify,
     simplify_with_report as simplify_with_report,
 )
+from .mesh.simplify_options import SimplifyOptions as SimplifyOptions
 from .mesh.tangents import corner_tangents as corner_tangents
 from .pages.bake_page import write_bake_page as write_bake_page
+from .progress import ProgressSink as ProgressSink
 from .rendering.camera import Camera as Camera
 from .rendering.compare import (
     Closeness as Closeness,
@@ -207,6 +215,7 @@ from .rendering.render import (
     render_scene as render_scene,
 )
 from .rendering.resolve import Frame as Frame
+from .rendering.scene.file.schema import scene_schema as scene_schema
 from .rendering.scene.lights import (
     Ambient as Ambient,
     AmbientOcclusion as AmbientOcclusion,
@@ -238,6 +247,12 @@ from .rendering.scene.textures import (
 )
 from .sampling.report import SamplingReport as SamplingReport
 from .sampling.time_budget import TimeBudget as TimeBudget
+from .schema import (
+    Option as Option,
+    OptionField as OptionField,
+    option_field as option_field,
+    option_fields as option_fields,
+)
 from .study.job import (
     study_files as study_files,
     study_rows as study_rows,
@@ -253,6 +268,8 @@ from .texture.cube_lookup import (
     to_latitude_longitude as to_latitude_longitude,
 )
 from .texture.cube_map import CubeMap as CubeMap
+from .texture.cube_options import CubeOptions as CubeOptions
+from .texture.encoding import decode_srgb as decode_srgb
 from .texture.height_options import (
     HeightToNormalOptions as HeightToNormalOptions,
     NormalToHeightOptions as NormalToHeightOptions,
@@ -268,6 +285,7 @@ from .texture.image import (
     write_image as write_image,
 )
 from .texture.lookup import ramp_lookup as ramp_lookup, volume_lookup as volume_lookup
+from .texture.mip_options import MipOptions as MipOptions
 from .texture.mipmaps import (
     MipChain as MipChain,
     mip_chain as mip_chain,

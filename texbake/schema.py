@@ -12,7 +12,7 @@ import math
 import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields
 from functools import cache
 from inspect import get_annotations
 from numbers import Integral, Real
@@ -184,15 +184,15 @@ class CheckedOptions:
 
     def __post_init__(self) -> None:
         """Check every value against its type, range and choices."""
-        for item in option_fields(type(self)):
+        kind: Any = type(self)
+        for item in option_fields(kind):
             if item.checked:
                 item.check(getattr(self, item.name))
 
 
 @cache
-def option_fields(kind: type) -> tuple[OptionField, ...]:
+def option_fields(kind: Any) -> tuple[OptionField, ...]:
     """Options of a dataclass, in their order."""
-    assert is_dataclass(kind)
     return tuple(_option_field(kind, item) for item in fields(kind))
 
 
@@ -260,7 +260,8 @@ def _shown(number: float) -> str:
 
 def _is_word(value: Any, words: tuple[Any, ...]) -> bool:
     """Whether a value is a choice; 4.0 and True are none of 1 and 4, though they are equal."""
-    return isinstance(value, str | Integral) and not isinstance(value, bool) and value in words
+    exact: bool = type(value) is not bool and isinstance(value, str | Integral)
+    return exact and any(value == word for word in words)
 
 
 def _is_several_words(kind: Any) -> bool:
@@ -314,8 +315,8 @@ def _json_type(kind: Any, option: Option) -> JsonSchema:
             "exclusiveMaximum": option.below,
         }
         found = {key: bound for key, bound in bounds.items() if bound is not None}
-        words = [word for word in option.choices if isinstance(word, int)]
-        return {"enum": words} if words else {"type": _JSON_TYPES[kind], **found}
+        numbers = [word for word in option.choices if isinstance(word, int)]
+        return {"enum": numbers} if numbers else {"type": _JSON_TYPES[kind], **found}
     if kind is str:
         words = [word for word in option.choices if isinstance(word, str)]
         return {"enum": words} if words else {"type": "string"}

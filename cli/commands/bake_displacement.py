@@ -7,9 +7,16 @@ from typing import Any
 
 import click
 
+from ..bake_options import (
+    bake_options,
+    height_options,
+)
 from ..baking import bake_one
 from ..html import html_option
-from ..options import bake_options, height_options, mesh_argument, output_file
+from ..options import (
+    mesh_argument,
+    output_file,
+)
 from ..terminal import Terminal, terminal_options
 
 
@@ -23,7 +30,7 @@ from ..terminal import Terminal, terminal_options
 )
 @mesh_argument("high")
 @mesh_argument("low")
-@output_file("The map: exr, tif or png.", (".exr", ".tif", ".png"))
+@output_file("The displacement map: exr, tif or png.", (".exr", ".tif", ".png"))
 @bake_options
 @height_options
 @html_option
@@ -31,10 +38,11 @@ from ..terminal import Terminal, terminal_options
 def bake_displacement(
     high: Path, low: Path, output: Path, terminal: Terminal, **options: Any
 ) -> None:
-    """Bake the distance from LOW to HIGH into a map for LOW.
+    """Bake a displacement map of HIGH for LOW.
 
-    Signed, in model units along LOW's smooth normals, positive outwards: moving a finely divided
-    LOW by them gives HIGH back. Float files carry them as they are; others carry h with
-    d = (h - mid) * scale, and both numbers in the file.
+    The map contains the distances from LOW to HIGH: signed, in model units along the smooth
+    normals of LOW, and positive outwards: moving a finely subdivided LOW by them gives HIGH.
+    Float files contain the distances; integer files contain h with d = (h - mid) * scale, and
+    mid and scale in their metadata.
     """
     bake_one(high, low, {"displacement": output}, terminal, **options)

@@ -7,9 +7,15 @@ from typing import Any
 
 import click
 
+from ..bake_options import (
+    bake_options,
+)
 from ..baking import bake_one
 from ..html import html_option
-from ..options import bake_options, mesh_argument, output_file
+from ..options import (
+    mesh_argument,
+    output_file,
+)
 from ..terminal import Terminal, terminal_options
 
 
@@ -23,14 +29,14 @@ from ..terminal import Terminal, terminal_options
 )
 @mesh_argument("high")
 @mesh_argument("low")
-@output_file("The map: png, exr, tif or tga.", (".png", ".exr", ".tif", ".tga"))
+@output_file("The normal map: png, exr, tif or tga.", (".png", ".exr", ".tif", ".tga"))
 @bake_options
 @html_option
 @terminal_options
 def bake_normals(high: Path, low: Path, output: Path, terminal: Terminal, **options: Any) -> None:
-    """Bake the normals of HIGH into a map for LOW.
+    """Bake a normal map of HIGH for LOW.
 
-    LOW needs texture coordinates (texbake unwrap). Without --front, --back or --cage the rays are
-    as long as the two meshes lie apart, which is measured, told and put into the report.
+    LOW needs texture coordinates (texbake unwrap). Without --front, --back and --cage the ray
+    distance is measured from the two meshes; the summary and the report contain it.
     """
     bake_one(high, low, {"normal": output}, terminal, **options)

@@ -9,26 +9,27 @@ from typing import Any
 import click
 
 import texbake
-from texbake.baking.options import FILLS
-from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
-from texbake.errors import OptionError
-from texbake.texture.procedures.options import PROCEDURE_NAMES
+from texbake import (
+    OptionError,
+    PhotoOptions,
+    SolidOptions,
+    TextureBakeOptions,
+)
 
 from ..options import (
     IMAGE_SUFFIXES,
     MESH_SUFFIXES,
-    choice_option,
+    bits_option,
     mesh_argument,
-    number_option,
+    options_of,
     output_file,
     picture_option,
     report_option,
-    size_option,
     threads_option,
 )
 from ..sections import SectionedCommand
 from ..terminal import Terminal, terminal_options
-from ..types import FileOf, Numbers
+from ..types import FileOf
 
 CAMERA_SUFFIXES = (".toml", ".txt")
 
@@ -50,29 +51,23 @@ _PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlu
 )
 @mesh_argument("mesh")
 @output_file("The texture.", IMAGE_SUFFIXES)
+@options_of(SolidOptions, "procedure", unset=True)
 @click.option(
-    "--procedure", type=click.Choice(PROCEDURE_NAMES), help="What is baked over the mesh's points."
+    "--param",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a parameter of the procedure; repeatable.",
 )
+@options_of(SolidOptions, "scale", "colors")
 @click.option(
-    "--param", multiple=True, metavar="KEY=VALUE", help="A parameter of the procedure; repeatable."
+    "--data", is_flag=True, help="Treat the values as data, such as roughness, not as colors."
 )
-@click.option(
-    "--scale",
-    type=Numbers("S[,SY,SZ]"),
-    help="What positions are multiplied by.  [default: 2 / longest side of the mesh]",
-)
-@click.option(
-    "--colors",
-    metavar="#RRGGBB,...",
-    help="Colors of value 0 to value 1, evenly spaced.  [default: the procedure's own]",
-)
-@click.option("--data", is_flag=True, help="The values are data, such as roughness, not color.")
 @click.option(
     "--photo",
     multiple=True,
     type=FileOf(IMAGE_SUFFIXES),
     metavar="IMAGE",
-    help="A photograph; repeatable.",
+    help="A photograph of the object; repeatable.",
 )
 @click.option(
     "--camera",
@@ -81,54 +76,12 @@ _PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlu
     type=FileOf((*CAMERA_SUFFIXES, *MESH_SUFFIXES)),
     metavar="FILE",
     help="Where each photograph was taken from, in their order: a TOML file with position, target, "
-    "up, fov and aspect, or a text file with a 4 x 4 matrix; or a mesh of the same faces whose "
-    "texture coordinates are places in the photograph.",
+    "up, fov and aspect, a text file with a 4 x 4 matrix, or a mesh of the same faces whose "
+    "texture coordinates are positions in the photograph.",
 )
-@number_option(
-    "--max-angle",
-    float,
-    PhotoOptions.max_angle,
-    "DEG",
-    "Angle between surface and view from which on a photograph counts nothing.",
-)
-@number_option(
-    "--falloff", float, PhotoOptions.falloff, "P", "Power of how fast it counts less up to there."
-)
-@number_option(
-    "--feather",
-    float,
-    PhotoOptions.feather,
-    "SHARE",
-    "Share of a photograph over which it counts less towards its border.",
-)
-@number_option(
-    "--margin",
-    float,
-    PhotoOptions.margin,
-    "PX",
-    "Pixels about what hides something that are left out too.",
-)
-@click.option(
-    "--occlusion/--no-occlusion",
-    default=PhotoOptions.occlusion,
-    show_default=True,
-    help="Leave out what other parts of the mesh hide.",
-)
-@size_option(TextureBakeOptions.size, "Texels of the texture.")
-@number_option(
-    "--samples", int, TextureBakeOptions.samples, "1|4|16|64", "Samples a texel, averaged."
-)
-@number_option(
-    "--padding",
-    int,
-    TextureBakeOptions.padding,
-    "PX",
-    "Texels around each chart that repeat its edge.",
-)
-@choice_option(
-    "--fill", FILLS, TextureBakeOptions.fill, "What fills what is unseen and what lies around."
-)
-@number_option("--bits", int, None, "8|16|32", "Bits a channel; 32 is float.")
+@options_of(PhotoOptions, "max_angle", "falloff", "feather", "margin", "occlusion")
+@options_of(TextureBakeOptions, without=("threads",))
+@bits_option
 @picture_option("--unseen-map", "Also draw which texels no photograph shows.")
 @report_option
 @threads_option
@@ -146,7 +99,7 @@ def bake_texture(
     """Bake a procedure or photographs into a texture.
 
     A solid procedure has no seams, because it is evaluated in space. Photographs are blended by how
-    well each shows a place; what none shows is filled from around it, and told.
+    well each shows a point; texels that none shows are filled from around them and reported.
     """
     photos, cameras = choices.pop("photo"), choices.pop("camera")
     options = _options(photos, cameras, choices)
@@ -217,8 +170,6 @@ def _number(word: str) -> int | float | None:
 
 def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
     """Linear colors of sRGB ones, written as #RRGGBB."""
-    from texbake.texture.encoding import decode_srgb
-
     colors = []
     for word in text.split(","):
         digits = word.strip().removeprefix("#")
@@ -228,6 +179,6 @@ def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
             codes = b""
         if len(codes) != 3:
             raise OptionError(f"colors: {word!r} is no color such as #c89a5b")
-        red, green, blue = decode_srgb([code / 255.0 for code in codes]).tolist()
+        red, green, blue = texbake.decode_srgb([code / 255.0 for code in codes]).tolist()
         colors.append((red, green, blue))
     return tuple(colors)

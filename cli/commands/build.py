@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake.building.options import BuildOptions
+from texbake import (
+    BuildOptions,
+)
 
-from ..build_options import build_options
 from ..building import print_result, shown
 from ..html import command_line
+from ..options import (
+    build_options,
+)
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 
@@ -33,23 +37,13 @@ if TYPE_CHECKING:
     """
 )
 @click.argument("pipeline", type=FileOf((".toml",)), metavar="PIPELINE.toml")
-@click.option("--plan", is_flag=True, help="Print what would run, and why; build nothing.")
-@build_options
-@click.option(
-    "--wait/--no-wait",
-    default=BuildOptions.wait,
-    show_default=True,
-    help="Wait for another build in the same folder, or fail at once.",
-)
-@click.option("--prune", is_flag=True, help="In the end remove stored results that are not used.")
-@click.option(
-    "--verify", is_flag=True, help="Hold everything that is stored against its checksums."
-)
+@click.option("--plan", is_flag=True, help="Print what would run and why, and build nothing.")
+@build_options()
 @click.option(
     "--html",
     type=FileOf((".html",)),
     metavar="FILE.html",
-    help="Also write a page of all assets: pictures, errors, times, links to their own pages.",
+    help="Also write a page of all assets: pictures, errors, times, and links to their own pages.",
 )
 @terminal_options
 @click.pass_context
@@ -64,7 +58,7 @@ def build(
     """Build the assets of a pipeline file.
 
     Only what changed runs again. An asset that fails does not stop the others; build.json in the
-    folder says what came of each. Exits with 1 if any failed.
+    folder says how each one ended. Exits with 1 if any failed.
     """
     if plan:
         _print_plan(texbake.plan_build(pipeline, options), terminal)

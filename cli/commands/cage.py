@@ -32,7 +32,8 @@ from ..terminal import Terminal, terminal_options
     "--margin",
     type=float,
     metavar="LENGTH",
-    help="Model units added everywhere.  [default: 0.0001 of the size of both meshes]",
+    help="Distance in model units that is added everywhere.  "
+    "[default: 0.0001 of the size of both meshes]",
 )
 @threads_option
 @terminal_options
@@ -44,11 +45,11 @@ def cage(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Fit a cage around HIGH, made from LOW.
+    """Fit a cage around HIGH, starting from LOW.
 
-    It has the faces and texture coordinates of LOW. No part of HIGH lies outside it, and it reaches
-    no farther than it must: no vertex could go in by itself. For --cage, and for any other program
-    that takes cages.
+    The cage has the faces and texture coordinates of LOW, and no part of HIGH lies outside it. It
+    is as tight as possible: no vertex could move farther in on its own. It is for bake --cage, and
+    for any other program that takes cages.
     """
     with terminal.progress() as progress:
         done = texbake.cage_file(

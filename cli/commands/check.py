@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake import (
+    SEVERITIES,
+    CheckOptions,
+)
 
 from ..options import (
     MESH_SUFFIXES,
-    choice_option,
     mesh_argument,
-    number_option,
+    options_of,
     picture_option,
     report_option,
-    size_option,
     threads_option,
 )
 from ..terminal import Terminal, columns, say, terminal_options
@@ -46,26 +47,17 @@ _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
 )
 @mesh_argument("mesh")
 @click.argument("low", required=False, type=FileOf(MESH_SUFFIXES))
-@size_option(CheckOptions.size, "Texels of the maps that are to be baked.")
-@number_option(
-    "--padding", int, CheckOptions.padding, "PX", "Texels around each chart that the bake fills."
-)
-@number_option(
-    "--min-texel-density",
-    float,
-    CheckOptions.min_texel_density,
-    "D",
-    "Texels a model unit that every face must get.  [default: a quarter of the mean]",
-)
-@choice_option(
+@options_of(CheckOptions, without=("threads",))
+@click.option(
     "--fail-on",
-    (*SEVERITIES, _NEVER),
-    SEVERITIES[0],
-    "Exit with 1 where something as severe as this is found, or worse.",
+    type=click.Choice((*SEVERITIES, _NEVER)),
+    default=SEVERITIES[0],
+    show_default=True,
+    help="Exit with 1 if a problem of this severity or a worse one is found.",
 )
-@picture_option("--layout", "Draw where in the texture.")
-@picture_option("--sides", "Draw where on the meshes, from four sides.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON alone.")
+@picture_option("--layout", "Draw where the problems lie in the texture.")
+@picture_option("--sides", "Draw where the problems lie on the meshes, seen from four sides.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 @report_option
 @threads_option
 @terminal_options
@@ -85,10 +77,11 @@ def check(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Name what will go wrong in a bake before it does.
+    """Find problems of a bake before it runs.
 
-    MESH alone is looked at as a light mesh, or as a dense one if it has no texture coordinates;
-    with LOW it is the dense mesh that is to be baked onto LOW. Exits with 1 if there are errors.
+    Checks MESH as a low-poly mesh, or as a high-poly one if it has no texture coordinates. With LOW
+    it checks the pair: MESH is the high-poly mesh that is going to be baked onto LOW. Exits with 1
+    if there are errors.
     """
     options = CheckOptions(
         size=size, padding=padding, min_texel_density=min_texel_density, threads=threads

@@ -30,9 +30,9 @@ from ..types import FileOf
 )
 @mesh_argument("high")
 @mesh_argument("low")
-@image_option("--normal-map", "Normals of LOW.")
-@image_option("--displacement", "Heights of LOW.")
-@image_option("--albedo", "Colors of LOW.")
+@image_option("--normal-map", "Normal map of LOW.")
+@image_option("--displacement", "Height map of LOW.")
+@image_option("--albedo", "Color map of LOW.")
 @click.option(
     "-o",
     "--output",
@@ -58,11 +58,11 @@ def compare(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Tell how close LOW with its maps comes to HIGH.
+    """Measure how close LOW with its maps comes to HIGH.
 
-    Prints the angles between the shading normals that pixels see, from six sides, and PSNR and SSIM
-    of the pictures, beside those of bare LOW; writes HIGH, bare LOW, LOW with its maps and their
-    difference side by side.
+    From six sides, prints the angle between the shading normals that pixels show, and the PSNR and
+    SSIM of the pictures, for LOW with its maps and without them. Writes HIGH, LOW without maps, LOW
+    with its maps, and the difference, side by side.
     """
     with terminal.progress() as progress:
         done = texbake.compare_files(

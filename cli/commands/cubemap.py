@@ -8,9 +8,15 @@ from typing import Any
 import click
 
 import texbake
-from texbake.texture.cube_options import CONVENTIONS, FACE_FORMATS, LAYOUTS, CubeOptions
+from texbake import (
+    CubeOptions,
+)
 
-from ..options import IMAGE_SUFFIXES, choice_option, number_option, threads_option
+from ..options import (
+    IMAGE_SUFFIXES,
+    options_of,
+    threads_option,
+)
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 
@@ -32,36 +38,9 @@ from ..types import FileOf
     type=FileOf(IMAGE_SUFFIXES),
     required=True,
     metavar="DIR|FILE",
-    help="A folder for six faces, made if missing; or one image.",
+    help="A folder for six faces, made if it is missing, or one image.",
 )
-@choice_option(
-    "--layout",
-    LAYOUTS,
-    CubeOptions.layout,
-    "What to write.  [default: faces into a folder; else a cross of a latlong, a latlong of faces]",
-)
-@number_option(
-    "--size",
-    int,
-    CubeOptions.size,
-    "PX",
-    "Texels along one side of a face, or rows of a latlong.  [default: as fine as SOURCE]",
-)
-@choice_option(
-    "--convention",
-    CONVENTIONS,
-    CubeOptions.convention,
-    "Faces as graphics APIs look them up, mirrored to an eye inside, or as that eye sees them.",
-)
-@click.option(
-    "--color/--data",
-    default=CubeOptions.color,
-    show_default=True,
-    help="Whether integer values are sRGB colors.",
-)
-@choice_option(
-    "--format", FACE_FORMATS, CubeOptions.format, "Of six faces.  [default: SOURCE's, or png]"
-)
+@options_of(CubeOptions)
 @threads_option
 @terminal_options
 def cubemap(
@@ -70,8 +49,8 @@ def cubemap(
     """Convert SOURCE to a cube map, or from one.
 
     SOURCE is a latitude-longitude image (twice as wide as high, its middle along -z), a cross of
-    4 x 3 faces, or a folder with the files px, nx, py, ny, pz and nz. Each texel written is the
-    mean over all that it covers.
+    4 x 3 faces, or a folder with the files px, nx, py, ny, pz and nz. Each output texel is the mean
+    of the area that it covers.
     """
     options = CubeOptions(**choices)
     with terminal.progress():

@@ -8,9 +8,15 @@ from typing import Any
 import click
 
 import texbake
-from texbake.jobs.options import DEMO_FOLDER, DemoOptions
+from texbake import (
+    DEMO_FOLDER,
+    DemoOptions,
+)
 
-from ..options import number_option, output_folder, size_option, threads_option
+from ..options import (
+    options_of,
+    output_folder,
+)
 from ..terminal import Terminal, terminal_options
 
 
@@ -22,18 +28,15 @@ from ..terminal import Terminal, terminal_options
       texbake demo -o orange --triangles 4000000
     """
 )
-@output_folder("Folder for the files; made if missing.", default=DEMO_FOLDER, show_default=True)
-@number_option(
-    "--triangles", int, DemoOptions.triangles, "N", "Triangles of the dense mesh, about."
+@output_folder(
+    "Folder for the files, which is made if it is missing.", default=DEMO_FOLDER, show_default=True
 )
-@number_option("--faces", int, DemoOptions.faces, "N", "Triangles of the light mesh.")
-@size_option(DemoOptions.size, "Texels of the maps.")
-@threads_option
+@options_of(DemoOptions)
 @terminal_options
 def demo(output: Path, terminal: Terminal, **choices: Any) -> None:
-    """Do the whole job on an orange made by code.
+    """Do the whole job on an orange that is made by code.
 
-    Writes the dense mesh as well, orange_high.ply, for other commands to be tried on.
+    Also writes the high-poly mesh, orange_high.ply, to try other commands on.
     """
     options = DemoOptions(**choices)
     with terminal.progress() as progress:

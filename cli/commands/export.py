@@ -8,21 +8,15 @@ from typing import Any
 import click
 
 import texbake
-from texbake.errors import OptionError
-from texbake.jobs.export.options import (
-    CONVENTIONS,
-    MESH_FORMATS,
-    TARGETS,
-    TEXTURES,
-    UPS,
+from texbake import (
     ExportOptions,
+    OptionError,
 )
 
 from ..options import (
     MESH_SUFFIXES,
-    choice_option,
     mesh_argument,
-    number_option,
+    options_of,
     output_folder,
     threads_option,
 )
@@ -40,23 +34,21 @@ from ..types import FileOf
     """
 )
 @mesh_argument("mesh")
-@output_folder("Folder for the files; made if missing.", required=True)
-@click.option(
-    "--to", "target", type=click.Choice(TARGETS), required=True, help="The program it is for."
-)
+@output_folder("Folder for the files, which is made if it is missing.", required=True)
+@options_of(ExportOptions, "target")
 @click.option(
     "--maps",
     "folder",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Folder of maps, such as bake wrote: images whose names end in normal, ao, roughness ...",
+    help="Folder of maps, such as bake wrote: images whose names end in normal, ao, roughness, ...",
 )
 @click.option(
     "--map",
     "named",
     multiple=True,
     metavar="KIND=FILE",
-    help="One map by its kind; stands above the folder's. KIND:1002 is one of a UDIM tile.",
+    help="One map by its kind, in place of the folder's; KIND:1002 is that of a UDIM tile.",
 )
 @click.option(
     "--level",
@@ -64,36 +56,9 @@ from ..types import FileOf
     multiple=True,
     type=FileOf(MESH_SUFFIXES),
     metavar="MESH",
-    help="A coarser mesh for where the asset is small, in a GLB; the finest first.",
+    help="A coarser level of detail, for a GLB file; repeatable, the finest first.",
 )
-@click.option("--name", metavar="NAME", help="Name of the asset.  [default: that of MESH]")
-@choice_option(
-    "--mesh-format",
-    MESH_FORMATS,
-    ExportOptions.mesh_format,
-    "Format of the mesh.  [default: what the program reads best]",
-)
-@choice_option(
-    "--textures", TEXTURES, ExportOptions.textures, "Format of the textures; dds is for godot."
-)
-@choice_option("--up", UPS, ExportOptions.up, "Axis of MESH that is up.")
-@number_option(
-    "--meters-per-unit",
-    float,
-    ExportOptions.meters_per_unit,
-    "M",
-    "Meters of a model unit, such as 0.01 for centimeters.",
-)
-@choice_option(
-    "--convention",
-    CONVENTIONS,
-    ExportOptions.convention,
-    "Green channel of normal maps that do not say it themselves.",
-)
-@click.option(
-    "--compress", is_flag=True, help="Code vertices and triangles of a GLB by meshoptimizer."
-)
-@click.option("--layers", is_flag=True, help="Also write all maps as layers of one EXR file.")
+@options_of(ExportOptions, without=("target", "threads"))
 @threads_option
 @terminal_options
 def export(
@@ -107,8 +72,8 @@ def export(
 ) -> None:
     """Write MESH and its maps for another program.
 
-    Green channels, heights, packed channels, names and formats are made as the program reads them;
-    SETTINGS.txt says what to set where. See docs/export.md.
+    Green channels, heights, packed channels, names and formats are converted to what the program
+    reads. SETTINGS.txt in the folder says what to set where.
     """
     options = ExportOptions(**choices)
     with terminal.progress() as progress:

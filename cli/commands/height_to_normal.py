@@ -7,15 +7,17 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake.baking.options import CONVENTIONS, BakeOptions
-from texbake.texture.height_options import (
-    DEFAULT_SCALE,
-    DERIVATIVES,
-    WRAPS,
+from texbake import (
+    BakeOptions,
     HeightToNormalOptions,
 )
 
-from ..options import IMAGE_SUFFIXES, choice_option, number_option, output_file, threads_option
+from ..options import (
+    IMAGE_SUFFIXES,
+    options_of,
+    output_file,
+    threads_option,
+)
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 
@@ -30,39 +32,8 @@ from ..types import FileOf
 )
 @click.argument("height", type=FileOf(IMAGE_SUFFIXES))
 @output_file("The normal map, in tangent space.", (".png", ".exr", ".tif", ".tiff", ".tga"))
-@number_option(
-    "--scale",
-    float,
-    HeightToNormalOptions.scale,
-    "S",
-    "Height that a change of 1 stands for, in the unit of --width.  "
-    f"[default: what the file says of itself, else {DEFAULT_SCALE:g}]",
-)
-@number_option(
-    "--width", float, HeightToNormalOptions.width, "W", "How wide the image is; texels are square."
-)
-@choice_option(
-    "--wrap", WRAPS, HeightToNormalOptions.wrap, "Beyond the border: it tiles, or it ends."
-)
-@choice_option(
-    "--derivative",
-    DERIVATIVES,
-    HeightToNormalOptions.derivative,
-    "central blurs nothing; sobel and scharr average over three rows.",
-)
-@choice_option(
-    "--convention",
-    CONVENTIONS,
-    BakeOptions.convention,
-    "Green channel: opengl is +Y up, directx +Y down.",
-)
-@number_option(
-    "--bits",
-    int,
-    None,
-    "8|16|32",
-    "Bits a channel; 32 is float.  [default: the most that the format holds]",
-)
+@options_of(HeightToNormalOptions)
+@options_of(BakeOptions, "convention", "bits")
 @threads_option
 @terminal_options
 def height_to_normal(
@@ -77,10 +48,10 @@ def height_to_normal(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Make a normal map of HEIGHT.
+    """Make a normal map from the heights in HEIGHT.
 
-    The first channel counts. Heights that texbake wrote tell their scale in model units: give the
-    width of the image in model units then.
+    Heights are read from the first channel. The file of a map that texbake baked contains the scale
+    of its heights in model units; give the width of the image in model units then.
     """
     options = HeightToNormalOptions(scale=scale, width=width, wrap=wrap, derivative=derivative)
     done = texbake.height_to_normal_file(

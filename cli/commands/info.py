@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake.errors import OptionError
-from texbake.mapping.options import UnwrapOptions
+from texbake import (
+    OptionError,
+    UnwrapOptions,
+)
 
 from ..measures import distortion_rows, worst_rows
-from ..options import mesh_argument
+from ..options import (
+    mesh_argument,
+)
 from ..terminal import Terminal, say, table, terminal_options
 from ..types import Size
 
@@ -34,20 +38,22 @@ _GROUPS_SHOWN = 12
     """
 )
 @mesh_argument("mesh")
-@click.option("--uv", is_flag=True, help="Measure its texture coordinates as well.")
+@click.option("--uv", is_flag=True, help="Measure the texture coordinates as well.")
 @click.option(
-    "--size", type=Size(), help="Texels of the texture that --uv counts with.  [default: 1024]"
+    "--size",
+    type=Size(),
+    help="Width and height in texels of the texture that --uv counts with.  [default: 1024]",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON alone.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 @terminal_options
 def info(
     mesh: Path, uv: bool, size: int | tuple[int, int] | None, as_json: bool, terminal: Terminal
 ) -> None:
-    """Tell what is in MESH.
+    """Print what is in MESH.
 
-    Counts, bounds, texture coordinates, normals, components, boundary and non-manifold edges, and
-    degenerate faces. With --uv also how its texture coordinates stretch, mirror, overlap and cut
-    it: as a whole, and the charts and faces where that is worst.
+    Prints counts, bounds, texture coordinates, normals, components, boundary and non-manifold
+    edges, and degenerate faces. With --uv it also measures how the texture coordinates stretch,
+    mirror, overlap and cut the mesh, and lists the charts and faces with the most stretch.
     """
     if size is not None and not uv:
         raise OptionError("size: it is for measuring texture coordinates; give --uv as well")

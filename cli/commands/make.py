@@ -8,33 +8,26 @@ from typing import Any
 import click
 
 import texbake
-from texbake.mesh.parametric.options import SHAPE_DEFAULTS, SHAPES, MakeOptions
+from texbake import (
+    SHAPES,
+    MakeOptions,
+    option_field,
+)
 
-from ..options import IMAGE_SUFFIXES, WRITABLE_MESH_SUFFIXES, Decorator, number_option, output_file
+from ..options import (
+    IMAGE_SUFFIXES,
+    WRITABLE_MESH_SUFFIXES,
+    Decorator,
+    options_of,
+    output_file,
+)
 from ..terminal import Terminal, terminal_options
-from ..types import FileOf, Size
+from ..types import FileOf
 
 
-def _for(option: str, text: str) -> str:
-    """Help of an option, with the shapes that read it and their defaults."""
-    readers: dict[str, list[str]] = {}
-    for shape, defaults in SHAPE_DEFAULTS.items():
-        if option in defaults:
-            default = defaults[option]
-            shown = (
-                "x".join(map(str, default)) if isinstance(default, tuple) else f"{default or 0:g}"
-            )
-            readers.setdefault(shown if default else "", []).append(shape)
-    told = "; ".join(
-        f"{', '.join(shapes)}{f': {shown}' if shown else ''}" for shown, shapes in readers.items()
-    )
-    return f"{text}  [{told}]"
-
-
-def _file(flag: str, suffixes: tuple[str, ...], text: str) -> Decorator[Any]:
-    return click.option(
-        flag, type=FileOf(suffixes), metavar="FILE", help=_for(flag.removeprefix("--"), text)
-    )
+def _file(flag: str, suffixes: tuple[str, ...]) -> Decorator[Any]:
+    text = option_field(MakeOptions, flag.removeprefix("--")).option.help
+    return click.option(flag, type=FileOf(suffixes), metavar="FILE", help=text)
 
 
 @click.command(
@@ -51,31 +44,17 @@ def _file(flag: str, suffixes: tuple[str, ...], text: str) -> Decorator[Any]:
 )
 @click.argument("shape", type=click.Choice(SHAPES), metavar="SHAPE")
 @output_file("The mesh.", WRITABLE_MESH_SUFFIXES)
-@click.option(
-    "--resolution",
-    type=Size(),
-    metavar="N|NUxNV",
-    help=_for("resolution", "Squares along u and v; flat sides have one each, pixels one vertex."),
-)
-@number_option("--radius", float, None, "R", _for("radius", "In model units."))
-@number_option("--height", float, None, "H", _for("height", "In model units; of white in images."))
-@number_option("--width", float, None, "W", _for("width", "In model units."))
-@number_option("--minor-radius", float, None, "R", _for("minor_radius", "Of the tube."))
-@number_option("--sides", int, None, "N", _for("sides", "Flat sides instead of a round one."))
-@click.option("--caps", is_flag=True, default=None, help=_for("caps", "Close it with flat ends."))
-@number_option("--twists", int, None, "N", _for("twists", "Half turns of the strip."))
-@number_option("--turns", float, None, "T", _for("turns", "Part of a whole turn, up to 1."))
-@number_option("--crease", float, None, "DEG", _for("crease", "Angle from which edges are hard."))
-@_file("--profile", (".txt", ".csv", ".dat"), "Lines of radius and height.")
-@_file("--patches", (".txt", ".bpt", ".dat"), "Control points, 16 a patch.")
-@_file("--image", IMAGE_SUFFIXES, "Heights, from black to white.")
+@options_of(MakeOptions, without=("profile", "patches", "image"))
+@_file("--profile", (".txt", ".csv", ".dat"))
+@_file("--patches", (".txt", ".bpt", ".dat"))
+@_file("--image", IMAGE_SUFFIXES)
 @terminal_options
 def make(shape: str, output: Path, image: Path | None, terminal: Terminal, **choices: Any) -> None:
-    """Make a mesh of a surface with coordinates (u, v).
+    """Make a mesh of a parametric surface.
 
     SHAPE is plane, cylinder, cone, sphere, torus, mobius, revolution (a profile swept about y),
-    bezier (bicubic patches, such as the classic teapot's) or height-field. Options tell in
-    brackets which shapes read them, with their defaults.
+    bezier (bicubic patches, such as the classic teapot's) or height-field. Every vertex has (u, v)
+    as its texture coordinates. The default of an option shows the shapes that take it.
     """
     with terminal.progress():
         done = texbake.make_file(shape, output, MakeOptions(**choices, image=image))

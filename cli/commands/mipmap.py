@@ -8,9 +8,15 @@ from typing import Any
 import click
 
 import texbake
-from texbake.texture.mip_options import MIP_FILTERS, MIP_KINDS, MIP_WRAPS, MipOptions
+from texbake import (
+    MipOptions,
+)
 
-from ..options import IMAGE_SUFFIXES, choice_option, threads_option
+from ..options import (
+    IMAGE_SUFFIXES,
+    options_of,
+    threads_option,
+)
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 
@@ -31,39 +37,27 @@ from ..types import FileOf
     type=FileOf(IMAGE_SUFFIXES),
     required=True,
     metavar="DIR|PICTURE",
-    help="A folder for one file a level, made if missing; or one picture of them side by side.",
+    help="A folder for one file per level, made if it is missing, or one picture of all levels.",
 )
-@click.option(
-    "--kind",
-    "averaged_as",  # `kind` is what `terminal_options` takes
-    type=click.Choice(MIP_KINDS),
-    default=MipOptions.kind,
-    show_default=True,
-    help="Colors are averaged in linear light, normals as vectors, data as they are.",
-)
-@choice_option(
-    "--filter", MIP_FILTERS, MipOptions.filter, "Mean of the area, or a sharper windowed sinc."
-)
-@choice_option("--wrap", MIP_WRAPS, MipOptions.wrap, "What lies beyond the borders.")
+@options_of(MipOptions)
 @click.option(
     "--roughness",
     type=FileOf(IMAGE_SUFFIXES),
     metavar="DIR|PICTURE",
-    help="Also write, of normals, the roughness that their mean stands for.",
+    help="Also write the roughness that averaging the normals of a level loses.",
 )
 @threads_option
 @terminal_options
 def mipmap(
     image: Path,
     output: Path,
-    averaged_as: str,
     roughness: Path | None,
     threads: int | None,
     terminal: Terminal,
     **choices: Any,
 ) -> None:
     """Write the mip levels of IMAGE, down to one texel."""
-    options = MipOptions(kind=averaged_as, **choices)
+    options = MipOptions(**choices)
     with terminal.progress():
         done = texbake.mipmap_files(image, output, options, roughness=roughness, threads=threads)
     terminal.wrote(done.files)

@@ -7,9 +7,17 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake.texture.height_options import CONVENTIONS, METHODS, WRAPS, NormalToHeightOptions
+from texbake import (
+    NormalToHeightOptions,
+)
 
-from ..options import IMAGE_SUFFIXES, choice_option, number_option, output_file, threads_option
+from ..options import (
+    IMAGE_SUFFIXES,
+    bits_option,
+    options_of,
+    output_file,
+    threads_option,
+)
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
 
@@ -23,34 +31,9 @@ from ..types import FileOf
     """
 )
 @click.argument("normal", type=FileOf(IMAGE_SUFFIXES))
-@output_file("The heights.", (".png", ".exr", ".tif", ".tiff", ".tga"))
-@choice_option(
-    "--method",
-    METHODS,
-    NormalToHeightOptions.method,
-    "poisson fits steps from texel to texel; frankot-chellappa fits waves that tile.",
-)
-@choice_option("--wrap", WRAPS, NormalToHeightOptions.wrap, "The map tiles, or it ends.")
-@number_option(
-    "--width",
-    float,
-    NormalToHeightOptions.width,
-    "W",
-    "How wide the image is, in the unit that heights come in.",
-)
-@choice_option(
-    "--convention",
-    CONVENTIONS,
-    NormalToHeightOptions.convention,
-    "Green channel: +Y up or down.  [default: what the file says of itself, else opengl]",
-)
-@number_option(
-    "--bits",
-    int,
-    None,
-    "8|16|32",
-    "Bits; 32 is float.  [default: the most that the format holds]",
-)
+@output_file("The height map.", (".png", ".exr", ".tif", ".tiff", ".tga"))
+@options_of(NormalToHeightOptions)
+@bits_option
 @threads_option
 @terminal_options
 def normal_to_height(
@@ -64,11 +47,10 @@ def normal_to_height(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Find the heights of the normal map NORMAL.
+    """Make a height map from the normals in NORMAL.
 
-    It is in tangent space.
-
-    Their mean is 0, since normals do not tell it. The file says their scale.
+    NORMAL is a normal map in tangent space. The mean of the heights is 0, because normals do
+    not determine it. The file contains the scale of the heights.
     """
     options = NormalToHeightOptions(method=method, wrap=wrap, width=width, convention=convention)
     done = texbake.normal_to_height_file(normal, output, options, bits=bits, threads=threads)

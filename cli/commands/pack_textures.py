@@ -7,15 +7,15 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake.texture.pack_options import EDGES, PackOptions
+from texbake import (
+    PackOptions,
+)
 
 from ..options import (
     IMAGE_SUFFIXES,
     MESH_SUFFIXES,
-    choice_option,
-    number_option,
+    options_of,
     output_file,
-    size_option,
     threads_option,
 )
 from ..terminal import Terminal, terminal_options
@@ -31,34 +31,26 @@ from ..types import FileOf
     """
 )
 @click.argument("images", nargs=-1, required=True, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE...")
-@output_file("The image of all images.", IMAGE_SUFFIXES)
+@output_file("The packed image.", IMAGE_SUFFIXES)
 @click.option(
     "--mesh",
     "meshes",
     multiple=True,
     type=FileOf(MESH_SUFFIXES),
     metavar="MESH",
-    help="A mesh whose coordinates are to move with its image: one for each image, in their order.",
+    help="Move the texture coordinates of this mesh with its image; one per image, in their order.",
 )
 @click.option(
     "--meshes-to",
     "folder",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Folder of the moved meshes, under their own names; made if missing.",
+    help="Folder for the moved meshes, which keep their names; made if it is missing.",
 )
-@size_option(
-    PackOptions.size,
-    "Texels of the whole; images that do not fit are made smaller.  [default: the least powers of "
-    "two into which all fit as they are]",
+@options_of(PackOptions)
+@click.option(
+    "--data", is_flag=True, help="Treat the images as data, such as roughness, not as colors."
 )
-@number_option(
-    "--padding", int, PackOptions.padding, "PX", "Texels around each image that go on beyond it."
-)
-@choice_option(
-    "--edges", EDGES, PackOptions.edges, "Padding repeats the nearest texel, or the image tiles."
-)
-@click.option("--data", is_flag=True, help="The images hold data, such as roughness, not colors.")
 @threads_option
 @terminal_options
 def pack_textures(
@@ -73,12 +65,11 @@ def pack_textures(
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Put several IMAGEs into one, for one texture.
+    """Pack several IMAGEs into one.
 
-    The coordinates of their meshes move with them.
-
-    Texels are copied one to one where there is room. A mesh needs all of its coordinates in the
-    unit square, because an image within another one cannot tile.
+    The texture coordinates of their meshes move with them. Texels are copied one to one where
+    there is room. All texture coordinates of a mesh must lie in the unit square, because an
+    image inside another one cannot tile.
     """
     options = PackOptions(size=size, padding=padding, edges=edges)
     with terminal.progress() as progress:

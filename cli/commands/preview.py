@@ -10,20 +10,17 @@ import click
 from click.core import ParameterSource
 
 import texbake
-from texbake.rendering.options import (
-    BUFFERS,
-    EDGES,
-    INTERPOLATIONS,
+from texbake import (
     RenderOptions,
+    option_field,
 )
-from texbake.rendering.scene.textures import FILTERS
 
 from ..options import (
     IMAGE_SUFFIXES,
     MESH_SUFFIXES,
-    choice_option,
+    Decorator,
     image_option,
-    number_option,
+    options_of,
     picture_changes,
     report_option,
     threads_option,
@@ -34,6 +31,20 @@ from ..types import FileOf, Names, Turntable
 _TARGETS = ("max_error", "time_budget")
 # The two that `--affine-vs-perspective` lays side by side.
 _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
+
+
+def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
+    """Add an option of a picture that several pictures can differ by."""
+    field = option_field(RenderOptions, name)
+    words = field.option.choices
+    return click.option(
+        f"--{name}",
+        parameter,
+        type=Names(words),
+        default=(),
+        help=f"{field.option.help} Several are drawn side by side: {', '.join(words)}.  "
+        f"[default: {field.option.default or field.default}]",
+    )
 
 
 @click.command(
@@ -58,68 +69,29 @@ _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
     "--output",
     type=click.Path(path_type=Path),
     metavar="FILE|DIR",
-    help=f"The picture ({', '.join(name[1:] for name in IMAGE_SUFFIXES)}); a folder for a "
+    help=f"The picture ({', '.join(name[1:] for name in IMAGE_SUFFIXES)}), or a folder for a "
     "turntable.",
 )
-@image_option("--normal-map", "Normals, in tangent, object or world space.")
-@image_option("--displacement", "Heights; the mesh is cut into small triangles and moved by them.")
-@image_option("--albedo", "Colors.")
+@image_option("--normal-map", "Normal map, in tangent, object or world space.")
+@image_option("--displacement", "Height map; the mesh is subdivided and moved by it.")
+@image_option("--albedo", "Color map.")
 @picture_changes
-@choice_option(
-    "--edges", EDGES, RenderOptions.edges, "Shade a pixel once inside a triangle, or every sample."
-)
-@number_option(
-    "--max-error",
-    str,
-    RenderOptions.max_error,
-    "E",
-    "Sample pixels adaptively, until each is estimated to be off by at most so much from black to "
-    "white in sRGB: 2/255, or 0.01.",
-)
-@number_option(
-    "--time-budget",
-    str,
-    RenderOptions.time_budget,
-    "T",
-    "Pick the least such error that is predicted to be drawn in 20s, 2min, ...; a short probe "
-    "tells how long it takes.",
-)
-@click.option(
-    "--filter",
-    "filters",
-    type=Names(FILTERS),
-    default=(),
-    help=f"Filter of all images: {', '.join(FILTERS)}. Several are laid side by side.  "
-    "[default: each image's own]",
-)
-@click.option(
-    "--interpolation",
-    "interpolations",
-    type=Names(INTERPOLATIONS),
-    default=(),
-    help=f"{', '.join(INTERPOLATIONS)}. Several are laid side by side.  "
-    f"[default: {RenderOptions.interpolation}]",
-)
+@options_of(RenderOptions, "edges", "max_error", "time_budget")
+@_side_by_side("filter", "filters")
+@_side_by_side("interpolation", "interpolations")
 @click.option(
     "--affine-vs-perspective",
     is_flag=True,
     help=f"The same as --interpolation {','.join(_AFFINE_VS_PERSPECTIVE)}.",
 )
-@click.option(
-    "--buffer",
-    "buffers",
-    type=Names(BUFFERS),
-    default=(),
-    help=f"Show the inside instead: {', '.join(BUFFERS)}. Several are laid side by side.",
-)
+@_side_by_side("buffer", "buffers")
 @click.option(
     "--explain",
     is_flag=False,
     flag_value="table",
     type=click.Choice(("table", "json")),
     metavar="[table|json]",
-    help="Print which passes were run, what called for them and what they took, and what was left "
-    "out and why.",
+    help="Print which passes ran, why, and how long they took, and which were left out and why.",
 )
 @click.option("--plan-only", is_flag=True, help="Print the passes and draw nothing.")
 @report_option
@@ -138,10 +110,9 @@ def preview(
 ) -> None:
     """Draw a mesh with its maps, or a scene.
 
-    A normal map says in its file which space and convention it has; one that does not is taken for
-    tangent space and OpenGL. Heights are decoded by what their file says, or are model units. A
-    glTF file is drawn with its own materials. A scene file says itself how it is drawn; options
-    given here stand above that.
+    A normal map whose file does not say its space and convention is read as tangent space, OpenGL.
+    Heights are decoded by the metadata of their file, or are in model units. A glTF file is drawn
+    with its own materials. A scene file says how it is drawn; options given here take precedence.
     """
     view = picture.get("view")
     n_views = view.n_views if isinstance(view, Turntable) else None

@@ -8,24 +8,29 @@ from typing import Any
 import click
 
 import texbake
-from texbake.baking.map_names import MAP_NAMES
-from texbake.baking.options import (
-    CONVENTIONS,
-    FILLS,
-    SHADINGS,
-    SPACES,
-    VERTEX_COLORS,
+from texbake import (
+    BakeOptions,
 )
 
-from ..map_options import FORMATS, HITS_SUFFIXES, name_pattern_option
-from ..options import Decorator, output_folder, report_option, threads_option
+from ..bake_options import (
+    HITS_SUFFIXES,
+    format_option,
+    name_pattern_option,
+)
+from ..options import (
+    options_of,
+    output_folder,
+    report_option,
+    threads_option,
+)
 from ..terminal import Terminal, terminal_options
-from ..types import FileOf, Names
+from ..types import FileOf
 
-
-def _change(flag: str, kind: Any, metavar: str | None, text: str) -> Decorator[Any]:
-    """Add an option that changes one of the bake's, where it is given."""
-    return click.option(flag, type=kind, metavar=metavar, help=text)
+# Options of the bake that other maps of its hits can change.
+_CHANGES = (
+    *("maps", "space", "convention", "bits", "mid", "scale", "curvature_scale"),
+    *("thickness_distance", "vertex_colors", "high_shading", "padding", "fill"),
+)
 
 
 @click.command(
@@ -37,22 +42,9 @@ def _change(flag: str, kind: Any, metavar: str | None, text: str) -> Decorator[A
     """
 )
 @click.argument("hits", type=FileOf(HITS_SUFFIXES))
-@output_folder("Folder of the maps; made if missing.", required=True)
-@_change("--maps", Names(MAP_NAMES), None, f"Which, of {', '.join(MAP_NAMES)}.")
-@click.option(
-    "--format", "suffix", type=click.Choice(FORMATS), help="Kind of file.  [default: png]"
-)
-@_change("--space", click.Choice(SPACES), None, "Space of the normals.")
-@_change("--convention", click.Choice(CONVENTIONS), None, "Green channel: +Y up or down.")
-@_change("--bits", int, "8|16|32", "Bits a channel; 32 is float.")
-@_change("--mid", float, "M", "Value of height 0 in an integer file, in [0, 1].")
-@_change("--scale", float, "S", "Height that a change of 1 in an integer file stands for.")
-@_change("--curvature-scale", float, "K", "Curvature that is white in integer files.")
-@_change("--thickness-distance", float, "D", "Thickness that is white in integer files.")
-@_change("--vertex-colors", click.Choice(VERTEX_COLORS), None, "What vertex colors are.")
-@_change("--high-shading", click.Choice(SHADINGS), None, "Normals of the dense mesh.")
-@_change("--padding", int, "PX", "Texels around each chart that repeat its edge.")
-@_change("--fill", click.Choice(FILLS), None, "What fills the rest of a map.")
+@output_folder("Folder of the maps, which is made if it is missing.", required=True)
+@format_option
+@options_of(BakeOptions, *_CHANGES, unset=True)
 @name_pattern_option
 @report_option
 @threads_option
@@ -66,10 +58,11 @@ def remap(
     terminal: Terminal,
     **changes: Any,
 ) -> None:
-    """Make other maps from a trace that was kept.
+    """Make other maps from the hits of an earlier bake.
 
-    HITS is what texbake bake --hits has written. Neither mesh is needed, and no ray is cast; what
-    is not given stays as it was in that bake. The maps are the same, byte for byte, as a bake's.
+    HITS is a file that texbake bake --hits has written. Neither mesh is needed and no ray is cast;
+    options that are not given stay as they were in that bake. The maps are byte for byte those that
+    a bake would make.
     """
     given = {name: value for name, value in changes.items() if value is not None}
     with terminal.progress() as progress:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, QUALITIES
+from texbake import (
+    SimplifyOptions,
+)
 
 from ..options import (
     WRITABLE_MESH_SUFFIXES,
-    choice_option,
     mesh_argument,
+    options_of,
     output_file,
     report_option,
     threads_option,
@@ -33,36 +35,30 @@ if TYPE_CHECKING:
     """
 )
 @mesh_argument("mesh")
-@output_file("The lighter mesh.", WRITABLE_MESH_SUFFIXES)
-@click.option("--faces", type=int, required=True, metavar="N", help="Triangles to reach.")
-@choice_option(
-    "--quality",
-    QUALITIES,
-    DEFAULT_QUALITY,
-    "best is closer to the surface, and slower.",
-)
+@output_file("The simplified mesh.", WRITABLE_MESH_SUFFIXES)
+@options_of(SimplifyOptions)
 @report_option
 @threads_option
 @terminal_options
 def simplify(
     mesh: Path,
     output: Path,
-    faces: int,
+    n_faces: int,
     quality: str,
     report: Path | None,
     threads: int | None,
     terminal: Terminal,
 ) -> None:
-    """Make MESH lighter.
+    """Reduce MESH to fewer triangles.
 
-    Boundaries are kept, and hard edges and seams of texture coordinates where there are any. Tells
-    how many faces were reached and how far the two surfaces lie apart, both ways.
+    Keeps boundaries, hard edges and seams of texture coordinates. Prints how many faces were
+    reached and how far the two surfaces lie apart, measured both ways.
     """
     with terminal.progress() as progress:
         done = texbake.simplify_file(
             mesh,
             output,
-            faces,
+            n_faces,
             quality=quality,
             report=report,
             threads=threads,

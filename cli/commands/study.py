@@ -7,13 +7,18 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake.study.options import KNOB_NAMES, StudyOptions
+from texbake import (
+    StudyOptions,
+)
 
-from ..options import MESH_SUFFIXES, number_option, output_folder, threads_option
+from ..options import (
+    MESH_SUFFIXES,
+    SCENE_SUFFIXES,
+    options_of,
+    output_folder,
+)
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
-
-SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
 
 @click.command(
@@ -32,27 +37,11 @@ SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
     "--scene",
     type=FileOf(SCENE_SUFFIXES),
     metavar="SCENE",
-    help="Draw this scene where one is drawn.",
+    help="Scene to draw, for settings that are studied on pictures.  [default: a made one]",
 )
-@click.option(
-    "--knob",
-    "knobs",
-    type=click.Choice(KNOB_NAMES),
-    multiple=True,
-    metavar="NAME",
-    help=f"Study only this; repeatable. {', '.join(KNOB_NAMES)}.  [default: all]",
-)
+@options_of(StudyOptions, "knobs")
 @output_folder("Folder of the results.", default=Path("study"), show_default=True)
-@number_option("--repeats", int, StudyOptions.repeats, "N", "Timed runs of each setting.")
-@number_option(
-    "--seconds",
-    float,
-    StudyOptions.seconds,
-    "S",
-    "Run a setting no more once it has taken as long, but at least twice.",
-)
-@click.option("--quick", is_flag=True, help="A small range on small meshes, in a minute.")
-@threads_option
+@options_of(StudyOptions, "repeats", "seconds", "quick", "threads")
 @terminal_options
 def study(
     high: Path | None,
@@ -68,11 +57,15 @@ def study(
 ) -> None:
     """Measure what each setting buys and costs.
 
-    On the pair HIGH and LOW and on a scene, or on made ones whose truth is known. Writes a page
-    that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
+    Uses the meshes HIGH and LOW and a scene, or made ones whose exact answers are known. Writes a
+    page that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
     """
     options = StudyOptions(
-        knobs=knobs or KNOB_NAMES, repeats=repeats, seconds=seconds, quick=quick, threads=threads
+        knobs=knobs or StudyOptions.knobs,
+        repeats=repeats,
+        seconds=seconds,
+        quick=quick,
+        threads=threads,
     )
     with terminal.progress() as progress:
         done = texbake.study_files(

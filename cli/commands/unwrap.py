@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake.mapping.options import UnwrapOptions
+from texbake import (
+    UnwrapOptions,
+)
 
-from ..mapping import mapping_options, sections
+from ..mapping import SECTIONS, mapping_options
 from ..measures import distortion_rows
-from ..options import MESH_SUFFIXES, report_option, threads_option
+from ..options import (
+    MESH_SUFFIXES,
+    report_option,
+    threads_option,
+)
 from ..sections import SectionedCommand
 from ..terminal import Terminal, terminal_options
 from ..types import FileOf
@@ -23,7 +29,7 @@ if TYPE_CHECKING:
 
 @click.command(
     cls=SectionedCommand,
-    sections=sections(),
+    sections=SECTIONS,
     epilog="""
     \b
     Example:
@@ -41,15 +47,21 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     required=True,
     metavar="FILE|DIR",
-    help="The mesh with texture coordinates; of several meshes, a folder for all.",
+    help="The mesh with texture coordinates, or a folder for several meshes.",
 )
 @mapping_options
 @click.option(
-    "--layout", type=FileOf((".png", ".svg")), metavar="FILE", help="Draw the charts, PNG or SVG."
+    "--layout",
+    type=FileOf((".png", ".svg")),
+    metavar="FILE",
+    help="Also draw the charts, as PNG or SVG.",
 )
 @click.option("--heat", is_flag=True, help="Color the layout by stretch.")
 @click.option(
-    "--checker", type=FileOf((".png",)), metavar="FILE.png", help="Draw the mesh with a checker."
+    "--checker",
+    type=FileOf((".png",)),
+    metavar="FILE.png",
+    help="Also draw the mesh with a checker texture.",
 )
 @report_option
 @threads_option
@@ -67,7 +79,7 @@ def unwrap(
 ) -> None:
     """Give MESH texture coordinates.
 
-    By an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
+    In an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
     """
     with terminal.progress() as progress:

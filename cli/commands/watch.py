@@ -7,10 +7,14 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake.building.options import BuildOptions
+from texbake import (
+    BuildOptions,
+)
 
-from ..build_options import build_options
 from ..building import print_result, shown
+from ..options import (
+    build_options,
+)
 from ..terminal import Terminal, say, terminal_options
 from ..types import FileOf
 
@@ -24,12 +28,12 @@ from ..types import FileOf
     """
 )
 @click.argument("pipeline", type=FileOf((".toml",)), metavar="PIPELINE.toml")
-@build_options
+@build_options(without=("wait", "prune", "verify"))
 @terminal_options
 def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
-    """Build again whenever a file is saved, until Ctrl-C.
+    """Build again whenever a file changes, until Ctrl-C.
 
-    Looks at the pipeline file and at every file that it reads twice a second.
+    Looks at the pipeline file and at every file that it reads, twice a second.
     """
 
     def built(result: texbake.BuildResult | texbake.TexbakeError) -> None:

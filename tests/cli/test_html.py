@@ -82,8 +82,8 @@ def test_what_a_page_cannot_be_is_said_before_the_work(workplace: Path, invoke: 
 
 def test_light_maps_have_no_page(workplace: Path, invoke: Invoke) -> None:
     (workplace / "room.toml").write_text("", encoding="utf-8")
-    line = "bake --scene room.toml --maps lightmap -o maps --html page.html"
-    assert "does not take --html" in invoke(line, 2).output
+    line = "bake-lightmap room.toml -o maps --html page.html"
+    assert "no such option '--html'" in invoke(line, 2).output
 
 
 def test_a_page_by_a_process(workplace: Path, run: Run) -> None:

@@ -83,7 +83,7 @@ def test_help_fits_a_terminal(name: str) -> None:
         ("info", "texbake info: missing argument 'MESH'"),
         ("bake a.ply b.obj", "texbake bake: missing option '-o'"),
         ("bake-normals a b -o c.png --size huge", "'huge' is not a size such as"),
-        ("bake a b -o maps --maps normal,colour", "colour is not among normal,"),
+        ("bake a b -o maps --maps normal,colour", "colour is not one of normal,"),
     ],
 )
 def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> None:
@@ -120,8 +120,8 @@ def test_failures_are_told_in_one_line(error: BaseException, exit_code: int, lin
 
 def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(
-        "import texbake\ndef read_mesh(*args, **options):\n    return 1 / 0\n"
-        "texbake.read_mesh = read_mesh\n"
+        "import texbake\ndef info_file(*args, **options):\n    return 1 / 0\n"
+        "texbake.info_file = info_file\n"
     )
     done = run("info a.ply", env={**os.environ, "PYTHONPATH": str(tmp_path)})
     assert done.returncode == 1
@@ -140,10 +140,16 @@ def test_the_reader_of_a_pipe_may_leave(script: Path) -> None:
     assert done.stderr == ""
 
 
+BAKES = "normals", "displacement", "lightmap", "texture"
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("texbake bake", {"bake", "bake-normals", "bake-displacement", "bake-texture"}),
+        (
+            "texbake bake",
+            {"bake", "bake-normals", "bake-displacement", "bake-lightmap", "bake-texture"},
+        ),
         ("texbake info sc", {"scan.ply", "scans/"}),
         ("texbake bake a b --maps normal,dis", {"normal,displacement"}),
         ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),

@@ -102,7 +102,7 @@ def test_a_report_tells_the_colors_of_ids(baked, tmp_path):
     ("words", "message"),
     [
         (["--maps", "normal", "--bits", "32"], "PNG holds 8 or 16 bits"),
-        (["--maps", "normals"], "normals is not among"),
+        (["--maps", "normals"], "normals is not one of"),
         (["--maps", "ao"], "ao: the trace that was kept has no rays for it"),
         (["--padding", "-1"], "padding: -1 is out of range"),
     ],

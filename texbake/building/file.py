@@ -30,14 +30,11 @@ from texbake.rendering.scene.file.faults import (
     shown,
 )
 from texbake.rendering.scene.file.tables import (
-    FileSchema,
     Table,
     described,
-    file_schema,
     list_of,
 )
 from texbake.rendering.scene.file.values import Text
-from texbake.schema import JsonSchema
 
 FOLDER = "build"
 
@@ -308,23 +305,3 @@ PipelineTable: type[Table] = create_model(
         Field(default=...),
     ),
 )
-
-
-def pipeline_schema() -> JsonSchema:
-    """JSON Schema of pipeline files, draft 2020-12, for editors to complete and check them by.
-
-    Returns
-    -------
-    dict
-        Plain values, for `json.dumps`.
-    """
-    schema = file_schema(PipelineTable, "texbake pipeline")
-    kinds = []
-    for kind in STEP_KINDS.values():
-        step = kind.model.model_json_schema(schema_generator=FileSchema)
-        step["description"] = f"{kind.does[:1].upper()}{kind.does[1:]}."
-        step["properties"]["do"] = {"const": kind.name, "description": step["description"]}
-        step["required"] = sorted({"do", *step.get("required", ())})
-        kinds.append(step)
-    schema["properties"]["steps"]["additionalProperties"] = {"oneOf": kinds}
-    return schema

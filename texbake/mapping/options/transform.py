@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
@@ -86,7 +85,7 @@ def _check_warp(warp: object) -> None:
     name, strength = warp
     if name not in WARPS:
         raise OptionError(f"warp: {name} is not one of {', '.join(WARPS)}")
-    if not (isinstance(strength, Real) and math.isfinite(strength)):
+    if not (isinstance(strength, int | float) and math.isfinite(strength)):
         raise OptionError(f"warp: {strength!r} is not a finite number")
     if name == "bulge" and not -1.25 < strength < 1:
         raise OptionError(f"warp: a bulge of {strength} folds over; use above -1.25 and below 1")

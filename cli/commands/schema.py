@@ -1,0 +1,43 @@
+"""`texbake schema`: the JSON Schema of pipeline and scene files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+import texbake
+
+from ..terminal import Terminal, say, terminal_options
+from ..types import FileOf
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake schema scene -o scene.schema.json
+      texbake schema pipeline
+    """
+)
+@click.argument("file", type=click.Choice(("pipeline", "scene")), metavar="pipeline|scene")
+@click.option(
+    "-o",
+    "--output",
+    type=FileOf((".json",)),
+    metavar="FILE.json",
+    help="Write the schema to this file.  [default: print it]",
+)
+@terminal_options
+def schema(file: str, output: Path | None, terminal: Terminal) -> None:
+    """Print the JSON Schema of pipeline or scene files.
+
+    Editors complete and check TOML files by it: in VS Code with the extension Even Better TOML, put
+    the line "#:schema scene.schema.json" at the top of a scene file.
+    """
+    if output is None:
+        contents = texbake.pipeline_schema() if file == "pipeline" else texbake.scene_schema()
+        say(json.dumps(contents, indent=2))
+    else:
+        terminal.wrote(texbake.schema_file(file, output).files)
