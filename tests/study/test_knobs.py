@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 
 from texbake.study.case import Case
-from texbake.study.knob import TRUTHS, Unfit
-from texbake.study.knobs import knob_named
-from texbake.study.knobs.bump_gradient import forward_normals
+from texbake.study.knob import TRUTHS, Knob, Unfit
+from texbake.study.knobs import MODULES, knob_named
+from texbake.study.knobs.bumps import forward_normals
 from texbake.study.options import KNOB_NAMES
 from texbake.study.truth.probes import angles_deg
-from texbake.study.truth.waves import texel_grid, wave_heights, wave_normals, wave_slopes
+from texbake.study.truth.surfaces import (
+    texel_grid,
+    wave_heights,
+    wave_normals,
+    wave_slopes,
+)
 
 
 @pytest.fixture
@@ -26,10 +31,17 @@ def errors(quick_study):
     }
 
 
-def test_every_module_is_a_knob_of_the_list():
+def test_every_knob_of_every_module_is_in_the_list():
     folder = Path(import_module("texbake.study.knobs").__file__).parent
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__"}
-    assert modules == {name.replace("-", "_") for name in KNOB_NAMES}
+    assert modules == set(MODULES.values())
+    knobs = {
+        value.name
+        for module in modules
+        for value in vars(import_module(f"texbake.study.knobs.{module}")).values()
+        if isinstance(value, Knob)
+    }
+    assert knobs == set(MODULES) == set(KNOB_NAMES)
     assert [knob_named(name).name for name in KNOB_NAMES] == list(KNOB_NAMES)
 
 
@@ -67,7 +79,7 @@ def test_every_knob_runs(quick_study, name):
         ("interpolation", ["affine, 1 x 1", "affine, 2 x 2", "affine, 4 x 4", "perspective"]),
         ("environment", ["one lookup", "rendered, 16", "rendered, 64"]),
         ("noise", ["1, float64", "3, float64", "6, float64"]),
-        ("light-mesh", ["50 fast", "50 best", "200 best"]),
+        ("low-poly", ["50 fast", "50 best", "200 best"]),
     ],
 )
 def test_turning_a_knob_up_makes_it_better(errors, knob, rising):
@@ -96,9 +108,9 @@ def test_eight_bits_round_as_much_as_they_must(errors):
     assert errors["bit-depth"]["float"] < 1e-4
 
 
-def test_dither_takes_the_mean_of_what_does_not_change_nearer():
+def test_dithering_makes_the_mean_of_flat_areas_more_accurate():
     """A flat tilt of a third of a step: its codes are all wrong the same way without dither."""
-    from texbake.study.knobs.bit_depth import _banding, _dithered
+    from texbake.study.knobs.baked_maps import _banding, _dithered
     from texbake.texture.encoding import decode_normals, encode_normals
 
     angle = math.radians(10.0)
@@ -125,7 +137,7 @@ def test_forward_differences_are_the_slope_half_a_texel_further():
     assert off < 0.2 * angles_deg(normals.reshape(-1, 3), here.reshape(-1, 3)).mean()
 
 
-def test_a_users_pair_is_held_against_its_own_rays():
+def test_a_users_pair_is_compared_with_separate_rays():
     made = Case(quick=True).made_pair
     bare = made.low.replace(uvs=None, uv_faces=None)
     bench = knob_named("texture-size").prepare(Case(made.high, bare, quick=True))
@@ -135,8 +147,8 @@ def test_a_users_pair_is_held_against_its_own_rays():
     assert all(a > b for a, b in pairwise(values))
 
 
-def test_a_users_scene_is_drawn_where_it_has_what_a_knob_turns():
-    scenes = import_module("texbake.study.knobs.shadow_map")
+def test_a_users_scene_is_drawn_where_a_knob_applies_to_it():
+    scenes = import_module("texbake.study.knobs.lighting")
     scene, _ = scenes._made_scene()
     bench = knob_named("shadow-map").prepare(Case(scene=scene, quick=True))
     assert bench.truth == "converged" and bench.subject.startswith("scene")
@@ -161,15 +173,15 @@ def test_filters_are_studied_on_a_scene_with_an_image():
     assert found["ewa"] < found["nearest"] and found["trilinear"] < found["nearest"]
 
 
-def test_a_dense_mesh_of_fewer_triangles_than_any_setting_is_said_not_to_fit():
+def test_a_high_poly_mesh_with_fewer_triangles_than_any_setting_does_not_fit():
     from texbake.mesh.shapes import cube
 
-    unfit = knob_named("light-mesh").prepare(Case(cube(), cube()))
+    unfit = knob_named("low-poly").prepare(Case(cube(), cube()))
     assert isinstance(unfit, Unfit)
     assert "has 12 triangles, too few" in unfit.reason
 
 
-def test_triangles_in_the_picture_are_counted_without_what_shows_none():
+def test_triangles_in_the_picture_are_counted_without_empty_pixels():
     bench = knob_named("tessellation").prepare(Case(quick=True, threads=1))
     frame = bench.work(8.0)
     outcome = bench.judge(8.0, frame)

@@ -11,9 +11,9 @@ from texbake.errors import DependencyError
 from texbake.pages.pictures import png_of
 from texbake.pages.words import duration, memory, number
 from texbake.study import plots
+from texbake.study.findings import findings
 from texbake.study.labels import place_labels
 from texbake.study.options import KNOB_NAMES
-from texbake.study.words import findings
 from texbake.study.write import write_study
 
 EMPTY = {"meta", "img", "br", "link", "hr", "input"}

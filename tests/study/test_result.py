@@ -8,17 +8,17 @@ import pytest
 
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.shapes import cube, plane
-from texbake.study.knob import Knob, Outcome, Setting
+from texbake.study.findings import findings, spread
+from texbake.study.knob import Judgment, Knob, Setting
 from texbake.study.options import KNOB_NAMES, StudyOptions
 from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
 from texbake.study.study import run_study
-from texbake.study.words import findings, spread
 from texbake.study.write import write_study
 
 
 def measured(label, seconds, error, problem=""):
     setting = Setting(label, None, problem=problem)
-    return Measurement(setting, Outcome(error), tuple(seconds), 1000)
+    return Measurement(setting, Judgment(error), tuple(seconds), 1000)
 
 
 def result_of(*measurements):
@@ -80,22 +80,22 @@ def test_errors_are_the_same_in_every_study_and_for_any_threads(quick_study):
 
 
 def test_a_knob_that_does_not_fit_is_left_out_and_told(tmp_path):
-    names = ("light-mesh", "noise")
+    names = ("low-poly", "noise")
     result = run_study(cube(), cube(), options=StudyOptions(quick=True, repeats=1, knobs=names))
     assert [item.knob.name for item in result.knobs] == ["noise"]
-    assert list(result.skipped) == ["light-mesh"]
-    assert "has 12 triangles" in result.to_json()["skipped"]["light-mesh"]
+    assert list(result.skipped) == ["low-poly"]
+    assert "has 12 triangles" in result.to_json()["skipped"]["low-poly"]
     page = write_study(result, tmp_path)[0].read_text(encoding="utf-8")
-    assert "light-mesh is left out: " in page and "has 12 triangles" in page
+    assert "low-poly is left out: " in page and "has 12 triangles" in page
 
 
 def test_a_study_of_nothing_that_fits_is_one_clear_error():
-    with pytest.raises(MeshError, match=r"^study light-mesh: .* has 12 triangles, too few"):
-        run_study(cube(), cube(), options=StudyOptions(quick=True, knobs=("light-mesh",)))
+    with pytest.raises(MeshError, match=r"^study low-poly: .* has 12 triangles, too few"):
+        run_study(cube(), cube(), options=StudyOptions(quick=True, knobs=("low-poly",)))
 
 
 def test_half_a_pair_is_refused():
-    with pytest.raises(OptionError, match="a dense and a light mesh"):
+    with pytest.raises(OptionError, match="a high-poly and a low-poly mesh"):
         run_study(plane())
 
 

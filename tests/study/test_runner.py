@@ -1,16 +1,19 @@
-"""Rounds, medians and bounds, told by a clock that the work itself moves."""
+"""Rounds, medians, bounds and peak memory; the work itself moves the clock."""
 
 from collections import Counter
 
+import numpy as np
 import pytest
 
-from texbake.study.knob import Bench, Outcome, Setting
+from texbake.study.knob import Bench, Judgment, Setting
 from texbake.study.result import Measurement
-from texbake.study.runner import run_bench
+from texbake.study.runner import run_bench, with_peak_memory
+
+MB = 1 << 20
 
 
 class Machine:
-    """Work that takes as long as it is told, and notes what was asked of it in which order."""
+    """Work that takes given times, and records the order of its calls."""
 
     def __init__(self, lengths):
         self.lengths = {name: list(seconds) for name, seconds in lengths.items()}
@@ -29,7 +32,7 @@ class Machine:
     def judge(self, name, product):
         self.now += 1000.0  # must count nowhere
         self.judged.append((name, product))
-        return Outcome(error=float(len(name)))
+        return Judgment(error=float(len(name)))
 
     def run(self, **options):
         bench = Bench(
@@ -89,11 +92,11 @@ def test_one_repeat_is_one_run():
     assert len(trial.seconds) == 1
 
 
-def test_every_run_is_told():
-    told = []
+def test_every_run_is_reported():
+    steps = []
     machine = Machine({"a": [30.0], "b": [1.0]})
-    machine.run(repeats=4, seconds=10.0, advance=told.append)
-    assert sum(told) == 2 * 5
+    machine.run(repeats=4, seconds=10.0, advance=steps.append)
+    assert sum(steps) == 2 * 5
 
 
 def test_memory_is_that_of_a_run_in_which_nothing_is_loaded_any_more():
@@ -106,7 +109,27 @@ def test_memory_is_that_of_a_run_in_which_nothing_is_loaded_any_more():
 
     bench = Bench(
         "nothing", "closed form", "", (Setting("a", "a"), Setting("b", "b")), work,
-        lambda name, product: Outcome(error=1.0),
+        lambda name, product: Judgment(error=1.0),
     )  # fmt: skip
     for trial in run_bench(bench, repeats=2, seconds=1.0):
         assert trial.peak_bytes is None or trial.peak_bytes < 16 << 20
+
+
+def test_peak_memory_is_what_the_work_took_at_most():
+    def work():
+        large = np.ones(64 * MB, np.uint8)
+        total = int(large[:: 64 * MB - 1].sum())
+        del large
+        return total
+
+    result, peak = with_peak_memory(work)
+    assert result == 2
+    # Where Linux knows it: the array, and little more.
+    assert peak is None or 60 * MB < peak < 80 * MB
+
+
+def test_an_earlier_peak_is_forgotten():
+    _, large = with_peak_memory(lambda: np.ones(64 * MB, np.uint8).sum())
+    _, small = with_peak_memory(lambda: np.ones(4 * MB, np.uint8).sum())
+    if large is not None:
+        assert small < large / 4

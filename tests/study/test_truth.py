@@ -7,14 +7,18 @@ import pytest
 
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
-from texbake.study.case import Case, Pair
-from texbake.study.truth.floor import Floor
-from texbake.study.truth.pictures import crop, picture_error
-from texbake.study.truth.probes import angles_deg, probe
-from texbake.study.truth.radial import RadialSurface, orange_surface, rippled_surface
-from texbake.study.truth.sight import ball_points, sight_rays
-from texbake.study.truth.texel_means import mean_normals
-from texbake.study.truth.waves import texel_grid, wave_heights, wave_normals, wave_slopes
+from texbake.study.case import Case, StudyPair
+from texbake.study.truth.pictures import Floor, ball_points, crop, picture_error, sight_rays
+from texbake.study.truth.probes import angles_deg, mean_normals, probe
+from texbake.study.truth.surfaces import (
+    RadialSurface,
+    orange_surface,
+    rippled_surface,
+    texel_grid,
+    wave_heights,
+    wave_normals,
+    wave_slopes,
+)
 from texbake.texture.encoding import decode_srgb
 
 DIRECTIONS = icosphere(3).positions
@@ -58,7 +62,7 @@ def test_triangles_of_a_made_surface_lie_along_its_normals(make):
 
 def test_probes_of_a_mesh_on_itself_find_its_own_normals():
     pair = Case(quick=True).made_pair
-    itself = Pair(pair.low, pair.low, "itself")
+    itself = StudyPair(pair.low, pair.low, "itself")
     probes = probe(itself, 2000)
     assert len(probes.faces) == 2000
     assert np.abs(probes.heights).max() < 1e-6
@@ -142,7 +146,7 @@ def test_mean_normals_are_those_of_all_rays_together():
     low = plane()
     unit = 2.0 * (low.positions[:, :2] - low.bounds[0][:2]) / np.ptp(low.bounds, axis=0)[:2] - 1.0
     low = low.replace(positions=np.column_stack([unit, np.zeros(len(unit))]))
-    means, known = mean_normals(Pair(high, low, ""), size)
+    means, known = mean_normals(StudyPair(high, low, ""), size)
     assert known.all()
     # Of 16 columns of rays 5 lie before the ridge, at 0.3 of the texel.
     beyond = 11.0 / 16.0
@@ -157,6 +161,6 @@ def test_mean_normals_are_those_of_all_rays_together():
 def test_texels_that_are_covered_in_part_have_a_mean_too():
     low = plane()
     low = low.replace(uvs=0.5 + 0.37 * (low.uvs - 0.5))
-    _, known = mean_normals(Pair(low, low, ""), 16)
+    _, known = mean_normals(StudyPair(low, low, ""), 16)
     inside = 0.37 * 16
     assert inside**2 < known.sum() == math.ceil(inside / 2.0) ** 2 * 4

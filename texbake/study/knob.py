@@ -1,7 +1,7 @@
-"""A knob: settings of one thing, how to try each, and how wrong it is.
+"""A knob: the settings of one thing, how to try each, and how wrong each is.
 
-A knob makes itself ready for a case and gives back a `Bench`. What a setting costs is the time of
-`Bench.work` alone; `Bench.judge` then holds its product against the truth, untimed.
+A knob prepares a `Bench` for a case. A setting costs the time of `Bench.work` alone; `Bench.judge`
+then compares its product with the truth, untimed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from texbake.study.case import Case
 
-TRUTHS = ("closed form", "exact values", "dense mesh", "rays", "converged")
+TRUTHS = ("closed form", "exact values", "high-poly mesh", "rays", "converged")
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,13 @@ class Setting:
     Attributes
     ----------
     label : str
-        What plots call it; unlike all others of its knob.
+        Its name in plots, unique within the knob.
     value
-        What `Bench.work` takes.
+        The argument of `Bench.work`.
     series : str
-        Settings of one series are one thing turned up step by step; plots join them.
+        Settings of one series turn one thing up step by step; plots join them.
     problem : str
-        Settings compete only with those of the same problem; where a knob has several, each has a
-        front of its own.
+        Settings compete only with others of the same problem; each problem has a front of its own.
     """
 
     label: str
@@ -43,7 +42,7 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class Judgment:
     """How good the product of a setting is.
 
     Attributes
@@ -51,9 +50,9 @@ class Outcome:
     error : float
         0 or more, in the unit of the knob.
     picture : (H, W, 3) float32, optional
-        A crop that shows it, linear light.
+        A crop that shows it, in linear light.
     figures : mapping of str to float
-        What else was measured; names carry their unit: `missed texels (%)`.
+        What else was measured, by names that include the unit: `missed texels (%)`.
     """
 
     error: float
@@ -63,26 +62,26 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A knob made ready for a case.
+    """A knob prepared for a case.
 
     Attributes
     ----------
     subject : str
         What is worked on, in words.
     truth : str
-        One of `TRUTHS`: a closed form; the values themselves before they were coded; the dense mesh
-        that is approximated; rays of their own, cast into it with no texture between; or what the
-        work converges to, the thing itself at a setting far beyond those that are tried.
+        One of `TRUTHS`: a closed form; the values before they were encoded; the high-poly mesh that
+        is approximated; separate rays cast into it, without a texture between; or what the work
+        converges to, at a setting far beyond those that are tried.
     truth_text : str
         The same in a sentence.
     settings : tuple of Setting
-        Quicker ones first.
+        Faster ones first.
     work
         From a value to a product; timed.
     judge
-        From a value and its product to an outcome; not timed.
+        From a value and its product to a judgment; not timed.
     close
-        Clears away what was made to work in.
+        Removes temporary files.
     """
 
     subject: str
@@ -90,18 +89,18 @@ class Bench:
     truth_text: str
     settings: tuple[Setting, ...]
     work: Callable[[Any], Any]
-    judge: Callable[[Any, Any], Outcome]
+    judge: Callable[[Any, Any], Judgment]
     close: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)
 class Unfit:
-    """Why a knob cannot be studied on a case: it is left out, and the others are studied.
+    """Why a knob cannot be studied on a case; it is then left out of the study.
 
     Attributes
     ----------
     reason : str
-        Begins with the thing that does not fit, as an error message does.
+        Begins with what does not fit, as an error message does.
     """
 
     reason: str
@@ -123,12 +122,12 @@ class Knob:
     kind : str
         Errors of one kind are shown in one plot: `angle`, `length`, `picture`, ...
     needs : str
-        What of a user's it can be studied on: `pair`, `scene` or `nothing`.
+        What of the user it can be studied on: `pair`, `scene` or `nothing`.
     prepare
-        Makes it ready, or says why it cannot be studied.
+        Prepares it, or says why it cannot be studied.
     baseline : str
-        Series that the others are held against: the page tells in what share of its time they reach
-        its errors.
+        Series that the others are compared with: the page says in what share of its time they reach
+        the same errors.
     """
 
     name: str

@@ -1,6 +1,7 @@
-"""Labels beside points so that they hide neither one another nor the points.
+"""Places labels beside points so that they hide neither one another nor the points.
 
-Greedy: each label takes the best of a few places around its point, those of crowded points first.
+It is greedy: each label takes the best of a few places around its point, labels of crowded points
+first.
 
 Based on: Christensen, Marks, Shieber, "An empirical study of algorithms for point-feature label
 placement", ACM TOG 14(3), 1995, for the places and their order of preference.
@@ -16,16 +17,16 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-# Directions in turns, the best first, and how far away, in heights of a label.
+# Directions in turns, the best first, and distances in heights of a label.
 _TURNS = (1 / 8, 7 / 8, 3 / 8, 5 / 8, 0.0, 1 / 2, 1 / 4, 3 / 4, 1 / 16, 15 / 16, 7 / 16, 9 / 16)
-_REACHES = (0.35, 0.9, 1.6, 2.6, 4.0)
-_MARK = 8.0  # pixels that the mark of a point reaches
-# What it costs to hide a point, to leave the frame, and to lie farther away, in areas of a label.
+_DISTANCES = (0.35, 0.9, 1.6, 2.6, 4.0)
+_MARK = 8.0  # radius of the mark of a point, in pixels
+# Costs of hiding a point, leaving the frame and lying farther away, in areas of a label.
 _POINT, _OUTSIDE, _FAR, _ORDER = 0.6, 8.0, 0.05, 0.004
 
 
 def place_labels(points: FloatArray, sizes: FloatArray, frame: Sequence[float]) -> FloatArray:
-    """Where labels go.
+    """Return where labels go.
 
     Parameters
     ----------
@@ -58,17 +59,17 @@ def place_labels(points: FloatArray, sizes: FloatArray, frame: Sequence[float]) 
 
 
 def _places(point: FloatArray, size: FloatArray) -> list[tuple[FloatArray, float]]:
-    found = []
-    for far, reach in enumerate(_REACHES):
+    places = []
+    for far, distance in enumerate(_DISTANCES):
         for order, turn in enumerate(_TURNS):
             angle = 2.0 * math.pi * turn
             out = np.array([math.cos(angle), math.sin(angle)])
-            # The side of the label that faces the point lies at the reach.
+            # The side of the label that faces the point lies at this distance.
             center = (
-                point + out * (_MARK + reach * size[1]) + 0.5 * size * np.sign(np.round(out, 6))
+                point + out * (_MARK + distance * size[1]) + 0.5 * size * np.sign(np.round(out, 6))
             )
-            found.append((center - 0.5 * size, _FAR * far + _ORDER * order))
-    return found
+            places.append((center - 0.5 * size, _FAR * far + _ORDER * order))
+    return places
 
 
 def _cost(

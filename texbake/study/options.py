@@ -15,7 +15,7 @@ KNOB_NAMES = (
     "samples",
     "bit-depth",
     "ray-direction",
-    "light-mesh",
+    "low-poly",
     "atlas-quality",
     "bump-gradient",
     "bump-form",

@@ -1,4 +1,4 @@
-"""A study as one page: self-contained, so that it opens anywhere and without a network."""
+"""A study as one self-contained page, which opens anywhere and without a network."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from html import escape
 from texbake.pages.pictures import data_uri, png_of
 from texbake.pages.shell import page_html
 from texbake.pages.words import duration, memory, number
+from texbake.study.findings import amount, findings, next_step
 from texbake.study.plots import Plot
 from texbake.study.result import KnobResult, Measurement, StudyResult
-from texbake.study.words import amount, findings, next_step
 
 _STYLE = """
 .truth { display: inline-block; border-radius: 1rem; padding: .05rem .7rem; font-size: .8rem;
@@ -38,11 +38,11 @@ tr.kept td { background: var(--kept); }
 
 _TITLE = "What accuracy costs in time"
 _READING = (
-    "Each point is a setting: how wrong it is, over how long it takes. Both scales are "
-    "logarithmic; down and to the left is better. Bars reach from the least to the greatest time "
-    "of all rounds. Filled points are on the Pareto front, drawn dashed: no setting is both "
-    "quicker and more accurate. A ring marks where it stops paying: beyond it, no step halves the "
-    "error for four times the time."
+    "Each point is a setting: its error over the time it takes. Both scales are logarithmic; down "
+    "and to the left is better. Bars run from the shortest to the longest time of all rounds. "
+    "Filled points are on the Pareto front, drawn as a dashed line: no other setting is both "
+    "faster and more accurate. A ring marks where it stops paying off: beyond it, no step halves "
+    "the error for four times the time."
 )
 
 
@@ -61,10 +61,10 @@ def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot)
     sections = "".join(_section(item, plots[item.knob.name]) for item in result.knobs)
     body = (
         f"<h1>{_TITLE}</h1>\n{_header(result)}"
-        f"<section>\n<h2>Where each knob stops paying</h2>\n{_summary(result)}"
+        f"<section>\n<h2>Where each knob stops paying off</h2>\n{_summary(result)}"
         f"{_skipped(result)}</section>\n"
-        f"<section>\n<h2>All settings</h2>\n<p>{_READING} Frames hold errors of one kind; fronts "
-        "are those of each knob, because different knobs answer different questions.</p>\n"
+        f"<section>\n<h2>All settings</h2>\n<p>{_READING} Each frame has errors of one kind. Each "
+        "knob has a front of its own, because different knobs answer different questions.</p>\n"
         f'<div class="wide all">{_titled(everything.svg, "All settings of all knobs")}</div>\n'
         f"</section>\n{sections}{_footer(result)}"
     )
@@ -74,11 +74,13 @@ def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot)
 
 def _header(result: StudyResult) -> str:
     machine, inputs = result.machine, result.inputs
-    names = {"high": "dense mesh", "low": "light mesh", "scene": "scene"}
+    names = {"high": "high-poly mesh", "low": "low-poly mesh", "scene": "scene"}
     given = ", ".join(f"{names[key]} <b>{escape(name)}</b>" for key, name in inputs.items())
-    on = given or "meshes and scenes made by code, most of which have a closed form"
+    on = given or "generated meshes and scenes, most of which have a closed form"
     quick = (
-        " A quick run over a small range: look, do not conclude." if result.options.quick else ""
+        " This was a quick run over a small range: draw no conclusions from it."
+        if result.options.quick
+        else ""
     )
     return (
         f"<p>Measured on {on}.{quick}</p>\n"
@@ -101,7 +103,7 @@ def _summary(result: StudyResult) -> str:
                 f'<td class="words">{escape(next_step(item, best))}</td></tr>\n'
             )
     return (
-        '<div class="wide"><table>\n<tr><th>Knob</th><th class="words">pays up to</th>'
+        '<div class="wide"><table>\n<tr><th>Knob</th><th class="words">pays off up to</th>'
         '<th>error there</th><th>time there</th><th class="words">the next step</th></tr>\n'
         f"{''.join(rows)}</table></div>\n"
     )
@@ -118,7 +120,7 @@ def _skipped(result: StudyResult) -> str:
 def _section(result: KnobResult, plot: Plot) -> str:
     knob = result.knob
     found = "".join(f"<li>{escape(text)}</li>" for text in findings(result))
-    words = "rays of their own" if result.truth == "rays" else result.truth
+    words = "separate rays" if result.truth == "rays" else result.truth
     return (
         f'<section id="{knob.name}">\n<h2>{escape(knob.title)}</h2>\n<p>{escape(knob.about)}</p>\n'
         f'<p class="faint">On: {escape(result.subject)}.</p>\n'
@@ -142,8 +144,8 @@ def _table(result: KnobResult) -> str:
     return (
         f'<div class="wide"><table>\n<tr><th>setting</th><th>{escape(result.knob.error)}{unit}'
         f"</th><th>time</th><th>memory</th>{heads}</tr>\n{rows}</table></div>\n"
-        '<p class="faint">Bold: on the Pareto front. Shaded: where it stops paying. Time is the '
-        "median of the rounds, with the range; memory is how far it rose at its peak.</p>\n"
+        '<p class="faint">Bold: on the Pareto front. Shaded: where it stops paying off. Time is '
+        "the median of the rounds, with the range; memory is by how much it rose at its peak.</p>\n"
     )
 
 
@@ -172,18 +174,18 @@ def _crops(result: KnobResult) -> str:
 
 
 def _titled(svg: str, title: str) -> str:
-    """SVG with what it is called for those who do not see it."""
+    """Add a title to an SVG, for those who cannot see it."""
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(title)}" ', 1)
 
 
 def _footer(result: StudyResult) -> str:
     return (
         "<section>\n<h2>How it was measured</h2>\n"
-        "<p>Settings of a knob are run in rounds in which each comes once, in an order that "
-        "changes from round to round, so that what disturbs the machine for a while disturbs them "
-        f"all; up to {result.options.repeats} rounds, fewer for slow settings, after one that "
-        f"counts only for settings that take more than {result.options.seconds:g} s in it. Only "
-        "the work itself is timed, not the comparison with the truth. Memory is "
-        "the peak of what is resident above what was before. All figures are in study.json and "
-        "study.csv beside this page.</p>\n</section>\n"
+        "<p>The settings of a knob run in rounds, once in each round, in an order that changes "
+        "from round to round, so that what disturbs the machine for a while disturbs all settings. "
+        f"There are up to {result.options.repeats} rounds, fewer for slow settings. A first round "
+        f"before them counts only for settings that take more than {result.options.seconds:g} s. "
+        "Only the work itself is timed, not the comparison with the truth. Memory is the peak of "
+        "resident memory above what it was before. All figures are in study.json and study.csv "
+        "beside this page.</p>\n</section>\n"
     )

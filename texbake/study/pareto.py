@@ -1,8 +1,8 @@
-"""Which settings are worth their time: the Pareto front, and where it stops paying.
+"""Which settings are worth their time: the Pareto front, and where it stops paying off.
 
-Based on: Pareto's order: a point is on the front if none is both no slower and no worse. How much a
-step along it pays is its exponent p, error ~ seconds^-p: with p = 1 twice the time halves the
-error, with p = 1/2 four times the time does.
+A point is on the front if no other is at least as fast and as accurate. How much a step along the
+front pays off is its exponent p in error ~ seconds^-p: with p = 1 twice the time halves the error,
+with p = 1/2 four times the time does.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-# A step pays if four times the time at least halves the error.
+# A step pays off if four times the time at least halves the error.
 PAYS = 0.5
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points (seconds, error) that none beats, by rising time and falling error.
+    """Return the indices of the points (seconds, error) that no other beats, fastest first.
 
-    Of equal points the first is taken; points that are not finite never are.
+    Of equal points the first is taken; points that are not finite are left out.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def payoff(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """Exponent p of the step from one point of a front to a later one; infinite if it is free.
+    """Return the exponent p of the step from a point of a front to a later one; inf if free.
 
     Examples
     --------
@@ -49,9 +49,9 @@ def payoff(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def knee(points: Sequence[tuple[float, float]], front: Sequence[int]) -> int | None:
-    """Index of the point of a front beyond which no step pays; None for an empty front.
+    """Return the index of the point of a front beyond which no step pays off; None if empty.
 
-    Each step is taken that pays `PAYS`, over points between that would not have.
+    Each step is taken whose exponent is at least `PAYS`, also over points between that do not pay.
     """
     if not front:
         return None

@@ -1,4 +1,4 @@
-"""Plots of error against seconds, log-log: the Pareto front drawn, every point labelled."""
+"""Plots of error over time on logarithmic scales, with Pareto fronts and labeled points."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Colors that the color-blind tell apart, after Okabe and Ito, "Color universal design", 2008.
+# Colors that color-blind people can tell apart: Okabe, Ito, "Color universal design", 2008.
 COLORS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#5B4FA0", "#7A7A7A",
 )  # fmt: skip
 _FRONT, _INK, _GRID = "#222222", "#333333", "#e3e3e3"
-# What an error of 0 is drawn at, in least errors above 0.
+# Where an error of 0 is drawn, as a share of the smallest error above 0.
 _ZERO = 0.2
 _DPI = 150
-# Mantissas of ticks, the most first.
+# Mantissas of ticks, from the most to the fewest.
 _STEPS = (
     tuple(tenths / 10.0 for tenths in range(10, 100)),
     (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9),
@@ -41,7 +41,7 @@ _STEPS = (
     (1,),
 )
 _MOST_TICKS = 8
-# Inches that frames of many and of few points are high.
+# Heights in inches of frames with many and with few points.
 _CROWDED, _SPARSE, _MANY = 6.5, 3.6, 12
 _STYLE = {
     "font.family": "sans-serif",
@@ -60,7 +60,7 @@ _STYLE = {
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot as `svg`, without anything that a page need not have, and as `png`."""
+    """A plot as `svg`, ready to be put into a page, and as `png`."""
 
     svg: str
     png: bytes
@@ -70,7 +70,7 @@ def check_matplotlib() -> None:
     """Raise `DependencyError` if plots cannot be drawn."""
     if find_spec("matplotlib") is None:
         raise DependencyError(
-            "matplotlib: the plots of a study need it and it is not here; install it with: "
+            "matplotlib: it is not installed, and the plots of a study need it; install it with: "
             'pip install "texbake[study]"'
         )
 
@@ -87,7 +87,7 @@ def knob_plot(result: KnobResult) -> Plot:
 
 
 def all_plot(results: Sequence[KnobResult]) -> Plot:
-    """Plot all settings of all knobs, errors of one kind in one frame."""
+    """Plot all settings of all knobs, with errors of one kind in one frame."""
     kinds = list(dict.fromkeys(result.knob.kind for result in results))
     kinds.sort(key=lambda kind: -sum(len(r.measurements) for r in results if r.knob.kind == kind))
     with _style():
@@ -130,7 +130,7 @@ def _draw(
     *,
     label_size: float,
 ) -> None:
-    """Points with the range of their times, lines along series, and the front of them all."""
+    """Draw points with the range of their times, lines along series, and the fronts."""
     floor = _floor([item.error for result in results for item in result.measurements])
     texts = []
     for result in results:
@@ -166,7 +166,7 @@ def _draw(
 
 
 def _draw_front(axes: Axes, points: list[tuple[float, float]], floor: float) -> None:
-    """A staircase: what error is to be had by each time."""
+    """Draw a front as steps: the least error that can be had in each time."""
     if len(points) > 1:
         seconds, errors = zip(*points, strict=True)
         axes.step(
@@ -175,7 +175,7 @@ def _draw_front(axes: Axes, points: list[tuple[float, float]], floor: float) -> 
 
 
 def _floor(errors: list[float]) -> float:
-    """Height at which an error of 0 is drawn; 0 where there is none."""
+    """Return the height at which an error of 0 is drawn; 0 if there is no such error."""
     above = [error for error in errors if error > 0.0]
     if not above:
         return 1.0
@@ -183,7 +183,7 @@ def _floor(errors: list[float]) -> float:
 
 
 def _widen(axes: Axes, texts: list[Any], floor: float) -> None:
-    """Room about the points for their labels, and ticks also where no power of ten lies."""
+    """Make room around the points for their labels, and set ticks between powers of ten."""
     for values, set_limits in (
         ([text[0] for text in texts], axes.set_xlim),
         ([text[1] for text in texts], axes.set_ylim),
@@ -199,7 +199,7 @@ def _widen(axes: Axes, texts: list[Any], floor: float) -> None:
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """Round numbers within limits, so many that they can be read and few enough to fit."""
+    """Return round numbers within limits, as many as fit."""
     powers = range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
     for steps in _STEPS:
         ticks = [step * 10.0**power for power in powers for step in steps]
@@ -264,7 +264,7 @@ def _as_plot(figure: Figure, name: str) -> Plot:
 
 
 def _inline(svg: str, name: str) -> str:
-    """SVG for the inside of a page: no header, no addresses, identifiers of its own."""
+    """Return the SVG for the inside of a page: no header, no addresses, unique identifiers."""
     svg = svg[svg.index("<svg") :]
     for pattern, words in (
         (r"<metadata>.*?</metadata>", ""),
@@ -274,6 +274,6 @@ def _inline(svg: str, name: str) -> str:
         (r'href="#', f'href="#{name}-'),
     ):
         svg = re.sub(pattern, words, svg, flags=re.DOTALL)
-    # The page says how large it is.
+    # The page sets its size.
     head, rest = svg.split(">", 1)
     return re.sub(r'\s(width|height)="[^"]*"', "", head) + ">" + rest

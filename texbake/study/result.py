@@ -1,4 +1,4 @@
-"""What a study measured, and its files: JSON with everything, CSV with a line a setting."""
+"""What a study measured, and its files: JSON with everything, CSV with one line per setting."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import statistics
 from dataclasses import dataclass, field
 from typing import Any
 
-from texbake.study.knob import Knob, Outcome, Setting
+from texbake.study.knob import Judgment, Knob, Setting
 from texbake.study.options import StudyOptions
 from texbake.study.pareto import knee, pareto_front
 from texbake.study.runner import Trial
@@ -41,21 +41,21 @@ class Measurement:
     Attributes
     ----------
     setting : Setting
-    outcome : Outcome
+    outcome : Judgment
     seconds : tuple of float
-        Of each timed run.
+        Time of each timed run.
     peak_bytes : int or None
         How far resident memory rose above what it was before.
     """
 
     setting: Setting
-    outcome: Outcome
+    outcome: Judgment
     seconds: tuple[float, ...]
     peak_bytes: int | None
 
     @classmethod
     def of(cls, trial: Trial) -> Measurement:
-        """Return what a trial came to."""
+        """Return the measurements of a trial."""
         return cls(trial.setting, trial.outcome, tuple(trial.seconds), trial.peak_bytes)
 
     @property
@@ -74,7 +74,7 @@ class Measurement:
         return self.median, self.error
 
     def to_json(self) -> dict[str, Any]:
-        """Return all figures by name; what is not finite becomes None."""
+        """Return all figures by name; those that are not finite become None."""
         return {
             "setting": self.setting.label,
             "series": self.setting.series,
@@ -97,7 +97,7 @@ class KnobResult:
     ----------
     knob : Knob
     subject, truth, truth_text : str
-        As its `Bench` told them.
+        As in its `Bench`.
     measurements : tuple of Measurement
     """
 
@@ -109,7 +109,7 @@ class KnobResult:
 
     @property
     def problems(self) -> list[list[int]]:
-        """Settings by the problem that they compete in, in their order."""
+        """Indices of settings, for each problem that they compete in."""
         found: dict[str, list[int]] = {}
         for i, item in enumerate(self.measurements):
             found.setdefault(item.setting.problem, []).append(i)
@@ -117,17 +117,17 @@ class KnobResult:
 
     @property
     def fronts(self) -> list[list[int]]:
-        """For each problem the settings that none beats, quicker ones first."""
+        """For each problem, the settings that no other beats, faster ones first."""
         return [self._in(items, pareto_front(self._points(items))) for items in self.problems]
 
     @property
     def front(self) -> list[int]:
-        """All of those."""
+        """The settings of all fronts."""
         return [i for front in self.fronts for i in front]
 
     @property
     def knees(self) -> list[int]:
-        """For each problem the setting beyond which no more time pays."""
+        """For each problem, the setting beyond which more time does not pay off."""
         found = []
         for items in self.problems:
             points = self._points(items)
@@ -160,7 +160,7 @@ class KnobResult:
         }
 
     def rows(self) -> list[list[Any]]:
-        """Return the lines of the CSV file, as far as `CSV_COLUMNS` go."""
+        """Return the lines of the CSV file, for `CSV_COLUMNS`."""
         front, knees = set(self.front), set(self.knees)
         return [
             [
@@ -186,7 +186,7 @@ class KnobResult:
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """Everything that `study` measured.
+    """Everything that a study measured.
 
     Attributes
     ----------
@@ -197,7 +197,7 @@ class StudyResult:
         What it ran on.
     knobs : tuple of KnobResult
     seconds : float
-        Of everything.
+        Time of the whole study.
     skipped : dict of str to str
         Names of the knobs that could not be studied on what was given, and why.
     """
@@ -223,10 +223,10 @@ class StudyResult:
         }
 
     def to_csv(self) -> str:
-        """Return a table with a line a setting.
+        """Return a table with one line per setting.
 
-        After `CSV_COLUMNS` comes a column for each other figure that any knob told, under its own
-        name, empty where a setting has none or it is not finite.
+        `CSV_COLUMNS` are followed by a column for each other figure that any knob measured, by its
+        name; it is empty where a setting has no such figure or it is not finite.
         """
         settings = [m for item in self.knobs for m in item.measurements]
         names = dict.fromkeys(name for m in settings for name in m.outcome.figures)

@@ -1,10 +1,10 @@
 """Runs the settings of a knob in interleaved rounds and times them.
 
 A machine warms up, slows down and is used by others meanwhile. So settings are not timed one after
-the other, each a few times, but in rounds in which each comes once, in an order that changes from
-round to round: what disturbs the machine for a while disturbs them all. Median and range of the
-rounds are told. A round before them judges the products, and is counted only for settings that
-are slow; whatever has to be compiled or read is compiled and read in it.
+another, several times each, but in rounds in which each setting runs once, in an order that changes
+from round to round: what disturbs the machine for a while disturbs all settings. The median and the
+range of the rounds are reported. A round before them judges the products, and compiles and reads
+whatever has to be; its time is counted only for settings that are slow.
 
 Based on: Georges, Buytaert, Eeckhout, "Statistically rigorous Java performance evaluation", OOPSLA
 2007 (rounds, ranges instead of a best time); Kalibera, Jones, "Rigorous benchmarking in reasonable
@@ -18,29 +18,30 @@ import random
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
 
-from texbake.study.knob import Bench, Outcome, Setting
-from texbake.study.memory import with_peak_memory
+from texbake.study.knob import Bench, Judgment, Setting
 
 LEAST_RUNS = 2
 
 
 @dataclass(eq=False)
 class Trial:
-    """A setting with what it took so far.
+    """A setting with its measurements so far.
 
     Attributes
     ----------
     setting : Setting
-    outcome : Outcome
+    outcome : Judgment
     peak_bytes : int or None
-        Memory of the first timed run, in which nothing is compiled or read any more.
+        Peak memory of the first timed run, in which nothing is compiled or read any more.
     seconds : list of float
-        Of the timed runs, in their order.
+        Time of each timed run.
     """
 
     setting: Setting
-    outcome: Outcome
+    outcome: Judgment
     peak_bytes: int | None
     seconds: list[float] = field(default_factory=list)
 
@@ -63,15 +64,15 @@ def run_bench(
     repeats
         Timed runs of each setting.
     seconds
-        A setting whose timed runs have taken as long together is run no more, once it has been
-        timed twice. A first run that alone takes as long is counted as a timed one: what quicker
-        settings before it have not compiled yet is nothing beside it.
+        A setting that has been timed twice is not run again once its timed runs add up to this. A
+        first run that takes longer than this counts as a timed one: what it may still have had to
+        compile is little beside it.
     seed
-        Of the orders.
+        Seed of the random orders.
     advance
-        Told of each finished run.
+        Called with 1 after each run.
     clock
-        Seconds.
+        Returns seconds.
 
     Returns
     -------
@@ -81,7 +82,7 @@ def run_bench(
     trials = [_first_run(bench, setting, seconds, clock, advance) for setting in bench.settings]
     least = min(repeats, LEAST_RUNS)
     for number in range(repeats):
-        gc.collect()  # what earlier rounds left is not this one's to clear away
+        gc.collect()  # so that no round clears away what earlier ones have left
         for trial in _shuffled(trials, f"{seed} {number}"):
             if len(trial.seconds) < repeats and (
                 len(trial.seconds) < least or sum(trial.seconds) < seconds
@@ -102,7 +103,7 @@ def _first_run(
     def work() -> tuple[object, float]:
         return _timed(lambda: bench.work(setting.value), clock)
 
-    # Kept where there is no other: of a setting that is slow, in a study of one round.
+    # This peak is kept where there is no other: for a slow setting in a study of one round.
     (product, taken), peak = with_peak_memory(work)
     trial = Trial(setting, bench.judge(setting.value, product), peak)
     if taken > seconds:
@@ -139,3 +140,41 @@ def _shuffled(trials: list[Trial], seed: str) -> list[Trial]:
     order = list(trials)
     random.Random(seed).shuffle(order)
     return order
+
+
+Result = TypeVar("Result")
+
+_STATUS = Path("/proc/self/status")
+_CLEAR = Path("/proc/self/clear_refs")
+_RESET_PEAK = "5"
+
+
+def with_peak_memory(work: Callable[[], Result]) -> tuple[Result, int | None]:
+    """Run `work`; return its result, and by how many bytes resident memory rose at its peak.
+
+    The peak that Linux keeps is reset first. None where the system cannot do that.
+    """
+    gc.collect()
+    _return_freed_memory()
+    try:
+        _CLEAR.write_text(_RESET_PEAK, encoding="ascii")
+        before = _status_bytes("VmRSS")
+    except (OSError, IndexError, ValueError):
+        return work(), None
+    result = work()
+    return result, max(_status_bytes("VmHWM") - before, 0)
+
+
+def _return_freed_memory() -> None:
+    """Make the C library return freed memory to the system, which would hide a later peak."""
+    import ctypes
+
+    try:
+        ctypes.CDLL(None).malloc_trim(0)
+    except (OSError, AttributeError, TypeError):  # not the GNU C library
+        return
+
+
+def _status_bytes(field: str) -> int:
+    status = _STATUS.read_text(encoding="ascii", errors="replace")
+    return int(status.split(f"{field}:")[1].split()[0]) * 1024

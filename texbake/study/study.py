@@ -1,4 +1,4 @@
-"""What accuracy costs in time: knobs tried over their ranges, on one's own meshes and scene."""
+"""What accuracy costs in time: each knob tried over its range, on your own meshes and scene."""
 
 from __future__ import annotations
 
@@ -32,53 +32,54 @@ def run_study(
     options: StudyOptions | None = None,
     progress: ProgressSink | None = None,
 ) -> StudyResult:
-    """Measure what settings buy in accuracy, and what they cost in time and memory.
+    """Measure how accurate settings are, and how much time and memory they cost.
 
     Parameters
     ----------
     high, low
-        A pair to bake. The light mesh gets an atlas if it has none. None: an orange of known form.
+        A pair to bake. The low-poly mesh is unwrapped if it has no texture coordinates. None for a
+        generated orange of known shape.
     scene
-        Drawn by the knobs that can take one, in the light of the studio if it has none of its own.
-        None: scenes whose pictures have a closed form.
+        Drawn by the knobs that can use one, under studio lighting if it has no lights. None for
+        scenes whose pictures have a closed form.
     options
         None for `StudyOptions()`.
     progress
-        Told of each knob, run by run.
+        Gets the progress of each knob, run by run.
 
     Returns
     -------
     StudyResult
-        Errors are the same in every run of a study, but for those of settings that are given a time
-        and not a bound; times are those of the machine.
+        Errors are the same in every run of a study, except those of settings with a time budget;
+        times depend on the machine.
 
     Raises
     ------
     OptionError
         One mesh of the pair is missing.
     MeshError
-        None of the knobs can be studied on what is given. Where only some cannot, they are left
-        out, and the result says why.
+        None of the knobs can be studied on what is given. If only some cannot, they are left out
+        and the result says why.
     TexbakeError
-        What the work itself raises.
+        As the work itself does.
     """
     options = options or StudyOptions()
     if (high is None) != (low is None):
-        raise OptionError("study: a pair is a dense and a light mesh; give both, or none")
+        raise OptionError("study: a pair is a high-poly and a low-poly mesh; give both, or none")
     start = time.perf_counter()
     shown = None if scene is None else with_lighting(scene)
     case = Case(high, low, shown, quick=options.quick, threads=options.threads)
     stages = Stages(progress)
-    found = {name: _studied(name, case, options, stages) for name in options.ordered_knobs}
-    skipped = {name: item.reason for name, item in found.items() if isinstance(item, Unfit)}
-    if len(skipped) == len(found):
+    results = {name: _studied(name, case, options, stages) for name in options.ordered_knobs}
+    skipped = {name: item.reason for name, item in results.items() if isinstance(item, Unfit)}
+    if len(skipped) == len(results):
         name, reason = next(iter(skipped.items()))
         raise MeshError(f"study {name}: {reason}; study other knobs or meshes")
     return StudyResult(
         options=options,
         inputs=_inputs(high, low, scene),
         machine=_machine(options),
-        knobs=tuple(item for item in found.values() if isinstance(item, KnobResult)),
+        knobs=tuple(item for item in results.values() if isinstance(item, KnobResult)),
         skipped=skipped,
         seconds=time.perf_counter() - start,
     )
@@ -100,9 +101,7 @@ def _studied(name: str, case: Case, options: StudyOptions, stages: Stages) -> Kn
     finally:
         bench.close()
     if not all(math.isfinite(trial.outcome.error) for trial in trials):
-        return Unfit(
-            f"nothing of {bench.subject} is seen where it is compared, so that it has no error"
-        )
+        return Unfit(f"nothing of {bench.subject} shows where it is compared, so it has no error")
     return KnobResult(
         knob=knob,
         subject=bench.subject,

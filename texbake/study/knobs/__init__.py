@@ -1,7 +1,7 @@
-"""The knobs, one module each, and the one list of them; to add a knob, add a module and its name.
+"""The knobs, by subject: to add one, write it in a module of its subject and list it here.
 
-A module has the knob's name with `_` for `-` and holds it as `KNOB`. It is imported when the knob
-is studied.
+A knob is the constant of its module that has its name, in capitals and with `_KNOB` behind it. Its
+module is imported when it is studied.
 """
 
 from __future__ import annotations
@@ -11,10 +11,29 @@ from importlib import import_module
 from texbake.study.knob import Knob
 from texbake.study.options import KNOB_NAMES
 
-__all__ = ["KNOB_NAMES", "knob_named"]
+__all__ = ["KNOB_NAMES", "MODULES", "knob_named"]
+
+MODULES = {
+    "texture-size": "baked_maps",
+    "samples": "baked_maps",
+    "bit-depth": "baked_maps",
+    "ray-direction": "low_poly_mesh",
+    "low-poly": "low_poly_mesh",
+    "atlas-quality": "low_poly_mesh",
+    "bump-gradient": "bumps",
+    "bump-form": "bumps",
+    "surface-detail": "displacement",
+    "tessellation": "displacement",
+    "texture-lookup": "textures",
+    "interpolation": "textures",
+    "noise": "textures",
+    "environment": "lighting",
+    "shadow-map": "lighting",
+}
 
 
 def knob_named(name: str) -> Knob:
     """Return the knob of one of `KNOB_NAMES`."""
-    knob: Knob = import_module(f"{__name__}.{name.replace('-', '_')}").KNOB
+    module = import_module(f"{__name__}.{MODULES[name]}")
+    knob: Knob = getattr(module, f"{name.replace('-', '_').upper()}_KNOB")
     return knob

@@ -1,1 +1,1 @@
-"""What settings are held against: closed forms, rays at any point, slow references."""
+"""What settings are compared with: closed forms, rays from any point, slow references."""

@@ -1,23 +1,26 @@
-"""How far a picture is from another, and small pictures that show what a setting does."""
+"""How far a picture is from another, crops of pictures, and what pixels see in closed form."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.camera import Camera
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render
+from texbake.rendering.scene.lights import Shadow
+from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import encode_srgb
 
 FloatImage = npt.NDArray[np.float32]
 
-# Pixels a side of the crops.
+# Pixels along one side of the crops.
 CROP = 200
 _ZOOM = 4.0
 
@@ -25,14 +28,14 @@ _ZOOM = 4.0
 def picture_error(
     picture: FloatImage, truth: FloatImage, where: npt.NDArray[np.bool_] | None = None
 ) -> float:
-    """Root mean square difference in 8-bit steps of what a screen shows, of 255.
+    """Return the root mean square difference in the 255 steps of an 8-bit screen.
 
     Parameters
     ----------
     picture, truth : (H, W, 3 or 4) float32
-        Linear light; a fourth channel is not looked at.
+        Linear light; a fourth channel is ignored.
     where : (H, W) bool, optional
-        Pixels that count.
+        Pixels to compare; None for all.
     """
     difference = 255.0 * (
         encode_srgb(picture[..., :3]).astype(np.float64) - encode_srgb(truth[..., :3])
@@ -49,7 +52,7 @@ def close_up(
     zoom: float = _ZOOM,
     threads: int | None = None,
 ) -> FloatImage:
-    """(CROP, CROP, 3) float32: the middle of a mesh with its maps, from near by."""
+    """(CROP, CROP, 3) float32 picture of the middle of a mesh with its maps, close up."""
     options = RenderOptions(width=CROP, height=CROP, supersampling=2)
     camera = Camera.framing(mesh, options=options)
     near = replace(camera, fov=2.0 * math.atan(math.tan(camera.fov / 2.0) / zoom))
@@ -67,10 +70,10 @@ def close_up(
 def crop(
     picture: FloatImage, center: tuple[float, float] = (0.5, 0.5), zoom: int = 1
 ) -> FloatImage:
-    """(CROP, CROP, 3): a part of a picture, each pixel drawn `zoom` times as wide and high.
+    """(CROP, CROP, 3) part of a picture, each pixel drawn `zoom` times as wide and high.
 
-    `center` is in shares of the width and the height, from the upper left; the part is moved so
-    that it lies inside the picture. A smaller picture is drawn larger until it fills the crop.
+    `center` is given in shares of the width and the height, from the upper left; the part is moved
+    to lie inside the picture. A picture that is too small is enlarged until it fills the crop.
     """
     height, width = picture.shape[:2]
     zoom = max(zoom, math.ceil(CROP / min(height, width)))
@@ -81,3 +84,110 @@ def crop(
     )
     part = picture[top : top + side, left : left + side, :3]
     return np.ascontiguousarray(part.repeat(zoom, axis=0).repeat(zoom, axis=1)[:CROP, :CROP])
+
+
+def sight_rays(
+    camera: Camera, width: int, height: int, *, right: float = 0.0, down: float = 0.0
+) -> FloatArray:
+    """(H, W, 3) directions of view in world space, one unit deep along the view axis.
+
+    `right` and `down` are offsets in pixels from the middle of each pixel.
+    """
+    corner, to_right, to_below = camera.view_rays(width, height)
+    columns = (np.arange(width) + 0.5 + right)[None, :, None]
+    rows = (np.arange(height) + 0.5 + down)[:, None, None]
+    return np.asarray(corner + columns * to_right + rows * to_below)
+
+
+def ball_points(
+    camera: Camera, rays: FloatArray, middle: FloatArray, radius: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return where rays (..., 3) from the camera first meet a ball.
+
+    Returns
+    -------
+    points : (..., 3) float64
+        For a ray that misses, where it comes nearest.
+    cosines : (...) float64
+        Cosine of the viewing angle; 0 for a ray that misses.
+    """
+    units = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    to_middle = middle - camera.eye
+    along = units @ to_middle
+    inside = np.maximum(along**2 - to_middle @ to_middle + radius**2, 0.0)
+    points = camera.eye + units * (along - np.sqrt(inside))[..., None]
+    cosines = -np.einsum("...k,...k->...", points - middle, units) / radius
+    return points, np.where(inside > 0.0, cosines, 0.0)
+
+
+_EYE = (0.0, 0.35, 0.0)
+_TARGET = (0.0, 0.0, -1.2)
+_FOV = math.radians(40.0)
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The plane y = 0 with coordinates u = x, v = -z, in a picture of `width` x `height`."""
+
+    width: int
+    height: int
+
+    @property
+    def camera(self) -> Camera:
+        """Looks at the floor at a grazing angle; the horizon lies above the picture."""
+        return Camera.looking_at(_EYE, _TARGET, fov=_FOV, near=0.01)
+
+    def rays(self, right: float = 0.0, down: float = 0.0) -> FloatArray:
+        """(H, W, 3) directions of view; see `sight_rays`."""
+        return sight_rays(self.camera, self.width, self.height, right=right, down=down)
+
+    def uvs(self, right: float = 0.0, down: float = 0.0) -> FloatArray:
+        """(H · W, 2) texture coordinates that pixels see."""
+        rays = self.rays(right, down).reshape(-1, 3)
+        points = self.camera.eye + rays * (self.camera.eye[1] / -rays[:, 1])[:, None]
+        return np.stack([points[:, 0], -points[:, 2]], axis=1)
+
+    def changes(self) -> npt.NDArray[np.float32]:
+        """(H · W, 4) float32 exact du/dx, dv/dx, du/dy, dv/dy for one pixel.
+
+        u and v are quotients of functions that are linear over the picture.
+        """
+        here, eye = self.rays().reshape(-1, 3), self.camera.eye
+        to_right = (self.rays(right=1.0) - self.rays()).reshape(-1, 3)
+        to_below = (self.rays(down=1.0) - self.rays()).reshape(-1, 3)
+        columns = [
+            sign * -eye[1] * (step[:, axis] * here[:, 1] - here[:, axis] * step[:, 1])
+            / here[:, 1] ** 2
+            for step in (to_right, to_below)
+            for axis, sign in ((0, 1.0), (2, -1.0))
+        ]  # fmt: skip
+        return np.stack(columns, axis=1).astype(np.float32)
+
+
+def with_width(options: RenderOptions, width: int) -> RenderOptions:
+    """Return options of a picture of another width and the same shape."""
+    height = max(round(width * options.height / options.width), 1)
+    return replace(options, width=width, height=height)
+
+
+def has_image(scene: Scene) -> bool:
+    """Whether a slot of any material holds an image, whose lookups can be filtered."""
+    return any(
+        isinstance(getattr(item.material, slot.name), ImageTexture)
+        for item in scene.objects
+        for slot in fields(item.material)
+    )
+
+
+def has_shadow(scene: Scene) -> bool:
+    """Whether any light casts shadows."""
+    return any(light.shadow is not None for light in scene.lighting.lights)
+
+
+def with_shadows(scene: Scene, shadow: Shadow) -> Scene:
+    """Return the scene with other shadow maps for all lights that have one."""
+    lights = tuple(
+        light if light.shadow is None else replace(light, shadow=shadow)
+        for light in scene.lighting.lights
+    )
+    return replace(scene, lighting=replace(scene.lighting, lights=lights))

@@ -1,9 +1,12 @@
-"""Truth at any point of a light mesh: a ray cast from that very point, with no texture between.
+"""The truth about maps: a ray cast from any point of a low-poly mesh, or very many in a texel.
 
-Probes are spread evenly over the light mesh. At each, a ray goes where a bake's would go, and what
-it finds is the truth: the normal and the height of the dense mesh, or of the closed form that it
-was made from. A map is held against it as a renderer reads it: looked up bilinearly at the probe's
-coordinates, and turned from tangent space with interpolated normals and tangents.
+Probes are spread evenly over the low-poly mesh. From each a ray is cast as in a bake, and what it
+hits is the truth: the normal and the height of the high-poly mesh, or of the closed form that this
+was made from. A map is read as a renderer reads it: looked up bilinearly at the coordinates of the
+probe, and turned from tangent space with interpolated normals and tangents.
+
+The mean normal over a texel adds up all rays before anything is normalized: a mean of unit means
+would count parts with differing normals for too much.
 """
 
 from __future__ import annotations
@@ -15,22 +18,28 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.distances import measure_reach
+from texbake.baking.hits import Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps import MAPS
+from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
+from texbake.baking.trace import Trace
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
+from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
-from texbake.study.case import Pair
+from texbake.study.case import StudyPair
 from texbake.texture.lookup import lookup
 
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """Points on a light mesh with coordinates, and what lies there on the dense one.
+    """Points on an unwrapped low-poly mesh, and what the high-poly mesh is like there.
 
     Attributes
     ----------
@@ -38,11 +47,11 @@ class Probes:
     faces : (n,) int32
     barycentrics : (n, 3) float64
     normals : (n, 3) float64
-        True ones, unit, model space.
+        True unit normals in model space.
     heights : (n,) float64
-        True ones along the ray, model units, positive outwards.
-    dense_deg : float
-        By how much the dense mesh itself is off in the mean, in degrees: no map of it is better.
+        True heights along the ray, in model units, positive outwards.
+    high_deg : float
+        Mean error of the high-poly mesh itself, in degrees: no map of it is more accurate.
     """
 
     low: Mesh
@@ -50,18 +59,18 @@ class Probes:
     barycentrics: FloatArray
     normals: FloatArray
     heights: FloatArray
-    dense_deg: float
+    high_deg: float
 
     @cached_property
     def uvs(self) -> FloatArray:
-        """(n, 2) float64: texture coordinates."""
+        """(n, 2) float64 texture coordinates."""
         return np.asarray(
             np.einsum("nc,ncx->nx", self.barycentrics, self.low.corner_uvs()[self.faces])
         )
 
     @cached_property
     def frames(self) -> FloatArray:
-        """(n, 3, 3) float64: rows T, B, N as a renderer interpolates them, not normalized."""
+        """(n, 3, 3) float64 rows T, B, N as a renderer interpolates them, not normalized."""
         normals, corners = shading_normals(self.low)
         tangents = corner_tangents(self.low) if self.low.tangents is None else self.low.tangents
         t4 = tangents[self.faces].astype(np.float64)
@@ -70,28 +79,28 @@ class Probes:
         return np.stack([t, np.cross(n, t) * t4[:, 0, 3:], n], axis=1)
 
     def normal_errors(self, tangent_normals: npt.NDArray[np.float32]) -> FloatArray:
-        """(n,) degrees between the truth and a tangent-space normal map (H, W, 3)."""
+        """(n,) angles in degrees between the truth and a tangent-space normal map (H, W, 3)."""
         read = lookup(tangent_normals, self.uvs).astype(np.float64)
         return angles_deg(np.einsum("nk,nkx->nx", read, self.frames), self.normals)
 
     def height_errors(self, heights: npt.NDArray[np.float32]) -> FloatArray:
-        """(n,) model units between the truth and a displacement map (H, W, 1)."""
+        """(n,) differences in model units between the truth and a displacement map (H, W, 1)."""
         return np.abs(lookup(heights, self.uvs)[:, 0].astype(np.float64) - self.heights)
 
 
 def angles_deg(vectors: FloatArray, units: FloatArray) -> FloatArray:
-    """(n,) degrees between vectors of any length but 0 and unit vectors, exact for small ones."""
+    """(n,) angles in degrees between nonzero vectors and unit vectors, exact for small ones."""
     lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     away = vectors / np.where(lengths > 0.0, lengths, 1.0)[:, None] - units
     chords = np.sqrt(np.einsum("ij,ij->i", away, away))
     return np.asarray(np.degrees(2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))))
 
 
-def probe(pair: Pair, n: int, *, kind: str = "smooth", threads: int | None = None) -> Probes:
-    """Cast a ray from each of about `n` points of a light mesh.
+def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None = None) -> Probes:
+    """Cast a ray from each of about `n` points of a low-poly mesh.
 
-    Points whose ray finds nothing are left out, and so are those at which the closed form, where
-    there is one, is only touched.
+    Points whose ray misses are left out, and so are those whose ray only touches the closed form,
+    if there is one.
     """
     high, low = pair.high, pair.low
     _, faces, barycentrics = sample_surface(low, n, threads=threads)
@@ -104,18 +113,18 @@ def probe(pair: Pair, n: int, *, kind: str = "smooth", threads: int | None = Non
             np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])
         )
         rays = field.rays(samples)
-        found = scene.cast(rays)
+        hits = scene.cast(rays)
     finally:
         scene.close()
-    heights = (rays.fronts - found.distances) / frame.scale
-    hit = found.faces != NO_HIT
+    heights = (rays.fronts - hits.distances) / frame.scale
+    hit = hits.faces != NO_HIT
     high_normals, high_corners = shading_normals(high, threads=threads)
-    b = found.barycentrics
+    b = hits.barycentrics
     weights = np.column_stack([1.0 - b.sum(axis=1), b])
-    normals = np.einsum("nc,ncx->nx", weights, high_normals[high_corners[found.faces]])
+    normals = np.einsum("nc,ncx->nx", weights, high_normals[high_corners[hits.faces]])
     truth = normals
     if pair.surface is not None:
-        points = _points_on(high, found.faces, weights)
+        points = _points_on(high, hits.faces, weights)
         exact, settled = pair.surface.hits(points, rays.directions)
         truth = pair.surface.normals(exact)
         heights -= np.einsum("ij,ij->i", exact - points, rays.directions)
@@ -127,19 +136,67 @@ def probe(pair: Pair, n: int, *, kind: str = "smooth", threads: int | None = Non
     return Probes(low, faces[hit], barycentrics[hit], truth, heights[hit], off)
 
 
-def truth_of(pair: Pair, probes: Probes) -> tuple[str, str]:
-    """Return which truth the probes of a pair tell, and a sentence on it."""
+def truth_of(pair: StudyPair, probes: Probes) -> tuple[str, str]:
+    """Return the kind of truth that the probes of a pair have, and a sentence on it."""
     if pair.surface is not None:
         return "closed form", (
-            "At points spread evenly over the light mesh, a ray of its own meets the formula that "
-            "the dense mesh was made from; its normal and height there are the truth. The dense "
-            f"mesh's own normals are off by {probes.dense_deg:.3f}° there, which no map gets below."
+            "From points spread evenly over the low-poly mesh, rays are cast at the formula that "
+            "the high-poly mesh was made from; its normal and height there are the truth. The "
+            f"normals of the high-poly mesh itself are off by {probes.high_deg:.3f}° there, and no "
+            "map is more accurate."
         )
     return "rays", (
-        "At points spread evenly over the light mesh, a ray of its own is cast into the dense "
-        "mesh; what it finds is the truth, and no texture stands between."
+        "From points spread evenly over the low-poly mesh, rays are cast at the high-poly mesh; "
+        "what they hit is the truth, without a texture between."
     )
 
 
 def _points_on(mesh: Mesh, faces: IntArray, weights: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nc,ncx->nx", weights, mesh.positions[mesh.faces[faces]]))
+
+
+# Finer texels along one side of each texel, and their samples: a grid of 16 x 16 in all.
+_FINER, _SAMPLES = 2, 64
+N_RAYS = _FINER**2 * _SAMPLES
+
+
+def mean_normals(
+    pair: StudyPair, size: int, *, threads: int | None = None
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Return the directions of the mean normals over the texels of a square map.
+
+    Parameters
+    ----------
+    pair
+        Traced like a bake with the default options.
+    size
+        Texels along one side.
+
+    Returns
+    -------
+    means : (size, size, 3) float64
+        Unit vectors in tangent space, over the covered part of a texel; 0 where nothing was hit.
+    known : (size, size) bool
+        Where there is a mean.
+    """
+    options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)
+    inputs = BakeInputs(pair.high, pair.low, options)
+    sums = np.zeros((size * size, 3))
+    for hits in Trace(pair.high, pair.low, options, None, Stages()).hits():
+        _add(hits.where(hits.high_faces != NO_HIT), inputs, size, sums)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    means = sums / np.where(lengths > 0.0, lengths, 1.0)
+    return means.reshape(size, size, 3), (lengths > 0.0).reshape(size, size)
+
+
+def _add(hits: Hits, inputs: BakeInputs, size: int, sums: FloatArray) -> None:
+    """Add the normals of some hits, whose texels are the finer ones."""
+    if not len(hits):
+        return
+    rows, columns = np.divmod(hits.texel_ids, _FINER * size)
+    texels = (rows // _FINER) * size + columns // _FINER
+    # A trace goes row by row, so these are few of all texels.
+    first, stop = int(texels.min()), int(texels.max()) + 1
+    values = MAPS["normal"].values(hits, inputs)
+    for axis in range(3):
+        sums[first:stop, axis] += np.bincount(texels - first, values[:, axis], stop - first)

@@ -3,17 +3,16 @@
 import numpy as np
 import pytest
 
-from texbake.study.against import savings, seconds_for
-from texbake.study.knob import Knob, Outcome, Setting
+from texbake.study.findings import findings, savings, seconds_for
+from texbake.study.knob import Judgment, Knob, Setting
 from texbake.study.result import KnobResult, Measurement
-from texbake.study.words import findings
 
 
 def result(baseline="fixed"):
     knob = Knob("k", "K", "about", "error", "°", "angle", "nothing", lambda case: None, baseline)
 
     def item(label, series, seconds, error):
-        return Measurement(Setting(label, label, series), Outcome(error), (seconds,), None)
+        return Measurement(Setting(label, label, series), Judgment(error), (seconds,), None)
 
     items = (
         item("1", "fixed", 1.0, 8.0),

@@ -1,13 +1,15 @@
-"""Surfaces known as a radius in every direction: where a ray meets them, and their normals.
+"""Surfaces known in closed form: a radius in every direction, or heights over a square.
 
-Based on: the gradient of |p| - r(p / |p|) for the normal. Of r only values are known, so its slopes
-are central differences, whose error, about h^2 = 1e-10 radians, is far below what any map holds.
+Radial surfaces take their normals from the gradient of |p| - r(p / |p|). Only values of r are
+known, so its slopes are central differences, whose error of about h^2 = 1e-10 radians is far below
+what any map holds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,13 +18,13 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 _STEP = 1e-5  # radians
 _ROUNDS = 12
-# In radii: what counts as on the surface.
+# Distance in radii that counts as on the surface.
 _ON_SURFACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class RadialSurface:
-    """A surface about the origin.
+    """A surface around the origin, given by its radii.
 
     Attributes
     ----------
@@ -33,7 +35,7 @@ class RadialSurface:
     radii: Callable[[FloatArray], FloatArray]
 
     def normals(self, points: FloatArray) -> FloatArray:
-        """(n, 3) outward unit normals at points (n, 3) in whose directions they are wanted."""
+        """(n, 3) outward unit normals in the directions of points (n, 3)."""
         out = _unit(points)
         along, up = _across(out)
         r = self.radii(out)
@@ -47,7 +49,7 @@ class RadialSurface:
         return self.radii(np.cos(angle) * out + np.sin(angle) * axis)
 
     def mesh(self, directions: FloatArray, faces: IntArray, name: str) -> Mesh:
-        """Triangles between points of the surface, with its own normals there."""
+        """Return triangles between points of the surface, with its exact normals there."""
         positions = directions * self.radii(directions)[:, None]
         return Mesh(
             positions=positions,
@@ -60,7 +62,7 @@ class RadialSurface:
     def hits(
         self, starts: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Where lines meet the surface near points that lie close to it.
+        """Return where lines meet the surface near points that lie close to it.
 
         Parameters
         ----------
@@ -72,15 +74,15 @@ class RadialSurface:
         Returns
         -------
         points : (n, 3) float64
-        found : (n,) bool
-            Whether Newton's method came to rest on the surface; a line that only touches it, or
-            passes it by, has no such point.
+        converged : (n,) bool
+            Whether Newton's method converged to a point of the surface; for a line that only
+            touches it, or passes by, it does not.
         """
         points = np.array(starts)
         for _ in range(_ROUNDS):
             slope = np.einsum("ij,ij->i", self.normals(points), directions)
             out = _unit(points)
-            # Distance along the normal, by the height over the surface along the radius.
+            # Distance along the normal, from the height over the surface along the radius.
             off = self._height(points) * np.einsum("ij,ij->i", self.normals(points), out)
             step = np.where(np.abs(slope) > 1e-3, off / np.where(slope == 0.0, 1.0, slope), 0.0)
             points -= np.clip(step, -0.05, 0.05)[:, None] * directions
@@ -115,8 +117,47 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 
 def _across(out: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors at right angles to each of (n, 3) unit vectors and to one another."""
+    """Return two unit vectors at right angles to each of (n, 3) unit vectors and to each other."""
     least = np.zeros_like(out)
     least[np.arange(len(out)), np.abs(out).argmin(axis=1)] = 1.0
     along = _unit(np.cross(least, out))
     return along, np.cross(out, along)
+
+
+# Waves over the unit square: whole periods along x and y, so that they tile; phase; amplitude.
+_WAVES = ((3, 2, 0.4, 0.012), (-5, 7, 1.3, 0.005), (11, -4, 2.1, 0.0025), (13, 17, 0.7, 0.001))
+_TURN = 2.0 * np.pi
+
+
+def wave_heights(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return heights h(x, y) of a few waves, in the precision of the coordinates."""
+    return sum((a * np.sin(_angle(x, y, m, n, p)) for m, n, p, a in _WAVES), start=0 * x)
+
+
+def wave_slopes(
+    x: npt.NDArray[Any], y: npt.NDArray[Any]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Return the slopes dh/dx and dh/dy of the waves."""
+    turns = [(m, n, a * np.cos(_angle(x, y, m, n, p))) for m, n, p, a in _WAVES]
+    along = sum((x.dtype.type(_TURN * m) * c for m, _, c in turns), start=0 * x)
+    up = sum((x.dtype.type(_TURN * n) * c for _, n, c in turns), start=0 * x)
+    return along, up
+
+
+def wave_normals(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """(..., 3) unit normals of the waves, x to the right and y up."""
+    along, up = wave_slopes(x, y)
+    normals = np.stack([-along, -up, np.ones_like(along)], axis=-1)
+    return np.asarray(normals / np.sqrt(np.square(normals).sum(axis=-1, keepdims=True)))
+
+
+def texel_grid(size: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return x and y, (size, size) each, of the texels of an image; row 0 is the top."""
+    middles = (np.arange(size) + 0.5) / size
+    x, y = np.meshgrid(middles, middles[::-1])
+    return x, y
+
+
+def _angle(x: npt.NDArray[Any], y: npt.NDArray[Any], m: int, n: int, p: float) -> npt.NDArray[Any]:
+    of = x.dtype.type
+    return np.asarray(of(_TURN * m) * x + of(_TURN * n) * y + of(p))

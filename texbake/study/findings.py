@@ -1,12 +1,13 @@
-"""Numbers and findings in words."""
+"""What a study found, in words."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from texbake.pages.words import duration, number
-from texbake.study.against import savings
-from texbake.study.pareto import payoff
+from texbake.study.pareto import pareto_front, payoff
 from texbake.study.result import KnobResult, Measurement
 
 
@@ -16,14 +17,14 @@ def amount(x: float, unit: str) -> str:
 
 
 def spread(item: Measurement) -> float:
-    """How far the times lie from their median at most, as a share of it."""
+    """Return how far the times lie from their median at most, as a share of it."""
     middle = item.median
     away = max(max(item.seconds) - middle, middle - min(item.seconds))
     return away / middle if middle else 0.0
 
 
 def findings(result: KnobResult) -> list[str]:
-    """Sentences on what a knob buys, what it costs, and where it stops paying."""
+    """Say in sentences what a knob gains, what it costs, and where it stops paying."""
     sentences = []
     for front, best in zip(result.fronts, result.knees, strict=True):
         sentences += _on_front(result, front, best)
@@ -39,13 +40,13 @@ def findings(result: KnobResult) -> list[str]:
 def _on_front(result: KnobResult, front: list[int], best: int) -> list[str]:
     unit = result.knob.unit
     first, kept, last = (result.measurements[i] for i in (front[0], best, front[-1]))
-    told = f"“{first.setting.label}” is the quickest: {amount(first.error, unit)} in "
-    told += f"{duration(first.median)}"
+    fastest = f"“{first.setting.label}” is the fastest: {amount(first.error, unit)} in "
+    fastest += f"{duration(first.median)}"
     if len(front) == 1:
-        return [f"{told}; nothing slower is more accurate."]
+        return [f"{fastest}; nothing slower is more accurate."]
     sentences = []
     if kept is first:
-        sentences.append(f"{told}, and nothing slower pays.")
+        sentences.append(f"{fastest}, and nothing slower pays off.")
     else:
         sentences.append(
             f"From “{first.setting.label}” to “{kept.setting.label}” the error falls from "
@@ -54,12 +55,12 @@ def _on_front(result: KnobResult, front: list[int], best: int) -> list[str]:
         )
     if kept is not last:
         sentences.append(
-            f"Beyond “{kept.setting.label}” it stops paying: “{last.setting.label}” takes "
+            f"Beyond “{kept.setting.label}” it stops paying off: “{last.setting.label}” takes "
             f"{_times(last.median / kept.median)} the time for {amount(last.error, unit)}"
             f"{_times_less(kept, last)}."
         )
     elif not first.setting.problem:
-        sentences.append("It pays to the end of the range that was tried.")
+        sentences.append("It pays off to the end of the range that was tried.")
     return sentences
 
 
@@ -81,7 +82,7 @@ def _times(ratio: float) -> str:
 
 
 def next_step(result: KnobResult, best: int) -> str:
-    """What the first step beyond a setting of the front would bring, in a few words."""
+    """Say in a few words what the next setting on the front would gain."""
     front = next(front for front in result.fronts if best in front)
     rest = front[front.index(best) + 1 :]
     if not rest:
@@ -94,3 +95,65 @@ def next_step(result: KnobResult, best: int) -> str:
         f"{there.setting.label}: −{number(share)} % error for "
         f"{_times(there.median / here.median)} the time"
     )
+
+
+@dataclass(frozen=True)
+class Saving:
+    """A series that reaches the error of a setting of the baseline, in less or more time.
+
+    Attributes
+    ----------
+    series : str
+        The series.
+    setting : Measurement
+        The setting of the baseline.
+    share : float
+        Share of that setting's time.
+    is_most : bool
+        Whether it takes that share at most: its fastest setting is already as accurate.
+    """
+
+    series: str
+    setting: Measurement
+    share: float
+    is_most: bool
+
+
+def savings(result: KnobResult) -> list[Saving]:
+    """Compare each other series of a knob with every setting of its baseline that it matches."""
+    baseline = result.knob.baseline
+    series = dict.fromkeys(item.setting.series for item in result.measurements)
+    found = []
+    for name in series if baseline else ():
+        if name == baseline:
+            continue
+        points = [item.point for item in result.measurements if item.setting.series == name]
+        for item in result.measurements:
+            seconds = seconds_for(points, item.error) if item.setting.series == baseline else None
+            if seconds is not None:
+                is_most = seconds == min(points)[0]
+                found.append(Saving(name, item, seconds / item.median, is_most))
+    return found
+
+
+def seconds_for(points: Sequence[tuple[float, float]], error: float) -> float | None:
+    """Return the seconds at which points (seconds, error) reach an error; None if none does.
+
+    Between two points the error is taken to fall as a power of the time, which is a straight line
+    on logarithmic scales.
+
+    Examples
+    --------
+    >>> seconds_for([(1.0, 8.0), (4.0, 2.0)], 4.0)
+    2.0
+    """
+    front = [points[i] for i in pareto_front(points)]
+    for k, (seconds, reached) in enumerate(front):
+        if reached > error:
+            continue
+        if k == 0 or reached <= 0.0:
+            return seconds
+        before, was = front[k - 1]
+        part = math.log(was / error) / math.log(was / reached)
+        return float(before * (seconds / before) ** part)
+    return None

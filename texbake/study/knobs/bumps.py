@@ -1,0 +1,201 @@
+"""Knobs of bump mapping: how slopes are taken from heights, and how they turn normals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import FloatArray
+from texbake.mesh.shapes import uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.lights import Ambient, Light, Lighting
+from texbake.rendering.scene.material import BumpMap, Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
+from texbake.study.case import Case
+from texbake.study.knob import (
+    Bench,
+    Judgment,
+    Knob,
+    Setting,
+)
+from texbake.study.truth.pictures import ball_points, crop, sight_rays
+from texbake.study.truth.probes import angles_deg
+from texbake.study.truth.surfaces import RadialSurface, texel_grid, wave_heights, wave_normals
+from texbake.texture.height_options import HeightToNormalOptions
+from texbake.texture.heights_and_normals import height_to_normal
+from texbake.texture.lookup import lookup
+
+_BUMP_GRADIENT_SIZES = (64, 128, 256, 512, 1024)
+_BUMP_GRADIENT_QUICK_SIZES = (32, 64)
+_FORWARD, _ANALYTIC = "forward", "analytic"
+_METHODS = (_FORWARD, "central", "sobel", "scharr", _ANALYTIC)
+
+Floats = npt.NDArray[np.float32]
+
+
+def _bump_gradient_bench(case: Case) -> Bench:
+    sizes = case.choose(_BUMP_GRADIENT_SIZES, _BUMP_GRADIENT_QUICK_SIZES)
+    grids = {size: tuple(axis.astype(np.float32) for axis in texel_grid(size)) for size in sizes}
+    # The heights themselves are exact: only what is made from them is judged.
+    heights = {size: wave_heights(*texel_grid(size)).astype(np.float32) for size in sizes}
+    points = np.random.default_rng(0).random((case.choose(200_000, 5_000), 2))
+    truth = wave_normals(points[:, 0], points[:, 1])
+
+    def work(value: tuple[str, int]) -> Floats:
+        method, size = value
+        if method == _ANALYTIC:
+            return np.asarray(wave_normals(*grids[size]), np.float32)
+        if method == _FORWARD:
+            return forward_normals(heights[size])
+        options = HeightToNormalOptions(scale=1.0, derivative=method)
+        return height_to_normal(heights[size], options)
+
+    def judge(value: tuple[str, int], normals: Floats) -> Judgment:
+        read = lookup(normals, points, threads=case.threads).astype(np.float64)
+        angles = angles_deg(read, truth)
+        direction = np.array([-0.5, 0.5, 0.707], np.float32)
+        shade = np.clip(normals @ direction, 0.0, 1.0)[..., None].repeat(3, axis=2)
+        return Judgment(
+            error=float(angles.mean()),
+            picture=crop(shade[: max(len(shade) // 4, 1), : max(len(shade) // 4, 1)]),
+            figures={"angle, maximum (°)": float(angles.max())},
+        )
+
+    return Bench(
+        subject="four waves over the unit square, as heights in float32",
+        truth="closed form",
+        truth_text="The slopes of the waves by calculus, at points between texels, where normals "
+        "are read bilinearly.",
+        settings=tuple(
+            Setting(f"{method} 1/{size}", (method, size), method)
+            for size in sizes
+            for method in _METHODS
+        ),
+        work=work,
+        judge=judge,
+    )
+
+
+def forward_normals(heights: Floats) -> Floats:
+    """(H, W, 3) normals from the difference to the next texel, as textbooks define bump mapping.
+
+    It is the slope half a texel further on, so its error is proportional to the step, where that of
+    a central difference is proportional to its square.
+    """
+    along_x = (np.roll(heights, -1, axis=1) - heights) * np.float32(heights.shape[1])
+    up_y = (np.roll(heights, 1, axis=0) - heights) * np.float32(heights.shape[0])
+    normals = np.stack([-along_x, -up_y, np.ones_like(heights)], axis=-1)
+    return np.asarray(normals / np.sqrt(np.square(normals).sum(axis=-1, keepdims=True)))
+
+
+BUMP_GRADIENT_KNOB = Knob(
+    name="bump-gradient",
+    title="Gradient of a bump map",
+    about="Slopes of a height map from differences over one texel (1/64 to 1/1024 of its width), "
+    "and by calculus. A forward difference is the slope half a texel too far; Sobel and Scharr "
+    "average across, which suppresses noise and blurs exact heights.",
+    error="angle of the normal, mean",
+    unit="°",
+    kind="angle",
+    needs="nothing",
+    prepare=_bump_gradient_bench,
+)
+
+
+_FORMS = ("blinn", "exact")
+_BUMP_FORM_SIZES = (0.01, 0.03, 0.1, 0.3)
+_BUMP_FORM_QUICK_SIZES = (0.01, 0.1)
+# Every so many rows and columns, for a crop that shows the whole ball.
+_SKIPPED = 2
+_EYE = (4.0, 0.0, 0.6)
+# Cosine of the viewing angle below which the polygons of the ball show.
+_LEAST_COSINE = 0.4
+
+
+def _bump_form_bench(case: Case) -> Bench:
+    side = case.choose(400, 80)
+    n_lat = case.choose(256, 64)
+    ball = uv_sphere(n_lat, 2 * n_lat)
+    heights = _heights(case.choose(1024, 256)).astype(np.float32)[..., None]
+    texture = ImageTexture(image=heights, filter="bilinear", wrap="repeat")
+    camera = Camera.looking_at(
+        _EYE, (0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=math.radians(30.0), near=0.01
+    )
+    options = RenderOptions(width=side, height=side, supersampling=1)
+    lighting = Lighting(
+        lights=(Light(direction=(-1.0, 0.7, -0.8)),), ambient=Ambient(color=(0.08, 0.08, 0.1))
+    )
+    points, cosines = ball_points(camera, sight_rays(camera, side, side), np.zeros(3), 1.0)
+    seen = cosines > _LEAST_COSINE
+
+    def work(value: tuple[str, float]) -> Frame:
+        form, size = value
+        material = Material(
+            shading="lambert", bump_map=BumpMap(texture=texture, height=size, form=form)
+        )
+        scene = Scene(objects=(SceneObject(mesh=ball, material=material),), lighting=lighting)
+        return draw(prepare(scene, options, threads=case.threads), camera, keep=("normals",))
+
+    def judge(value: tuple[str, float], frame: Frame) -> Judgment:
+        truth = _surface(value[1]).normals(points[seen])
+        angles = angles_deg(frame.normals[seen].astype(np.float64), truth)
+        return Judgment(
+            error=float(angles.mean()),
+            picture=crop(frame.color[::_SKIPPED, ::_SKIPPED]),
+            figures={"angle, maximum (°)": float(angles.max())},
+        )
+
+    sizes = case.choose(_BUMP_FORM_SIZES, _BUMP_FORM_QUICK_SIZES)
+    return Bench(
+        subject=f"a ball of radius 1 with bumps of height d, {side} x {side} pixels",
+        truth="closed form",
+        truth_text="The normal of the surface r = 1 + d in the direction of each pixel's point on "
+        "the ball, where the viewing angle is less than 66°.",
+        settings=tuple(
+            Setting(f"{form}, d = {size:g}", (form, size), form, f"d = {size:g}")
+            for size in sizes
+            for form in _FORMS
+        ),
+        work=work,
+        judge=judge,
+    )
+
+
+def _waves(out: FloatArray) -> FloatArray:
+    """Return heights from -1 to 1 in the directions (..., 3)."""
+    x, y, z = np.moveaxis(out, -1, 0)
+    return np.asarray(0.5 * (np.sin(7.0 * y) * np.cos(5.0 * z) + np.sin(4.0 * x + 6.0 * z)))
+
+
+def _surface(size: float) -> RadialSurface:
+    return RadialSurface(lambda out: 1.0 + size * _waves(out))
+
+
+def _heights(rows: int) -> FloatArray:
+    """(rows, 2 rows) heights of the waves over the coordinates of `uv_sphere`."""
+    theta = math.pi * (np.arange(rows) + 0.5)[:, None] / rows
+    phi = math.pi * (np.arange(2 * rows) + 0.5)[None, :] / rows
+    out = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi], -1
+    )
+    return _waves(out)
+
+
+BUMP_FORM_KNOB = Knob(
+    name="bump-form",
+    title="Form of bump mapping",
+    about="Blinn's first-order form ignores that the surface under the bumps is curved itself, "
+    "which is harmless while heights are small compared with its radius. The exact form keeps "
+    "those terms.",
+    error="angle of the normal, mean",
+    unit="°",
+    kind="angle",
+    needs="nothing",
+    prepare=_bump_form_bench,
+)
