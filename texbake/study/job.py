@@ -9,11 +9,11 @@ from texbake.mesh.files import read_mesh
 from texbake.pages.words import duration
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.read import read_scene
+from texbake.study.findings import amount
 from texbake.study.options import StudyOptions
 from texbake.study.plots import check_matplotlib
 from texbake.study.result import StudyResult
 from texbake.study.study import run_study
-from texbake.study.words import amount
 from texbake.study.write import write_study
 
 
