@@ -330,7 +330,7 @@ def test_a_damaged_result_that_many_steps_read_is_made_again_once(
     assert heard[-1].done == heard[-1].total == 12
     assert heard[-2].seconds_left == 0.0
     (note,) = result.assets[0].steps[0].notes
-    assert "damaged and made again" in note
+    assert "damaged and was made again" in note
 
 
 def test_a_damaged_result_under_real_workers(rotten: Path) -> None:
@@ -388,7 +388,7 @@ def test_outputs_that_were_changed_or_removed_are_put_back(
     result, steps = run(scans)
     assert steps == [] and contents(folder) == before
     notes = [note for asset in result.assets for step in asset.steps for note in step.notes]
-    assert notes == ["1 of its outputs were missing or changed, and put back"] * 2
+    assert notes == ["1 of its outputs were missing or changed and were restored"] * 2
 
 
 def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:

@@ -103,7 +103,7 @@ def test_a_cluster_of_which_one_worker_is_killed(
             cluster.scheduler.wait()
 
     options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "lost")
-    with pytest.raises(FileError, match="the scheduler has gone; what is done is kept"):
+    with pytest.raises(FileError, match="the scheduler has disappeared; build again"):
         build(path, options, listener=end)
     result, steps = run(path, folder=tmp_path / "lost")
     assert result.ok and len(steps) < 18

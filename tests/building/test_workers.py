@@ -73,7 +73,7 @@ def test_a_killed_worker_is_replaced_and_its_step_done(workers: Workers, write: 
     steps = [asset.steps[0] for asset in result.assets]
     assert sorted(step.attempts for step in steps) == [1, 1, 2]
     (noted,) = [step for step in steps if step.attempts == 2]
-    assert noted.notes == ("its worker ended, and another did it",)
+    assert noted.notes == ("its worker ended; another one ran it",)
     assert killed[0] not in crew.process_ids
 
 
@@ -207,7 +207,7 @@ def test_an_answer_that_is_none_fails_its_step(
         patch.setattr(sys, "executable", str(babbler))
         crew.submit(0, orange_task(tmp_path, 0, 100))
         ((_, outcome),) = crew.finished(20)
-    assert outcome.status == "failed" and "answer is not one: JSONDecodeError" in outcome.error
+    assert outcome.status == "failed" and "gave no valid answer: JSONDecodeError" in outcome.error
     crew.submit(1, orange_task(tmp_path, 1, 100))  # by another
     ((_, outcome),) = crew.finished(60)
     assert outcome.status == "done"

@@ -1,4 +1,4 @@
-"""The assets of a pipeline: tables with patterns to names and files."""
+"""The assets of a pipeline: names and files from tables with patterns and names in braces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PipelineAsset:
     ----------
     name : str
     rule : AssetRule
-        The table that it comes from.
+        The table that defines it.
     inputs : dict of str to str
         Path or URL of each input.
     """
@@ -36,14 +36,14 @@ class PipelineAsset:
 
 
 def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAsset]:
-    """All assets, or those whose names match, in the order of the file and then by path.
+    """Return all assets, or those whose names match, in the order of the file and then by path.
 
     Raises
     ------
     FileFormatError
         A pattern matches nothing, or two assets have one name.
     OptionError
-        `only` names none.
+        A name in `only` matches no asset.
     """
     assets: dict[str, PipelineAsset] = {}
     for rule in pipeline.rules:
@@ -60,13 +60,13 @@ def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAs
 
 
 def _is(name: str, pattern: str) -> bool:
-    """Whether it is the name or a pattern of it; names may have brackets."""
+    """Whether a pattern is a name, which may have brackets, or matches it."""
     return name == pattern or fnmatchcase(name, pattern)
 
 
 def _near(pattern: str, names: dict[str, PipelineAsset]) -> str:
-    told = nearest(pattern, names)
-    return told if len(told) < 200 else f"there are {len(names):,}"
+    known = nearest(pattern, names)
+    return known if len(known) < 200 else f"there are {len(names):,}"
 
 
 def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[PipelineAsset]:
@@ -99,14 +99,14 @@ def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[PipelineAsset]:
 
 
 def _values(path: str) -> dict[str, str]:
-    """What stands for names in braces of an asset with this first input."""
+    """Return the values of names in braces for an asset with this first input."""
     folder, file = path.rsplit("/", 1) if is_url(path) else os.path.split(path)
     stem = os.path.splitext(file)[0]  # noqa: PTH122
     return {"stem": stem, "folder": os.path.basename(folder)}  # noqa: PTH119
 
 
 def absolute(pipeline: Pipeline, path: str) -> str:
-    """Path of a name in the pipeline file, which is relative to that; URLs are as they are."""
+    """Return the path of a name that is relative to the pipeline file; URLs are unchanged."""
     return path if is_url(path) else str(pipeline.path.parent / path)
 
 
@@ -120,7 +120,7 @@ def _asset(
         raise pipeline.fault(place, str(error)) from error
     parts = name.split("/")
     if not name or name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
-        raise pipeline.fault(place, f"{name!r} is no name for files; use one without .. and \\")
+        raise pipeline.fault(place, f"{name!r} is not a name for files; use one without .. and \\")
     return PipelineAsset(name, rule, inputs)
 
 
@@ -133,7 +133,7 @@ def _twice(pipeline: Pipeline, one: PipelineAsset, other: PipelineAsset) -> Exce
         return pipeline.fault(
             place,
             f"{sources[0]} and {sources[1]} both give the asset {one.name!r}; "
-            "have the name tell them apart, as '{folder}_{stem}'",
+            "use a name that distinguishes them, such as '{folder}_{stem}'",
         )
     return pipeline.fault(place, f"two assets are called {one.name!r}; give each its own name")
 
@@ -147,10 +147,10 @@ def filled(pattern: str, values: Mapping[str, str]) -> str:
     Raises
     ------
     OptionError
-        A name in braces is not known, or a brace has no other.
+        A name in braces is not known, or a brace is unmatched.
     """
     if {"{", "}"} & set(_PLACE.sub("", pattern)):
-        raise OptionError(f"{pattern!r} has a brace without its other; names are written {{name}}")
+        raise OptionError(f"{pattern!r} has an unmatched brace; names are written {{name}}")
 
     def value(found: re.Match[str]) -> str:
         if found[1] not in values:

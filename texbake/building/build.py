@@ -1,4 +1,4 @@
-"""A pipeline file to everything that it describes: what changed runs again, nothing else."""
+"""Builds everything that a pipeline file describes; only steps whose inputs changed run again."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ _MEMORY_SHARE = 0.8
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """What a build would do about one step.
+    """What a build would do with one step.
 
     Attributes
     ----------
     asset, step, kind : str
     state : str
-        `current`, `runs`, `may run` (it waits for one that runs) or `fails`.
+        `current`, `runs`, `may run` (a step before it runs) or `fails`.
     why : str
     """
 
@@ -71,12 +71,12 @@ def build(
     listener: BuildListener | None = None,
     workers: Executor | None = None,
 ) -> BuildResult:
-    """Build the assets of a pipeline file, as far as they are not built yet.
+    """Build those assets of a pipeline file that are not up to date.
 
     Parameters
     ----------
     path
-        Of the pipeline file.
+        The pipeline file.
     options
         None for `BuildOptions()`.
     html, command
@@ -89,16 +89,16 @@ def build(
     Returns
     -------
     BuildResult
-        Also written as `build.json`. Failures of assets are in it, and raise nothing. Files are the
-        same, byte for byte, for any number of jobs and threads.
+        Also written as `build.json`. It lists assets that failed, which raise nothing. The outputs
+        are the same, byte for byte, for any number of jobs and threads.
 
     Raises
     ------
     FileFormatError
-        Something in the pipeline file is not as it should be.
+        Something in the pipeline file is wrong.
     FileError
-        The folder cannot be written, another build is in it that is not waited for, or the
-        scheduler does not answer or goes away.
+        The folder cannot be written, another build is running in it and `wait` is not set, or the
+        scheduler does not answer or disappears.
     """
     options = options or BuildOptions()
     listener = listener or _nobody
@@ -120,12 +120,12 @@ def build(
 
 
 def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[PlannedStep]:
-    """Tell what `build` would do, and why; nothing is written.
+    """Return what `build` would do, and why; nothing is written.
 
     Raises
     ------
     FileFormatError
-        Something in the pipeline file is not as it should be.
+        Something in the pipeline file is wrong.
     """
     options = options or BuildOptions()
     pipeline = read_pipeline(path)
@@ -136,13 +136,13 @@ def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[Plan
 
 
 class Site:
-    """Where a build has its things.
+    """The folders of a build.
 
     Attributes
     ----------
     folder : Path
     inside : Path
-        What the next build needs to know: the lock, digests, the store unless it is elsewhere.
+        For the next build: the lock, digests, and the store unless it is elsewhere.
     outputs : str
         Folder or URL.
     store : Store
@@ -171,7 +171,7 @@ class Site:
             ignore.write_text("*\n", encoding="utf-8")
 
     def resolver(self, states: dict[Id, StepState]) -> tuple[Resolver, Publisher]:
-        """What says where steps stand, and what puts outputs out."""
+        """Return what finds the state of steps, and what publishes outputs."""
         resolver = Resolver(states, self.store, self.digests, self.last)
         return resolver, Publisher(self.outputs, self.store, self.digests)
 
@@ -194,11 +194,11 @@ def _build(
     states = states_of(plan_nodes(pipeline, assets, site.outputs))
     site.store.clean()
     resolver, publisher = site.resolver(states)
-    told: dict[str, Any] = {
+    begun: dict[str, Any] = {
         "texbake": __version__, "state": RUNNING, "pipeline": str(pipeline.path),
         "started": started, "assets": [],
     }  # fmt: skip
-    write_build_report(site.folder / REPORT, told)
+    write_build_report(site.folder / REPORT, begun)
 
     def result(state: str) -> BuildResult:
         return BuildResult(
@@ -251,17 +251,17 @@ def _run(
 
 
 def _slots(options: BuildOptions, executor: Callable[[], Executor]) -> int:
-    """Steps at once, for estimates; workers of this machine are not made for that."""
+    """Return how many steps run at once, without starting workers on this machine for it."""
     return default_jobs(options) if options.scheduler is None else executor().slots
 
 
 def default_jobs(options: BuildOptions) -> int:
-    """Steps that run at once on this machine."""
+    """Return how many steps run at once on this machine."""
     return options.jobs or default_threads()
 
 
 def local_workers(options: BuildOptions) -> LocalWorkers:
-    """Workers on this machine, as many as the options ask for."""
+    """Return workers on this machine, as the options say."""
     jobs = default_jobs(options)
     return LocalWorkers(jobs, options.threads or max(1, default_threads() // jobs))
 
@@ -270,7 +270,7 @@ def local_workers(options: BuildOptions) -> LocalWorkers:
 def _crew(
     options: BuildOptions, site: Site, workers: Executor | None
 ) -> Iterator[Callable[[], Executor]]:
-    """Make workers when they are asked for, and end those that were made."""
+    """Yield a function that makes workers when they are first needed; end them afterwards."""
     made: list[Executor] = []
 
     def executor() -> Executor:
@@ -289,8 +289,10 @@ def _crew(
     try:
         if options.scheduler is not None:
             if options.jobs is not None:
-                raise OptionError("jobs, scheduler: the cluster's workers say how many; give one")
-            ready = executor()  # a scheduler that is not there is told before anything is begun
+                raise OptionError(
+                    "jobs, scheduler: a cluster sets the number itself; give one of them"
+                )
+            ready = executor()  # a missing scheduler is found before anything is begun
             yield lambda: ready
         else:
             yield executor
@@ -318,8 +320,8 @@ def _planned(
     state.state = progress.CURRENT
     assert state.manifest is not None
     n_missing = len(publisher.missing(state.node, state.manifest))
-    return planned("current", f"{n_missing} outputs are put back" if n_missing else "")
+    return planned("current", f"{n_missing} outputs are restored" if n_missing else "")
 
 
 def _nobody(event: BuildEvent) -> None:
-    """Listen to nothing."""
+    """Ignore an event."""

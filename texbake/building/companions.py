@@ -1,8 +1,8 @@
 """Files that a mesh file names and that are read with it: buffers, materials, images, layers.
 
-Which they are follows from the content of the file alone, and not from which files there are, so
-that it may be remembered as long as that content is: where a line can be read as several names, all
-of them are given.
+They follow from the content of the file alone, and not from which files exist, so that they can be
+remembered as long as the content is the same. A line that can be read as several names gives all
+of them.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _WORD = re.compile(r"(?<!\S)\S")  # where one begins
 
 
 def companions(path: Path) -> list[Path]:
-    """Files that a mesh or .mtl file names itself, in its order; none of other kinds of files.
+    """Return the files that a mesh or .mtl file names, in its order; none for other files.
 
-    Of a USD file they are all that it is composed of, where the library for that is installed, and
-    of images in tiles those that are there.
-    What cannot be read names nothing here: whoever reads the file says what is wrong with it.
+    For a USD file these are all files that it is composed of, if usd-core is installed, and the
+    existing tiles of its images. A file that cannot be read names nothing here; the step that reads
+    it reports the error.
     """
     found: dict[Path, None] = {}
     with suppress(OSError, ValueError, AttributeError, TypeError, KeyError, struct.error):
@@ -48,7 +48,7 @@ def _json_chunk(file: IO[bytes]) -> bytes:
     """First chunk of a binary glTF file."""
     magic, length = struct.unpack("<4s8xI4x", file.read(20))
     if magic != b"glTF":
-        raise ValueError("no binary glTF file")
+        raise ValueError("not a binary glTF file")
     return file.read(length)
 
 
@@ -87,7 +87,7 @@ def _of_usd(path: Path) -> Iterator[Path]:
         from pxr import Tf, UsdUtils
     except ImportError:
         return
-    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # of what is missing
+    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # silences warnings of missing files
     try:
         layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
     except Tf.ErrorException:

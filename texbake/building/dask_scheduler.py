@@ -1,6 +1,6 @@
 """Workers of a Dask cluster, which see the same folders or reach the same URLs.
 
-Dask itself gives a task of a worker that went away to another one.
+Dask itself gives the task of a lost worker to another one.
 
 Based on: Matthew Rocklin, "Dask: parallel computation with blocked algorithms and task scheduling",
 Proceedings of the 14th Python in Science Conference, 2015.
@@ -25,13 +25,13 @@ from texbake.building.task import (
 )
 from texbake.errors import DependencyError, FileError, OptionError
 
-_ANSWER_SECONDS = 10  # for a scheduler to answer at all
+_ANSWER_SECONDS = 10  # within which a scheduler must answer
 _LOUD = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
-_AHEAD = 2  # tasks of each thread that are handed out, so that none waits for this process
+_AHEAD = 2  # tasks submitted per thread, so that no thread waits for this process
 
 
 class SchedulerLostError(FileError):
-    """A scheduler went away in the middle of a build."""
+    """A scheduler disappeared during a build."""
 
 
 class DaskWorkers:
@@ -42,8 +42,8 @@ class DaskWorkers:
     address
         Such as `tcp://host:8786`.
     threads
-        Of each task; None shares the processors of each machine out among the threads that take
-        tasks there.
+        Threads of each task; None divides the processors of each machine among the worker threads
+        there.
 
     Raises
     ------
@@ -61,7 +61,7 @@ class DaskWorkers:
                 'scheduler: dask is missing; install it with: pip install "texbake[dask]"'
             ) from error
         self._address = address
-        for name in _LOUD:  # what they say is told in one line instead
+        for name in _LOUD:  # the build reports errors in one line instead
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             client: Any = distributed.Client
@@ -82,7 +82,7 @@ class DaskWorkers:
         self._futures: dict[int, Any] = {}
 
     def _inspected(self) -> int:
-        """Set the slots; return threads of each task."""
+        """Set the slots; return the threads of each task."""
         workers = self._client.scheduler_info(n_workers=-1)["workers"]
         if not workers:
             raise FileError(
@@ -90,7 +90,7 @@ class DaskWorkers:
             )
         try:
             versions = self._client.run(_version)
-        except Exception as error:  # whatever a worker without texbake raises
+        except Exception as error:  # of any type, raised by a worker without texbake
             raise FileError(
                 f"{self._address}: texbake does not load on a worker: {error}; "
                 f"install texbake {__version__} there"
@@ -111,10 +111,10 @@ class DaskWorkers:
         return max(1, min(processors[host] // taken[host] for host in taken))
 
     def submit(self, number: int, task: Task) -> None:
-        """Hand a task to the scheduler."""
+        """Submit a task to the scheduler."""
         if self._client.status != "running":
             raise self._lost()
-        # A key of its own: the store, and not Dask, knows what has been done before.
+        # A unique key: the store knows what has been made before, not Dask.
         future = self._client.submit(
             run_task, task.to_json(), key=f"texbake-{task.step}-{uuid.uuid4().hex}", pure=False
         )
@@ -122,21 +122,21 @@ class DaskWorkers:
         future.add_done_callback(lambda done: self._note(number, done))
 
     def _note(self, number: int, future: Any) -> None:
-        """Take in what came of a task; called by a thread of Dask's."""
+        """Receive the outcome of a task; called by one of Dask's threads."""
         try:
             outcome = TaskOutcome(**future.result(timeout=_ANSWER_SECONDS))
         except BaseException as error:
-            told = f"its worker ended: {type(error).__name__}: {str(error)[:200]}"
-            outcome = TaskOutcome(status=FAILED, error=" ".join(told.split()))
+            message = f"its worker ended: {type(error).__name__}: {str(error)[:200]}"
+            outcome = TaskOutcome(status=FAILED, error=" ".join(message.split()))
         self._outcomes.put((number, outcome))
 
     def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
-        """Wait until at least one task is done, or the time is over; return those that are.
+        """Wait until a task is done or the timeout is over; return the outcomes of finished tasks.
 
         Raises
         ------
         SchedulerLostError
-            The scheduler has gone.
+            The scheduler has disappeared.
         """
         found = []
         with suppress(queue.Empty):
@@ -150,7 +150,7 @@ class DaskWorkers:
         return found
 
     def close(self) -> None:
-        """Take back what is not done, and leave the scheduler."""
+        """Cancel unfinished tasks, and disconnect from the scheduler."""
         with suppress(Exception):
             self._client.cancel(list(self._futures.values()))
         with suppress(Exception):
@@ -158,19 +158,19 @@ class DaskWorkers:
 
     def _lost(self) -> SchedulerLostError:
         return SchedulerLostError(
-            f"{self._address}: the scheduler has gone; what is done is kept, build again"
+            f"{self._address}: the scheduler has disappeared; build again, finished steps are kept"
         )
 
 
 def _version() -> str:
-    """Version of texbake on a worker."""
+    """Return the version of texbake on a worker."""
     from texbake import __version__ as version
 
     return version
 
 
 def check_shared(place: str) -> None:
-    """Raise where a cluster could not reach a place.
+    """Raise if a cluster cannot reach a place.
 
     Raises
     ------
@@ -178,4 +178,6 @@ def check_shared(place: str) -> None:
         It is in the memory of this process.
     """
     if place.startswith("memory://"):
-        raise OptionError(f"scheduler: {place} is in this process; give a place that all reach")
+        raise OptionError(
+            f"scheduler: {place} is in this process; give a place that all workers can reach"
+        )

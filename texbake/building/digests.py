@@ -34,12 +34,12 @@ def canonical(value: Any) -> bytes:
 
 
 def checksum(value: Any) -> str:
-    """SHA-256 of the canonical JSON of a value."""
+    """Return the SHA-256 of the canonical JSON of a value."""
     return hashlib.sha256(canonical(value)).hexdigest()
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:
-    """SHA-256 of the content of a file.
+    """Return the SHA-256 of a file.
 
     Raises
     ------
@@ -60,9 +60,9 @@ class Digests:
     Parameters
     ----------
     path
-        Of that file. What is not as it should be is read again, and not an error.
+        Of that file. A damaged file is not an error: everything is read again.
     trusting : bool
-        Whether what is remembered is believed; else every file is read once.
+        Whether remembered digests are used; else every file is read once.
     """
 
     def __init__(self, path: Path, *, trusting: bool = True) -> None:
@@ -76,18 +76,18 @@ class Digests:
         self._changed = False
 
     def digest(self, path: str) -> str:
-        """SHA-256 of a file or of what is behind a URL.
+        """Return the SHA-256 of a file, or of the file behind a URL.
 
         Raises
         ------
         FileError
-            It cannot be read, or was changed while it was read.
+            It cannot be read, or changed while it was read.
         """
         signature = _signature(path)
         if signature is None:
             if is_url(path):
                 raise FileError(f"{path}: there is no such file; check its name")
-            require_file(path)  # says what it is instead
+            require_file(path)  # raises what the path is instead
         known = self._known.get(path)
         if known is not None and known[0] == signature:
             return str(known[1])
@@ -99,9 +99,9 @@ class Digests:
         return digest
 
     def companions(self, path: str) -> list[tuple[str, str]]:
-        """Files that are read with a file, each once, and their digests or `MISSING`.
+        """Return the files that are read with a file, and their digests or `MISSING`.
 
-        What a file names is remembered as long as it is unchanged.
+        The names in a file are remembered as long as it is unchanged.
         """
         found: dict[str, str] = {}
         looked = [path]
@@ -115,7 +115,7 @@ class Digests:
     def _digest_if_there(self, path: str) -> str:
         with suppress(FileError):
             return self.digest(path)
-        return MISSING  # for its reader to tell
+        return MISSING  # the reader of the file reports it
 
     def _named(self, path: str) -> list[str]:
         if not path.lower().endswith(SUFFIXES):
@@ -130,19 +130,19 @@ class Digests:
         return names
 
     def is_known(self, path: str, digest: str) -> bool:
-        """Whether a local file has this digest, reading it only if it may have been changed."""
+        """Whether a file has this digest; it is read only if it may have changed."""
         try:
             return self.digest(path) == digest
         except FileError:
             return False
 
     def remember(self, path: str, signature: Any, digest: str) -> None:
-        """Believe that a file with this signature has this digest."""
+        """Remember that a file with this signature has this digest."""
         self._known[path] = [list(signature), digest]
         self._changed = True
 
     def save(self) -> None:
-        """Write what is remembered, whole or not at all."""
+        """Write the remembered digests; the file appears whole or not at all."""
         if self._changed:
             with replacing(self._path) as temporary:
                 kept = {"checksum": checksum(self._known), "files": self._known}
@@ -168,7 +168,7 @@ def _remote_digest(path: str) -> str:
 
 
 def _named_at(url: str) -> list[str]:
-    """URLs of the files that the one behind a URL names; none where it cannot be read."""
+    """Return the URLs that the file behind a URL names; none if it cannot be read."""
     folder, name = url.rsplit("/", 1)
     scheme, _, root = folder.partition("://")
     with tempfile.TemporaryDirectory(prefix="texbake-") as copies, suppress(FileError):
@@ -179,7 +179,7 @@ def _named_at(url: str) -> list[str]:
 
 
 def companion_changed(path: str, digest: str) -> bool:
-    """Whether a file of this machine that is read with another is not what was looked at."""
+    """Whether a file that is read with another one has changed since the build looked at it."""
     try:
         return file_digest(path) != digest
     except FileError:

@@ -1,4 +1,4 @@
-"""Inputs of a step, as files of the machine that does it, which are what was looked at."""
+"""Inputs of a step, as local files of the worker, verified against their checksums."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from texbake.errors import FileError
 
 @dataclass(frozen=True, kw_only=True)
 class TaskInput:
-    """A file that a task takes.
+    """An input of a task.
 
     Attributes
     ----------
     called : str
-        Its name, which meshes and reports have.
+        Its name, which appears in meshes and reports.
     path : str or None
         Path or URL of a file outside the store.
     sha256 : str or None
-        Of that file.
+        Checksum of that file.
     companions : tuple of (str, str)
         Files that are read with it, and their digests or `MISSING`.
     key : str or None
-        Of the stored result that it is an output of.
+        Key of the stored result that it belongs to.
     files : tuple of StoredFile
-        Of that output; several where it is a folder.
+        Files of that output; several if it is a folder.
     """
 
     called: str
@@ -44,35 +44,35 @@ class TaskInput:
 
     @classmethod
     def from_json(cls, item: dict[str, Any]) -> TaskInput:
-        """Input of plain values."""
+        """Return an input from plain values."""
         files = tuple(StoredFile(**file) for file in item["files"])
         companions = tuple((path, digest) for path, digest in item["companions"])
         return cls(**{**item, "files": files, "companions": companions})
 
 
 class DamagedInputError(Exception):
-    """A stored input is not what was stored."""
+    """A stored input no longer matches its checksum."""
 
-    def __init__(self, key: str, told: str) -> None:
-        super().__init__(told)
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(message)
         self.key = key
 
 
 def fetched(store: Store, item: TaskInput, copies: Path) -> Path:
-    """Local file or folder of an input, its content checked.
+    """Return a local file or folder with an input, verified.
 
     Parameters
     ----------
     store, item
     copies
-        An empty folder for what is not on this machine.
+        An empty folder for files that are not on this machine.
 
     Raises
     ------
     DamagedInputError
-        It is stored, and not what was stored.
+        A stored file no longer matches its checksum.
     FileError
-        It is not what was looked at, or cannot be read.
+        A file has changed since the build looked at it, or cannot be read.
     """
     if item.path is None:
         return _stored(store, item, copies)
@@ -95,7 +95,7 @@ def _changed(path: str) -> FileError:
 
 
 def _downloaded(urls: Sequence[str], copies: Path) -> dict[str, Path]:
-    """Copies of files behind URLs, which lie to one another as those do."""
+    """Return copies of files behind URLs, in the same relative folders."""
     parts = {url: [part for part in url.split("/") if part] for url in urls}
     folders = zip(*(found[:-1] for found in parts.values()), strict=False)
     common = len(list(takewhile(lambda names: len(set(names)) == 1, folders)))
@@ -123,7 +123,7 @@ def _stored(store: Store, item: TaskInput, copies: Path) -> Path:
         paths.append(path)
     if len(item.files) == 1 and not item.files[0].path:
         return paths[0]
-    # A folder; where its files were copied, they are put together again.
+    # A folder; copied files are assembled again.
     if store.is_local:
         depth = item.files[0].path.count("/") + 1
         return paths[0].parents[depth - 1]

@@ -1,7 +1,7 @@
-"""The pipeline file: which assets there are, which steps they go through, and where it all goes.
+"""The pipeline file: its assets, the steps that they go through, and where the results go.
 
-Here the tables are checked, one by one. What a step is asked of each asset, and where its inputs
-come from, is for `graph`.
+Here each table is checked by itself. `graph` combines them into the steps of each asset and finds
+where their inputs come from.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ class AssetRule:
     index : int
         Of the table.
     name : str or None
-        Maybe with names in braces.
+        It may have names in braces.
     inputs : dict of str to list of str
-        Paths or patterns of each input; the first tells the assets apart.
+        Paths or patterns of each input; the first one distinguishes the assets.
     steps : tuple of str or None
-        Those wanted; None for all.
+        Steps to run; None for all.
     options : dict
-        Of steps, what differs for these assets.
+        Settings of steps that differ for these assets.
     """
 
     index: int
@@ -66,22 +66,22 @@ class AssetRule:
 
 @dataclass(frozen=True, kw_only=True)
 class StepTable:
-    """A `[steps.NAME]` table with an asset's own options, checked.
+    """A `[steps.NAME]` table with the options of an asset, checked.
 
     Attributes
     ----------
     name : str
     kind : StepKind
     settings : dict
-        Every choice.
+        All options, defaults included.
     inputs : dict of str to list of str
         References by role.
     after : tuple of str
-        Steps that must have succeeded before.
+        Steps that must succeed first.
     output : str or None
-        Pattern of the names of what it makes; None keeps that in the store.
+        Pattern for the names of its outputs; None keeps them in the store only.
     place : tuple
-        Where in the file, for messages.
+        Place in the file, for messages.
     """
 
     name: str
@@ -101,12 +101,12 @@ class Pipeline:
     path : Path
         Absolute.
     folder : Path
-        Where things are built: the lock, the store, what has been built.
+        Folder of the build: the lock, the store, and the outputs.
     store, outputs : str or None
-        Other places for stored results and for outputs: folders or URLs.
+        Other folders or URLs for stored results and for outputs.
     rules : tuple of AssetRule
     steps : dict of str to dict
-        Tables of the steps, of which only `do` is checked yet.
+        Tables of the steps; only their `do` is checked so far.
     """
 
     def __init__(self, path: PathLike, text: str, found: Any) -> None:
@@ -135,12 +135,12 @@ class Pipeline:
         return FileFormatError(f"{self._where(place)}: {place}: {what}")
 
     def step(self, name: str, rule: AssetRule) -> StepTable:
-        """One step with the options that a rule's assets have of their own.
+        """Return a step with the options that the assets of a rule have for it.
 
         Raises
         ------
         FileFormatError
-            Something in it is not as it should be.
+            Something in it is wrong.
         """
         key = (name, rule.index if name in rule.options else -1)
         if key not in self._checked:
@@ -192,16 +192,16 @@ def read_pipeline(path: PathLike) -> Pipeline:
     Raises
     ------
     FileError
-        There is no such file, or it cannot be read.
+        The file is missing or cannot be read.
     FileFormatError
-        It is not TOML, or something in it is not as it should be; the message has line and key.
+        It is not TOML, or something in it is wrong; the message names line and key.
     """
     require_file(path)
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
         content = tomllib.loads(text.replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: it is no pipeline; it is not text in UTF-8") from error
+        raise FileFormatError(f"{path}: it is not a pipeline file: it is not UTF-8 text") from error
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     try:
@@ -217,7 +217,7 @@ def read_pipeline(path: PathLike) -> Pipeline:
 
 
 def _check_names(pipeline: Pipeline) -> None:
-    """Raise where a rule names a step that is not there, or an input is called as a step is."""
+    """Raise where a rule names an unknown step, or an input has the name of a step."""
     for rule in pipeline.rules:
         place = ("assets", rule.index)
         for number, name in enumerate(rule.steps or ()):
@@ -233,7 +233,7 @@ def _check_names(pipeline: Pipeline) -> None:
         for name in rule.inputs:
             if name in pipeline.steps:
                 raise pipeline.fault(
-                    (*place, "inputs", name), "a step has the same name; call one of them otherwise"
+                    (*place, "inputs", name), "a step has the same name; rename one of them"
                 )
         if not rule.inputs and rule.name is None:
             raise pipeline.fault(place, "it has neither inputs nor a name; give one of them")
@@ -241,7 +241,7 @@ def _check_names(pipeline: Pipeline) -> None:
 
 def _word(value: Any) -> str:
     if not isinstance(value, str) or not value or any(sign in value for sign in "./\\{}"):
-        raise fault(f"{shown(value)} is no name; use one without . / \\ and braces")
+        raise fault(f"{shown(value)} is not a name; use one without . / \\ and braces")
     return value
 
 
@@ -259,12 +259,13 @@ def _known_kinds(steps: dict[str, Any]) -> dict[str, Any]:
 
 def _step(value: Any) -> Any:
     if not isinstance(value, dict):
-        raise fault(f"{shown(value)} is no table; give one with: do = ...")
+        raise fault(f"{shown(value)} is not a table; give one with: do = ...")
     if "do" not in value:
         raise key_fault("do", f"it is missing; it is one of {', '.join(STEP_KINDS)}")
     if value["do"] not in STEP_KINDS:
         raise key_fault(
-            "do", f"{shown(value['do'])} is no step; {nearest(str(value['do']), STEP_KINDS)}"
+            "do",
+            f"{shown(value['do'])} is not a kind of step; {nearest(str(value['do']), STEP_KINDS)}",
         )
     return value
 

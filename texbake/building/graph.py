@@ -1,4 +1,4 @@
-"""The steps of each asset, with what they wait for: references become files and other steps."""
+"""The steps of each asset and their dependencies: references become files and other steps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from texbake.rendering.scene.file.faults import nearest
 
 Id = tuple[str, str]
 
-# Names in the folder of outputs that a build may have taken for itself.
+# Names in the folder of outputs that are reserved for the build itself.
 BUILDS_OWN = {"build.json", ".texbake"}
 
 
@@ -50,11 +50,11 @@ class Node:
     inputs : dict of str to tuple of Source
         By role.
     waits_for : tuple of Id
-        Steps that come before.
+        Steps that must end first.
     outputs : dict of str to str
         File name of each output.
     published : dict of str to str
-        Of the outputs that are put out, the name below the folder of outputs.
+        Name of each published output below the folder of outputs.
     """
 
     id: Id
@@ -68,7 +68,7 @@ class Node:
 def plan_nodes(
     pipeline: Pipeline, assets: Sequence[PipelineAsset], outputs: str | None = None
 ) -> dict[Id, Node]:
-    """All steps of all assets, each after those that it waits for.
+    """Return all steps of all assets, each after those that it depends on.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def plan_nodes(
     Raises
     ------
     FileFormatError
-        A reference leads nowhere or in a circle, or two outputs have one name.
+        A reference leads nowhere or in a circle, or two outputs have the same name.
     """
     nodes: dict[Id, Node] = {}
     orders: dict[tuple[str, ...], list[str]] = {}
@@ -94,7 +94,7 @@ def plan_nodes(
 
 
 def _steps_of(pipeline: Pipeline, asset: PipelineAsset) -> dict[str, Node]:
-    """Steps that are wanted, and all that they need."""
+    """Return the steps of an asset's rule, and all steps that they need."""
     wanted = list(pipeline.steps if asset.rule.steps is None else asset.rule.steps)
     found: dict[str, Node] = {}
     while wanted:
@@ -131,7 +131,7 @@ def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
 def _source(
     pipeline: Pipeline, asset: PipelineAsset, table: StepTable, role: str, text: str
 ) -> Source:
-    """What a reference stands for: a step, one of its outputs, an input of the asset, or a file."""
+    """Resolve a reference: a step, one of its outputs, an input of the asset, or a file."""
     name, _, output = text.partition(".")
     if name in pipeline.steps:
         outputs = _outputs_of(pipeline, asset, name)
@@ -167,7 +167,7 @@ def _outputs_of(pipeline: Pipeline, asset: PipelineAsset, name: str) -> dict[str
 def _published(
     pipeline: Pipeline, asset: PipelineAsset, table: StepTable, outputs: dict[str, str]
 ) -> dict[str, str]:
-    """Name of each output below the folder of outputs."""
+    """Return the name of each output below the folder of outputs."""
     if table.output is None:
         return {}
     names = {}
@@ -190,13 +190,13 @@ def _published(
 
 
 def _fault_of(name: str, suffix: str) -> str | None:
-    """What is wrong with the name of an output, which is a file with this suffix."""
+    """Return what is wrong with the name of an output that has this suffix."""
     if name.startswith("/") or "\\" in name or {"", ".", ".."} & set(name.split("/")):
         return f"{name!r} does not lie below the folder of outputs"
     if any(character < " " for character in name):
-        return f"{name!r} has a character that names cannot have"
+        return f"{name!r} has a character that file names cannot have"
     if suffix and PurePosixPath(name).suffix.lower() != suffix:
-        return f"{name!r} ends unlike what it will hold, a {suffix} file; end it with .{{ext}}"
+        return f"{name!r} has the wrong suffix for a {suffix} file; end it with .{{ext}}"
     return None
 
 
@@ -206,14 +206,14 @@ def _ordered(pipeline: Pipeline, found: dict[str, Node]) -> list[str]:
         return list(TopologicalSorter(before).static_order())
     except CycleError as error:
         circle: list[str] = error.args[1]
-        told = " needs ".join(reversed(circle))
+        chain = " needs ".join(reversed(circle))
         raise pipeline.fault(
-            ("steps", circle[-1]), f"the steps wait for one another: {told}"
+            ("steps", circle[-1]), f"the steps wait for one another: {chain}"
         ) from error
 
 
 def _outputs(pipeline: Pipeline) -> str:
-    """Folder or URL where the pipeline puts outputs."""
+    """Return the folder or URL of the outputs."""
     given = pipeline.outputs or str(pipeline.folder)
     return given if is_url(given) else str(pipeline.path.parent / given)
 
@@ -257,7 +257,7 @@ def _check_files(pipeline: Pipeline, owners: dict[str, Node], read: set[str], ro
     for name, node in owners.items():
         if name.split("/")[0] in BUILDS_OWN:
             raise pipeline.fault(
-                (*node.table.place, "output"), f"{name!r} is for the build's own files"
+                (*node.table.place, "output"), f"{name!r} is reserved for the build's own files"
             )
 
 

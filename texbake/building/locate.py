@@ -1,7 +1,7 @@
-"""Lines of the keys of a TOML file, which its parser does not tell.
+"""Line numbers of the keys of a TOML file, which its parser does not report.
 
-A file is cut into statements, each of which is a small TOML file of its own, so that the parser
-itself says what keys it sets.
+The file is cut into statements, each a small TOML file of its own, so that the parser itself says
+which keys each one sets.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ Steps = list[int | str]
 
 
 def key_lines(text: str) -> dict[str, int]:
-    r"""Line, from 1, of every key of a valid TOML text, by its place as messages name it.
+    r"""Return the line, from 1, of every key of a valid TOML text, by its place as in messages.
 
     >>> key_lines('name = "x"\n[[assets]]\nsize.high = 3\n')
     {'name': 1, 'assets[0]': 2, 'assets': 2, 'assets[0].size': 3, 'assets[0].size.high': 3}
 
-    Values that are tables or lists over several lines have all their keys at the first of these.
+    All keys of a table or list that spans several lines are at its first line.
     """
     lines: dict[str, int] = {}
-    tables: dict[str, int] = {}  # how many tables each list of tables has so far
+    tables: dict[str, int] = {}  # number of tables in each list of tables so far
     prefix: Steps = []
     statement, start = "", 1
     for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
@@ -32,7 +32,7 @@ def key_lines(text: str) -> dict[str, int]:
         try:
             content = tomllib.loads(statement)
         except tomllib.TOMLDecodeError:
-            continue  # it goes on in the next line
+            continue  # the statement continues in the next line
         if statement.lstrip().startswith("["):
             prefix = _header(content, tables)
             _note(prefix, {}, start, lines)
@@ -43,7 +43,7 @@ def key_lines(text: str) -> dict[str, int]:
 
 
 def line_of(lines: dict[str, int], place: str) -> int | None:
-    """Line of a place, or of the nearest place around it that has one."""
+    """Return the line of a place, or of the nearest place around it that has one."""
     while place:
         if place in lines:
             return lines[place]
@@ -53,7 +53,7 @@ def line_of(lines: dict[str, int], place: str) -> int | None:
 
 
 def _header(content: dict[str, Any], tables: dict[str, int]) -> Steps:
-    """Steps to the table that a header opens; each list of tables stands for its last one."""
+    """Return the path to the table that a header opens; a list of tables means its last one."""
     steps: Steps = []
     value: Any = content
     while value:

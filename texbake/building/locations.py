@@ -1,4 +1,4 @@
-"""Places for files: folders of this machine, and whatever fsspec reaches by a URL.
+"""Places for files: folders of this machine, and URLs through fsspec.
 
 Based on: fsspec, "Filesystem interfaces for Python", https://filesystem-spec.readthedocs.io.
 """
@@ -19,14 +19,14 @@ from texbake.errors import DependencyError, FileError, TexbakeError
 
 
 def is_url(place: str) -> bool:
-    """Whether a place is a URL and not a path."""
+    """Whether a place is a URL, not a path."""
     return "://" in place
 
 
 class Location(Protocol):
     """A place that holds files by name, with `/` between folders.
 
-    Methods raise `FileError` where the place cannot be reached or written.
+    Methods raise `FileError` if the place cannot be reached or written.
     """
 
     place: str
@@ -35,34 +35,34 @@ class Location(Protocol):
         """Return the full path or URL of a name."""
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file, None where there is none."""
+        """Return the content of a file, None if it is missing."""
 
     def signature(self, name: str) -> tuple[Any, ...] | None:
-        """Return something that changes when a file is written; None where there is no file."""
+        """Return a value that changes when a file is written; None if it is missing."""
 
     def fetch(self, name: str, folder: Path) -> Path:
-        """Return a local file with the content: the file itself, or a copy in `folder`."""
+        """Return a local file: the file itself, or a copy of it in `folder`."""
 
     def put(self, source: Path, name: str) -> None:
-        """Copy a file to a name, whole or not at all."""
+        """Copy a file to a name; it appears whole or not at all."""
 
     def put_folder(self, source: Path, name: str, last: str) -> None:
         """Move a folder to a name; the file `last` in it appears after all others."""
 
     def remove(self, name: str) -> None:
-        """Remove a folder, if it is there."""
+        """Remove a folder if it exists."""
 
 
 def location_of(place: str | os.PathLike[str]) -> Location:
-    """Place of a path or a URL."""
+    """Return the place of a path or a URL."""
     text = os.fspath(place)
     return RemoteFolder(text) if is_url(text) else LocalFolder(text)
 
 
 def file_signature(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
-    """Size, times and number of a local file; None where there is none.
+    """Return the size, times and inode of a local file; None if it is missing.
 
-    The time of change cannot be set back by a program, as the time of modification can.
+    Programs can set back the time of modification, but not the time of change.
     """
     try:
         status = os.stat(path)  # noqa: PTH116  # of many thousands
@@ -72,7 +72,7 @@ def file_signature(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
 
 
 class LocalFolder:
-    """A folder, also one that several machines share."""
+    """A folder, which several machines may share."""
 
     def __init__(self, place: str) -> None:
         self.place = place
@@ -82,7 +82,7 @@ class LocalFolder:
         return f"{self.place}/{name}"
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file, None where there is none."""
+        """Return the content of a file, None if it is missing."""
         try:
             return Path(self.path(name)).read_bytes()
         except (FileNotFoundError, NotADirectoryError):
@@ -91,7 +91,7 @@ class LocalFolder:
             raise FileError(f"{self.path(name)}: cannot be read: {error.strerror}") from error
 
     def signature(self, name: str) -> tuple[int, ...] | None:
-        """Size, times and number of a file; None where there is none."""
+        """Return the size, times and inode of a file; None if it is missing."""
         return file_signature(self.path(name))
 
     def fetch(self, name: str, folder: Path) -> Path:
@@ -99,9 +99,9 @@ class LocalFolder:
         return Path(self.path(name))
 
     def put(self, source: Path, name: str) -> None:
-        """Copy a file, sharing its blocks where the file system can."""
+        """Copy a file, sharing its blocks if the file system can."""
         target = Path(self.path(name))
-        with told(target):
+        with file_errors(target):
             target.parent.mkdir(parents=True, exist_ok=True)
             temporary = target.with_name(f".texbake-{secrets.token_hex(6)}")
             try:
@@ -111,9 +111,9 @@ class LocalFolder:
                 temporary.unlink(missing_ok=True)
 
     def put_folder(self, source: Path, name: str, last: str) -> None:
-        """Move a folder of the same file system by renaming it; one that is there is kept."""
+        """Rename a folder of the same file system; an existing one is kept."""
         target = Path(self.path(name))
-        with told(target):
+        with file_errors(target):
             for path in (*source.rglob("*"), source):
                 to_disk(path)
             make_lasting(target.parent)
@@ -122,15 +122,15 @@ class LocalFolder:
             except OSError:
                 if (target / last).is_file():  # another worker was first with the same
                     shutil.rmtree(source)
-                else:  # what is there was taken apart, or there is another reason
+                else:  # an incomplete entry is in the way, or something else is wrong
                     self.remove(name)
                     source.rename(target)
             to_disk(target.parent)
 
     def remove(self, name: str) -> None:
-        """Remove a folder; it is out of the way at once, and then emptied."""
+        """Remove a folder: rename it first, so that it is gone at once, and then delete it."""
         target = Path(self.path(name))
-        with told(target):
+        with file_errors(target):
             doomed = target.with_name(f"{target.name}.{secrets.token_hex(4)}")
             with suppress(FileNotFoundError):
                 target.rename(doomed)
@@ -150,8 +150,8 @@ class RemoteFolder:
         return f"{self.place}/{name}"
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file, None where there is none."""
-        with told_of_remote(self.path(name)):
+        """Return the content of a file, None if it is missing."""
+        with remote_errors(self.path(name)):
             try:
                 content: bytes = self._fs.cat_file(self._at(name))
             except (FileNotFoundError, NotADirectoryError, KeyError):
@@ -159,8 +159,8 @@ class RemoteFolder:
             return content
 
     def signature(self, name: str) -> tuple[str, ...] | None:
-        """Return what the file system tells of a file, as one word; None where there is none."""
-        with told_of_remote(self.path(name)):
+        """Return what the file system reports on a file, as one word; None if it is missing."""
+        with remote_errors(self.path(name)):
             try:
                 self._fs.invalidate_cache()
                 return (str(self._fs.ukey(self._at(name))),)
@@ -169,15 +169,15 @@ class RemoteFolder:
 
     def fetch(self, name: str, folder: Path) -> Path:
         """Copy the file into a folder of this machine."""
-        with told_of_remote(self.path(name)):
+        with remote_errors(self.path(name)):
             copy = folder / secrets.token_hex(4) / name.rsplit("/", 1)[-1]
             copy.parent.mkdir(parents=True)
             self._fs.get_file(self._at(name), str(copy))
             return copy
 
     def put(self, source: Path, name: str) -> None:
-        """Upload a file under another name first, where the file system can rename."""
-        with told_of_remote(self.path(name)):
+        """Upload a file under a temporary name and rename it."""
+        with remote_errors(self.path(name)):
             self._make_parent(name)
             temporary = f"{self._at(name)}.{secrets.token_hex(4)}.part"
             try:
@@ -196,8 +196,8 @@ class RemoteFolder:
         shutil.rmtree(source)
 
     def remove(self, name: str) -> None:
-        """Remove a folder, if it is there."""
-        with told_of_remote(self.path(name)), suppress(FileNotFoundError):
+        """Remove a folder if it exists."""
+        with remote_errors(self.path(name)), suppress(FileNotFoundError):
             self._fs.rm(self._at(name), recursive=True)
 
     def _at(self, name: str) -> str:
@@ -208,14 +208,14 @@ class RemoteFolder:
 
 
 def matches(pattern: str, folder: Path) -> list[str]:
-    """Files that match a pattern, sorted: paths below a folder, or URLs.
+    """Return the files that match a pattern, sorted: paths below a folder, or URLs.
 
-    A pattern that is the name of a file stands for that file alone, so that brackets in names do no
-    harm. The folder is no pattern.
+    A pattern that is the name of an existing file matches that file alone, so that names may have
+    brackets. The folder is not a pattern.
     """
     if is_url(pattern):
         fs, root = _file_system(pattern)
-        with told_of_remote(pattern):
+        with remote_errors(pattern):
             found = [fs.unstrip_protocol(name) for name in fs.glob(root) if fs.isfile(name)]
         return sorted(found)
     full = os.path.join(folder, pattern)  # noqa: PTH118
@@ -227,14 +227,14 @@ def matches(pattern: str, folder: Path) -> list[str]:
 
 
 def _file_system(url: str) -> tuple[Any, str]:
-    """File system of a URL, and the path in it."""
+    """Return the file system of a URL, and the path in it."""
     try:
         import fsspec
     except ImportError as error:
         raise DependencyError(
             f'{url}: fsspec is missing; install it with: pip install "texbake[dask]"'
         ) from error
-    with told(url):
+    with file_errors(url):
         try:
             fs, path = fsspec.core.url_to_fs(url)
         except (ImportError, ValueError) as error:
@@ -243,8 +243,8 @@ def _file_system(url: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def told(place: object) -> Iterator[None]:
-    """Turn what a system says of a place into a `FileError`."""
+def file_errors(place: object) -> Iterator[None]:
+    """Turn system errors at a place into a `FileError`."""
     try:
         yield
     except FileError:
@@ -255,13 +255,13 @@ def told(place: object) -> Iterator[None]:
 
 
 @contextmanager
-def told_of_remote(url: str) -> Iterator[None]:
-    """Turn whatever a file system behind a URL raises into a `FileError`.
+def remote_errors(url: str) -> Iterator[None]:
+    """Turn any error of a file system behind a URL into a `FileError`.
 
-    Each has errors of its own kind, beside those of the system.
+    Each such file system has its own types of errors, besides those of the system.
     """
     try:
-        with told(url):
+        with file_errors(url):
             yield
     except TexbakeError:
         raise

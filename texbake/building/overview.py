@@ -1,4 +1,4 @@
-"""What came of a build, as a page for people: a row an asset, with its picture and its own page."""
+"""The page of a build: one row per asset, with its picture and a link to its own page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STATUSES = {
     progress.FAILED: "failed",
     progress.WAITING: "skipped",
 }
-# Below the folder of a build: small pictures, by the key of the step that made the large one.
+# Folder for small pictures, named by the key of the step that made the large one.
 _THUMBNAILS = "thumbnails"
 
 
@@ -33,12 +33,12 @@ def write_overview(path: PathLike, result: BuildResult, *, command: str = "") ->
     Parameters
     ----------
     path
-        Replaced as a whole. Links to pages of assets are relative to it.
+        The file, replaced as a whole. Links to the pages of assets are relative to it.
     result
-        Pictures are what steps of the kind `preview` have put out, links go to what those of the
-        kind `page` have; errors of normals are those of the pages, missed rays those of bakes.
+        Pictures are outputs of `preview` steps, and links go to outputs of `page` steps; errors of
+        normals come from `page` steps, missed rays from `bake` steps.
     command
-        What made it, to paste.
+        What the page shows as the command that made it.
 
     Raises
     ------
@@ -70,14 +70,14 @@ def _row(asset: AssetResult, folder: Path, picture: bytes | None) -> BuildRow:
 
 
 def _figures(asset: AssetResult, kind: str, name: str) -> Iterator[Any]:
-    """Figures of that name that steps of a kind tell."""
+    """Yield the figures of a name that steps of a kind report."""
     for step in asset.steps:
         if step.kind == kind and step.figures.get(name) is not None:
             yield step.figures[name]
 
 
 def _output(asset: AssetResult, kind: str, name: str) -> tuple[StepResult, str] | None:
-    """First step of a kind that has put out an output of that name, and where that is."""
+    """Return the first step of a kind that published an output of a name, and its place."""
     for step in asset.steps:
         if step.kind == kind and name in step.outputs:
             return step, step.outputs[name]
@@ -85,9 +85,9 @@ def _output(asset: AssetResult, kind: str, name: str) -> tuple[StepResult, str] 
 
 
 def _thumbnails(result: BuildResult) -> dict[str, bytes]:
-    """Small pictures of assets; those of the last page are kept, and made again where they changed.
+    """Return small pictures of assets, kept from the last page where they have not changed.
 
-    An asset whose picture cannot be read any more has none.
+    An asset whose picture cannot be read has none.
     """
     sources = {
         asset.name: (step.key, place)
@@ -120,7 +120,7 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
 
 
 def _is_whole(picture: Path) -> bool:
-    """Whether a JPEG has its end, which it may have lost in a power cut."""
+    """Whether a JPEG is complete; a power cut may have cut off its end."""
     with suppress(OSError):
         return picture.read_bytes().endswith(b"\xff\xd9")
     return False

@@ -1,4 +1,4 @@
-"""What a build tells while it works, and how long it will take."""
+"""Events of a running build, and an estimate of the time left."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-# States of a step in the end; the others are on their way.
+# States in which a step has ended ...
 CURRENT, BUILT, FAILED, BLOCKED = "current", "built", "failed", "blocked"
+# ... and those before.
 WAITING, QUEUED, RUNNING = "waiting", "queued", "running"
 ENDED = frozenset({CURRENT, BUILT, FAILED, BLOCKED})
 
 
 @dataclass(frozen=True, kw_only=True)
 class BuildEvent:
-    """Something that happened.
+    """An event of a build.
 
     Attributes
     ----------
@@ -26,13 +27,13 @@ class BuildEvent:
     state : str or None
         `running`, `current` (nothing to do), `built`, `failed` or `blocked` (by one that failed).
     message : str or None
-        Of a note or a failure, one line.
+        One line of a note or a failure.
     seconds : float or None
-        That a step took.
+        Time that a step took.
     done, total : int
         Steps that have ended, and all steps.
     seconds_left : float or None
-        An estimate for the whole; None until something can be said.
+        Estimate for the whole build; None before one is possible.
     """
 
     event: str
@@ -46,7 +47,7 @@ class BuildEvent:
     seconds_left: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return what is known, as plain values."""
+        """Return the known fields as plain values."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
@@ -54,7 +55,7 @@ BuildListener = Callable[[BuildEvent], None]
 
 
 class Outlook:
-    """Estimates what is left from what steps of each kind have taken so far."""
+    """Estimates the time left from the time that steps of each kind have taken so far."""
 
     def __init__(self, slots: int) -> None:
         self._slots = slots
@@ -65,23 +66,23 @@ class Outlook:
         self._started: dict[tuple[str, str], tuple[str, float]] = {}
 
     def expect(self, step: tuple[str, str], kind: str) -> None:
-        """Count a step as one that may have to run, once however often it is said."""
+        """Count a step as one that may have to run; a second call changes nothing."""
         if step not in self._expected:
             self._expected[step] = kind
             self._left[kind] += 1
 
     def drop(self, step: tuple[str, str]) -> None:
-        """Count a step no longer: it has ended, or another does the same."""
+        """Stop counting a step: it has ended, or another step does the same."""
         kind = self._expected.pop(step, None)
         if kind is not None:
             self._left[kind] -= 1
 
     def started(self, step: tuple[str, str], kind: str) -> None:
-        """Note that a step runs."""
+        """Record that a step has started."""
         self._started[step] = kind, time.perf_counter()
 
     def ended(self, step: tuple[str, str]) -> float:
-        """Note that it does no more; return the seconds since it began."""
+        """Record that a step has ended; return the seconds since it started."""
         kind, start = self._started.pop(step)
         seconds = time.perf_counter() - start
         self._seconds[kind] += seconds
@@ -90,9 +91,9 @@ class Outlook:
         return seconds
 
     def seconds_left(self) -> float | None:
-        """Seconds until all that is expected is done; None before any step has run.
+        """Return the seconds until all expected steps are done; None before any step has run.
 
-        Kinds that have not run yet count as the mean of those that have.
+        A kind that has not run yet counts as the mean of those that have.
         """
         n_done = sum(self._counts.values())
         if n_done == 0:

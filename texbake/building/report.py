@@ -1,4 +1,4 @@
-"""What came of a build: `build.json`, for programs and for pages, and rows for a person."""
+"""The result of a build: `build.json` for programs and pages, and rows to print."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
 
 @dataclass(frozen=True, kw_only=True)
 class StepResult:
-    """What came of one step of one asset.
+    """The result of one step of one asset.
 
     Attributes
     ----------
@@ -32,21 +32,21 @@ class StepResult:
     state : str
         `current`, `built`, `failed` or `blocked`; `waiting` where the build was interrupted.
     reasons, notes : tuple of str
-        Why it ran; what was met on the way.
+        Why it ran; what happened on the way.
     error, trace : str
     seconds : float
-        In this build, from handing it to a worker to its answer.
+        In this build, from giving it to a worker to its answer.
     work_seconds : float or None
-        That its result took to make, whenever that was.
+        That making its result took, in this build or an earlier one.
     attempts : int
     peak_memory_bytes : int or None
-        Of the worker, up to the end of the step, whenever that was.
+        Of the worker up to the end of the step, in this build or an earlier one.
     figures : dict
-        What its kind tells of the result.
+        Figures that its kind reports.
     outputs : dict of str to str
-        Path or URL of each output that is put out.
+        Path or URL of each published output.
     n_bytes : int
-        Of all their files.
+        Total size of their files.
     key : str
     """
 
@@ -69,7 +69,7 @@ class StepResult:
 
 @dataclass(frozen=True, kw_only=True)
 class AssetResult:
-    """What came of one asset.
+    """The result of one asset.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class AssetResult:
 
     @property
     def state(self) -> str:
-        """`failed` if a step did; `waiting` if one was not reached; `built` or `current`."""
+        """`failed` if a step failed, `waiting` if one was not reached; else `built`, `current`."""
         states = {step.state for step in self.steps}
         for state in (progress.FAILED, progress.BLOCKED):
             if state in states:
@@ -93,19 +93,19 @@ class AssetResult:
 
     @property
     def error(self) -> str:
-        """Step and message of the first failure, or nothing."""
+        """Step and message of the first failure; empty without one."""
         failed = [step for step in self.steps if step.state == progress.FAILED]
         return f"{failed[0].step}: {failed[0].error}" if failed else ""
 
     @property
     def seconds(self) -> float:
-        """Of all its steps, in this build."""
+        """Total of all its steps in this build."""
         return sum(step.seconds for step in self.steps)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BuildResult:
-    """What came of a build.
+    """The result of a build.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class BuildResult:
 
     @property
     def failed(self) -> list[AssetResult]:
-        """Assets of which a step failed."""
+        """Assets with a failed step."""
         return [asset for asset in self.assets if asset.state == progress.FAILED]
 
     @property
@@ -140,15 +140,15 @@ class BuildResult:
         return all(asset.state in (progress.BUILT, progress.CURRENT) for asset in self.assets)
 
     def count(self, state: str) -> int:
-        """Assets of a state."""
+        """Number of assets in a state."""
         return sum(asset.state == state for asset in self.assets)
 
     def count_steps(self, state: str) -> int:
-        """Steps of a state."""
+        """Number of steps in a state."""
         return sum(step.state == state for asset in self.assets for step in asset.steps)
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
+        """Return rows of a label and a figure."""
         work = sum(asset.seconds for asset in self.assets)
         assets = [
             f"{self.count(progress.BUILT):,} built",
@@ -166,7 +166,7 @@ class BuildResult:
         return [
             ("assets", ", ".join(assets)),
             ("steps", ", ".join(steps)),
-            ("time", f"{self.seconds:.1f} s, of workers {work:.1f} s"),
+            ("time", f"{self.seconds:.1f} s; workers {work:.1f} s"),
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -202,7 +202,7 @@ class BuildResult:
 def asset_results(
     names: Sequence[str], states: Mapping[Id, StepState], place: str
 ) -> tuple[AssetResult, ...]:
-    """Results of assets, their steps in the order in which they wait for one another."""
+    """Return the results of assets, their steps in the order of their dependencies."""
     steps: dict[str, list[StepResult]] = {name: [] for name in names}
     for (asset, _), state in states.items():
         steps[asset].append(_step_result(state, place))
@@ -244,7 +244,7 @@ def _plain(step: StepResult) -> dict[str, Any]:
 
 
 def write_build_report(path: PathLike, report: Mapping[str, Any]) -> None:
-    """Write a report, an asset a line so that people and programs find theirs.
+    """Write a report with one line per asset, so that people and programs find theirs.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where a step stands: what it depends on now, whether that is stored, and why not."""
+"""The state of each step: what its result depends on, whether it is stored, and if not, why."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from texbake.files import replacing
 
 @dataclass(eq=False)
 class StepState:
-    """One step of one asset, on its way through a build.
+    """One step of one asset during a build.
 
     Attributes
     ----------
@@ -45,13 +45,13 @@ class StepState:
     state : str
         See `progress`.
     key, ingredients
-        Once all that it waits for is there.
+        Known once all steps before it have results.
     manifest
         Of its result.
     reasons : list of str
         Why it runs.
     notes : list of str
-        What was met on the way.
+        What happened on the way.
     error, trace : str
     seconds : float
         That it took in this build.
@@ -74,7 +74,7 @@ class StepState:
 
 
 class LastKeys:
-    """Keys that steps had in the last build, to tell what has changed."""
+    """Keys that steps had in the last build, from which changes are found."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -87,7 +87,7 @@ class LastKeys:
         return self._keys.get(step[0], {}).get(step[1])
 
     def save(self, states: Mapping[Id, StepState]) -> None:
-        """Take over the keys of steps that have a result, and write all."""
+        """Take over the keys of steps with results, and write all keys."""
         for (asset, step), state in states.items():
             if state.manifest is not None:
                 self._keys.setdefault(asset, {})[step] = state.key
@@ -96,7 +96,7 @@ class LastKeys:
 
 
 class Resolver:
-    """Says of steps what they depend on, from files and from the results of other steps."""
+    """Finds what steps depend on, from files and from the results of other steps."""
 
     def __init__(
         self, states: Mapping[Id, StepState], store: Store, digests: Digests, last: LastKeys
@@ -104,14 +104,14 @@ class Resolver:
         self._states, self._store, self.digests, self._last = states, store, digests, last
 
     def look(self, state: StepState, *, repair: bool = True) -> bool:
-        """Find out whether a step's result is stored; if not, `reasons` says why.
+        """Return whether the result of a step is stored; if not, `state.reasons` says why.
 
         Parameters
         ----------
         state
-            All that it waits for has a result.
+            All steps before it have results.
         repair
-            Remove a stored result that is damaged.
+            Remove a damaged stored result.
 
         Raises
         ------
@@ -131,7 +131,7 @@ class Resolver:
                 self._store.check(manifest, self.digests)
         except DamagedError as damage:
             state.reasons = [str(damage)]
-            state.notes.append(f"its stored result was damaged and made again: {damage}")
+            state.notes.append(f"its stored result was damaged and was made again: {damage}")
             if repair:
                 self._store.remove(state.key)
             return False
@@ -158,7 +158,7 @@ class Resolver:
                 "called": _called(source),
                 "sha256": self.digests.digest(source.path),
             }
-            # What it names is read with it, and counts as well.
+            # Files that it names are read with it and count as well.
             names = self.digests.companions(source.path)
             if names:
                 described["with"] = [digest for _, digest in names]
@@ -169,7 +169,7 @@ class Resolver:
         return {"called": called, "sha256": output_digest(maker.manifest, source.output)}
 
     def task(self, state: StepState, threads: int, most_memory: int | None) -> Task:
-        """What a worker is to be asked for the result of a step that was looked at."""
+        """Return the task by which a worker makes the result of a step."""
         node = state.node
         inputs = {role: tuple(map(self._input, sources)) for role, sources in node.inputs.items()}
         sizes = {role: tuple(map(self._size, sources)) for role, sources in node.inputs.items()}
@@ -222,17 +222,16 @@ def _called(source: FileSource) -> str:
 def ingredients_of(
     kind: StepKind, settings: Settings, inputs: Mapping[str, list[dict[str, Any]]], asset: str
 ) -> Ingredients:
-    """Everything that the result of a step depends on.
+    """Return everything that the result of a step depends on.
 
     Parameters
     ----------
     kind, settings
     inputs
-        By role, `called` and `sha256` of each file, and `with`, digests of the files that it
-        names. Names count, because meshes and reports have
-        them.
+        By role: `called` and `sha256` of each file, and `with`, the digests of the files that it
+        names. Names count because they appear in meshes and reports.
     asset
-        Counts for kinds that use it.
+        Its name counts for kinds that use it.
     """
     return {
         "texbake": __version__,
@@ -245,7 +244,7 @@ def ingredients_of(
 
 
 def differences(before: Ingredients | None, now: Ingredients) -> list[str]:
-    """What has changed since a step last ran, a phrase each.
+    """Return what has changed since a step last ran, one phrase each.
 
     >>> differences({"texbake": "1", "settings": {"size": 1}}, {"texbake": "1", "settings":
     ...     {"size": 2}})

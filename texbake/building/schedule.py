@@ -1,7 +1,7 @@
-"""Steps in their order, as many at once as there are workers and memory for.
+"""Runs steps in the order of their dependencies, as many at once as workers and memory allow.
 
-A step is looked at when all that it waits for has a result. Only then is known what it depends on,
-so that a step whose inputs came out as they were before need not run, whatever ran before it.
+A step is examined when all steps before it have results. Only then are its inputs known, so that a
+step whose inputs came out the same as last time need not run, whatever ran before it.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from texbake.building.task import (
 from texbake.building.workers import Executor
 from texbake.errors import TexbakeError
 
-# How often a step is put off because a stored input of it is damaged, before it fails.
+# How often a step is postponed because of a damaged stored input before it fails.
 _MOST_DAMAGES = 3
-_MOST_PUT_OFF = 64  # that are too large for now, before smaller ones are looked for no further
+_MOST_PUT_OFF = 64  # steps too large for the free memory, before the search for smaller ones ends
 _LOOK_SECONDS = 0.5  # between events on which nothing happens
 
 
@@ -36,15 +36,15 @@ class Schedule:
     Parameters
     ----------
     states : dict of Id to StepState
-        In an order in which each comes after those that it waits for.
+        Each after those that it depends on.
     resolver, store, publisher
     executor : callable
-        Makes what does tasks; called when the first is there.
+        Makes the executor; called before the first task.
     memory_bytes : int or None
-        That running steps may be estimated to take together; None for no such bound.
+        Bound on the estimated memory of all running steps; None for none.
     listener
     slots : int
-        Of the executor, for estimates.
+        Number of workers, for estimates of the time left.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class Schedule:
         self._followers: dict[Id, list[Id]] = defaultdict(list)
         self._ready: list[int] = []
         self._queue: list[int] = []
-        self._tasks: dict[int, Task] = {}  # of what is queued
+        self._tasks: dict[int, Task] = {}  # of queued steps
         self._running: dict[int, Task] = {}
-        self._same: dict[str, list[Id]] = {}  # steps by the key that a worker is at
+        self._same: dict[str, list[Id]] = {}  # steps by the key that is being made
         self._damages: dict[Id, int] = defaultdict(int)
-        self._n_mends = 0
-        self._mended: dict[str, int] = {}  # the number of the last time, by key
-        self._begun: dict[int, int] = {}  # how often anything had been mended when a step began
+        self._n_remakes = 0
+        self._remade: dict[str, int] = {}  # number of the last remake, by key
+        self._begun: dict[int, int] = {}  # number of remakes when a step began
         self._n_ended = 0
         self._outlook = Outlook(slots)
         for step, state in states.items():
@@ -87,7 +87,7 @@ class Schedule:
             self._outlook.expect(step, state.node.table.kind.name)
 
     def run(self) -> None:
-        """Bring every step to its end."""
+        """Run until every step has ended."""
         while self._ready or self._queue or self._running:
             if self._ready:
                 step = self._ids[heapq.heappop(self._ready)]
@@ -110,7 +110,7 @@ class Schedule:
             self._outlook.drop(step)
             self._finish(step, state.manifest, progress.CURRENT)
             return
-        if state.key in self._same:  # another asset has the same step, and is at it
+        if state.key in self._same:  # another asset has the same step and is making it
             self._same[state.key].append(step)
             self._outlook.drop(step)
             state.state = progress.QUEUED
@@ -120,7 +120,7 @@ class Schedule:
         heapq.heappush(self._queue, self._order[step])
 
     def _start(self) -> None:
-        """Begin the steps for which there are a worker and memory."""
+        """Start steps while there are a free worker and enough memory."""
         if not self._queue:
             return
         if self._executor is None:
@@ -141,7 +141,7 @@ class Schedule:
                 put_off.append(number)
                 continue
             task = self._tasks.pop(number)
-            self._running[number], self._begun[number] = task, self._n_mends
+            self._running[number], self._begun[number] = task, self._n_remakes
             state.state = progress.RUNNING
             self._outlook.started(state.node.id, state.node.table.kind.name)
             self._executor.submit(number, task)
@@ -150,7 +150,7 @@ class Schedule:
             heapq.heappush(self._queue, number)
 
     def _fits(self, task: Task) -> bool:
-        """Whether a task may run beside those that do; what is too large by itself runs alone."""
+        """Whether a task fits into memory beside those that run; one that never fits runs alone."""
         if self._memory_bytes is None or not self._running:
             return True
         taken = sum(running.memory_bytes for running in self._running.values())
@@ -165,15 +165,15 @@ class Schedule:
             state.attempts += outcome.attempts
             state.worker = outcome.worker
             if outcome.status == DAMAGED:
-                self._mend(self._same.pop(task.key), outcome, begun)
+                self._remake(self._same.pop(task.key), outcome, begun)
                 continue
             if outcome.attempts > 1:
-                state.notes.append("its worker ended, and another did it")
+                state.notes.append("its worker ended; another one ran it")
             for step in self._same.pop(task.key):
                 self._close(step, outcome)
 
     def _close(self, step: Id, outcome: TaskOutcome) -> None:
-        """End a step as its task, or the same of another asset, has ended."""
+        """End a step whose task, or the same task of another asset, has ended."""
         if outcome.status == DONE:
             assert outcome.manifest is not None
             self._store.remember(outcome.manifest, self._resolver.digests)
@@ -191,7 +191,7 @@ class Schedule:
             self._fail(step, str(error))
             return
         if n_put and how == progress.CURRENT:
-            state.notes.append(f"{n_put} of its outputs were missing or changed, and put back")
+            state.notes.append(f"{n_put} of its outputs were missing or changed and were restored")
         state.state = how
         self._n_ended += 1
         self._tell(state)
@@ -210,7 +210,7 @@ class Schedule:
         self._block(step)
 
     def _block(self, step: Id) -> None:
-        """End the steps that wait for one that failed, and those that wait for them."""
+        """End all steps that depend on one that failed."""
         blocked = list(self._followers[step])
         while blocked:
             follower = self._states[blocked.pop()]
@@ -222,17 +222,17 @@ class Schedule:
                 self._tell(follower)
                 blocked += self._followers[follower.node.id]
 
-    def _mend(self, steps: list[Id], outcome: TaskOutcome, begun: int) -> None:
-        """Have a damaged result made again, and put off the steps that read it or are going to.
+    def _remake(self, steps: list[Id], outcome: TaskOutcome, begun: int) -> None:
+        """Have a damaged result made again, and postpone the steps that read it.
 
-        Those that began before it was last made again say nothing of what is stored now.
+        Steps that began before its last remake say nothing about what is stored now.
         """
         for step in steps:
             self._states[step].state = progress.WAITING
-        if self._mended.get(outcome.damaged, 0) <= begun:
+        if self._remade.get(outcome.damaged, 0) <= begun:
             self._store.remove(outcome.damaged)
-            self._n_mends += 1
-            self._mended[outcome.damaged] = self._n_mends
+            self._n_remakes += 1
+            self._remade[outcome.damaged] = self._n_remakes
             for step in steps:
                 self._damages[step] += 1
             for maker, state in self._states.items():
@@ -242,12 +242,12 @@ class Schedule:
         for step in steps:
             if self._damages[step] > _MOST_DAMAGES:
                 self._fail(step, f"its stored input is damaged: {outcome.error}")
-            elif self._states[step].state == progress.WAITING:  # not blocked with one before
+            elif self._states[step].state == progress.WAITING:  # not blocked by an earlier step
                 self._put_off(step)
 
     def _make_again(self, maker: Id, error: str) -> None:
         state = self._states[maker]
-        state.notes.append(f"its stored result was damaged and made again: {error}")
+        state.notes.append(f"its stored result was damaged and was made again: {error}")
         state.state, state.manifest = progress.WAITING, None
         self._n_ended -= 1
         self._outlook.expect(maker, state.node.table.kind.name)
@@ -260,7 +260,7 @@ class Schedule:
                 self._take_back(follows.key)
 
     def _take_back(self, key: str) -> None:
-        """Put off the steps of a key that are queued, unless a worker is at it already."""
+        """Postpone the queued steps of a key, unless a worker is already making it."""
         first = self._order[self._same[key][0]]
         if first in self._running:
             return
@@ -271,7 +271,7 @@ class Schedule:
             self._put_off(step)
 
     def _put_off(self, step: Id) -> None:
-        """Have a step wait until all that it waits for has a result, and be looked at then."""
+        """Have a step wait until all steps before it have results again."""
         state = self._states[step]
         state.state = progress.WAITING
         self._outlook.expect(step, state.node.table.kind.name)
@@ -301,5 +301,5 @@ class Schedule:
 
 
 def states_of(nodes: Mapping[Id, Node]) -> dict[Id, StepState]:
-    """A fresh state for each step."""
+    """Return a new state for each step."""
     return {step: StepState(node) for step, node in nodes.items()}

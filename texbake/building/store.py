@@ -1,8 +1,8 @@
-"""Results of steps, kept by their keys, with a checksum of every file.
+"""The store of results by their keys, with a checksum of every file, and their publication.
 
-An entry is a folder with the files and `manifest.json`. It is made elsewhere and comes to its place
-by a rename, so that it is there whole or not at all; behind a URL the manifest comes last. Entries
-are never changed.
+An entry is a folder with the files and `manifest.json`. It is made elsewhere and renamed into
+place, so that it appears whole or not at all; behind a URL the manifest is written last. Entries
+are never changed. Published outputs are copies, which may be changed or lost.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from texbake.building.locations import LocalFolder, file_signature, location_of
 from texbake.errors import FileError, TexbakeError
 
 MANIFEST = "manifest.json"
-_TEMPORARY = "tmp"  # which is no beginning of a key
+_TEMPORARY = "tmp"  # never the beginning of a key
 Manifest = dict[str, Any]
 Ingredients = dict[str, Any]  # what a key is the checksum of
 
 
 class DamagedError(TexbakeError):
-    """A stored result is not what was stored."""
+    """A stored result no longer matches its checksums."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class StoredFile:
     Attributes
     ----------
     name : str
-        Below the store.
+        Path below the store.
     path : str
-        Below the output, empty for an output that is a file.
+        Path below the output; empty for an output that is a file.
     sha256 : str
     size : int
     """
@@ -53,7 +53,7 @@ class StoredFile:
 
 
 class Store:
-    """A folder of results, or a place for them behind a URL."""
+    """Stored results in a folder or behind a URL."""
 
     def __init__(self, place: str) -> None:
         self.place = place
@@ -61,12 +61,12 @@ class Store:
         self.is_local = isinstance(self._location, LocalFolder)
 
     def find(self, key: str) -> Manifest | None:
-        """Manifest of an entry, None where there is none.
+        """Return the manifest of an entry, None without one.
 
         Raises
         ------
         DamagedError
-            It is not what was written.
+            The manifest does not match its checksum.
         """
         name = f"{entry_name(key)}/{MANIFEST}"
         content = self._location.read(name)
@@ -82,7 +82,7 @@ class Store:
         return dict(manifest)
 
     def check(self, manifest: Manifest, digests: Digests) -> None:
-        """Raise `DamagedError` where a file of an entry is missing or is not what was stored."""
+        """Raise `DamagedError` if a file of an entry is missing or does not match its checksum."""
         for files in stored_files(manifest).values():
             for file in files:
                 path = self._location.path(file.name)
@@ -90,7 +90,7 @@ class Store:
                     raise DamagedError(f"{path} does not have its checksum")
 
     def remember(self, manifest: Manifest, digests: Digests) -> None:
-        """Believe that the files of a new entry are what was just stored."""
+        """Remember the digests of the files of a new entry, which were just written."""
         for files in stored_files(manifest).values():
             for file in files:
                 signature = self._location.signature(file.name)
@@ -98,12 +98,12 @@ class Store:
                     digests.remember(self._location.path(file.name), signature, file.sha256)
 
     def fetch(self, file: StoredFile, folder: Path) -> Path:
-        """Return a local file with the content of a stored one, maybe a copy in a folder."""
+        """Return a local file with the content of a stored one; it may be a copy in `folder`."""
         return self._location.fetch(file.name, folder)
 
     @contextmanager
     def folder(self) -> Iterator[Path]:
-        """Make an empty folder, from which an entry can be put into its place within the block."""
+        """Make an empty folder for an entry, to be committed within the block."""
         if self.is_local:
             with owned_folder(Path(self.place) / _TEMPORARY) as folder:
                 yield folder
@@ -119,24 +119,24 @@ class Store:
         ingredients: Ingredients,
         more: dict[str, Any],
     ) -> Manifest:
-        """Put a folder of results into its place.
+        """Store a folder of results as an entry.
 
         Parameters
         ----------
         key
         folder
-            Holds the outputs; it is gone afterwards.
+            With the outputs; it is moved into the store.
         outputs
-            File name of each.
+            File name of each output.
         ingredients
-            What the key is made of, kept to tell later what changed.
+            What the key is the checksum of, kept to explain later what changed.
         more
-            Further entries of the manifest: figures, times.
+            Further fields of the manifest: figures, times.
 
         Raises
         ------
         FileError
-            An output is missing, or there is no space left.
+            An output is missing, or the disk is full.
         """
         manifest = {
             "key": key,
@@ -157,7 +157,7 @@ class Store:
         self._location.remove(entry_name(key))
 
     def prune(self, keys: set[str]) -> int:
-        """Remove all entries but some; return how many were removed. A URL is left as it is."""
+        """Remove all entries but those of some keys; return how many. A URL is left unchanged."""
         if not self.is_local:
             return 0
         doomed = [
@@ -170,20 +170,20 @@ class Store:
         return len(doomed)
 
     def clean(self) -> None:
-        """Remove what builds that were ended left behind; nothing of others that run."""
+        """Remove what killed builds left behind; nothing of builds that run."""
         if self.is_local:
             clear(Path(self.place) / _TEMPORARY)
-            for doomed in Path(self.place).glob("??/*.*"):  # entries on their way out
+            for doomed in Path(self.place).glob("??/*.*"):  # entries that were being removed
                 shutil.rmtree(doomed, ignore_errors=True)
 
 
 def entry_name(key: str) -> str:
-    """Folder of an entry below the store."""
+    """Return the folder of an entry below the store."""
     return f"{key[:2]}/{key}"
 
 
 def stored_files(manifest: Manifest) -> dict[str, list[StoredFile]]:
-    """Files of each output of an entry."""
+    """Return the files of each output of an entry."""
     root = entry_name(manifest["key"])
     found = {}
     for output, listed in manifest["outputs"].items():
@@ -201,7 +201,7 @@ def stored_files(manifest: Manifest) -> dict[str, list[StoredFile]]:
 
 
 def output_digest(manifest: Manifest, output: str) -> str:
-    """SHA-256 that stands for an output: of its file, or of the list of those in its folder."""
+    """Return the SHA-256 of an output: of its file, or of the list of files in its folder."""
     files = manifest["outputs"][output]["files"]
     if len(files) == 1 and not files[0]["path"]:
         return str(files[0]["sha256"])
@@ -209,7 +209,7 @@ def output_digest(manifest: Manifest, output: str) -> str:
 
 
 def _listed(folder: Path, name: str) -> dict[str, Any]:
-    """Checksums of an output, which is a file or a folder of files."""
+    """Return the checksums of an output, which is a file or a folder of files."""
     path = folder / name
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file())
@@ -217,7 +217,7 @@ def _listed(folder: Path, name: str) -> dict[str, Any]:
     elif path.is_file():
         files, names = [path], [""]
     else:
-        raise FileError(f"{name}: the step did not write it; nothing was kept of it")
+        raise FileError(f"{name}: the step did not write it; its result was discarded")
     return {
         "file": name,
         "files": [
@@ -232,7 +232,7 @@ def _listed(folder: Path, name: str) -> dict[str, Any]:
 
 
 class Publisher:
-    """Copies outputs to the folder of outputs, where they are not there yet."""
+    """Copies outputs to the folder of outputs if they are missing there."""
 
     def __init__(self, place: str, store: Store, digests: Digests) -> None:
         self.place = place
@@ -240,7 +240,7 @@ class Publisher:
         self._store, self._digests = store, digests
 
     def missing(self, node: Node, manifest: Manifest) -> list[tuple[str, StoredFile]]:
-        """Outputs that are not there, or are not what was stored: their names and stored files."""
+        """Return outputs that are missing or changed: their names and stored files."""
         stored = stored_files(manifest)
         return [
             (name, file)
@@ -251,7 +251,7 @@ class Publisher:
         ]
 
     def publish(self, node: Node, manifest: Manifest) -> int:
-        """Put out what is missing; return how many files.
+        """Publish the outputs that are missing or changed; return how many files.
 
         Raises
         ------
@@ -265,6 +265,6 @@ class Publisher:
             for name, file in missing:
                 self._location.put(self._store.fetch(file, Path(copies)), name)
                 signature = self._location.signature(name)
-                if signature is not None:  # nobody has taken it away at once
+                if signature is not None:  # it may be gone already
                     self._digests.remember(self._location.path(name), signature, file.sha256)
         return len(missing)

@@ -1,8 +1,8 @@
-"""One step, as a worker does it: fetch and check the inputs, run, store the outputs.
+"""One step, as a worker runs it: fetch and check the inputs, run the job, store the outputs.
 
-A task and what comes of it are plain values, so that they pass through any pipe. A task may be done
-twice, or by two workers at once: the entry of its key is there whole or not at all, and the second
-finds the first's.
+A task and its outcome are plain values, so that they can be sent through any pipe. A task may run
+twice, or on two workers at once: the stored entry of its key appears whole or not at all, and the
+second worker finds that of the first.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DONE, FAILED, DAMAGED, LOST = "done", "failed", "damaged", "lost"
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What a worker is asked to do.
+    """A step for a worker to run.
 
     Attributes
     ----------
@@ -42,16 +42,16 @@ class Task:
         File name of each.
     key : str
     ingredients : dict
-        What the key is made of.
+        What the key is the checksum of.
     store : str
-        Place of the store.
+        Folder or URL of the store.
     threads : int
     memory_bytes : int
-        That it is estimated to take.
+        Estimate of the memory that it needs.
     most_memory : int, optional
-        That all steps together may take.
+        Memory that all running steps together may use.
     version : str
-        Of texbake, which a worker must have as well.
+        Of texbake; a worker must have the same.
     """
 
     asset: str
@@ -74,7 +74,7 @@ class Task:
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> Task:
-        """Task of plain values."""
+        """Return a task from plain values."""
         inputs = {
             role: tuple(map(TaskInput.from_json, items)) for role, items in values["inputs"].items()
         }
@@ -83,7 +83,7 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskOutcome:
-    """What came of a task.
+    """The outcome of a task.
 
     Attributes
     ----------
@@ -91,15 +91,15 @@ class TaskOutcome:
         `done`; `failed`; `damaged`, where a stored input is not what was stored; `lost`, where the
         worker ended before it answered.
     manifest : dict or None
-        Of what was made, or was there already.
+        Of the result, made now or found in the store.
     error : str
         One line.
     trace : str
-        Of an error that is not the asset's but texbake's.
+        Traceback of an error in texbake itself.
     damaged : str
         Key of the damaged input.
     worker : str
-        What did it.
+        Which worker ran it.
     attempts : int
     """
 
@@ -113,7 +113,7 @@ class TaskOutcome:
 
 
 def run_task(values: dict[str, Any]) -> dict[str, Any]:
-    """Do a task; whatever goes wrong is told in the outcome.
+    """Run a task; the outcome reports whatever goes wrong.
 
     Parameters
     ----------
@@ -142,13 +142,13 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
     except TexbakeError as error:
         outcome = TaskOutcome(status=FAILED, error=_one_line(str(error)), worker=worker)
     except MemoryError:
-        told = "out of memory; give it a smaller size, or fewer jobs"
-        outcome = TaskOutcome(status=FAILED, error=told, worker=worker)
+        message = "out of memory; use a smaller size, or fewer jobs"
+        outcome = TaskOutcome(status=FAILED, error=message, worker=worker)
     except Exception as error:
-        told = _one_line(f"{type(error).__name__}: {error}")
+        message = _one_line(f"{type(error).__name__}: {error}")
         trace = traceback.format_exc()
         outcome = TaskOutcome(
-            status=FAILED, error=f"texbake itself failed: {told}", trace=trace, worker=worker
+            status=FAILED, error=f"texbake itself failed: {message}", trace=trace, worker=worker
         )
     return asdict(outcome)
 
@@ -160,7 +160,7 @@ def _done(task: Task) -> Manifest:
     except DamagedError:
         store.remove(task.key)
         there = None
-    if there is not None:  # by a worker that was ended before it could tell
+    if there is not None:  # from a worker that was killed before it could answer
         return there
     kind = STEP_KINDS[task.kind]
     start = time.perf_counter()
@@ -200,14 +200,14 @@ def _signatures(task: Task) -> dict[str, Any]:
 
 
 def _check_unchanged(task: Task, before: dict[str, Any]) -> None:
-    """Raise where an input was written to while it was read."""
+    """Raise if an input changed while the step read it."""
     for path, signature in before.items():
         if file_signature(path) != signature:
             raise FileError(f"{path}: it changed while {task.step} read it; build again")
 
 
 def _finite(value: Any) -> Any:
-    """Figures that JSON has numbers for; the others become None."""
+    """Return figures with None for those that JSON has no numbers for."""
     if isinstance(value, dict):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

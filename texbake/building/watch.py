@@ -1,4 +1,4 @@
-"""Builds again whatever is saved: polls files, which works on every disk and over every network."""
+"""Builds again whenever a file is saved; polls files, which works on every disk and network."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ def watch(
     until: Callable[[], bool] = lambda: False,
     poll_seconds: float = _POLL_SECONDS,
 ) -> None:
-    """Build a pipeline, and again whenever a file that it reads, or its own, has been saved.
+    """Build a pipeline, and again whenever the pipeline file or a file that it reads is saved.
 
-    A program that saves in several steps is waited for until nothing changes any more. Workers stay
-    warm between builds.
+    A build starts once nothing changes any more, for programs that save in several steps. Workers
+    stay warm between builds.
 
     Parameters
     ----------
     path, options, listener
         As for `build`.
     built
-        Called after each build with what came of it, or with what is wrong in the pipeline file,
-        which is then waited to be mended.
+        Called after each build with its result, or with the error in the pipeline file; the next
+        save of the file starts another build.
     until
-        Asked between looks; true ends it.
+        Called between polls; true ends the watch.
     poll_seconds
-        Between looks.
+        Time between polls.
     """
     options = options or BuildOptions()
     workers = None if options.scheduler is not None else local_workers(options)
@@ -72,7 +72,7 @@ def _wait(
     until: Callable[[], bool],
     poll_seconds: float,
 ) -> None:
-    """Wait until something has been saved, and then until nothing changes from look to look."""
+    """Wait until something is saved, and then until nothing changes between two polls."""
     now = before
     while not until():
         last, now = now, _signatures(path, options)
@@ -82,7 +82,7 @@ def _wait(
 
 
 def _signatures(path: PathLike, options: BuildOptions) -> Signatures:
-    """What tells whether the pipeline file or any file that it reads was saved."""
+    """Return what changes when the pipeline file or any file that it reads is saved."""
     files = {str(path)}
     try:
         pipeline = read_pipeline(path)
@@ -95,9 +95,9 @@ def _signatures(path: PathLike, options: BuildOptions) -> Signatures:
             if isinstance(source, FileSource)
         }
     except TexbakeError:
-        pass  # the build has told
+        pass  # the build has reported it
     looked = list(files)
-    while looked:  # what a file names may name others
+    while looked:  # a named file may name others
         named = {str(name) for name in companions(Path(looked.pop()))} - files
         files |= named
         looked += named

@@ -36,30 +36,30 @@ _PATIENCE = 2.0  # seconds for workers to end by themselves
 
 
 class Executor(Protocol):
-    """Does tasks, several at once."""
+    """Runs tasks, several at once."""
 
     slots: int
     threads: int
 
     def submit(self, number: int, task: Task) -> None:
-        """Begin a task; there may be more of them than slots."""
+        """Start a task; there may be more tasks than slots."""
 
     def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
-        """Wait until at least one task is done, or the time is over; return those that are."""
+        """Wait until a task is done or the timeout is over; return outcomes of finished tasks."""
 
     def close(self) -> None:
-        """End all workers, also those that are at work."""
+        """End all workers, busy or not."""
 
 
 class LocalWorkers:
-    """Processes of this machine.
+    """Worker processes on this machine.
 
     Parameters
     ----------
     slots
-        How many work at once.
+        How many run at once.
     threads
-        Of each.
+        Threads of each.
     """
 
     def __init__(self, slots: int, threads: int) -> None:
@@ -73,12 +73,12 @@ class LocalWorkers:
 
     @property
     def process_ids(self) -> list[int]:
-        """Of the workers that run."""
+        """Ids of the running workers."""
         with self._lock:
             return [process.id for process in self._processes]
 
     def submit(self, number: int, task: Task) -> None:
-        """Begin a task as soon as a worker is free."""
+        """Start a task as soon as a worker is free."""
         if len(self._crew) < self.slots:
             thread = threading.Thread(target=self._serve, args=(len(self._crew),), daemon=True)
             thread.start()
@@ -86,7 +86,7 @@ class LocalWorkers:
         self._tasks.put((number, task))
 
     def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
-        """Wait until at least one task is done, or the time is over; return those that are."""
+        """Wait until a task is done or the timeout is over; return outcomes of finished tasks."""
         found = []
         with suppress(queue.Empty):
             found.append(self._outcomes.get(timeout=timeout))
@@ -103,11 +103,11 @@ class LocalWorkers:
             self._tasks.put(None)
         for process in processes:
             process.kill()
-        for thread in self._crew:  # each sees the end of its own, and clears up
+        for thread in self._crew:  # each notices the end of its process and cleans up
             thread.join(_PATIENCE)
 
     def _serve(self, slot: int) -> None:
-        """Have one task after another done by a process, and by another when it ends."""
+        """Run one task after another in a process, and in a new one if that ends."""
         process: _Process | None = None
         try:
             while (item := self._tasks.get()) is not None:
@@ -119,8 +119,9 @@ class LocalWorkers:
                         if process is None:  # closed
                             return
                         outcome = process.ask(task)
-                    except Exception as error:  # a step that nobody answers for is waited for
-                        outcome = TaskOutcome(status=FAILED, error=_told(error, started=process))
+                    except Exception as error:  # a step without an outcome would be waited for
+                        message = _describe(error, started=process)
+                        outcome = TaskOutcome(status=FAILED, error=message)
                         if process is not None:
                             self._bury(process)
                             process = None
@@ -151,24 +152,24 @@ class LocalWorkers:
             self._processes.discard(process)
 
 
-def _told(error: Exception, *, started: _Process | None) -> str:
-    """One line of what went wrong with a worker, which may not even have been started."""
+def _describe(error: Exception, *, started: _Process | None) -> str:
+    """Return one line on what went wrong with a worker, or with starting it."""
     reason = " ".join((getattr(error, "strerror", None) or str(error)).split())
     if started is None:
-        return f"no worker can be started: {reason}; free memory or disk, or give fewer jobs"
-    return f"its worker's answer is not one: {type(error).__name__}: {reason[:200]}"
+        return f"no worker can be started: {reason}; free memory or disk, or use fewer jobs"
+    return f"its worker gave no valid answer: {type(error).__name__}: {reason[:200]}"
 
 
 class _Process:
     """One worker process."""
 
     def __init__(self, threads: int) -> None:
-        # What libraries say at their end is the only word on why a worker died.
+        # The last output of libraries is the only hint on why a worker died.
         self._said: IO[bytes] = tempfile.TemporaryFile(prefix="texbake-worker-")  # noqa: SIM115
         names = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
         try:
             self._process = subprocess.Popen(
-                # -P: what lies in the current folder is no module.
+                # -P: files in the current folder are not imported as modules.
                 [sys.executable, "-P", "-m", "texbake.building.workers"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -181,11 +182,11 @@ class _Process:
 
     @property
     def id(self) -> int:
-        """Number of the process."""
+        """Id of the process."""
         return self._process.pid
 
     def ask(self, task: Task) -> TaskOutcome:
-        """Have a task done; `lost` if the process ends before it answers."""
+        """Run a task; the outcome is `lost` if the process ends before it answers."""
         assert self._process.stdin is not None and self._process.stdout is not None
         line = b""
         with suppress(OSError, ValueError):
@@ -198,22 +199,22 @@ class _Process:
         return TaskOutcome(**values)
 
     def kill(self) -> None:
-        """End the process, also if it is at work; whoever asked it something is told `lost`."""
+        """End the process, busy or not; a running task gets the outcome `lost`."""
         with suppress(OSError):
             self._process.kill()
 
     def end(self) -> None:
-        """End the process, and let go of its pipes."""
+        """End the process, and close its pipes."""
         self.kill()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_PATIENCE)
         for pipe in (self._process.stdin, self._process.stdout, self._said):
             assert pipe is not None
-            with suppress(OSError):  # what could not be sent
+            with suppress(OSError):  # data that could not be sent
                 pipe.close()
 
     def _ending(self) -> str:
-        """How it ended, with the last that it said."""
+        """Return how the process ended, with the last line that it printed."""
         try:
             code = self._process.wait(_PATIENCE)
         except subprocess.TimeoutExpired:
@@ -226,8 +227,8 @@ class _Process:
         said = self._said.read().decode("utf-8", "replace").split("\n")
         last = next((line.strip() for line in reversed(said) if line.strip()), "")
         hint = "; the system may have run out of memory" if how == "SIGKILL" else ""
-        told = f"its worker ended ({how}), twice{hint}"
-        return f"{told}: {last[:200]}" if last else told
+        message = f"its worker ended ({how}), twice{hint}"
+        return f"{message}: {last[:200]}" if last else message
 
 
 def main() -> None:

@@ -293,8 +293,8 @@ def clipping_warnings(written: Iterable[WrittenMap]) -> tuple[str, ...]:
     )
 
 
-def materials_of(path: PathLike, mesh: Mesh, image: PathLike | None) -> Materials:
-    """Return the materials of a mesh file, or one whose color is an image."""
+def materials_of(path: PathLike, mesh: Mesh, image: PathLike | None) -> Materials | None:
+    """Return the materials of a mesh file if it has any, or one whose color is an image."""
     return read_materials(path, mesh) if image is None else Materials.of_image(mesh, image)
 
 
