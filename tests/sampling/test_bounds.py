@@ -1,4 +1,4 @@
-"""What may be asked for of a picture."""
+"""Bounds on the error of a picture."""
 
 import pytest
 
@@ -16,19 +16,19 @@ def test_errors_are_shares_of_white(value, error):
 
 
 @pytest.mark.parametrize("value", ["0", "-1/255", "2", "1/0", "small", "", "nan", "0.5deg", "1/"])
-def test_what_is_no_error(value):
+def test_what_is_not_an_error(value):
     with pytest.raises(OptionError, match=r"max_error: .* is not an error of a picture"):
         RenderOptions(max_error=value)
 
 
-@pytest.mark.parametrize("asked", [{"max_error": 0.01}, {"time_budget": "5s"}])
+@pytest.mark.parametrize("options", [{"max_error": 0.01}, {"time_budget": "5s"}])
 @pytest.mark.parametrize(("name", "value"), [("buffer", "depth"), ("interpolation", "scanline")])
-def test_what_cannot_be_sampled_adaptively(asked, name, value):
-    with pytest.raises(OptionError, match=f"{name}, {next(iter(asked))}: "):
-        RenderOptions(**asked, **{name: value})
+def test_what_cannot_be_sampled_adaptively(options, name, value):
+    with pytest.raises(OptionError, match=f"{name}, {next(iter(options))}: "):
+        RenderOptions(**options, **{name: value})
 
 
-def test_nothing_is_asked_for_by_default():
+def test_samples_are_fixed_by_default():
     assert not RenderOptions().is_adaptive
 
 

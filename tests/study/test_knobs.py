@@ -1,4 +1,4 @@
-"""Every knob in its quickest form: it runs, and its errors are ordered as they must be."""
+"""Every knob in its quick form: it runs, and its errors are in the right order."""
 
 import math
 from importlib import import_module
@@ -154,7 +154,7 @@ def test_a_users_scene_is_drawn_where_a_knob_applies_to_it():
     assert bench.truth == "converged" and bench.subject.startswith("scene")
     coarse, fine = (bench.judge(value, bench.work(value)).error for value in ((2, 0.0), (512, 0.0)))
     assert fine < coarse
-    # It has no image, so that lookups are studied on the made floor.
+    # It has no image, so lookups are studied on the generated floor.
     assert "floor" in knob_named("texture-lookup").prepare(Case(scene=scene, quick=True)).subject
 
 

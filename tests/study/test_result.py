@@ -27,10 +27,10 @@ def result_of(*measurements):
 
 
 def test_json_has_its_schema(quick_study):
-    told = json.loads(json.dumps(quick_study.to_json(), allow_nan=False))
-    assert told["schema"] == "texbake-study-1"
-    assert [item["knob"] for item in told["knobs"]] == list(KNOB_NAMES)
-    for item in told["knobs"]:
+    report = json.loads(json.dumps(quick_study.to_json(), allow_nan=False))
+    assert report["schema"] == "texbake-study-1"
+    assert [item["knob"] for item in report["knobs"]] == list(KNOB_NAMES)
+    for item in report["knobs"]:
         assert {"title", "error", "unit", "kind", "subject", "truth", "truth_text"} <= set(item)
         labels = [setting["setting"] for setting in item["settings"]]
         assert set(item["front"]) <= set(labels)
@@ -45,8 +45,8 @@ def test_json_has_its_schema(quick_study):
 
 def test_csv_has_a_line_a_setting_with_the_same_figures(quick_study):
     rows = list(csv.DictReader(io.StringIO(quick_study.to_csv())))
-    told = quick_study.to_json()
-    settings = [(k["knob"], s) for k in told["knobs"] for s in k["settings"]]
+    report = quick_study.to_json()
+    settings = [(k["knob"], s) for k in report["knobs"] for s in k["settings"]]
     assert tuple(rows[0])[: len(CSV_COLUMNS)] == CSV_COLUMNS
     assert len(rows) == len(settings)
     for row, (knob, setting) in zip(rows, settings, strict=True):

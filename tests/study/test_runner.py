@@ -68,8 +68,8 @@ def test_only_the_work_is_timed_and_the_first_run_is_not_counted():
     assert fast.seconds == pytest.approx([0.5, 0.5, 0.5])
     measured = Measurement.of(slow)
     assert measured.median == pytest.approx(2.0)
-    told = measured.to_json()
-    assert (told["seconds_min"], told["seconds_max"]) == pytest.approx((1.0, 3.0))
+    report = measured.to_json()
+    assert (report["seconds_min"], report["seconds_max"]) == pytest.approx((1.0, 3.0))
 
 
 def test_products_are_judged_once_each():

@@ -1,4 +1,4 @@
-"""Truths are held against other ways to the same."""
+"""Truths against other computations of the same."""
 
 import math
 
@@ -44,9 +44,9 @@ def test_lines_meet_an_ellipsoid_where_the_quadratic_says():
     rng = np.random.default_rng(0)
     lines = surface.normals(points) + 0.2 * rng.standard_normal(points.shape)
     lines /= np.linalg.norm(lines, axis=1, keepdims=True)
-    found, settled = surface.hits(points + 0.03 * lines, lines)
-    assert settled.all()
-    assert np.linalg.norm(found - points, axis=1).max() < 1e-8
+    points_met, converged = surface.hits(points + 0.03 * lines, lines)
+    assert converged.all()
+    assert np.linalg.norm(points_met - points, axis=1).max() < 1e-8
 
 
 @pytest.mark.parametrize("make", [orange_surface, rippled_surface])
@@ -68,7 +68,7 @@ def test_probes_of_a_mesh_on_itself_find_its_own_normals():
     assert np.abs(probes.heights).max() < 1e-6
     flat = np.zeros((16, 16, 3), np.float32)
     flat[..., 2] = 1.0
-    # A flat map shows the light mesh's own shading normals, which are the truth here.
+    # A flat map shows the shading normals of the low-poly mesh, which are the truth here.
     assert probes.normal_errors(flat).max() < 1e-3
     assert probes.height_errors(np.zeros((16, 16, 1), np.float32)).max() < 1e-6
 

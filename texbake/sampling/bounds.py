@@ -77,7 +77,7 @@ def parse_bounds(text: str) -> ErrorBounds:
     >>> str(parse_bounds("0.5deg, 0.001"))
     '0.5deg,0.001'
     """
-    found: dict[str, float] = {}
+    parts: dict[str, float] = {}
     for word in str(text).split(","):
         kind, unit, factor = "length", "", 1.0
         if word.strip().endswith("deg"):
@@ -91,10 +91,10 @@ def parse_bounds(text: str) -> ErrorBounds:
                 "0.5deg, a length for heights such as 0.001 or 0.01% of the diagonal, or both "
                 "separated by a comma"
             )
-        if kind in found or (kind != "angle" and found.keys() & {"length", "share"}):
+        if kind in parts or (kind != "angle" and parts.keys() & {"length", "share"}):
             raise OptionError(f"max_error: {text!r} has two bounds of one kind; give one")
-        found[kind] = value * factor
-    return ErrorBounds(**found)
+        parts[kind] = value * factor
+    return ErrorBounds(**parts)
 
 
 def _positive(word: str) -> float | None:

@@ -24,7 +24,7 @@ def spread(item: Measurement) -> float:
 
 
 def findings(result: KnobResult) -> list[str]:
-    """Say in sentences what a knob gains, what it costs, and where it stops paying."""
+    """Say in sentences what a knob gains, what it costs, and where it stops paying off."""
     sentences = []
     for front, best in zip(result.fronts, result.knees, strict=True):
         sentences += _on_front(result, front, best)
@@ -123,7 +123,7 @@ def savings(result: KnobResult) -> list[Saving]:
     """Compare each other series of a knob with every setting of its baseline that it matches."""
     baseline = result.knob.baseline
     series = dict.fromkeys(item.setting.series for item in result.measurements)
-    found = []
+    matches = []
     for name in series if baseline else ():
         if name == baseline:
             continue
@@ -132,8 +132,8 @@ def savings(result: KnobResult) -> list[Saving]:
             seconds = seconds_for(points, item.error) if item.setting.series == baseline else None
             if seconds is not None:
                 is_most = seconds == min(points)[0]
-                found.append(Saving(name, item, seconds / item.median, is_most))
-    return found
+                matches.append(Saving(name, item, seconds / item.median, is_most))
+    return matches
 
 
 def seconds_for(points: Sequence[tuple[float, float]], error: float) -> float | None:

@@ -16,8 +16,8 @@ _STYLE = """
 .truth { display: inline-block; border-radius: 1rem; padding: .05rem .7rem; font-size: .8rem;
   border: 1px solid var(--line); background: var(--wash); margin-right: .4rem;
   white-space: nowrap; }
-ul.found { margin: .5rem 0 1rem; padding-left: 1.2rem; max-width: 46rem; }
-ul.found li { margin: .25rem 0; }
+ul.findings { margin: .5rem 0 1rem; padding-left: 1.2rem; max-width: 46rem; }
+ul.findings li { margin: .25rem 0; }
 .wide svg { display: block; width: 100%; height: auto; }
 .plot svg { min-width: 30rem; max-width: 46rem; }
 .all svg { min-width: 48rem; }
@@ -110,23 +110,23 @@ def _summary(result: StudyResult) -> str:
 
 
 def _skipped(result: StudyResult) -> str:
-    found = "".join(
+    skipped = "".join(
         f"<li>{escape(name)} is left out: {escape(reason)}.</li>"
         for name, reason in result.skipped.items()
     )
-    return f'<ul class="found">{found}</ul>\n' if found else ""
+    return f'<ul class="findings">{skipped}</ul>\n' if skipped else ""
 
 
 def _section(result: KnobResult, plot: Plot) -> str:
     knob = result.knob
-    found = "".join(f"<li>{escape(text)}</li>" for text in findings(result))
+    sentences = "".join(f"<li>{escape(text)}</li>" for text in findings(result))
     words = "separate rays" if result.truth == "rays" else result.truth
     return (
         f'<section id="{knob.name}">\n<h2>{escape(knob.title)}</h2>\n<p>{escape(knob.about)}</p>\n'
         f'<p class="faint">On: {escape(result.subject)}.</p>\n'
         f'<p class="faint"><span class="truth">truth: {words}</span>'
         f"{escape(result.truth_text)}</p>\n"
-        f'<ul class="found">{found}</ul>\n'
+        f'<ul class="findings">{sentences}</ul>\n'
         f'<div class="wide plot">{_titled(plot.svg, knob.title)}</div>\n'
         f"{_table(result)}{_crops(result)}</section>\n"
     )

@@ -110,10 +110,10 @@ class KnobResult:
     @property
     def problems(self) -> list[list[int]]:
         """Indices of settings, for each problem that they compete in."""
-        found: dict[str, list[int]] = {}
+        problems: dict[str, list[int]] = {}
         for i, item in enumerate(self.measurements):
-            found.setdefault(item.setting.problem, []).append(i)
-        return list(found.values())
+            problems.setdefault(item.setting.problem, []).append(i)
+        return list(problems.values())
 
     @property
     def fronts(self) -> list[list[int]]:
@@ -128,12 +128,12 @@ class KnobResult:
     @property
     def knees(self) -> list[int]:
         """For each problem, the setting beyond which more time does not pay off."""
-        found = []
+        knees = []
         for items in self.problems:
             points = self._points(items)
             best = knee(points, pareto_front(points))
-            found += self._in(items, [] if best is None else [best])
-        return found
+            knees += self._in(items, [] if best is None else [best])
+        return knees
 
     def _points(self, items: list[int]) -> list[tuple[float, float]]:
         return [self.measurements[i].point for i in items]

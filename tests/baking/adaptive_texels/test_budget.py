@@ -1,4 +1,4 @@
-"""What a time is turned into."""
+"""What a time budget is turned into."""
 
 import pytest
 

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 20, 12
 
 
 def soup(n, seed, spread=0.4):
-    """Triangles that overlap, leave gaps and reach outside."""
+    """Triangles that overlap, leave gaps and extend outside."""
     rng = np.random.default_rng(seed)
     uvs = (rng.uniform(-0.1, 1.1, (n, 1, 2)) + rng.uniform(-spread, spread, (n, 3, 2))).reshape(
         -1, 2
@@ -73,19 +73,19 @@ def test_owners_are_those_of_the_rasterizer_on_any_grid(mesh, per_side):
     bins = FaceBins(faces.corners * scale, bins.firsts, bins.faces, bins.n_columns)
     owners, _ = rasterize_uv(faces, grid)
     side = TEXEL // per_side
-    found = [
+    by_points = [
         [
             owner_at(bins.arrays, x * side + side // 2, y * side + side // 2)
             for x in range(grid.n_columns)
         ]
         for y in range(grid.n_rows)
     ]
-    np.testing.assert_array_equal(found, owners)
+    np.testing.assert_array_equal(by_points, owners)
 
 
 @pytest.mark.parametrize("mesh", MESHES)
 def test_masks_are_what_the_rasterizer_covers(mesh):
-    """Also of the texels that no outline passes through, which are not looked at."""
+    """Also of the texels that no outline passes through, which are not tested."""
     bins = FaceBins.of(mesh, WIDTH, HEIGHT)
     centers, _ = rasterize_uv(
         snap_uvs(mesh, SampleGrid(WIDTH, HEIGHT, 1)), SampleGrid(WIDTH, HEIGHT, 1)
@@ -108,7 +108,7 @@ def test_masks_are_what_the_rasterizer_covers(mesh):
     assert np.isin(counts[~is_part], [0, FULL]).all()
 
 
-def test_only_outlines_are_looked_at():
+def test_only_outlines_are_tested():
     """Of a chart of 70 faces only the 24 edges around it and the 4 around its hole are outlines."""
     outlined = outlined_texels(FaceBins.of(chart(4), 512, 512), 512, 512)
     length = (24 + 4) / 3 * 0.33 * 512

@@ -36,11 +36,11 @@ def options(**changes):
     return BakeOptions(**{**values, **changes})
 
 
-def means_by_brute_force(high, low, asked, maps):
-    """Means of 256 samples a texel: 64 each of the four quarters of each texel."""
+def means_by_brute_force(high, low, settings, maps):
+    """Means of 256 samples per texel: 64 in each of its four quarters."""
     fine = {
         "size": 2 * SIZE, "maps": maps, "samples": 64, "padding": 0,
-        "front": asked.front, "back": asked.back, "high_shading": asked.high_shading,
+        "front": settings.front, "back": settings.back, "high_shading": settings.high_shading,
     }  # fmt: skip
     result = bake(high, low, BakeOptions(**fine, keep_hits=True))
     hits = result.hits
@@ -51,7 +51,7 @@ def means_by_brute_force(high, low, asked, maps):
 
     inputs = BakeInputs(high, low, BakeOptions(**fine))
     hit = hits.high_faces >= 0
-    found = {}
+    results = {}
     for name in maps:
         values = MAPS[name].values(hits.where(hit), inputs)
         sums = np.stack(
@@ -61,8 +61,8 @@ def means_by_brute_force(high, low, asked, maps):
         mean = sums / np.maximum(counts, 1)[:, None]
         if name == "normal":
             mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
-        found[name] = mean.reshape(SIZE, SIZE, -1), (counts > 0).reshape(SIZE, SIZE)
-    return found
+        results[name] = mean.reshape(SIZE, SIZE, -1), (counts > 0).reshape(SIZE, SIZE)
+    return results
 
 
 def degrees(a, b):
@@ -72,10 +72,10 @@ def degrees(a, b):
 def test_only_texels_at_an_edge_get_more_samples():
     """The edge lies in the middle of column 40: it is divided along x, and nothing else is."""
     at = -1 + 2 * (40 + 0.3) / SIZE
-    asked = options(high_shading="flat", max_error="0.2deg")
-    result = bake(ridge(at=at), flat(), asked)
+    settings = options(high_shading="flat", max_error="0.2deg")
+    result = bake(ridge(at=at), flat(), settings)
     report = result.report.sampling
-    # The edge's own column, and the two beside it, whose second differences reach over it.
+    # The column of the edge and the two beside it, whose second differences cross it.
     assert report.sample_percents[1] >= 100 * (SIZE - 3) / SIZE
     assert report.sample_percents[64] > 0
     assert report.rays_per_texel < 1 + 3 / SIZE * 84
@@ -83,7 +83,7 @@ def test_only_texels_at_an_edge_get_more_samples():
     slope = np.degrees(np.arctan(0.2))
     np.testing.assert_allclose(values[:, :40], np.broadcast_to([0, 0, 1], (SIZE, 40, 3)), atol=1e-6)
     assert degrees(values[:, 41:], np.array([-0.2, 0, 1]) / np.hypot(0.2, 1)).max() < 1e-4
-    # 0.7 of the texel lie beyond; 64 samples tell that to 1/8 of a texel.
+    # 0.7 of the texel lie beyond; 64 samples resolve that to 1/8 of a texel.
     tilt = np.degrees(np.arctan2(-values[:, 40, 0], values[:, 40, 2]))
     np.testing.assert_allclose(tilt, 0.7 * slope, atol=slope / 16 + 0.05)
 
@@ -92,7 +92,7 @@ def test_a_smooth_surface_needs_no_more():
     mesh = uv_sphere(64, 128)
     result = bake(mesh, mesh, options(front=0.1, back=0.1, max_error="0.5deg"))
     sampling = result.report.sampling
-    # One sample is exact inside; texels that the sphere's outline cuts are looked at once more.
+    # One sample is exact inside; texels that the sphere's outline crosses get more.
     inside = np.zeros((SIZE, SIZE), dtype=bool)
     inside[4:-4, 4:-4] = True
     assert sampling.within_percent == 100
@@ -108,8 +108,8 @@ def test_values_that_change_evenly_need_one_sample_at_borders_too():
     corners = 1.5 * low.positions
     slope = np.array([0.1, 0.05])
     high = low.replace(positions=np.column_stack([corners[:, :2], corners[:, :2] @ slope]))
-    asked = options(maps=("displacement",), max_error="0.004")
-    result = bake(high, low, asked)
+    settings = options(maps=("displacement",), max_error="0.004")
+    result = bake(high, low, settings)
     assert result.report.sampling.sample_percents[1] == 100
     assert result.report.sampling.rays_per_texel == 1
     truth, has_data = means_by_brute_force(high, low, options(), ("displacement",))["displacement"]
@@ -132,11 +132,11 @@ def bumps(x, y):
     ("shading", "bound", "within"), [("smooth", "0.5deg", 0.999), ("flat", "2deg", 0.995)]
 )
 def test_the_bound_holds_against_256_samples(shading, bound, within):
-    """The estimate is no proof: of a flat-shaded mesh 64 samples miss 1/8 of a texel's leaps."""
+    """The estimate proves nothing: on a flat-shaded mesh 64 samples miss 1/8 of a leap."""
     high, low = plane(90, 90, bumps), plane()
-    asked = options(max_error=bound, high_shading=shading)
-    result = bake(high, low, asked)
-    truth, has_data = means_by_brute_force(high, low, asked, ("normal",))["normal"]
+    settings = options(max_error=bound, high_shading=shading)
+    result = bake(high, low, settings)
+    truth, has_data = means_by_brute_force(high, low, settings, ("normal",))["normal"]
     np.testing.assert_array_equal(result.has_data, has_data)
     errors = degrees(result.maps["normal"].values.astype(float), truth)[has_data]
     limit = float(bound.removesuffix("deg"))
@@ -173,30 +173,30 @@ def test_heights_hold_a_length_and_a_share_of_the_diagonal():
     errors = np.abs(values[0] - truth)[has_data]
     assert (errors <= 0.002).mean() > 0.99
     assert results[0].report.sampling.errors[0].unit == "model units"
-    assert results[0].report.sampling.sample_percents[1] > 80  # the flat is not looked at twice
+    assert results[0].report.sampling.sample_percents[1] > 80  # the flat part gets no more
 
 
 def test_each_of_several_maps_has_its_own_estimate():
-    """A bound that nothing reaches divides nothing, so that the other map is as it is alone."""
+    """A bound that nothing exceeds divides nothing, so the other map is as if baked alone."""
     high, low = plane(90, 90, bumps), plane()
 
     def estimates(maps, bound):
-        asked = options(maps=maps, max_error=bound, high_shading="flat")
-        report = bake(high, low, asked).report.sampling
+        settings = options(maps=maps, max_error=bound, high_shading="flat")
+        report = bake(high, low, settings).report.sampling
         return report.rays_per_texel, {item.name: item.estimated for item in report.errors}
 
     rays, alone = estimates(("normal",), "2deg")
     assert rays > 2.5  # more than a few texels are divided
     both = ("normal", "displacement")
     for length in ("1000", "500"):
-        found = estimates(both, f"2deg,{length}")
-        assert found[0] == rays
+        results = estimates(both, f"2deg,{length}")
+        assert results[0] == rays
         # Sums over cells in another order, of float32.
-        assert found[1]["normal"] == pytest.approx(alone["normal"], rel=1e-5)
+        assert results[1]["normal"] == pytest.approx(alone["normal"], rel=1e-5)
         # Lengths, not shares of a bound; with more samples they are below those of one.
         if length == "1000":
-            wide = found[1]["displacement"]
-        assert found[1]["displacement"] == pytest.approx(wide, rel=1e-5)
+            wide = results[1]["displacement"]
+        assert results[1]["displacement"] == pytest.approx(wide, rel=1e-5)
     _, once = estimates(("displacement",), "1000")
     for percent in (50, 99, 100):
         assert 0 < wide[percent] <= once["displacement"][percent]
@@ -205,15 +205,15 @@ def test_each_of_several_maps_has_its_own_estimate():
 
 def test_same_bytes_for_any_number_of_threads():
     high, low = plane(60, 60, bumps), flat(3)
-    found = []
+    results = []
     for threads in (1, 2, 5):
         result = bake(
             high, low, options(maps=("normal", "displacement"), max_error="1deg,0.001",
                                padding=4, threads=threads)
         )  # fmt: skip
         figures = result.report.sampling
-        found.append((*(m.values.tobytes() for m in result.maps.values()), figures))
-    assert found[0] == found[1] == found[2]
+        results.append((*(m.values.tobytes() for m in result.maps.values()), figures))
+    assert results[0] == results[1] == results[2]
 
 
 def test_closer_bounds_cast_more_and_are_nearer():
@@ -281,8 +281,8 @@ def test_wrong_options_are_one_clear_error(changes, words):
 
 
 def test_adaptive_alone_has_a_bound_for_every_map():
-    asked = {"size": 16, "samples": "adaptive", "front": 0.1, "back": 0.1}
+    settings = {"size": 16, "samples": "adaptive", "front": 0.1, "back": 0.1}
     for name in ("normal", "displacement", "vector-displacement"):
-        report = bake(plane(), plane(), BakeOptions(**asked, maps=(name,))).report
+        report = bake(plane(), plane(), BakeOptions(**settings, maps=(name,))).report
         assert report.sampling.max_error == "0.5deg,0.01%"
         assert report.to_json()["sampling"]["errors"][0]["name"] == name

@@ -45,7 +45,7 @@ def half_plane(angle):
 
 
 def covered_shares(angle, options):
-    """(H, W): share of each pixel beyond the line, by 300 x 300 samples, each exactly told."""
+    """(H, W): share of each pixel beyond the line, by 300 x 300 samples."""
     side = 300
     steps = (np.arange(side) + 0.5) / side
     x = np.arange(options.width)[:, None] + steps - 0.5 * options.width

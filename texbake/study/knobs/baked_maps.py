@@ -90,10 +90,10 @@ def _samples_bench(case: Case) -> Bench:
     size = case.choose(1024, 32)
     truth, known = mean_normals(pair, size, threads=case.threads)
 
-    def work(asked: BakeOptions) -> BakeResult:
-        return bake(pair.high, pair.low, asked)
+    def work(options: BakeOptions) -> BakeResult:
+        return bake(pair.high, pair.low, options)
 
-    def judge(asked: BakeOptions, result: BakeResult) -> Judgment:
+    def judge(options: BakeOptions, result: BakeResult) -> Judgment:
         values = result.maps["normal"].values
         compared = known & result.has_data
         angles = angles_deg(values[compared].astype(np.float64), truth[compared])
