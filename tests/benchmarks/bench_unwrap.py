@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.mapping.projected import with_coordinates
+from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mesh.shapes import icosphere
 
 HERE = Path(__file__).parent

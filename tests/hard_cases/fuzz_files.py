@@ -209,7 +209,7 @@ def _read_scene(path: Path) -> Any:
 
 
 def _read_matrix(path: Path) -> Any:
-    from texbake.mapping.matrix_file import read_matrix
+    from texbake.mapping.classical.projector import read_matrix
 
     return read_matrix(path)
 

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
-from texbake.mapping.atlas.packing.place import place_charts
+from texbake.mapping.atlas.packing.bins import place_charts
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid, Shapes, shapes_of
 from texbake.mapping.atlas.packing.poses import Poses, least_box_angles
-from texbake.mapping.atlas.packing.separate import Search, pair_weights, separate
-from texbake.mapping.atlas.packing.shapes import Shapes, shapes_of
+from texbake.mapping.atlas.packing.settle import Search, pair_weights, separate
 
 SEARCH = Search(samples=20, radius=8, step=4, patience=100, work=100_000_000)
 

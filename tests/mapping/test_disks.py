@@ -1,9 +1,9 @@
 import numpy as np
 
-from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.disks import disk_charts
 from texbake.mapping.atlas.cutting.parts import Part
+from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, plane
 

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.mapping.areas import signed_areas, surface_areas
-from texbake.mapping.atlas.flattening.flatten import flatten, measured
+from texbake.mapping.atlas.flattening.flatten import flatten, measured, regions_of, tutte_layout
+from texbake.mapping.atlas.flattening.patch import patch_of
+from texbake.mapping.kernels.conjugate_gradient import solve_blocks
 from texbake.mapping.overlap import overlapping_faces
 
 
@@ -307,3 +309,106 @@ def test_start_is_used_and_kept():
     start[40] += 1.0  # flips triangles: laid out from a circle
     flat = flatten(points, faces, start)
     assert flat.energy == pytest.approx(4, abs=1e-7)
+
+
+def rough_sheet(seed, n=15, holes=()):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(n * n, 3)) * [0.2, 0.2, 3.0]
+    points[:, :2] += np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2)
+    ids = np.arange(n * n).reshape(n, n)
+    a, b, c, d = ids[:-1, :-1], ids[:-1, 1:], ids[1:, 1:], ids[1:, :-1]
+    faces = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)])
+    return points, np.delete(faces.reshape(-1, 3), list(holes), axis=0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("holes", "n_holes"), [((), 0), ((60, 60 + 196), 1), ((60, 100), 2)])
+def test_no_flips(seed, holes, n_holes):
+    points, faces = rough_sheet(seed, holes=holes)
+    patch = patch_of(faces, len(points))
+    assert patch.is_disk
+    assert len(patch.loops) == 1 + n_holes
+    uvs = tutte_layout(points, patch)
+    assert (signed_areas(uvs[faces]) > 0).all()
+    outer = max(patch.loops, key=len)
+    np.testing.assert_allclose(np.linalg.norm(uvs[outer], axis=1), 1, atol=1e-12)
+    inner = np.setdiff1d(np.arange(len(points)), outer)
+    assert (np.linalg.norm(uvs[inner], axis=1) < 1).all()
+
+
+def test_wheel_closed_form():
+    """A regular hexagon's middle comes to the middle of the circle."""
+    turns = np.arange(6) * math.pi / 3
+    points = np.array([[0, 0, 1], *((math.cos(t), math.sin(t), 0) for t in turns)])
+    faces = np.array([[0, 1 + i, 1 + (i + 1) % 6] for i in range(6)])
+    uvs = tutte_layout(points, patch_of(faces, 7))
+    np.testing.assert_allclose(uvs[0], 0, atol=1e-9)
+    corners = np.linalg.norm(uvs[1:] - np.roll(uvs[1:], -1, axis=0), axis=1)
+    np.testing.assert_allclose(corners, 1, atol=1e-12)
+
+
+def grid_system(n, *, held):
+    """Springs of random directions along the edges of a grid, and with `held` to the ground."""
+    rng = np.random.default_rng(n)
+    places = np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2) * 1.0
+    blocks = {(i, i): np.eye(2) * held for i in range(n * n)}
+    for i in range(n * n):
+        for j in ([i + 1] if (i + 1) % n else []) + ([i + n] if i + n < n * n else []):
+            root = rng.normal(size=(2, 2))
+            spring = root @ root.T + 0.1 * np.eye(2)
+            blocks[i, i] = blocks[i, i] + spring
+            blocks[j, j] = blocks[j, j] + spring
+            blocks[i, j] = blocks[j, i] = -spring
+    rows = sorted(blocks, key=lambda key: (key[0], key[1] != key[0], key[1]))
+    row_starts = np.searchsorted([row for row, _ in rows], np.arange(n * n + 1)).astype(np.int32)
+    columns = np.array([column for _, column in rows], dtype=np.int32)
+    values = np.array([blocks[key].ravel() for key in rows])
+    dense = np.zeros((n * n, 2, n * n, 2))
+    for i, j in rows:
+        dense[i, :, j] = blocks[i, j]
+    return places, row_starts, columns, values, dense.reshape(2 * n * n, -1)
+
+
+def solved(system, target, regions, tolerance):
+    places, row_starts, columns, values, _ = system
+    solution = np.full_like(target, np.nan)
+    n_iterations = solve_blocks(
+        row_starts, columns, values, target, places, regions, solution, tolerance, 5000
+    )
+    return solution, n_iterations
+
+
+@pytest.mark.parametrize("in_regions", [False, True])
+def test_against_a_dense_solver(in_regions):
+    system = grid_system(14, held=0.1)
+    target = np.random.default_rng(0).normal(size=(196, 2))
+    regions = regions_of(system[0]) if in_regions else np.zeros(196, dtype=np.int32)
+    assert regions.max() == in_regions  # two, for 196 vertices
+    solution, _ = solved(system, target, regions, 1e-12)
+    expected = np.linalg.solve(system[4], target.ravel())
+    np.testing.assert_allclose(solution.ravel(), expected, atol=1e-9)
+
+
+def test_what_nothing_holds():
+    """Singular: the whole may be moved; a right side without a mean has solutions."""
+    system = grid_system(14, held=0.0)
+    target = np.random.default_rng(0).normal(size=(196, 2))
+    target -= target.mean(axis=0)
+    solution, _ = solved(system, target, regions_of(system[0]), 1e-10)
+    np.testing.assert_allclose(system[4] @ solution.ravel(), target.ravel(), atol=1e-8)
+
+
+def test_regions_make_it_faster():
+    system = grid_system(40, held=1e-6)
+    target = np.random.default_rng(0).normal(size=(1600, 2))
+    alone = solved(system, target, np.zeros(1600, dtype=np.int32), 1e-3)[1]
+    together = solved(system, target, regions_of(system[0]), 1e-3)[1]
+    assert together < 0.7 * alone
+
+
+def test_regions_are_alike_in_size():
+    uvs = np.random.default_rng(1).normal(size=(5000, 2)) ** 3
+    sizes = np.bincount(regions_of(uvs))
+    assert len(sizes) == 64
+    assert sizes.max() - sizes.min() <= 1
+    assert regions_of(uvs[:127]).max() == 0

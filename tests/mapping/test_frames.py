@@ -4,13 +4,29 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
 
-from texbake.mapping.classical.frames import center_of, frame_about, points_about, upright_frame
+from texbake.mapping.classical.frames import (
+    center_of,
+    frame_about,
+    points_about,
+    upright_frame,
+    wrap_angles,
+)
+from texbake.mapping.corner_uvs import joined_corners
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import uv_sphere
 
 X, Y, Z = np.eye(3)
+
+
 numbers = st.floats(-1.0, 1.0, allow_subnormal=False)
+
+
 vectors = st.tuples(numbers, numbers, numbers)
+
+
 AXES = (("x", (Y, Z, X)), ("y", (Z, X, Y)), ("z", (X, Y, Z)))
+
+
 OPPOSITES = ((-X, (Y, -Z, -X)), (-Y, (Z, -X, -Y)), (-Z, (X, -Y, -Z)))
 
 
@@ -103,3 +119,138 @@ def test_the_center_of_huge_bounds_does_not_overflow():
     mesh = Mesh(positions=[[1.5e308] * 3, [1.7e308] * 3, [1.6e308] * 3], faces=[[0, 1, 2]])
     assert np.allclose(center_of(mesh, None), 1.6e308, rtol=1e-15)
     assert np.isfinite(points_about(mesh, (-1.7e308,) * 3, frame_about((1, 1, 1))).points).all()
+
+
+WHOLE = (-180.0, 180.0)
+
+
+ARCS = [WHOLE, (0.0, 360.0), (30.0, 120.0), (180.0, -180.0), (-90.0, 630.0)]
+
+
+integers = st.integers(-6, 6)
+
+
+triangles = st.lists(st.tuples(integers, integers), min_size=3, max_size=3)
+
+
+def wrapped(corners, theta=WHOLE, rounding=0.0):
+    points = np.column_stack([np.asarray(corners, dtype=float), np.zeros(len(corners))])
+    faces = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+    return wrap_angles(points, faces, theta=theta, rounding=rounding)
+
+
+def holds_origin(corners):
+    """Whether a triangle with integer corners holds the origin, or an edge does; exactly."""
+    crosses = [
+        (ax * by - ay * bx, ax * bx + ay * by)
+        for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)
+    ]
+    on_edge = any(cross == 0 and dot < 0 for cross, dot in crosses)
+    signs = {np.sign(cross) for cross, _ in crosses}
+    return on_edge or (len(signs) == 1 and 0 not in signs)
+
+
+@pytest.mark.parametrize("theta", ARCS)
+@pytest.mark.parametrize("seed", range(5))
+def test_every_corner_has_its_angle_and_faces_run_on(theta, seed):
+    corners = np.random.default_rng(seed).normal(size=(400, 3, 2))
+    s = wrapped(corners.reshape(-1, 2), theta).s
+    arc = theta[1] - theta[0]
+    angles = s * arc + theta[0]
+    expected = np.degrees(np.arctan2(corners[..., 1], corners[..., 0]))
+    off = (angles - expected + 180.0) % 360.0 - 180.0
+    assert np.abs(off).max() < 1e-9
+    # From corner to corner: the angle between them, which needs no seam. For faces around the
+    # axis those are more than half a turn in sum, and one of the three is not walked.
+    ahead = np.roll(corners, -1, axis=1)
+    cross = corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0]
+    between = np.degrees(np.arctan2(cross, (corners * ahead).sum(axis=2)))
+    around = np.abs(between.sum(axis=1)) > 180.0
+    assert 0 < around.sum() < 200
+    steps = np.roll(angles, -1, axis=1) - angles
+    assert np.abs(steps - between)[~around].max() < 1e-9
+    assert np.array_equal(wrapped(corners.reshape(-1, 2), theta).around, around)
+
+
+@pytest.mark.parametrize("theta", ARCS)
+def test_the_centroid_lies_within_half_a_turn_of_the_middle_of_the_arc(theta):
+    corners = np.random.default_rng(7).normal(size=(500, 3, 2))
+    arc = theta[1] - theta[0]
+    angles = wrapped(corners.reshape(-1, 2), theta).s * arc + theta[0]
+    centroids = np.degrees(np.arctan2(*corners.mean(axis=1).T[::-1]))
+    middle = sum(theta) / 2.0
+    own = (centroids - middle + 180.0) % 360.0 - 180.0 + middle
+    assert np.abs(angles - own[:, None]).max() <= 180.0 + 1e-9
+
+
+@given(triangles)
+def test_faces_around_the_axis_are_found_exactly(corners):
+    if (0, 0) in corners:
+        return
+    found = wrapped(corners)
+    assert found.around[0] == holds_origin(corners)
+    span = float(found.s.max() - found.s.min())
+    assert found.around[0] or span < 0.5
+
+
+@given(triangles)
+def test_any_triangle_has_finite_coordinates(corners):
+    found = wrapped(corners)
+    assert np.isfinite(found.s).all()
+    assert np.array_equal(found.on_axis[0], [corner == (0, 0) for corner in corners])
+    if found.on_axis.any():
+        assert not found.around[0]
+        assert found.s.max() - found.s.min() <= 0.5 + 1e-15
+
+
+def test_a_corner_on_the_axis_takes_the_angle_of_its_face():
+    found = wrapped([(0, 0), (2, 0), (0, 2)])
+    assert found.s[0] == pytest.approx([0.625, 0.5, 0.75], abs=1e-15)
+    assert found.tallies() == {"faces touching the axis": 1}
+
+
+def test_two_corners_on_the_axis_take_the_angle_of_the_third():
+    found = wrapped([(0, 0), (0, 0), (0, 2)])
+    assert np.array_equal(found.s[0], [0.75, 0.75, 0.75])
+
+
+def test_a_face_along_the_axis_has_the_middle_of_the_arc():
+    found = wrapped([(0, 0)] * 3, theta=(10.0, 50.0))
+    assert found.s[0] == pytest.approx([0.5] * 3, abs=1e-15)
+    assert found.tallies("a pole") == {"faces touching a pole": 1, "faces along the axis": 1}
+
+
+def test_where_the_centroid_is_on_the_axis_the_first_corner_off_it_counts():
+    found = wrapped([(0, 0), (-1, -1), (1, 1)])
+    assert found.s[0] == pytest.approx([0.125, 0.125, -0.375], abs=1e-15)
+    around = wrapped([(1, 0), (-1, 1), (0, -1)])  # the sum of its corners is the origin
+    assert around.s[0] == pytest.approx([0.5, 0.875, 0.25], abs=1e-15)
+    assert around.tallies() == {"faces around the axis": 1}
+
+
+def test_what_rounding_leaves_on_the_axis_is_on_it():
+    near = [(1e-16, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    assert not wrapped(near).on_axis.any()
+    assert wrapped(near, rounding=1e-15).on_axis.tolist() == [[True, False, False]]
+
+
+def test_a_sphere_is_cut_along_one_meridian_and_nowhere_else():
+    n_lat, n_lon = 9, 14
+    mesh = uv_sphere(n_lat, n_lon)
+    # Poles of the grid are on the axis to 1e-16.
+    s = wrap_angles(mesh.positions, mesh.faces, theta=WHOLE, rounding=1e-15).s
+    uvs, _ = joined_corners(mesh.faces, np.stack([s, np.zeros_like(s)], axis=2))
+    # One more along each ring than vertices, and at the poles as many as faces.
+    assert len(uvs) == (n_lat - 1) * (n_lon + 1) + 2 * n_lon
+    assert (s.max(axis=1) - s.min(axis=1)).max() == pytest.approx(1.0 / n_lon, abs=1e-15)
+
+
+def test_both_sides_of_the_seam_are_a_whole_turn_apart_to_the_last_bit():
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(60, 3))
+    faces = rng.integers(0, 60, (400, 3)).astype(np.int32)
+    s = wrap_angles(points, faces, theta=WHOLE, rounding=0.0).s
+    once = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi) + 0.5
+    for vertex in range(60):
+        values = set(s[faces == vertex].tolist())
+        assert values <= {once[vertex] + turns for turns in (-1.0, 0.0, 1.0)}

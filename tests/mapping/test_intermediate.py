@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.frames import LocalPoints
 from texbake.mapping.classical.intermediate import (
     Surface,
@@ -11,7 +12,6 @@ from texbake.mapping.classical.intermediate import (
     surface_around,
 )
 from texbake.mapping.classical.intermediate_box import Box
-from texbake.mapping.classical.side_pictures import side_pictures
 from texbake.mapping.options import UnwrapOptions
 
 ROUND = ("cylinder", "sphere")

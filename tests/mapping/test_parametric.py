@@ -3,8 +3,8 @@ import pytest
 
 from texbake.errors import OptionError, UvError
 from texbake.mapping.classical.parametric import parametric
+from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import with_coordinates
 from texbake.mesh.shapes import cube, plane, uv_sphere
 
 

@@ -1,9 +1,14 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.adjacency import merged_labels, opposite_half_edges
-from texbake.mapping.atlas.cutting.batches import connected_parts, face_batches
-from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
+from texbake.mapping.atlas.cutting.parts import (
+    Part,
+    connected_parts,
+    divided_parts,
+    face_batches,
+    split_parts,
+)
+from texbake.mapping.seams import merged_labels, opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.shapes import _geodesic_sphere, plane
 from texbake.mesh.weld import weld_rows

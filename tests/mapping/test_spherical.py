@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from texbake.mapping.classical.spherical import spherical
+from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import with_coordinates
 from texbake.mapping.seams import seam_length
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, uv_sphere

@@ -9,9 +9,9 @@ from texbake.mapping.classical.cylindrical import cylindrical
 from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.spherical import spherical
 from texbake.mapping.classical.two_part import two_part
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import SURFACES, VIAS
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane, uv_sphere
 

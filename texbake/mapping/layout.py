@@ -1,7 +1,7 @@
-"""A picture of texture coordinates: charts in colors of their own, outlined, with their triangles.
+"""A picture of texture coordinates: charts in different colors, with outlines and triangles.
 
-What is wrong stands out: mirrored faces are red, and the colors of faces that overlap mix. Cuts
-through the surface are darker than the ends of the surface itself.
+What is wrong stands out: mirrored faces are red, and the colors of overlapping faces mix. Seams are
+darker than the borders of the surface itself.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.areas import measurable_uvs
-from texbake.mapping.layout_ink import SAMPLES, add_faces, add_lines
+from texbake.mapping.kernels.scanline_coverage import SAMPLES, fill_kernel, outline_kernel
 from texbake.mapping.layout_view import (
     BACKGROUND,
     EDGE_PX,
@@ -181,3 +181,55 @@ def _stamp(
     columns = slice(left + left_cut, left + left_cut + ink.shape[1])
     color = linear(INK) if color is None else color
     picture[rows, columns] += ink * (color.astype(np.float32) - picture[rows, columns])
+
+
+def add_faces(
+    pixels: FloatArray,
+    colors: FloatArray,
+    top: int,
+    half_edge: float,
+    edge_light: float,
+    sums: FloatArray,
+) -> None:
+    """Add up the colors of the samples that each face covers, and their number.
+
+    Parameters
+    ----------
+    pixels : (F, 3, 2) float64
+        Corners, x to the right and y down.
+    colors : (F, 3) float64
+        Linear.
+    top : int
+        y of the first row of `sums`.
+    half_edge, edge_light : float
+        Samples this near to an edge of their face get so much of its light.
+    sums : (H, W, 4) float64
+        Added to: red, green, blue and the number of samples.
+    """
+    fill_kernel(pixels, colors, float(top), half_edge, edge_light, *_todo(sums.shape), sums)
+
+
+def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.uint16]) -> None:
+    """Set the bit of each sample that lies on a line.
+
+    Parameters
+    ----------
+    ends : (N, 2, 2) float64
+        A point is a line as well.
+    width : float
+        In pixels.
+    top : int
+        y of the first row of `masks`.
+    masks : (H, W) uint16
+        Added to.
+    """
+    outline_kernel(ends, float(top), width / 2.0, *_todo(masks.shape), masks)
+
+
+def _todo(shape: tuple[int, ...]) -> tuple[npt.NDArray[np.int32], ...]:
+    """Next pixel of each row and next row to look at, at first each itself; how often they were."""
+    height, width = shape[:2]
+    columns = np.tile(np.arange(width + 1, dtype=np.int32), (height + 1, 1))
+    rows = np.arange(height + 1, dtype=np.int32).reshape(1, -1)
+    looks = np.zeros((height, width + 1), dtype=np.int32)  # of pixels, and last of the row
+    return columns, rows, looks

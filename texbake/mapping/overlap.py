@@ -1,13 +1,13 @@
-"""Faces that lie on one another in the texture.
+"""Faces that overlap in texture space.
 
-Two convex shapes do not overlap if a line along some edge of one of them parts them. Pairs to try
-come from a tree of bounding boxes, packed over the faces in the order of a curve that fills the
-plane. To know that a face overlaps, one other is enough: a stack of thousands costs no more than
-one of two. What still could take the square of the number of faces, such as a hundred thousand
-slivers side by side along a diagonal, is bounded, and what was left out is told.
+Pairs of faces to compare come from a tree of bounding boxes, packed over the faces in the order of
+a space-filling curve. One overlap is enough to mark a face, so that a stack of thousands costs no
+more than a stack of two. The number of comparisons is bounded even in the worst case, such as a
+hundred thousand slivers side by side along a diagonal; faces that were not compared with all others
+are reported.
 
-Based on: Gottschalk, Lin, Manocha, "OBBTree", 1996 (the separating axis theorem); Kamel, Faloutsos,
-"On Packing R-trees", 1993; Morton, "A computer oriented geodetic data base", 1966 (the order).
+Based on: Kamel, Faloutsos, "On Packing R-trees", 1993; Morton, "A computer oriented geodetic data
+base", 1966 (the order). The test of two triangles is in `kernels.planar_overlap`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.mapping.kernels.planar_overlap import FAN_OUT, overlap_kernel
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
@@ -26,11 +26,12 @@ from texbake.parallel import run_bands
 # Depth of an overlap, as a share of the texture, that is not one: what float32, or the six
 # decimals of many files, leave of coordinates on both sides of an edge; ...
 _DEPTH = 1e-6
+
 # ... and of the greatest coordinate: 4 units in the last place of a float32.
 _RELATIVE_DEPTH = 2.0**-22
 
-_FAN_OUT = 8  # children of a box
 _BAND = 4096  # faces looked at by one thread at a time
+
 # Faces that one is compared with before it is given up: all of them in meshes of up to 16,000
 # faces, and never fewer than 512. A common mesh takes about 12 a face.
 _MOST_PAIRS = 1 << 28
@@ -79,7 +80,7 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
     most = max(_LEAST_PAIRS_OF_A_FACE, _MOST_PAIRS // max(len(order), 1))
 
     def look(start: int, stop: int) -> None:
-        _overlap_kernel(
+        overlap_kernel(
             corners, lines, order, boxes, children, depth, False, most, places[start:stop],
             overlapping, unsure, no_layers,
         )  # fmt: skip
@@ -140,7 +141,7 @@ def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> In
     boxes, children = _packed_boxes(corners, order, charts)
     lines, places = _inward_lines(corners), np.argsort(order, kind="stable")
     found, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
-    _overlap_kernel(
+    overlap_kernel(
         corners, lines, order, boxes, children, depth, True, len(corners), places,
         found, unsure, layers,
     )  # fmt: skip
@@ -201,7 +202,7 @@ def _spread_bits(values: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
 def _packed_boxes(
     corners: FloatArray, order: npt.NDArray[np.int64], charts: IntArray | None
 ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Boxes around the faces in order, then around each `_FAN_OUT` of those, up to one.
+    """Boxes around the faces in order, then around each `FAN_OUT` of those, up to one.
 
     Returns
     -------
@@ -218,8 +219,8 @@ def _packed_boxes(
     children = [np.zeros((len(level), 2), dtype=np.int64)]
     start = 0
     while len(level) > 1:
-        firsts = np.arange(0, len(level), _FAN_OUT)
-        stops = np.minimum(firsts + _FAN_OUT, len(level))
+        firsts = np.arange(0, len(level), FAN_OUT)
+        stops = np.minimum(firsts + FAN_OUT, len(level))
         children.append(start + np.column_stack([firsts, stops]))
         start += len(level)
         level = np.column_stack(
@@ -230,66 +231,3 @@ def _packed_boxes(
         )
         levels.append(level)
     return np.concatenate(levels), np.concatenate(children)
-
-
-@kernel
-def _overlap_kernel(  # type: ignore[no-untyped-def]
-    corners, lines, order, boxes, children, depth, layered, most, places, found, unsure, layers
-):
-    """Look for what lies under the faces at some places in order.
-
-    Without `layered` one other face will do. With it all before the face are looked for, and it
-    takes the lowest layer that they leave free. Everything is written out here, since a call with
-    arrays would cost more than what it does.
-    """
-    stack = np.empty(_FAN_OUT * 64, dtype=np.int64)
-    # The last face that found a layer taken.
-    taken = np.full(len(corners) + 1 if layered else 0, -1, dtype=np.int64)
-    for place in places:
-        face = order[place]
-        left, low = boxes[place, 0] + depth, boxes[place, 1] + depth
-        right, high = boxes[place, 3] - depth, boxes[place, 4] - depth
-        chart = boxes[place, 2]
-        stack[0] = len(boxes) - 1
-        n_waiting, n_pairs = 1, 0
-        while n_waiting > 0:
-            n_waiting -= 1
-            row = stack[n_waiting]
-            for child in range(children[row, 0], children[row, 1]):
-                if (
-                    boxes[child, 0] < right
-                    and boxes[child, 3] > left
-                    and boxes[child, 1] < high
-                    and boxes[child, 4] > low
-                    and boxes[child, 2] <= chart
-                    and boxes[child, 5] >= chart
-                ):
-                    stack[n_waiting] = child
-                    n_waiting += 1
-            if row >= len(order) or row == place or (layered and order[row] > face):
-                continue
-            if n_pairs == most:
-                unsure[face] = True
-                break
-            n_pairs += 1
-            parted = False
-            one, other = face, order[row]
-            for edge in range(6):
-                if edge == 3:
-                    one, other = other, one
-                a, b, c = lines[one, edge % 3, 0], lines[one, edge % 3, 1], lines[one, edge % 3, 2]
-                if (
-                    a * corners[other, 0, 0] + b * corners[other, 0, 1] + c <= depth
-                    and a * corners[other, 1, 0] + b * corners[other, 1, 1] + c <= depth
-                    and a * corners[other, 2, 0] + b * corners[other, 2, 1] + c <= depth
-                ):
-                    parted = True
-                    break
-            if parted:
-                continue
-            found[face] = True
-            if not layered:
-                break
-            taken[layers[order[row]]] = face
-        while layered and taken[layers[face]] == face:
-            layers[face] += 1

@@ -1,7 +1,14 @@
-"""Where the texture is cut: charts, and the seams between them.
+"""Where the texture is cut: charts, the seams between them, and which faces are neighbors.
 
-Edges are told apart by where they lie, not by their indices, so that vertices and texture
-coordinates that a file repeats do not cut anything.
+Edges are compared by where they lie, not by their indices, so that vertices and texture coordinates
+that a file repeats do not cut anything.
+
+A half-edge is the edge of one face from one of its corners to the next, number 3 f + c for corner c
+of face f. Two half-edges are opposite where exactly two faces meet along one edge and run along it
+in opposite directions.
+
+Based on: K. Weiler, "Edge-based data structures for solid modeling in curved-surface environments",
+1985 (half-edges).
 """
 
 from __future__ import annotations
@@ -11,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.kernels.face_graph import merge_labels_kernel
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows
@@ -168,3 +176,81 @@ def _texture_corners(mesh: Mesh) -> IntArray:
 
 def _used_once(edges: npt.NDArray[np.int64]) -> BoolArray:
     return np.asarray(np.bincount(edges.ravel())[edges] == 1)
+
+
+def opposite_half_edges(
+    corners: IntArray, *, solid: npt.NDArray[np.bool_], regions: IntArray | None = None
+) -> IntArray:
+    """Half-edge on the other side of each, where the surface goes on.
+
+    Parameters
+    ----------
+    corners : (F, 3) int32
+        Equal for corners at one place.
+    solid : (F,) bool
+        Faces to look at, as if there were no others.
+    regions : (F,) int32, optional
+        Faces of different regions have nothing to do with each other.
+
+    Returns
+    -------
+    (3 F,) int32
+        -1 where there is none: at the boundary, between regions, where more than two faces meet,
+        and where two faces of opposite winding do.
+
+    Examples
+    --------
+    >>> square = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    >>> opposite_half_edges(square, solid=np.array([True, True])).tolist()
+    [-1, -1, 3, 2, -1, -1]
+    """
+    opposite = np.full(3 * len(corners), -1, dtype=np.int32)
+    if not solid.any():
+        return opposite
+    half_edges = (3 * np.flatnonzero(solid)[:, None] + np.arange(3)).ravel()
+    edges = edge_ids(corners[solid]).ravel()
+    order = np.argsort(edges, kind="stable")
+    counts = np.bincount(edges)
+    first = (np.cumsum(counts) - counts)[counts == 2]
+    one, other = half_edges[order[first]], half_edges[order[first + 1]]
+    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    glued = (starts[one] == ends[other]) & (ends[one] == starts[other]) & (one // 3 != other // 3)
+    glued &= starts[one] != ends[one]
+    if regions is not None:
+        glued &= regions[one // 3] == regions[other // 3]
+    opposite[one[glued]], opposite[other[glued]] = other[glued], one[glued]
+    return opposite
+
+
+def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
+    """Half-edge of the same face that starts where each ends; by that also the corner there."""
+    return half_edges + np.where(half_edges % 3 == 2, -2, 1)
+
+
+def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray:
+    """Number what is connected by pairs.
+
+    Parameters
+    ----------
+    n_items : int
+    firsts, seconds : (N,) int
+        Items of each pair.
+
+    Returns
+    -------
+    (n_items,) int32
+        Equal for items that a chain of pairs connects; from 0 without gaps, in the order of the
+        first item of each.
+
+    Examples
+    --------
+    >>> merged_labels(4, np.array([3]), np.array([1])).tolist()
+    [0, 1, 2, 1]
+    """
+    labels = np.arange(n_items, dtype=np.int32)
+    merge_labels_kernel(
+        labels,
+        np.ascontiguousarray(firsts, dtype=np.int32),
+        np.ascontiguousarray(seconds, dtype=np.int32),
+    )
+    return labels

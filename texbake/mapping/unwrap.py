@@ -1,13 +1,13 @@
-"""Texture coordinates for a mesh, by any method.
+"""Texture coordinates for a mesh, by any method, and the report about them.
 
-The mesh is taken as it comes and only gains coordinates: positions stay bit-equal and faces keep
-their order. Its size and place change nothing but what is asked for in model units.
+The mesh only gains coordinates: positions stay bit-equal and faces keep their order. The size and
+position of the model change nothing but options that are given in model units.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from typing import Any
 
@@ -15,14 +15,19 @@ import numpy as np
 
 from texbake.errors import OptionError, UvError
 from texbake.mapping.areas import check_measurable
+from texbake.mapping.corner_uvs import (
+    Projected,
+    faces_of_group,
+    selected,
+    with_coordinates,
+    with_selected_corners,
+)
 from texbake.mapping.distortion import Distortion, distortion
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected, with_coordinates
-from texbake.mapping.selection import faces_of_group, selected, with_selected_corners
+from texbake.mapping.options import METHOD_OPTIONS, UnwrapOptions
+from texbake.mapping.options.transform import TransformOptions
 from texbake.mapping.transform import at_density, transformed
-from texbake.mapping.unwrap_report import UnwrapReport
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import ProgressSink, StageRecord, Stages
 
 # Tiles that coordinates may lie away: of what is farther, float64 has no 1/4096 of a tile left.
 _FARTHEST = 1e12
@@ -224,3 +229,73 @@ def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
     )
     corners = at_density(part, transformed(projected.corners, options), options)
     return _Mapped(corners=corners, tallies=dict(projected.tallies))
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnwrapReport:
+    """Figures of one unwrap.
+
+    Attributes
+    ----------
+    mesh : str
+        Its name.
+    n_faces : int
+    options : UnwrapOptions
+        As asked for.
+    tallies : dict of str to int
+        What was met on the way, by its name, as in "faces at a pole": how many.
+    notes : tuple of str
+        Steps that failed and what was done instead; charts that miss a bound, and why.
+    distortion : Distortion or None
+        None where the coordinates leave no face any area.
+    stages : list of StageRecord
+    """
+
+    mesh: str
+    n_faces: int
+    options: UnwrapOptions
+    tallies: Mapping[str, int]
+    notes: tuple[str, ...]
+    distortion: Distortion | None
+    stages: list[StageRecord]
+
+    @property
+    def n_charts(self) -> int:
+        """Pieces of the surface that the texture shows."""
+        return 0 if self.distortion is None else self.distortion.n_charts
+
+    @property
+    def fill(self) -> float:
+        """Share of the tiles in use that faces cover; what is covered twice counts twice."""
+        return 0.0 if self.distortion is None else self.distortion.packing_efficiency
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages."""
+        return sum(stage.seconds for stage in self.stages)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain dicts, lists, numbers and strings."""
+        return {
+            "mesh": self.mesh,
+            "faces": self.n_faces,
+            "options": _options_in_use(self.options),
+            "charts": self.n_charts,
+            "tiles": 0 if self.distortion is None else self.distortion.n_tiles,
+            "fill": self.fill,
+            "tallies": dict(self.tallies),
+            "notes": list(self.notes),
+            "distortion": None if self.distortion is None else self.distortion.to_json(),
+            "seconds": self.seconds,
+            "stages": [asdict(stage) for stage in self.stages],
+        }
+
+
+def _options_in_use(options: UnwrapOptions) -> dict[str, Any]:
+    """Fields that the method reads; a function by its name."""
+    shared = ("method", "size", "only", *TransformOptions.__dataclass_fields__)
+    names = [*shared, *METHOD_OPTIONS[options.method]]
+    values = {name: getattr(options, name) for name in names}
+    if callable(options.warp):
+        values["warp"] = getattr(options.warp, "__name__", "a function")
+    return values

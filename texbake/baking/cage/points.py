@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from texbake.baking.distances import measure_reach
 from texbake.kernels import kernel
-from texbake.mapping.adjacency import opposite_half_edges
+from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals

@@ -18,7 +18,7 @@ import numpy as np
 
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike
-from texbake.mapping.matrix_file import read_matrix
+from texbake.mapping.classical.projector import read_matrix
 from texbake.mapping.options.checks import Matrix, Vector, check_direction, check_numbers
 from texbake.mesh.mesh import FloatArray
 

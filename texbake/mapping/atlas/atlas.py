@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, kept_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, snapped_points
 from texbake.mapping.atlas.flattening.relax import relaxed_charts
 from texbake.mapping.atlas.joining.bound import bounded_charts
 from texbake.mapping.atlas.joining.join import joined_charts
-from texbake.mapping.atlas.kept import kept_charts
 from texbake.mapping.atlas.packing.pack import check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch

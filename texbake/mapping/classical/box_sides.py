@@ -1,11 +1,11 @@
 """Which of the six sides of a box each face of a mesh belongs to.
 
-By itself a face belongs to the side that its normal is nearest to. On noise, and on surfaces that
-lie evenly between two sides, that leaves a ragged border and single faces in the midst of another
-side. So the choice goes by normals averaged over the neighborhood, and small regions are joined to
-a side beside them, as long as each face looks to its side enough not to be squashed.
+The obvious choice is the side nearest to the face's normal. On noise, and on surfaces halfway
+between two sides, that leaves ragged borders and isolated faces. So the choice is made from normals
+averaged over the neighborhood, and small regions are joined to a side next to them, as long as no
+face is squashed too much.
 
-A side is a number: 0 and 1 for +x and -x, 2 and 3 for +y and -y, 4 and 5 for +z and -z.
+Sides are numbered: 0 and 1 for +x and -x, 2 and 3 for +y and -y, 4 and 5 for +z and -z.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.areas import surface_areas
-from texbake.mapping.classical.side_pictures import N_SIDES
-from texbake.mapping.seams import edge_ids
+from texbake.mapping.seams import edge_ids, merged_labels
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows
+
+N_SIDES = 6
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -30,10 +30,10 @@ from texbake.mapping.classical.frames import (
     frame_about,
     in_frame,
     points_about,
+    wrap_angles,
 )
-from texbake.mapping.classical.wrap import wrap_angles
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 

@@ -1,14 +1,21 @@
-"""Where a mapping stands: the frame about its axis, its center, and the points seen from there.
+"""The frame of a mapping: its axis and center, vertices seen from there, angles about the axis.
 
 A frame is three perpendicular unit vectors, right-handed, as rows: e1, the direction of angle 0;
 e2, the direction of a quarter turn; and the axis. About `y` they are (z, x, y), so that angle 0 is
-the front of a model that stands on its feet; about `z` (x, y, z) and about `x` (y, z, x).
+the front of a model that stands upright; about `z` they are (x, y, z), about `x` (y, z, x).
 
-Points are taken about the center in float64 and scaled by a power of two, so that neither the size
-nor the place of a model changes more than the last bits of what is made from them.
+Points are moved to the center in float64 and scaled by a power of two, so that the size and
+position of a model change no more than the last bits of the result.
 
-Based on: the rotation that takes one unit vector to another without turning about either, in the
-form of O. Rodrigues, 1840.
+Angles become texture coordinates without smearing a face across the seam. Where the angle jumps by
+a full turn, a face with corners on both sides would run backwards through the whole texture. So the
+angle of each face is that of its centroid, and each corner takes the turn nearest to it: a face
+across the seam extends a little below 0 or above 1. The angle of a point is computed once and moved
+by whole turns, so that faces on the same turn agree to the last bit.
+
+Based on: the rotation that takes one unit vector to another without twist, after O. Rodrigues,
+1840; Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9), 1986
+(cylinder and sphere; seams and poles, which it leaves open, are as `wrap_angles` says).
 """
 
 from __future__ import annotations
@@ -21,11 +28,16 @@ import numpy.typing as npt
 from texbake.mapping.options.checks import Vector
 from texbake.mapping.options.projection import AXES
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, Mesh, frozen
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 
 # Of the largest coordinate: half a unit in the last place for the coordinate, for the center, for
 # their difference and for each step of turning it into the frame.
 _ROUNDING = 8.0 * 2.0**-53
+
+BoolArray = npt.NDArray[np.bool_]
+
+# In turns: angles of opposite points differ by half a turn to within this, the rounding of angles.
+_ANGLE_ROUNDING = 2.0**-50
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,3 +173,91 @@ def _unit(vector: npt.ArrayLike) -> FloatArray:
     values = np.asarray(vector, dtype=np.float64)
     values = values / np.abs(values).max()  # so that squares neither overflow nor vanish
     return np.asarray(values / np.linalg.norm(values))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WrappedAngles:
+    """The angles of the corners of faces, each face on one turn.
+
+    Attributes
+    ----------
+    s : (F, 3) float64
+        Texture coordinate: 0 and 1 at the ends of the arc.
+    around : (F,) bool
+        Faces around the axis: seen along it, the axis passes through them or through the inside
+        of an edge. Only these span half a turn or more.
+    on_axis : (F, 3) bool
+        Corners on the axis.
+    """
+
+    s: FloatArray
+    around: BoolArray
+    on_axis: BoolArray
+
+    def tallies(self, axis: str = "the axis") -> dict[str, int]:
+        """What was met, by name; only what there is. `axis` is what the names call it."""
+        counts = {
+            f"faces around {axis}": int(self.around.sum()),
+            f"faces touching {axis}": int(self.on_axis.any(axis=1).sum()),
+            "faces along the axis": int(self.on_axis.all(axis=1).sum()),
+        }
+        return {name: count for name, count in counts.items() if count}
+
+
+def wrap_angles(
+    points: FloatArray, faces: IntArray, *, theta: tuple[float, float], rounding: float
+) -> WrappedAngles:
+    """Angles of the corners of faces as a texture coordinate, s = (angle - a) / (b - a).
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        Coordinates along e1, e2 and the axis, as `LocalPoints` has them.
+    faces : (F, 3) int32
+        Indices into `points`.
+    theta : (float, float)
+        a and b, in degrees; they differ. b may be the lesser: s then grows clockwise.
+    rounding : float
+        Points no further than this from the axis are on it.
+
+    Returns
+    -------
+    WrappedAngles
+        The angle of a face's centroid is taken within half a turn of (a + b) / 2, and the angles
+        of its corners within half a turn of the centroid's. A corner on the axis gets the angle of
+        the centroid (at a pole: a fan); where the centroid is on the axis too, that of the first
+        corner that is not; and a face along the axis (a + b) / 2.
+    """
+    first, last = theta[0] / 360.0, theta[1] / 360.0
+    per_turn = 1.0 / (last - first)
+    turns = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
+    near = np.hypot(points[:, 0], points[:, 1]) <= rounding
+    on_axis = near[faces]
+    own = _centroid_turns(points, faces, on_axis, rounding)
+    middle = (first + last) / 2.0
+    own[on_axis.all(axis=1)] = middle
+    own -= np.floor(own - middle + 0.5)
+
+    corner_turns = turns[faces]
+    back = np.floor(corner_turns - own[:, None] + 0.5)
+    s = ((turns - first) * per_turn)[faces] - back * per_turn
+    rows, _ = np.nonzero(on_axis)
+    s[on_axis] = (own[rows] - first) * per_turn
+    # A triangle around the axis has corners in every half plane; one beside it fits into one.
+    corner_turns -= back
+    spans = corner_turns.max(axis=1) - corner_turns.min(axis=1)
+    around = (spans >= 0.5 - _ANGLE_ROUNDING) & ~on_axis.any(axis=1)
+    return WrappedAngles(s=s, around=around, on_axis=on_axis)
+
+
+def _centroid_turns(
+    points: FloatArray, faces: IntArray, on_axis: BoolArray, rounding: float
+) -> FloatArray:
+    """(F,) float64: angle of each face's centroid, in turns; of a corner where that has none."""
+    x, y = (
+        points[faces[:, 0], i] + points[faces[:, 1], i] + points[faces[:, 2], i] for i in (0, 1)
+    )
+    lost = np.flatnonzero(np.hypot(x, y) <= 3.0 * rounding)  # sums of three corners
+    off_axis = faces[lost, on_axis[lost].argmin(axis=1)]
+    x[lost], y[lost] = points[off_axis, 0], points[off_axis, 1]
+    return np.asarray(np.arctan2(y, x) / (2.0 * np.pi))

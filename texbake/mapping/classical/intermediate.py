@@ -22,11 +22,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.classical.cylindrical import height_ends
-from texbake.mapping.classical.frames import LocalPoints
+from texbake.mapping.classical.frames import LocalPoints, wrap_angles
 from texbake.mapping.classical.spherical import onto_sphere
-from texbake.mapping.classical.wrap import wrap_angles
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]

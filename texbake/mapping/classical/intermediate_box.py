@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.frames import LocalPoints
-from texbake.mapping.classical.side_pictures import side_pictures
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import FloatArray, IntArray
 
 SideArray = npt.NDArray[np.int64]

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.errors import OptionError
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import Mesh
 
 

@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.classical.frames import LocalPoints, center_of, points_about, upright_frame
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
-from texbake.mapping.projected import Projected
-from texbake.mesh.kernels.normals import AREA_ROUNDING
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import AREA_ROUNDING
 
 # Relative to the sum of variances: what two of them differ by less than is rounding, also of
 # positions in float32, and the directions between them are free.

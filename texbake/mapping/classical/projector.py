@@ -1,35 +1,39 @@
-"""A picture cast onto the mesh, as from a slide projector: (s, t, r, q) = M P, then s / q, t / q.
+"""Projector mapping: an image cast onto the mesh as by a slide projector.
 
-With q = 1 everywhere the light is parallel and M P itself gives (s, t). Only what the light reaches
-should carry the picture: faces turned away from the projector, hidden by others or behind it are
-told apart.
+A 4 x 4 matrix M gives (s, t, r, q) = M P, and the texture coordinates are s / q and t / q. With
+q = 1 everywhere the rays are parallel. Only what the projector sees should carry the image, so
+faces that look away from it, are hidden by others or lie behind it are told apart.
 
-The convention of the camera is that of previews (`texbake.rendering.camera`), so that what a
-preview
-shows is where a picture of it is cast: +y is up; the projector looks at the middle of the bounding
-box; azimuth 0 looks at the front, from +z, and grows counter-clockwise seen from above; the
-distance, where none is given, is 1.03 R / sin(fov / 2), which has the sphere of radius R about that
-middle in the picture. The picture is square and fills the unit square.
+The convention of the camera is that of previews (`texbake.rendering.camera`), so that an image of a
+preview lands where it was taken: +y is up; the projector looks at the center of the bounding box;
+azimuth 0 looks at the front, from +z, and grows counter-clockwise seen from above; the default
+distance is 1.03 R / sin(fov / 2), which fits the sphere of radius R about that center into the
+image. The image is square and fills the unit square.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
-texture mapping", SIGGRAPH 1992 (projective textures). Departs from it in that rays decide what is
-in the shadow, face by face, not a depth map pixel by pixel.
+texture mapping", SIGGRAPH 1992 (projective textures). It departs in deciding what is in shadow by
+rays, face by face, instead of by a depth map, pixel by pixel.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError
-from texbake.mapping.classical.occlusion import mostly_hidden
+from texbake.errors import FileFormatError, OptionError
+from texbake.files import PathLike
+from texbake.mapping.corner_uvs import Projected
+from texbake.mapping.kernels.ray_occlusion import mostly_hidden_kernel
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected
+from texbake.mapping.options.checks import Matrix
+from texbake.mesh.files.number_lines import parse_row, read_lines
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.triangle_tree import TriangleTree
+from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -47,6 +51,12 @@ _DEPENDENT = 1e-9
 # Rounding of the null vector of such rows, of unit length: a projector further away than its
 # inverse, in sizes of the mesh, is at infinity.
 _AT_INFINITY = 1e-13
+
+_BAND = 1 << 12
+
+# Weights of a face's corners in the points that stand for it: its centroid, and the middles
+# between that and its corners. All lie inside, where no neighbor can touch.
+_SAMPLES = frozen(np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0)
 
 
 def camera_matrix(
@@ -234,3 +244,72 @@ def _hidden(
         tree = TriangleTree.build(positions, faces)
         hidden[ids] = mostly_hidden(tree, ids, seen_from)
     return hidden
+
+
+def mostly_hidden(
+    tree: TriangleTree,
+    face_ids: npt.NDArray[np.integer[Any]],
+    seen_from: FloatArray,
+    *,
+    threads: int | None = None,
+) -> npt.NDArray[np.bool_]:
+    """Tell which faces have other faces before more than half of their four sample points.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        In a frame in which the mesh has about unit size.
+    face_ids : (n,) int
+        Faces asked for.
+    seen_from : (4,) float64
+        A point as (x, y, z, 1), or the direction towards one at infinity as (x, y, z, 0).
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (n,) bool
+        Faces hide from either side; a face never hides itself, nor does one without area hide
+        anything.
+    """
+    hidden = np.zeros(len(face_ids), dtype=bool)
+    nodes = (tree.positions, tree.faces, tree.order, tree.boxes, tree.nodes)
+    ids = frozen(np.ascontiguousarray(face_ids, dtype=np.int32))
+    eye = frozen(np.ascontiguousarray(seen_from, dtype=np.float64))
+
+    def work(start: int, stop: int) -> None:
+        mostly_hidden_kernel(nodes, ids, _SAMPLES, eye, start, stop, hidden)
+
+    run_bands(work, len(face_ids), band=_BAND, threads=threads)
+    return hidden
+
+
+def read_matrix(path: PathLike) -> Matrix:
+    """Read sixteen numbers, row by row, with blanks, commas or line breaks between them.
+
+    Parameters
+    ----------
+    path
+        Text; what stands after `#` in a line is left out.
+
+    Returns
+    -------
+    4 tuples of 4 floats
+        The rows.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    FileFormatError
+        It holds something else than sixteen finite numbers.
+    """
+    lines = read_lines(path, "a matrix")
+    n_words = sum(len(line.words) for line in lines)
+    if n_words != 16:
+        raise FileFormatError(
+            f"{path}: it has {n_words} words; a matrix needs 16 numbers, row by row"
+        )
+    values = [v for line in lines for v in parse_row(path, line, len(line.words), "a matrix")]
+    a, b, c, d = ((v[0], v[1], v[2], v[3]) for v in (values[i : i + 4] for i in range(0, 16, 4)))
+    return a, b, c, d

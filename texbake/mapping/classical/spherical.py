@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.mapping.classical.frames import center_of, frame_about, points_about
-from texbake.mapping.classical.wrap import wrap_angles
+from texbake.mapping.classical.frames import center_of, frame_about, points_about, wrap_angles
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 

@@ -34,9 +34,9 @@ from texbake.mapping.classical.frames import (
 )
 from texbake.mapping.classical.intermediate import mapped_by_rays, surface_around
 from texbake.mapping.classical.intermediate_box import Box
+from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
-from texbake.mapping.projected import Projected
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import smooth_normals
 

@@ -13,13 +13,17 @@ from importlib.util import find_spec
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.adjacency import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts, gathered_charts
-from texbake.mapping.atlas.cutting.batches import connected_parts, face_batches
 from texbake.mapping.atlas.cutting.disks import disk_charts
-from texbake.mapping.atlas.cutting.mend import GRID_CELLS
-from texbake.mapping.atlas.cutting.parts import divided_parts, split_parts
+from texbake.mapping.atlas.cutting.parts import (
+    connected_parts,
+    divided_parts,
+    face_batches,
+    split_parts,
+)
+from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
+from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import degenerate_faces

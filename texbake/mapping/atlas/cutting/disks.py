@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.mapping.adjacency import merged_labels, next_half_edges
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.mend import OVERLAP_DEPTH, mended_charts
 from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
+from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, mended_charts
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.compose import offset_joined
+from texbake.mapping.seams import merged_labels, next_half_edges
+from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 

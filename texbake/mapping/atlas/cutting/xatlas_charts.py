@@ -1,8 +1,12 @@
-"""Charts cut by xatlas, in processes of their own; by normals where it fails.
+"""Charts cut by xatlas, in processes of its own; where it fails, charts cut by face normals.
 
-xatlas compares areas and lengths with absolute thresholds, so it is given points on a grid, in a
-frame that depends neither on the size nor on the place of the model, large enough that no threshold
-is ever met by a face that is not degenerate.
+xatlas compares areas and lengths with absolute thresholds. So it gets points on a grid, in a frame
+that depends neither on the size nor on the position of the model, and large enough that only
+degenerate faces fall below a threshold.
+
+Where xatlas fails, a chart grows over neighbors whose normals lie in a cone about the chart's mean
+normal, and is projected along the axis of that cone. No face is mirrored, and none is squashed to
+less than half its area; a chart that winds around may overlap itself.
 
 Based on: Jonathan Young, xatlas, 2018 (a fork of thekla_atlas by Ignacio Castano).
 """
@@ -14,14 +18,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import DependencyError
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.mend import NO_CHART, mended_charts
-from texbake.mapping.atlas.cutting.plain_charts import plain_charts
+from texbake.mapping.atlas.cutting.repair import NO_CHART, mended_charts
 from texbake.mapping.atlas.cutting.workers import Failure, Request, ask_workers
+from texbake.mapping.kernels.face_graph import grow_kernel
+from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import weld_rows
 
 _WORKER = Path(__file__).with_name("cut_worker.py")
 _DOES_NOT_LOAD = 3  # its exit code where xatlas is broken
@@ -33,6 +40,8 @@ _WORKING_SIZE = 256.0
 
 _SECONDS_TO_START = 60.0
 _SECONDS_A_FACE = 0.01  # 30 times what 82,000 triangles in one piece take
+
+_TINY = np.finfo(np.float64).tiny
 
 
 def xatlas_charts(
@@ -173,3 +182,50 @@ def _with_plain_charts(
             "they were cut by their normals instead"
         )
     return pieces, tuple(notes)
+
+
+def plain_charts(
+    points: FloatArray, faces: IntArray
+) -> tuple[IntArray, FloatArray, npt.NDArray[np.int64]]:
+    """Cut a mesh into charts by its normals.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+    faces : (F, 3) int32
+        A face without area is a chart of its own, of no area either.
+
+    Returns
+    -------
+    faces : (F, 3) int32
+        Indices into `uvs`.
+    uvs : (T, 2) float64
+        In the unit of the points.
+    chart_ids : (T,) int64
+        Chart of each coordinate, numbered from 0 without gaps in the order of the first faces.
+    """
+    corners = weld_rows(points)[faces]
+    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    opposite = opposite_half_edges(corners, solid=solid)
+    neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
+    places = points[faces]
+    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    charts = np.full(len(faces), -1, dtype=np.int32)
+    axes = np.zeros((len(faces), 3))
+    n_charts = grow_kernel(neighbors, normals, charts, axes)
+
+    coordinates = np.stack([corners, np.repeat(charts[:, None], 3, axis=1)], axis=2)
+    used, indices = np.unique(coordinates.reshape(-1, 2), axis=0, return_inverse=True)
+    across, up = _tangents(axes[:n_charts])
+    where, chart_ids = points[used[:, 0]], used[:, 1].astype(np.int64)
+    uvs = [np.einsum("ij,ij->i", where, side[chart_ids]) for side in (across, up)]
+    return indices.reshape(-1, 3).astype(np.int32), np.stack(uvs, axis=1), chart_ids
+
+
+def _tangents(axes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors across each axis, right-handed with it."""
+    least = np.eye(3)[np.abs(axes).argmin(axis=1)]
+    across = np.cross(least, axes)
+    lengths = np.linalg.norm(across, axis=1, keepdims=True)
+    across /= np.maximum(lengths, _TINY)
+    return across, np.cross(axes, across)

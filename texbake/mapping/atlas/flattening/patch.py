@@ -1,7 +1,15 @@
-"""The neighbors and the outline of a patch: a few triangles that are to lie in the plane together.
+"""A patch of triangles: its neighbors and boundary, and whether a layout of it overlaps itself.
 
-Rows of a sparse matrix over the vertices of a patch hold a vertex itself and then those that it
-shares an edge with, so that whatever is assembled from triangles has its place found beforehand.
+A sparse matrix over the vertices of a patch has one row for each vertex: first the vertex itself,
+then those that it shares an edge with. What is assembled from triangles finds its entries there.
+
+Where no triangle is flipped, a point is covered as often as the boundary winds around it. So a
+layout covers nothing twice if its boundary does not meet itself and only one of its loops runs
+counter-clockwise. Where the boundary only touches itself, like the two sides of a closed slit, the
+triangles decide, allowing for rounding.
+
+Based on: Lipman, "Bijective Mappings of Meshes with Boundary and the Degree in Mesh Processing",
+2014.
 """
 
 from __future__ import annotations
@@ -10,9 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.kernels import kernel
-from texbake.mapping.adjacency import merged_labels
-from texbake.mesh.mesh import IntArray
+from texbake.mapping.kernels.face_graph import loops_kernel, neighbors_kernel
+from texbake.mapping.kernels.planar_overlap import APART, CROSSING, TOUCH_DEPTH, boundary_meeting
+from texbake.mapping.overlap import overlap_layers
+from texbake.mapping.seams import merged_labels
+from texbake.mesh.mesh import FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +84,7 @@ def patch_of(faces: IntArray, n_vertices: int) -> Patch | None:
     if len(faces) == 0:
         return None
     faces = np.array(faces, dtype=np.int32, order="C")  # writable: one signature of the kernels
-    row_starts, columns, entries, boundary, is_surface = _neighbors_kernel(faces, n_vertices)
+    row_starts, columns, entries, boundary, is_surface = neighbors_kernel(faces, n_vertices)
     if not is_surface:
         return None
     leaving = np.bincount(boundary[:, 0], minlength=n_vertices)
@@ -107,86 +117,36 @@ def _loops(boundary: IntArray, n_vertices: int) -> tuple[IntArray, ...]:
     """Chain edges where each vertex has one that leaves it; from the lowest vertex of each loop."""
     following = np.full(n_vertices, -1, dtype=np.int32)
     following[boundary[:, 0]] = boundary[:, 1]
-    order, starts = _loops_kernel(following)
+    order, starts = loops_kernel(following)
     return tuple(np.split(order, starts[1:])) if len(starts) else ()
 
 
-@kernel
-def _neighbors_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
-    """Rows of neighbors, where each pair of corners has its entry, and edges of one triangle."""
-    loose_starts = np.zeros(n_vertices + 1, dtype=np.int64)
-    for face in range(len(faces)):
-        for i in range(3):
-            loose_starts[faces[face, i] + 1] += 2
-    for vertex in range(n_vertices):
-        loose_starts[vertex + 1] += loose_starts[vertex] + 1
-    loose = np.empty(loose_starts[n_vertices], dtype=np.int32)
-    leaving = np.zeros(len(loose), dtype=np.int32)  # triangle edges from the row to the column
-    arriving = np.zeros(len(loose), dtype=np.int32)
-    lengths = np.ones(n_vertices, dtype=np.int32)
-    for vertex in range(n_vertices):
-        loose[loose_starts[vertex]] = vertex
-    entries = np.zeros((len(faces), 3, 3), dtype=np.int32)
-    is_surface = True
-    for face in range(len(faces)):
-        for i in range(3):
-            row = faces[face, i]
-            start = loose_starts[row]
-            for j in range(3):
-                column = faces[face, j]
-                at = 0
-                while at < lengths[row] and loose[start + at] != column:
-                    at += 1
-                if at == lengths[row]:
-                    loose[start + at] = column
-                    lengths[row] += 1
-                entries[face, i, j] = at
-                if j == (i + 1) % 3:
-                    leaving[start + at] += 1
-                elif j != i:
-                    arriving[start + at] += 1
-                if j != i and (at == 0 or leaving[start + at] > 1 or arriving[start + at] > 1):
-                    is_surface = False
+def is_injective(uvs: FloatArray, patch: Patch) -> bool:
+    """Tell whether no two triangles of a layout overlap; none of them may be flipped.
 
-    row_starts = np.zeros(n_vertices + 1, dtype=np.int32)
-    n_boundary = 0
-    for row in range(n_vertices):
-        row_starts[row + 1] = row_starts[row] + lengths[row]
-        for at in range(loose_starts[row] + 1, loose_starts[row] + lengths[row]):
-            n_boundary += leaving[at] > arriving[at]
-    columns = np.empty(row_starts[n_vertices], dtype=np.int32)
-    boundary = np.empty((n_boundary, 2), dtype=np.int32)
-    n_boundary = 0
-    for row in range(n_vertices):
-        for at in range(lengths[row]):
-            loose_at = loose_starts[row] + at
-            columns[row_starts[row] + at] = loose[loose_at]
-            if at > 0 and leaving[loose_at] > arriving[loose_at]:
-                boundary[n_boundary, 0], boundary[n_boundary, 1] = row, loose[loose_at]
-                n_boundary += 1
-    for face in range(len(faces)):
-        for i in range(3):
-            for j in range(3):
-                entries[face, i, j] += row_starts[faces[face, i]]
-    return row_starts, columns, entries, boundary, is_surface
+    Parameters
+    ----------
+    uvs : (n, 2) float64
+    patch : Patch
 
-
-@kernel
-def _loops_kernel(following):  # type: ignore[no-untyped-def]
-    """Vertices in the order of loops, and where each loop starts."""
-    seen = np.zeros(len(following), dtype=np.bool_)
-    order = np.empty(len(following), dtype=np.int32)
-    starts = np.empty(len(following), dtype=np.int32)
-    n_ordered, n_loops = 0, 0
-    for first in range(len(following)):
-        if following[first] < 0 or seen[first]:
-            continue
-        starts[n_loops] = n_ordered
-        n_loops += 1
-        vertex = first
-        while not seen[vertex]:
-            seen[vertex] = True
-            order[n_ordered] = vertex
-            n_ordered += 1
-            vertex = following[vertex]
-    return order[:n_ordered], starts[:n_loops]
+    Examples
+    --------
+    >>> from texbake.mapping.atlas.flattening.patch import patch_of
+    >>> patch = patch_of(np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]], dtype=np.int32), 5)
+    >>> angles = np.array([0.0, 1.9, 3.8, 5.7])
+    >>> corners = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    >>> is_injective(np.concatenate([[[0.0, 0.0]], corners]), patch)
+    True
+    >>> corners[3] = 0.5 * corners[0] + 0.5 * corners[1]
+    >>> is_injective(np.concatenate([[[0.0, 0.0]], corners]), patch)
+    False
+    """
+    meeting = boundary_meeting(uvs, patch.boundary, patch.boundary_loops)
+    if meeting == CROSSING:
+        return False
+    if meeting == APART and not patch.has_touching_fans:
+        return True
+    used = uvs[patch.faces.ravel()]
+    depth = TOUCH_DEPTH * float((used.max(axis=0) - used.min(axis=0)).max())
+    no_chart = np.zeros(len(patch.faces), dtype=np.int32)
+    return not overlap_layers(uvs[patch.faces], no_chart, depth=depth).any()

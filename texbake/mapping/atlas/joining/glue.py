@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.atlas.joining.piece import Piece, hull_area
+from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Angle that the fan of a vertex may lack, or have too much, for paths to be glued across it.

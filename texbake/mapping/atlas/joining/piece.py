@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.mapping.adjacency import merged_labels
 from texbake.mapping.atlas.flattening.flatten import flatten
+from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _ANGLES = 2.0 * np.pi * np.arange(32) / 32.0

@@ -1,14 +1,14 @@
-"""Charts as bitmaps: the cells that each one touches, and how far apart charts are kept."""
+"""Charts on a grid of cells: as bitmaps, and as runs of cells with the distance to keep."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
+from texbake.mapping.kernels.chart_bitmaps import mask_kernel, reach_kernel, spans_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 LongArray = npt.NDArray[np.int64]
@@ -106,45 +106,57 @@ def rasterize_charts(
     n_cells = boxes.prod(axis=2)
     starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
     masks = np.zeros(n_cells.sum(), dtype=np.uint8)
-    _mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks)
+    mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks)
     empty = np.add.reduceat(masks, starts.ravel(), dtype=np.int64) == 0
     masks[starts.ravel()[empty]] = 1
     return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
 
 
-@kernel
-def _mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks):  # type: ignore[no-untyped-def]
-    """Mark each cell that a face touches, or comes nearer to than `margin`, in its pose's mask."""
-    n_poses = corners.shape[2]
-    for item in range(len(corners) * n_poses):
-        face, pose = item // n_poses, item % n_poses
-        chart = face_charts[face]
-        width, height = boxes[chart, pose, 0], boxes[chart, pose, 1]
-        x = corners[face, :, pose, 0] * scale + shifts[chart, pose, 0]
-        y = corners[face, :, pose, 1] * scale + shifts[chart, pose, 1]
-        first = max(math.floor(y.min() - margin), 0)
-        last = min(math.floor(y.max() + margin), height - 1)
-        for row in range(first, last + 1):
-            left, right = _extent_between(x, y, row - margin, row + 1 + margin)
-            begin = max(math.floor(left - margin), 0)
-            end = min(math.floor(right + margin), width - 1)
-            start = starts[chart, pose] + row * width
-            for column in range(begin, end + 1):
-                masks[start + column] = 1
+class Shapes(NamedTuple):
+    """Cells of charts in O orientations, as runs along rows.
+
+    Attributes
+    ----------
+    boxes : (C, O, 2) int32
+        Columns and rows of each chart in each orientation.
+    spans : (S, 3) int32
+        Row, begin and end of each run; those of one chart and orientation together, by rows.
+    starts : (C, O, 2) int64
+        Where the runs of each begin in `spans`, and where they end.
+    reach : (R, 3) int32
+    reach_starts : (C, O, 2) int64
+        The same for the cells that no other chart may touch.
+    margin : int
+        Cells that these reach beyond the box of the chart.
+    """
+
+    boxes: IntArray
+    spans: IntArray
+    starts: npt.NDArray[np.int64]
+    reach: IntArray
+    reach_starts: npt.NDArray[np.int64]
+    margin: int
 
 
-@kernel
-def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
-    """Least and greatest x of what of a triangle lies between two heights, which it reaches."""
-    left, right = np.inf, -np.inf
-    for i in range(3):
-        x0, y0, x1, y1 = x[i], y[i], x[(i + 1) % 3], y[(i + 1) % 3]
-        if max(y0, y1) < bottom or min(y0, y1) > top:
-            continue
-        t0, t1 = 0.0, 1.0
-        if y0 != y1:
-            t_bottom, t_top = (bottom - y0) / (y1 - y0), (top - y0) / (y1 - y0)
-            t0, t1 = max(0.0, min(t_bottom, t_top)), min(1.0, max(t_bottom, t_top))
-        begin, end = x0 + t0 * (x1 - x0), x0 + t1 * (x1 - x0)
-        left, right = min(left, begin, end), max(right, begin, end)
-    return left, right
+def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
+    """Find the runs of charts in so many quarter turns of each pose.
+
+    Orientation `pose * turns + turn` is that turn of that pose; `half_widths` are a grid's.
+    """
+    n_charts, n_poses = bitmaps.starts.shape
+    boxes = np.repeat(bitmaps.boxes, turns, axis=1).astype(np.int32)
+    boxes[:, 1::2] = boxes[:, 1::2, ::-1] if turns > 1 else boxes[:, 1::2]
+    # A row of n cells holds at most (n + 1) / 2 runs.
+    most = int(((boxes[..., 0].astype(np.int64) + 1) // 2 * boxes[..., 1]).sum())
+    spans = np.empty((most, 3), dtype=np.int32)
+    starts = np.empty((n_charts, n_poses * turns, 2), dtype=np.int64)
+    n_spans = spans_kernel(bitmaps.masks, bitmaps.starts, bitmaps.boxes, turns, spans, starts)
+    spans = spans[:n_spans].copy()
+    margin = len(half_widths) // 2
+    if margin == 0:
+        return Shapes(boxes, spans, starts, spans, starts, 0)
+    # Dilation joins runs and makes none, but for new rows, each with no more than the one below.
+    reach = np.empty((n_spans * (2 * margin + 1), 3), dtype=np.int32)
+    reach_starts = np.empty_like(starts)
+    n_reach = reach_kernel(spans, starts, boxes, half_widths, reach, reach_starts)
+    return Shapes(boxes, spans, starts, reach[:n_reach].copy(), reach_starts, margin)

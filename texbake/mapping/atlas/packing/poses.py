@@ -1,4 +1,4 @@
-"""Charts turned by several angles, ready to become bitmaps at any scale."""
+"""Charts rotated by several angles, ready to be rasterized at any scale."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bitmaps import Bitmaps, rasterize_charts
+from texbake.mapping.kernels.chart_bitmaps import least_box_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _STEPS_A_FACE = 30  # of work, to rasterize it
@@ -117,23 +117,5 @@ def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
     starts = np.searchsorted(chart_ids[order], np.arange(n_charts + 1))
     angles = np.arange(_BOX_ANGLES) * (math.pi / 2.0 / _BOX_ANGLES)
     best = np.zeros(n_charts, dtype=np.int64)
-    _least_box_kernel(uvs[order], starts, np.cos(angles), np.sin(angles), best)
+    least_box_kernel(uvs[order], starts, np.cos(angles), np.sin(angles), best)
     return np.asarray(angles[best])
-
-
-@kernel
-def _least_box_kernel(uvs, starts, cos, sin, best):  # type: ignore[no-untyped-def]
-    """Write the index of the angle at which each chart has the smallest bounding box."""
-    for chart in range(len(best)):
-        least = np.inf
-        for i in range(len(cos)):
-            left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
-            for j in range(starts[chart], starts[chart + 1]):
-                x = uvs[j, 0] * cos[i] - uvs[j, 1] * sin[i]
-                y = uvs[j, 0] * sin[i] + uvs[j, 1] * cos[i]
-                left, right = min(left, x), max(right, x)
-                bottom, top = min(bottom, y), max(top, y)
-            area = (right - left) * (top - bottom)
-            if area < least * (1.0 - 1e-9):  # not by rounding alone
-                least = area
-                best[chart] = i

@@ -18,12 +18,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
-from texbake.mapping.atlas.packing.place import Placed, place_charts
+from texbake.mapping.atlas.packing.bins import Placed, place_charts
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid, Shapes, shapes_of
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
-from texbake.mapping.atlas.packing.separate import Search, pair_weights, separate
-from texbake.mapping.atlas.packing.settle import Layout
-from texbake.mapping.atlas.packing.shapes import Shapes, shapes_of
+from texbake.mapping.atlas.packing.settle import Layout, Search, pair_weights, separate
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _COARSE_CELLS = 256  # a side of the coarse grid, where it is square

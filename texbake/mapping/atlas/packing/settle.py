@@ -1,4 +1,4 @@
-"""Layouts made exact: charts on the grid of texels, moved apart, turned a little, and grown."""
+"""Overlapping charts moved apart on the exact grid of texels, rotated slightly, and enlarged."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid, Shapes, shapes_of
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
-from texbake.mapping.atlas.packing.separate import Search, pair_weights, separate
-from texbake.mapping.atlas.packing.shapes import shapes_of
+from texbake.mapping.kernels.guided_local_search import (
+    separate_kernel,
+)
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Texels that a chart is taken to reach beyond its edge: half a unit of the 1/256 texel that
@@ -21,7 +22,98 @@ _ANGLES = np.radians([0.0, 1.5, -1.5, 5.0, -5.0])  # that charts may turn by at 
 _STEP, _LEAST_STEP = 0.004, 0.001  # of the scale, when charts grow
 _FIRST_STEP = 0.008  # of the scale, as long as they must shrink
 _MOST_SHRINKS = 40
+
+_BASE_WEIGHT = 2048.0  # of a cell that overlaps; fractions of it are counted, in integers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How long and how far charts look for places.
+
+    Attributes
+    ----------
+    samples : int
+        Places that a move looks at before it follows the best ones downhill.
+    radius : int
+        Cells by which most moves go at most.
+    step : int
+        Cells of the first steps downhill.
+    patience : int
+        Sweeps over the charts without progress before it is given up.
+    work : int
+        Steps after which it is given up: a measure of time that is the same on every machine.
+    """
+
+    samples: int
+    radius: int
+    step: int
+    patience: int
+    work: int
+
+
 _SEARCH = Search(samples=24, radius=12, step=4, patience=80, work=300_000_000)
+
+
+def pair_weights(areas: FloatArray) -> IntArray:
+    """(C, C) int32: what a cell of overlap costs each two charts, by their areas in cells.
+
+    More where a chart is small, which has few cells to lose but as far to go.
+    """
+    sides = np.sqrt(np.minimum.outer(areas, areas) + 1.0)
+    return np.asarray(np.clip(_BASE_WEIGHT / sides, 8.0, 2048.0), dtype=np.int32)
+
+
+def separate(
+    shapes: Shapes,
+    places: IntArray,
+    weights: IntArray,
+    *,
+    size: tuple[int, int],
+    search: Search,
+    seed: int,
+) -> tuple[IntArray, int, int]:
+    """Move charts until none touches what is out of bounds for it.
+
+    Parameters
+    ----------
+    shapes : Shapes
+    places : (C, 3) int32
+        Column, row and orientation of each chart, inside the grid.
+    weights : (C, C) int32
+        As from `pair_weights`.
+    size : (int, int)
+        Columns and rows of the grid.
+    search : Search
+    seed : int
+        Of the random samples.
+
+    Returns
+    -------
+    places : (C, 3) int32
+        Those of least overlap that were found.
+    overlap : int
+        Cells in which charts overlap there; 0 if they are apart.
+    work : int
+        Steps taken.
+    """
+    n_charts = len(places)
+    best_places = places.copy()
+    overlap, work = separate_kernel(
+        shapes,
+        places.copy(),
+        weights,
+        weights.copy(),
+        np.zeros((n_charts, n_charts), dtype=np.int32),
+        np.zeros((size[1], size[0] + 1), dtype=np.int32),
+        search.samples,
+        search.radius,
+        search.step,
+        search.patience,
+        search.work,
+        seed,
+        best_places,
+    )
+    return best_places, overlap, work
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

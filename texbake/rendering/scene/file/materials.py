@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import PlainValidator, ValidationInfo, WithJsonSchema
 
 from texbake.errors import FileError, OptionError
-from texbake.mapping.matrix_file import read_matrix
+from texbake.mapping.classical.projector import read_matrix
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.scene.file.faults import fault, shown
 from texbake.rendering.scene.file.tables import described, list_of, made, table

@@ -5,7 +5,7 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.mend import mended_charts
+from texbake.mapping.atlas.cutting.repair import mended_charts
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane

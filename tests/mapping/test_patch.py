@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mapping.atlas.flattening.injectivity import is_injective
-from texbake.mapping.atlas.flattening.patch import patch_of
+from texbake.mapping.atlas.flattening.patch import is_injective, patch_of
 
 TURNS = np.linspace(0, 2 * math.pi, 7)[:-1]
 HEXAGON = np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1)

@@ -1,7 +1,21 @@
-"""One chart moved to where it overlaps the others least: samples of places, followed downhill.
+"""Kernels that move overlapping charts apart by guided local search.
 
-What each cell costs a chart is summed up along rows, so that one subtraction tells what a run of
-cells costs at a place.
+One chart after another moves to where it overlaps the others least, among sampled places and
+orientations that are followed downhill. The cost of an overlap is learnt for each pair of charts:
+it grows while the pair overlaps and fades when it does not, which drives the search out of dead
+ends.
+
+Based on:
+
+- Jens Egeblad, Benny K. Nielsen, Allan Odgaard, "Fast neighborhood search for two- and
+  three-dimensional nesting problems", European Journal of Operational Research 183, 2007 (least
+  overlap by guided local search).
+- Jeroen Gardeyn, Greet Vanden Berghe, Tony Wauters, "An open-source heuristic to reboot 2D nesting
+  research", 2025 (samples followed downhill; weights that grow with the overlap).
+
+It departs from them in counting overlaps in cells of bitmaps. The cost of each cell is summed along
+rows, so that one subtraction gives the cost of a run of cells, and a layout without overlap is
+exact.
 """
 
 from __future__ import annotations
@@ -10,7 +24,127 @@ import numpy as np
 
 from texbake.kernels import kernel
 
+_MOST_WEIGHT = 1 << 14
+_ALL_OVER = 6  # every so many moves a chart looks all over the grid
+
 NONE_YET = 1 << 60
+
+
+@kernel
+def separate_kernel(  # type: ignore[no-untyped-def]
+    shapes,
+    places,
+    base,
+    weights,
+    overlaps,
+    sums,
+    n_samples,
+    radius,
+    step,
+    patience,
+    most_work,
+    seed,
+    best_places,
+):
+    """Move charts until none overlap; return the least overlap found and the work done."""
+    n_charts = len(places)
+    n_rows, n_columns = sums.shape[0], sums.shape[1] - 1
+    order = np.arange(n_charts)
+    moved = np.ones(n_charts, dtype=np.uint8)
+    state = seed
+    least, idle, work = NONE_YET, 0, 0
+    while True:
+        work += _renew_overlaps(shapes, places, moved, sums, overlaps)
+        total = _learn(overlaps, base, weights, moved)
+        if total < least:
+            idle = 0 if total < least - least // 50 else idle
+            least = total
+            for a in range(n_charts):
+                for part in range(3):
+                    best_places[a, part] = places[a, part]
+        if total == 0 or idle >= patience or work > most_work:
+            return least, work
+        idle += 1
+        for i in range(n_charts - 1, 0, -1):
+            state = next_random(state)
+            k = (state >> 8) % (i + 1)
+            order[i], order[k] = order[k], order[i]
+        for chart in order:
+            if not moved[chart]:
+                continue
+            state = next_random(state)
+            aside = radius if (state >> 8) % _ALL_OVER else max(n_columns, n_rows)
+            x, y, orientation = places[chart, 0], places[chart, 1], places[chart, 2]
+            left, bottom = max(x - aside, 0), max(y - aside, 0)
+            right = min(x + shapes.boxes[chart, orientation, 0] + aside, n_columns)
+            top = min(y + shapes.boxes[chart, orientation, 1] + aside, n_rows)
+            window = (left, bottom, right, top)
+            work += sum_costs(chart, shapes, places, weights[chart], window, sums)
+            state, steps = move(chart, shapes, places, sums, window, n_samples, step, state)
+            work += steps
+            if x == places[chart, 0] and y == places[chart, 1] and orientation == places[chart, 2]:
+                moved[chart] = 0
+
+
+@kernel
+def _learn(overlaps, base, weights, overlapping):  # type: ignore[no-untyped-def]
+    """Raise the weights of pairs that overlap, let the others fade; return the sum of overlaps."""
+    n_charts = len(base)
+    total, most = 0, 1
+    for a in range(n_charts):
+        overlapping[a] = 0
+        for b in range(a):
+            total += overlaps[a, b]
+            most = max(most, overlaps[a, b] * base[a, b])
+    for a in range(n_charts):
+        for b in range(a):
+            cost = overlaps[a, b] * base[a, b]
+            weight = weights[a, b]
+            if cost > 0:
+                overlapping[a] = overlapping[b] = 1
+                weight = min(weight * (5 * most + 4 * cost) // (4 * most) + 1, _MOST_WEIGHT)
+            else:
+                weight = max(weight * 15 // 16, base[a, b])
+            weights[a, b] = weights[b, a] = weight
+    return total
+
+
+@kernel
+def _renew_overlaps(shapes, places, moved, sums, overlaps):  # type: ignore[no-untyped-def]
+    """Count the cells in which each two charts overlap, where one has moved; return the work."""
+    n_charts = len(places)
+    work = n_charts * n_charts
+    for chart in range(n_charts):
+        if not moved[chart]:
+            continue
+        x, y, orientation = places[chart, 0], places[chart, 1], places[chart, 2]
+        right, top = (
+            x + shapes.boxes[chart, orientation, 0],
+            y + shapes.boxes[chart, orientation, 1],
+        )
+        # Sums along rows of 1 for each cell of this chart.
+        clear(sums, x, y, right, top)
+        for i in range(shapes.starts[chart, orientation, 0], shapes.starts[chart, orientation, 1]):
+            sums[y + shapes.spans[i, 0], x + shapes.spans[i, 1]] += 1
+            sums[y + shapes.spans[i, 0], x + shapes.spans[i, 2]] -= 1
+        integrate(sums, x, y, right, top)
+        work += (right - x) * (top - y)
+        for other in range(n_charts):
+            if other == chart or (moved[other] and other < chart):
+                continue
+            count = 0
+            if is_near(shapes, places, other, x, y, right, top):
+                ox, oy, turned = places[other, 0], places[other, 1], places[other, 2]
+                for i in range(
+                    shapes.reach_starts[other, turned, 0], shapes.reach_starts[other, turned, 1]
+                ):
+                    row = oy + shapes.reach[i, 0]
+                    begin = max(ox + shapes.reach[i, 1], x)
+                    end = min(ox + shapes.reach[i, 2], right)
+                    if y <= row < top and begin < end:
+                        count += sums[row, end] - sums[row, begin]
+            overlaps[chart, other] = overlaps[other, chart] = count
+    return work
 
 
 @kernel

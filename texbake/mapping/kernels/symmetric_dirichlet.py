@@ -1,13 +1,15 @@
-"""The symmetric Dirichlet energy of a flat patch, its slope, and a convex model of it.
+"""The symmetric Dirichlet energy of a flat patch, and its minimum by projected Newton steps.
 
-With J the Jacobian of a triangle from its shape in space to the plane and σ1 ≥ σ2 > 0 its singular
-values, the energy is the sum of A (σ1² + σ2² + σ1⁻² + σ2⁻²) over the triangles, A their areas in
-space: 4 A where lengths are kept, and infinite where a triangle flips.
+Let J be the Jacobian that takes a triangle from its shape in space to the plane, and σ1 ≥ σ2 > 0
+its singular values. The energy is the sum of A (σ1² + σ2² + σ1⁻² + σ2⁻²) over the triangles, with A
+their areas in space. It is 4 A where lengths are kept, and infinite where a triangle flips. Newton
+steps use the part of the Hessian that curves upward, and stop short of the first flip.
 
 Based on: Smith, Schaefer, "Bijective Parameterization with Free Boundaries", 2015 (the energy, and
 the longest step without a flip); Smith, de Goes, Kim, "Analytic Eigensystems for Isotropic
-Distortion Energies", 2019 (the Hessian of a triangle, split into its four eigenvalues, of which
-only that of a turn can be negative).
+Distortion Energies", 2019 (the four eigenvalues of a triangle's Hessian, of which only that of a
+rotation can be negative); Teran, Sifakis, Irving, Fedkiw, "Robust Quasistatic Finite Elements and
+Flesh Simulation", 2005 (projected Newton steps solved by conjugate gradients).
 """
 
 from __future__ import annotations
@@ -17,6 +19,15 @@ import math
 import numpy as np
 
 from texbake.kernels import kernel
+from texbake.mapping.kernels.conjugate_gradient import solve_blocks
+from texbake.mapping.kernels.planar_overlap import CROSSING, boundary_meeting
+
+# Newton's systems are solved until the residual is this share of the right side: a step of full
+# precision gains little more, and takes several times as long.
+_TOLERANCE = 0.1
+
+# Distortion, as a share of the energy, that is slight: gains are compared with no less.
+_SLIGHT = 0.025
 
 # Least height of a triangle as a share of its longest edge, and least length of that as a share of
 # the mean: what is flatter or smaller is laid out as if it were this high, this long. Its own
@@ -218,3 +229,57 @@ def _jacobian(uvs, faces, gradients, face):  # type: ignore[no-untyped-def]
         j10 += uvs[vertex, 1] * gradients[face, i, 0]
         j11 += uvs[vertex, 1] * gradients[face, i, 1]
     return j00, j01, j10, j11
+
+
+@kernel
+def minimize_kernel(  # type: ignore[no-untyped-def]
+    uvs,
+    faces,
+    gradients,
+    areas,
+    row_starts,
+    columns,
+    entries,
+    boundary,
+    loops,
+    regions,
+    n_iterations,
+    accuracy,
+):
+    """Write the layout of least energy to `uvs`, which has no flips; return the steps it took.
+
+    Edges of `boundary` do not cross in any layout on the way.
+    """
+    n = len(uvs)
+    descent, steps, tried = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+    blocks = np.empty((len(columns), 4))
+    energy, least = energy_of(uvs, faces, gradients, areas), 0.0
+    for face in range(len(areas)):
+        least += 4.0 * areas[face]
+    for iteration in range(n_iterations):
+        model_at(uvs, faces, gradients, areas, entries, descent, blocks)
+        solve_blocks(row_starts, columns, blocks, descent, uvs, regions, steps, _TOLERANCE, 1000)
+        downhill = 0.0
+        for i in range(n):
+            downhill += descent[i, 0] * steps[i, 0] + descent[i, 1] * steps[i, 1]
+        if not downhill > 0.0:
+            return iteration
+        step = min(1.0, 0.9 * longest_step(uvs, steps, faces))
+        before = energy
+        while True:
+            for i in range(n):
+                tried[i, 0] = uvs[i, 0] + step * steps[i, 0]
+                tried[i, 1] = uvs[i, 1] + step * steps[i, 1]
+            energy = energy_of(tried, faces, gradients, areas)
+            if energy <= before - 1e-4 * step * downhill and (
+                len(boundary) == 0 or boundary_meeting(tried, boundary, loops) != CROSSING
+            ):
+                break
+            step *= 0.5
+            if step < 1e-10:
+                return iteration
+        for i in range(n):
+            uvs[i, 0], uvs[i, 1] = tried[i, 0], tried[i, 1]
+        if before - energy <= accuracy * (energy - least + _SLIGHT * least):
+            return iteration + 1
+    return n_iterations

@@ -1,14 +1,14 @@
-"""Sparse symmetric systems of 2 x 2 blocks, solved by conjugate gradients.
+"""Conjugate gradients for sparse symmetric systems of 2 x 2 blocks.
 
-What is solved for moves the vertices of a flat patch. The preconditioner adds up two corrections:
-each vertex for itself, by the inverse of its block; and whole regions of the patch, each moved and
-turned as a rigid body, by a small dense system. The first does not see errors that change slowly
-over the patch, and alone takes the more iterations the finer the patch is.
+The unknowns are the movements of the vertices of a flat patch. The preconditioner adds two
+corrections: one for each vertex, the inverse of its diagonal block; and one for whole regions of
+the patch, each moved and rotated as a rigid body, from a small dense system. The first alone does
+not see errors that change slowly over the patch, and takes more iterations the finer the patch is.
 
 Based on: Hestenes, Stiefel, "Methods of Conjugate Gradients for Solving Linear Systems", 1952;
 Vaněk, Mandel, Brezina, "Algebraic Multigrid by Smoothed Aggregation for Second and Fourth Order
-Elliptic Problems", 1996 (rigid bodies as a coarse space; here without the smoothing, on two
-levels, added).
+Elliptic Problems", 1996 (rigid bodies as a coarse space; here on two levels, without the smoothing,
+and added).
 """
 
 from __future__ import annotations
@@ -18,42 +18,10 @@ import math
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mesh.mesh import FloatArray, IntArray
-
-# Vertices of a region at the least, and halvings of the patch at the most: 64 regions are a system
-# of 192 unknowns, which takes about as long as ten iterations with 3,000 vertices.
-_REGION_SIZE = 64
-_MOST_HALVINGS = 6
 
 # What is added to the dense system, as a share of its diagonal: the patch as a whole is free to
 # move, so it is singular.
 _RIDGE = 1e-9
-
-
-def regions_of(uvs: FloatArray) -> IntArray:
-    """Halve a layout, and its parts, across their longer sides.
-
-    Parameters
-    ----------
-    uvs : (n, 2) float64
-
-    Returns
-    -------
-    (n,) int32
-        Regions from 0 without gaps; all 0 where the patch is too small for it to pay.
-    """
-    n = len(uvs)
-    regions = np.zeros(n, dtype=np.int64)
-    n_halvings = min(int(math.log2(max(n / _REGION_SIZE, 1.0))), _MOST_HALVINGS)
-    for level in range(n_halvings):
-        starts = np.arange(1 << level) * n // (1 << level)
-        order = np.argsort(regions, kind="stable")
-        by_region = uvs[order]
-        extents = np.maximum.reduceat(by_region, starts) - np.minimum.reduceat(by_region, starts)
-        axes = np.argmax(extents, axis=1)[regions]
-        order = np.lexsort((uvs[np.arange(n), axes], regions))
-        regions[order] = np.arange(n) * (2 << level) // n
-    return regions.astype(np.int32)
 
 
 @kernel

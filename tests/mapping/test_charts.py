@@ -6,9 +6,9 @@ import pytest
 from texbake import unwrap, unwrap_with_report
 from texbake.errors import UvError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.atlas.kept import kept_charts
+from texbake.mapping.atlas.charts import kept_charts
+from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.overlap import overlapping_faces
-from texbake.mapping.projected import with_coordinates
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane

@@ -1,10 +1,10 @@
-"""What xatlas leaves undone in its charts, made good.
+"""Charts repaired: mirrored, unevenly stretched and overlapping ones made good.
 
-It rounds the width and height of every chart up to whole texels, which stretches small charts, and
-leaves some charts mirrored: each chart gets the linear map that makes its stretch even over all
-directions, and the area that its faces have in space. Slivers may come out mirrored, and a chart
-of a surface that meets itself may lie on itself: such faces are taken out. And faces that it
-ignores get a point for coordinates.
+xatlas rounds the width and height of every chart up to whole texels, which stretches small charts,
+and leaves some charts mirrored. So each chart gets the linear map that evens out its stretch over
+all directions, and the area that its faces have in space. Slivers may come out mirrored, and a
+chart may overlap itself: such faces become charts of their own. Faces that xatlas ignores get a
+single point as their coordinates.
 """
 
 from __future__ import annotations

@@ -1,73 +1,26 @@
-"""Whether anything stands between a point of a mesh and where it is seen from.
+"""Kernels that decide whether a ray from a face to the viewer hits another face.
+
+They work in float64 throughout: they serve a few rays per face, not pictures.
 
 Based on: Möller, Trumbore, "Fast, minimum storage ray/triangle intersection", Journal of Graphics
-Tools 2(1), 1997; Kay, Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986 (boxes as slabs). Boxes
-are those of `TriangleTree`. All is float64: it is asked for some rays a face, not for pictures.
+Tools 2(1), 1997; Kay, Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986 (boxes as slabs). The
+boxes are those of `TriangleTree`.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from texbake.kernels import kernel
-from texbake.mesh.kernels.triangle_tree import STACK_SIZE, dot, minus, point_at
-from texbake.mesh.mesh import FloatArray, frozen
-from texbake.mesh.triangle_tree import TriangleTree
-from texbake.parallel import run_bands
-
-_BAND = 1 << 12
+from texbake.mesh.closest_point import dot, minus, point_at
+from texbake.mesh.triangle_tree import STACK_SIZE
 
 # Of the size of the tree's frame, which is 1: what lies nearer to a point stands on it, not before
 # it, such as a second face in the same place. Rounding of points and products stays far below.
 _CONTACT = 2.0**-36
 
-# Weights of a face's corners in the points that stand for it: its centroid, and the middles
-# between that and its corners. All lie inside, where no neighbor can touch.
-_SAMPLES = frozen(np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0)
-
 # In place of 0 in a direction, so that its inverse is finite and 0 times that is 0.
 _LEAST = 1e-300
-
-
-def mostly_hidden(
-    tree: TriangleTree,
-    face_ids: npt.NDArray[np.integer[Any]],
-    seen_from: FloatArray,
-    *,
-    threads: int | None = None,
-) -> npt.NDArray[np.bool_]:
-    """Tell which faces have other faces before more than half of their four sample points.
-
-    Parameters
-    ----------
-    tree : TriangleTree
-        In a frame in which the mesh has about unit size.
-    face_ids : (n,) int
-        Faces asked for.
-    seen_from : (4,) float64
-        A point as (x, y, z, 1), or the direction towards one at infinity as (x, y, z, 0).
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n,) bool
-        Faces hide from either side; a face never hides itself, nor does one without area hide
-        anything.
-    """
-    hidden = np.zeros(len(face_ids), dtype=bool)
-    nodes = (tree.positions, tree.faces, tree.order, tree.boxes, tree.nodes)
-    ids = frozen(np.ascontiguousarray(face_ids, dtype=np.int32))
-    eye = frozen(np.ascontiguousarray(seen_from, dtype=np.float64))
-
-    def work(start: int, stop: int) -> None:
-        _mostly_hidden_kernel(nodes, ids, _SAMPLES, eye, start, stop, hidden)
-
-    run_bands(work, len(face_ids), band=_BAND, threads=threads)
-    return hidden
 
 
 @kernel
@@ -143,7 +96,8 @@ def _is_blocked(tree, own, start, along, length, stack):  # type: ignore[no-unty
 
 
 @kernel
-def _mostly_hidden_kernel(tree, face_ids, samples, eye, start, stop, hidden):  # type: ignore[no-untyped-def]
+def mostly_hidden_kernel(tree, face_ids, samples, eye, start, stop, hidden):  # type: ignore[no-untyped-def]
+    """Write which faces have more than half of their samples hidden from `eye`."""
     positions, faces = tree[0], tree[1]
     stack = np.empty(STACK_SIZE, dtype=np.int32)
     for k in range(start, stop):

@@ -1,13 +1,11 @@
-"""Whether a layout covers nothing twice, told from its boundary.
+"""Kernels that decide whether triangles in the plane overlap, or a boundary crosses itself.
 
-Where no triangle is flipped, a point is covered as often as the boundary winds around it. So a
-layout covers nothing twice if its boundary does not meet itself and only one of its loops runs
-counter-clockwise. Edges to compare come from a grid. Where the boundary only touches itself, as
-the two sides of a slit do that close up in the plane, the triangles decide, with a depth that
-rounding may bring about.
+Two triangles do not overlap if the line through an edge of one of them separates them. Which pairs
+to test comes from a tree of bounding boxes for triangles, and from a grid for boundary edges.
 
-Based on: Lipman, "Bijective Mappings of Meshes with Boundary and the Degree in Mesh Processing",
-2014.
+Based on: Gottschalk, Lin, Manocha, "OBBTree", 1996 (the separating axis theorem); Kamel, Faloutsos,
+"On Packing R-trees", 1993; Lipman, "Bijective Mappings of Meshes with Boundary and the Degree in
+Mesh Processing", 2014 (why the boundary is enough where no triangle is flipped).
 """
 
 from __future__ import annotations
@@ -17,45 +15,76 @@ import math
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mapping.atlas.flattening.patch import Patch
-from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.mesh import FloatArray
+
+FAN_OUT = 8  # children of a box
 
 # Overlaps no deeper than this share of the longer side of the layout are two borders that touch.
-_DEPTH = 2.0**-21
+TOUCH_DEPTH = 2.0**-21
 
 APART, TOUCHING, CROSSING = 0, 1, 2
 
 
-def is_injective(uvs: FloatArray, patch: Patch) -> bool:
-    """Tell whether no two triangles of a layout overlap; none of them may be flipped.
+@kernel
+def overlap_kernel(  # type: ignore[no-untyped-def]
+    corners, lines, order, boxes, children, depth, layered, most, places, found, unsure, layers
+):
+    """Look for what lies under the faces at some places in order.
 
-    Parameters
-    ----------
-    uvs : (n, 2) float64
-    patch : Patch
-
-    Examples
-    --------
-    >>> from texbake.mapping.atlas.flattening.patch import patch_of
-    >>> patch = patch_of(np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]], dtype=np.int32), 5)
-    >>> angles = np.array([0.0, 1.9, 3.8, 5.7])
-    >>> corners = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    >>> is_injective(np.concatenate([[[0.0, 0.0]], corners]), patch)
-    True
-    >>> corners[3] = 0.5 * corners[0] + 0.5 * corners[1]
-    >>> is_injective(np.concatenate([[[0.0, 0.0]], corners]), patch)
-    False
+    Without `layered` one other face will do. With it all before the face are looked for, and it
+    takes the lowest layer that they leave free. Everything is written out here, since a call with
+    arrays would cost more than what it does.
     """
-    meeting = boundary_meeting(uvs, patch.boundary, patch.boundary_loops)
-    if meeting == CROSSING:
-        return False
-    if meeting == APART and not patch.has_touching_fans:
-        return True
-    used = uvs[patch.faces.ravel()]
-    depth = _DEPTH * float((used.max(axis=0) - used.min(axis=0)).max())
-    no_chart = np.zeros(len(patch.faces), dtype=np.int32)
-    return not overlap_layers(uvs[patch.faces], no_chart, depth=depth).any()
+    stack = np.empty(FAN_OUT * 64, dtype=np.int64)
+    # The last face that found a layer taken.
+    taken = np.full(len(corners) + 1 if layered else 0, -1, dtype=np.int64)
+    for place in places:
+        face = order[place]
+        left, low = boxes[place, 0] + depth, boxes[place, 1] + depth
+        right, high = boxes[place, 3] - depth, boxes[place, 4] - depth
+        chart = boxes[place, 2]
+        stack[0] = len(boxes) - 1
+        n_waiting, n_pairs = 1, 0
+        while n_waiting > 0:
+            n_waiting -= 1
+            row = stack[n_waiting]
+            for child in range(children[row, 0], children[row, 1]):
+                if (
+                    boxes[child, 0] < right
+                    and boxes[child, 3] > left
+                    and boxes[child, 1] < high
+                    and boxes[child, 4] > low
+                    and boxes[child, 2] <= chart
+                    and boxes[child, 5] >= chart
+                ):
+                    stack[n_waiting] = child
+                    n_waiting += 1
+            if row >= len(order) or row == place or (layered and order[row] > face):
+                continue
+            if n_pairs == most:
+                unsure[face] = True
+                break
+            n_pairs += 1
+            parted = False
+            one, other = face, order[row]
+            for edge in range(6):
+                if edge == 3:
+                    one, other = other, one
+                a, b, c = lines[one, edge % 3, 0], lines[one, edge % 3, 1], lines[one, edge % 3, 2]
+                if (
+                    a * corners[other, 0, 0] + b * corners[other, 0, 1] + c <= depth
+                    and a * corners[other, 1, 0] + b * corners[other, 1, 1] + c <= depth
+                    and a * corners[other, 2, 0] + b * corners[other, 2, 1] + c <= depth
+                ):
+                    parted = True
+                    break
+            if parted:
+                continue
+            found[face] = True
+            if not layered:
+                break
+            taken[layers[order[row]]] = face
+        while layered and taken[layers[face]] == face:
+            layers[face] += 1
 
 
 @kernel
@@ -85,7 +114,7 @@ def boundary_meeting(uvs, boundary, loops):  # type: ignore[no-untyped-def]
     n_cells = max(1, min(int(2.0 * math.sqrt(n_edges)), 1024))
     if _n_enclosing(uvs, boundary, loops, n_loops) > 1:
         return CROSSING
-    scale, depth = n_cells / extent, _DEPTH * extent
+    scale, depth = n_cells / extent, TOUCH_DEPTH * extent
     heads = np.full(n_cells * n_cells, -1, dtype=np.int64)
     boxes = np.empty((n_edges, 4), dtype=np.int64)  # first column and row, last column and row
     n_links = 0

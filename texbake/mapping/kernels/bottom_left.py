@@ -1,7 +1,7 @@
-"""Charts put one after another where they lie lowest among those already there.
+"""Kernels that place charts one after another, each in the lowest and then leftmost free place.
 
-Free cells are kept as runs, so that a search along a row steps from one obstacle over the next
-instead of from cell to cell. The whole bitmap is searched, not its horizon, so that holes fill.
+Free cells are stored as runs, so that a search along a row jumps from obstacle to obstacle instead
+of going from cell to cell. The whole bitmap is searched, not only its skyline, so that holes fill.
 
 Based on: Bruno Lévy, Sylvain Petitjean, Nicolas Ray, Jérome Maillot, "Least squares conformal maps
 for automatic texture atlas generation", 2002 (charts packed by their shape, large ones first).
@@ -9,83 +9,14 @@ for automatic texture atlas generation", 2002 (charts packed by their shape, lar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
-from texbake.mesh.mesh import IntArray
-
-_TURNS = 4  # quarter turns that each pose is tried in
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Placed:
-    """Where charts went.
-
-    Attributes
-    ----------
-    places : (C, 4) int32
-        Column and row of the lower left cell, pose, and quarter turns counter-clockwise of each
-        chart; -1 of charts without a place.
-    tops : (C,) int32
-        The row above each chart; 0 without a place.
-    n_missing : int
-        Charts of the order that found no place.
-    work : int
-        Steps of the search: a measure of time that is the same on every machine.
-    """
-
-    places: IntArray
-    tops: IntArray
-    n_missing: int
-    work: int
-
-
-def place_charts(
-    bitmaps: Bitmaps,
-    order: IntArray,
-    grid: Grid,
-    *,
-    all_or_nothing: bool = True,
-    hurry: int = 0,
-) -> Placed:
-    """Put charts, one after another, where they end lowest: in any pose and quarter turn.
-
-    Parameters
-    ----------
-    bitmaps : Bitmaps
-    order : (N,) int32
-        Charts in the order in which they choose their places; not necessarily all.
-    grid : Grid
-    all_or_nothing : bool
-        Stop at the first chart that finds no place; else leave it out and go on.
-    hurry : int
-        1: do not look again, for a chart of about the same size, before the place of the one
-        before: many times faster for thousands of charts, which fill a hundredth less. 2: nor for
-        one of up to twice the size, and in two quarter turns only: for tens of thousands.
-    """
-    places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
-    tops = np.zeros(len(places), dtype=np.int32)
-    runs = np.empty((grid.height, grid.width), dtype=np.int32)
-    n_missing, work = _place_kernel(
-        bitmaps.masks,
-        bitmaps.starts,
-        bitmaps.boxes,
-        order,
-        grid.half_widths,
-        all_or_nothing,
-        hurry,
-        runs,
-        places,
-        tops,
-    )
-    return Placed(places=places, tops=tops, n_missing=n_missing, work=work)
+from texbake.mapping.kernels.chart_bitmaps import spans_of
 
 
 @kernel
-def _place_kernel(  # type: ignore[no-untyped-def]
+def place_kernel(  # type: ignore[no-untyped-def]
     masks, starts, boxes, order, half_widths, all_or_nothing, hurry, runs, places, tops
 ):
     """Put the charts one after another where they end lowest; return (missing, work).
@@ -151,34 +82,6 @@ def _size_class(length, hurry):  # type: ignore[no-untyped-def]
         rest //= 2
         octave += 1
     return min(parts * octave + rest, 63)
-
-
-@kernel
-def spans_of(mask, turn, spans):  # type: ignore[no-untyped-def]
-    """Write the runs of marked cells of a turned mask as (row, begin, end); return their number."""
-    height, width = mask.shape
-    n_rows, n_columns = (height, width) if turn % 2 == 0 else (width, height)
-    count = 0
-    for row in range(n_rows):
-        begin = -1
-        for column in range(n_columns + 1):
-            marked = False
-            if column < n_columns:
-                if turn == 0:
-                    marked = mask[row, column] != 0
-                elif turn == 1:
-                    marked = mask[height - 1 - column, row] != 0
-                elif turn == 2:
-                    marked = mask[height - 1 - row, width - 1 - column] != 0
-                else:
-                    marked = mask[column, width - 1 - row] != 0
-            if marked and begin < 0:
-                begin = column
-            elif not marked and begin >= 0:
-                spans[count, 0], spans[count, 1], spans[count, 2] = row, begin, column
-                count += 1
-                begin = -1
-    return count
 
 
 @kernel

@@ -1,11 +1,11 @@
-"""How much of each pixel faces and lines cover, with work that is bounded whatever lies on what.
+"""Kernels that measure how much of each pixel faces and lines cover, in bounded time.
 
-A pixel has a number of samples. Faces are looked at in their rows only as far as they reach there,
-and a pixel that has had its fill is left out from then on: with a hundred thousand faces on one
-another the picture takes no longer than with some dozens, which no eye could tell from it.
+A pixel has a fixed number of samples. Once a pixel is full it is skipped, so that a picture of a
+hundred thousand faces on top of one another takes no longer than one of a few dozen, and looks the
+same.
 
 Based on: R. Tarjan, "Efficiency of a good but not linear set union algorithm", 1975 (finding the
-next pixel of a row that still takes something).
+next pixel of a row that is not yet full).
 """
 
 from __future__ import annotations
@@ -13,69 +13,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.kernels import kernel
-from texbake.mesh.mesh import FloatArray
 
 SAMPLES = 4  # a side of a pixel; their square must fit the bits of an outline mask
 
 _MOST_LAYERS = 32  # of faces over a pixel, whose colors are mixed
+
 # Faces or lines looked at in a pixel, and in a row: far more than in any picture of a good layout.
 _MOST_LOOKS = 512
 _MOST_ROW_LOOKS = 1 << 18
-
-
-def add_faces(
-    pixels: FloatArray,
-    colors: FloatArray,
-    top: int,
-    half_edge: float,
-    edge_light: float,
-    sums: FloatArray,
-) -> None:
-    """Add up the colors of the samples that each face covers, and their number.
-
-    Parameters
-    ----------
-    pixels : (F, 3, 2) float64
-        Corners, x to the right and y down.
-    colors : (F, 3) float64
-        Linear.
-    top : int
-        y of the first row of `sums`.
-    half_edge, edge_light : float
-        Samples this near to an edge of their face get so much of its light.
-    sums : (H, W, 4) float64
-        Added to: red, green, blue and the number of samples.
-    """
-    _fill_kernel(pixels, colors, float(top), half_edge, edge_light, *_todo(sums.shape), sums)
-
-
-def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.uint16]) -> None:
-    """Set the bit of each sample that lies on a line.
-
-    Parameters
-    ----------
-    ends : (N, 2, 2) float64
-        A point is a line as well.
-    width : float
-        In pixels.
-    top : int
-        y of the first row of `masks`.
-    masks : (H, W) uint16
-        Added to.
-    """
-    _outline_kernel(ends, float(top), width / 2.0, *_todo(masks.shape), masks)
-
-
-def _todo(shape: tuple[int, ...]) -> tuple[npt.NDArray[np.int32], ...]:
-    """Next pixel of each row and next row to look at, at first each itself; how often they were."""
-    height, width = shape[:2]
-    columns = np.tile(np.arange(width + 1, dtype=np.int32), (height + 1, 1))
-    rows = np.arange(height + 1, dtype=np.int32).reshape(1, -1)
-    looks = np.zeros((height, width + 1), dtype=np.int32)  # of pixels, and last of the row
-    return columns, rows, looks
 
 
 @kernel
@@ -100,9 +47,10 @@ def _extent(x0, y0, x1, y1, low, high):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_kernel(  # type: ignore[no-untyped-def]
+def fill_kernel(  # type: ignore[no-untyped-def]
     pixels, colors, top, half_edge, edge_light, columns, rows, looks, sums
 ):
+    """Add the colors of the samples that each face covers, and their number, to `sums`."""
     n_rows, n_columns = sums.shape[:2]
     step, n_samples = 1.0 / SAMPLES, SAMPLES * SAMPLES
     lines = np.empty((3, 3))  # through the edges: the distance inwards is a x + b y + c
@@ -165,7 +113,8 @@ def _fill_kernel(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _outline_kernel(ends, top, radius, columns, rows, looks, masks):  # type: ignore[no-untyped-def]
+def outline_kernel(ends, top, radius, columns, rows, looks, masks):  # type: ignore[no-untyped-def]
+    """Set the bit of each sample that lies on a line."""
     n_rows, n_columns = masks.shape
     n_samples = SAMPLES * SAMPLES
     whole = np.uint16((1 << n_samples) - 1)
