@@ -134,7 +134,7 @@ def test_a_face_that_misses_goes_to_the_nearest_points_whole() -> None:
     directions = np.array([[1.0, 0, 1]] * 5) / math.sqrt(2.0)
     directions[3] = [0.0, 0.0, -1.0]
     mapped = mapped_by_rays(plane, points, directions, faces)
-    assert mapped.tallies == {"faces whose rays miss the plane, put at its nearest points": 1}
+    assert mapped.tallies == {"faces whose rays miss the plane, mapped to its nearest points": 1}
     moved = np.array([2.0, 0.0])
     np.testing.assert_allclose(mapped.corners[0], points[faces[0], :2] + moved, atol=1e-14)
     assert np.array_equal(mapped.corners[1], points[faces[1], :2])

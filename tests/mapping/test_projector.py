@@ -243,7 +243,7 @@ def test_vertices_of_no_face_have_no_part_in_it() -> None:
     ("matrix", "message"),
     [
         (((0.0,) * 4,) * 4, "one of its rows s, t and q is 0"),
-        ((*DOWN[:1], *DOWN[:1], *DOWN[2:]), "flatten the picture to a line"),
+        ((*DOWN[:1], *DOWN[:1], *DOWN[2:]), "flatten the image to a line"),
         (((1e308, 0.0, 0.0, 0.0), *DOWN[1:3], (0.0, 0.0, 0.0, 1e-308)), "not finite"),
     ],
 )

@@ -267,7 +267,7 @@ def test_what_looks_away_from_the_plane_is_put_where_it_stands() -> None:
     mesh = plane(3, 3)
     away = Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1])
     found = mapped(away, "plane", "object-normal")
-    assert found.tallies == {"faces whose rays miss the plane, put at its nearest points": 18}
+    assert found.tallies == {"faces whose rays miss the plane, mapped to its nearest points": 18}
     assert np.array_equal(found.corners, mapped(away, "plane", "surface-normal").corners)
     assert mapped(mesh, "plane", "object-normal").tallies == {}
 
@@ -276,7 +276,7 @@ def test_caps_of_a_cylinder_are_put_where_they_stand() -> None:
     # Faces of a plane that looks along the axis, whose rays all leave by the open end.
     found = mapped(plane(3, 3), "cylinder", "object-normal", axis="z")
     expected = mapped(plane(3, 3), "cylinder", "surface-normal", axis="z")
-    missing = "faces whose rays miss the cylinder, put at its nearest points"
+    missing = "faces whose rays miss the cylinder, mapped to its nearest points"
     assert found.tallies[missing] == 18
     assert np.array_equal(found.corners, expected.corners)
 

@@ -7,8 +7,7 @@ import numpy as np
 from texbake.errors import MeshError, UvError
 from texbake.mesh.mesh import FloatArray, Mesh
 
-# Model units, or tiles of the texture: the fourth power of such a length is the square of an area,
-# and finite.
+# In model units or texture tiles. The fourth power of this length, the square of an area, is finite.
 _LONGEST = 1e75
 
 
@@ -18,7 +17,7 @@ def signed_areas(corners: FloatArray) -> FloatArray:
     Parameters
     ----------
     corners : (F, 3, 2) float64
-        Texture coordinates of the corners; see `measurable_uvs`.
+        Texture coordinates of the corners, such as `measurable_uvs` returns.
 
     Returns
     -------
@@ -52,36 +51,36 @@ def surface_areas(corners: FloatArray) -> FloatArray:
 
 
 def check_measurable(mesh: Mesh) -> None:
-    """Raise `MeshError` where areas, and their squares, would leave what float64 holds."""
+    """Raise `MeshError` if areas, or their squares, would leave the range of float64."""
     with np.errstate(over="ignore"):
         low, high = mesh.bounds
         length = float((high - low).max())
         farthest = float(np.abs(mesh.bounds).max())
     if farthest > _LONGEST or 0.0 < length < 1.0 / _LONGEST:
         raise MeshError(
-            f"{mesh.name}: it is {length:.3g} model units long and lies up to {farthest:.3g} from "
-            "the origin, so that its areas cannot be computed; scale it first"
+            f"{mesh.name}: it is {length:.3g} model units long and extends up to {farthest:.3g} "
+            "from the origin, so its areas cannot be computed; scale it first"
         )
 
 
 def has_measurable_uvs(mesh: Mesh) -> bool:
-    """Whether areas in the texture, and their squares, stay within what float64 holds."""
+    """Whether areas in the texture, and their squares, stay within the range of float64."""
     return mesh.uvs is None or float(np.abs(mesh.corner_uvs()).max()) <= _LONGEST
 
 
 def measurable_uvs(mesh: Mesh) -> FloatArray:
-    """(F, 3, 2) float64: texture coordinates of the corners, of which areas can be computed.
+    """(F, 3, 2) float64: texture coordinates of the corners, checked so that areas are finite.
 
     Raises
     ------
     UvError
-        The mesh has no texture coordinates, or some lie farther out than 1e75 tiles.
+        The mesh has no texture coordinates, or some lie more than 1e75 tiles from the origin.
     """
     corners = mesh.corner_uvs()
     if not has_measurable_uvs(mesh):
         raise UvError(
-            f"{mesh.name}: its texture coordinates reach {np.abs(corners).max():.3g} tiles from "
-            "the origin, so that areas in the texture cannot be computed; make new ones with: "
+            f"{mesh.name}: its texture coordinates lie up to {np.abs(corners).max():.3g} tiles "
+            "from the origin, so areas in the texture cannot be computed; make new ones with: "
             f"texbake unwrap {mesh.name} -o OUT"
         )
     return corners

@@ -28,8 +28,7 @@ class Projected:
     corners : (F, 3, 2) float64
         (s, t) of each corner, finite.
     tallies : dict of str to int
-        What was met, by its name, as in "faces at a pole": how many. What did not
-        happen is left out.
+        Counts of special cases by name, such as "faces touching a pole"; zeros are left out.
     """
 
     corners: FloatArray
@@ -41,7 +40,9 @@ class Projected:
 
 
 def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
-    """Give a mesh coordinates by corner; corners of one vertex with equal coordinates share them.
+    """Give a mesh texture coordinates by corner.
+
+    Corners of one vertex with equal coordinates share one entry.
 
     Parameters
     ----------
@@ -51,15 +52,15 @@ def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
     Returns
     -------
     Mesh
-        Positions and faces are shared with `mesh`; `uvs` come in the order in which faces first
-        use them. Tangents that came with the mesh, made for other coordinates, are gone.
+        Positions and faces are shared with `mesh`; `uvs` are in the order in which faces first use
+        them. Tangents of the mesh are dropped, since they belong to the old coordinates.
     """
     uvs, uv_faces = joined_corners(mesh.faces, corners)
     return mesh.replace(uvs=uvs, uv_faces=uv_faces, tangents=None)
 
 
 def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Coordinates without repeats, and indices into them, of corners of the same vertices.
+    """Weld the coordinates of corners that belong to the same vertex.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, In
     uv_faces : (F, 3) int32
     """
     flat = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
-    # A vertex as a float64 is exact, and three of one type are what rows are welded by.
+    # Rows are welded by values of one type; a vertex index is exact as a float64.
     firsts = weld_rows(np.column_stack([faces.ravel(), flat]))
     used, uv_faces = np.unique(firsts, return_inverse=True)
     return flat[used], uv_faces.reshape(-1, 3).astype(np.int32)
@@ -99,7 +100,7 @@ def faces_of_group(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
 
 
 def selected(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
-    """Mesh of some of the faces; points that none of them uses stay where they are."""
+    """Mesh of the chosen faces; all vertices stay, used or not."""
 
     def kept(by_face: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
         return None if by_face is None else by_face[chosen]
@@ -116,21 +117,21 @@ def selected(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
 def with_selected_corners(
     mesh: Mesh, chosen: npt.NDArray[np.bool_], corners: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Corner coordinates of a whole mesh, of which some faces have got new ones.
+    """Corner coordinates of a whole mesh after some of its faces got new ones.
 
     Parameters
     ----------
     mesh : Mesh
-        Its own coordinates stay for the other faces; where it has none, these get (0, 0).
+        The other faces keep its coordinates; if it has none, they get (0, 0).
     chosen : (F,) bool
     corners : (n, 3, 2) float64
-        Of the chosen faces.
+        Coordinates of the chosen faces.
 
     Returns
     -------
     corners : (F, 3, 2) float64
     n_without : int
-        Other faces that have no coordinates.
+        Number of other faces without coordinates.
     """
     has_uvs = mesh.uvs is not None
     whole = mesh.corner_uvs().copy() if has_uvs else np.zeros((mesh.n_faces, 3, 2))

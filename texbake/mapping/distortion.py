@@ -1,7 +1,7 @@
-"""How well texture coordinates keep the shape of a surface: one report of everything measured.
+"""How well texture coordinates preserve the shape of a surface: all measurements in one report.
 
-Stretch, with its formulas and their sources, is in `stretch`; charts and seams in `seams`; overlaps
-in `overlap`. This module puts them together, for the mesh, for each chart and for the worst faces.
+The measures and their sources are in `stretch`, charts and seams in `seams`, overlaps in `overlap`.
+This module combines them, for the whole mesh, for each chart and for the worst faces.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from texbake.mapping.seams import chart_ids, seam_length
 from texbake.mapping.stretch import FaceStretch, Stretch, face_stretch, stretch_by_group
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
-N_WORST = 10  # faces named
+N_WORST = 10  # faces listed
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChartDistortion:
-    """What texture coordinates do to one chart.
+    """Measurements of one chart.
 
     Attributes
     ----------
     chart : int
         Its number in `chart_ids`.
     n_faces : int
-        Its faces that are measured.
+        Measured faces.
     n_mirrored : int
-        Those that run clockwise in the texture.
+        Faces that are clockwise in the texture.
     area : float
-        On the surface, in squares of model units.
+        Area on the surface, in squares of model units.
     fill : float
-        Share of the texture; what is covered twice counts twice.
+        Share of the texture that the chart covers; overlaps count twice.
     texel_density : float
-        Texels a model unit.
+        Texels per model unit.
     stretch : Stretch
-        At the scale of the whole: a chart that is smaller than its share has more stretch.
+        At the scale of the whole mesh: a chart that is smaller than its share is stretched more.
     l2_alone : float
-        L2 stretch as if there were no other chart, so 1 at best.
+        L2 stretch as if there were no other chart, 1 at best.
     """
 
     chart: int
@@ -56,7 +56,7 @@ class ChartDistortion:
     l2_alone: float
 
     def to_json(self) -> dict[str, Any]:
-        """Return the figures by name; what is infinite becomes None."""
+        """Return the figures by name; an infinite value becomes None."""
         figures = {name: getattr(self, name) for name in _CHART_FIGURES}
         alone = self.l2_alone if math.isfinite(self.l2_alone) else None
         return {**figures, **self.stretch.to_json(), "l2_alone": alone}
@@ -67,7 +67,7 @@ _CHART_FIGURES = ("chart", "n_faces", "n_mirrored", "area", "fill", "texel_densi
 
 @dataclass(frozen=True, kw_only=True)
 class FaceDistortion:
-    """One face that is stretched much.
+    """One of the most stretched faces.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class FaceDistortion:
         Its index in the mesh.
     chart : int
     l2, linf : float
-        Stretch at the scale of the whole; of a mirrored face as if it were turned over.
+        Stretch at the scale of the whole mesh; a mirrored face is measured as if turned over.
     mirrored : bool
     """
 
@@ -88,43 +88,43 @@ class FaceDistortion:
 
 @dataclass(frozen=True, kw_only=True)
 class Distortion:
-    """What texture coordinates do to a mesh.
+    """Measurements of the texture coordinates of a mesh.
 
     Attributes
     ----------
     stretch : Stretch
-        Of the mesh as a whole.
+        Stretch of the mesh as a whole.
     turned_stretch : Stretch
-        The same as if mirrored faces were turned over, so always finite.
+        The same with mirrored faces turned over, so always finite.
     charts : tuple of ChartDistortion
-        Of each chart that has a measured face, by rising number.
+        Every chart that has a measured face, by number.
     worst_faces : tuple of FaceDistortion
         The ten faces of greatest L2 stretch, the worst first.
     n_measured : int
-        Faces with area both in space and in the texture, mirrored ones among them.
+        Faces with an area both in space and in the texture, including mirrored ones.
     n_degenerate : int
-        Faces without area in space; left out.
+        Faces without area in space; they are left out.
     n_collapsed : int
-        Faces with area in space but none in the texture; left out.
+        Faces with an area in space but none in the texture; they are left out.
     n_mirrored : int
-        Faces that run clockwise in the texture.
+        Faces that are clockwise in the texture.
     n_overlapping : int
-        Faces that cover, in the texture, what another covers.
+        Faces that overlap another in the texture.
     n_unsure : int
-        Faces of which that could not be told in bounded time; see `Overlaps`.
+        Faces for which that could not be decided in bounded time; see `Overlaps`.
     n_charts : int
         Charts with area.
     seam_length : float
-        Model units along which the texture is cut and the surface is not.
+        Total length of the seams, in model units.
     fill : float
-        Sum of the areas in the texture; what is covered twice counts twice.
+        Sum of the areas in the texture; overlaps count twice.
     n_tiles : int
-        Unit squares of texture space that have the middle of a face in them: 1 but for UDIM and
-        textures that repeat.
+        Unit squares of texture space that contain the centroid of a face: 1 except with UDIM tiles
+        and repeating textures.
     texel_density : float
-        Texels a model unit, the root of the mean texels an area.
+        Texels per model unit: the square root of texels per area.
     texel_density_variation : float
-        Standard deviation of texels a model unit from face to face, as a share of the mean.
+        Standard deviation of the texel density from face to face, as a share of the mean.
     """
 
     stretch: Stretch
@@ -146,13 +146,13 @@ class Distortion:
 
     @property
     def packing_efficiency(self) -> float:
-        """Area that faces cover, as a share of that of the tiles they lie in."""
+        """Area that the faces cover, as a share of the tiles that they lie in."""
         return self.fill / self.n_tiles
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values; what is infinite becomes None.
+        """Return everything as plain values; an infinite value becomes None.
 
-        The stretch of the whole stands beside the other figures, under its own names.
+        The fields of `stretch` stand beside the other figures.
         """
         return {
             **self.stretch.to_json(),
@@ -180,14 +180,16 @@ def distortion(
     mesh : Mesh
         With texture coordinates.
     size : int or (int, int)
-        Texels a side, or (width, height). Only the texel densities depend on more than its shape.
+        Texels along each side, or (width, height). Only the texel densities depend on more than
+        its aspect ratio.
     threads
         None for every processor.
 
     Raises
     ------
     UvError
-        The mesh has no texture coordinates, or no face has area in space and in the texture.
+        The mesh has no texture coordinates, or no face has an area both in space and in the
+        texture.
 
     Examples
     --------
@@ -275,7 +277,7 @@ def _worst_faces(found: FaceStretch, charts: IntArray) -> tuple[FaceDistortion, 
 
 
 def _n_tiles(corners: npt.NDArray[np.float64]) -> int:
-    """Unit squares that have the middle of a triangle in them."""
+    """Number of unit squares that contain the centroid of a triangle."""
     columns, rows = np.floor(corners.mean(axis=1)).T
     return len(np.unique(columns + 1j * rows))  # pairs of numbers as single ones
 

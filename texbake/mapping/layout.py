@@ -37,10 +37,10 @@ from texbake.text import text_coverage
 
 Picture = npt.NDArray[np.float32]
 
-_BAND = 128  # rows drawn at once
+_BAND = 128  # rows drawn by one thread at a time
 _TILE_PX = 1.0
 _TILE_DARKNESS = 0.5
-_LEAST_TILE_PX = 8.0  # of the side of a tile whose border is drawn
+_LEAST_TILE_PX = 8.0  # side of the smallest tile whose border is drawn
 _LEAST_NUMBERED_PX = 48.0
 
 
@@ -53,18 +53,18 @@ def draw_layout(
 ) -> Picture:
     """Draw the texture coordinates of a mesh.
 
-    The picture shows the unit square and whatever lies outside it. Where that takes several tiles,
-    their borders are drawn, with their UDIM numbers.
+    The picture shows the unit square and whatever lies outside it. If there are several tiles,
+    their borders and UDIM numbers are drawn.
 
     Parameters
     ----------
     mesh : Mesh
         With texture coordinates.
     size : int or (int, int)
-        Pixels a side, or (width, height), of one tile. A picture of several is as large along its
-        longer side.
+        Pixels along each side, or (width, height), of one tile. A picture of several tiles has the
+        same longer side.
     heat
-        Color faces by their L2 stretch, relative to the mean of the mesh: blue where the texture is
+        Color faces by L2 stretch relative to the mean of the mesh: blue where the texture is
         compressed, amber where it is stretched, with a scale below the picture.
     threads
         None for every processor.
@@ -77,7 +77,7 @@ def draw_layout(
     Raises
     ------
     UvError
-        The mesh has no texture coordinates, or some too far out to be measured.
+        The mesh has no texture coordinates, or some are too far out to be measured.
     """
     uvs = measurable_uvs(mesh)
     window = Window.around(uvs, size)
@@ -113,7 +113,7 @@ def draw_layout(
 
 
 def _tile_borders(window: Window) -> FloatArray:
-    """(N, 2, 2) float64: ends, in pixels, of the borders of tiles; none where there is one tile."""
+    """(N, 2, 2) float64: ends of the borders of tiles, in pixels; none for a single tile."""
     if window.tile_side < _LEAST_TILE_PX:
         return np.zeros((0, 2, 2))
     corners = np.array([(tile.column, tile.row) for tile in window.tiles()], dtype=np.float64)
@@ -124,7 +124,7 @@ def _tile_borders(window: Window) -> FloatArray:
 
 
 def _inked(lines: FloatArray, width: float, top: int, shape: tuple[int, int]) -> FloatArray:
-    """(H, W, 1) float64: share of each pixel from row `top` on that lies on some line."""
+    """(H, W, 1) float64: share of each pixel, from row `top` on, that is on a line."""
     masks = np.zeros(shape, dtype=np.uint16)
     add_lines(lines, width, top, masks)
     bits = np.unpackbits(masks.view(np.uint8).reshape(*shape, 2), axis=2)
@@ -132,7 +132,7 @@ def _inked(lines: FloatArray, width: float, top: int, shape: tuple[int, int]) ->
 
 
 def _write_tile_names(picture: Picture, window: Window) -> None:
-    """Write the name of each tile into its lower left corner."""
+    """Draw the name of each tile into its lower left corner."""
     if window.tile_side < _LEAST_NUMBERED_PX:
         return
     size = max(10, min(round(window.tile_side / 10.0), 48))
@@ -147,7 +147,7 @@ def _write_tile_names(picture: Picture, window: Window) -> None:
 
 
 def _legend(width: int) -> Picture:
-    """Scale of stretch, to stand below the picture: a bar, figures under it, words beside it."""
+    """Scale of stretch for below the picture: a bar, with figures under it and words beside it."""
     size = legend_size(width)
     strip = np.empty((3 * size, width, 3), dtype=np.float32)
     strip[:] = linear(BACKGROUND)
@@ -173,7 +173,7 @@ def _legend(width: int) -> Picture:
 def _stamp(
     picture: Picture, ink: Picture, left: int, top: int, color: FloatArray | None = None
 ) -> None:
-    """Blend ink, dark if it has no other color, into a picture, as far as it lies within."""
+    """Blend ink into a picture, clipped to it; dark unless a color is given."""
     height, width = picture.shape[:2]
     top_cut, left_cut = max(-top, 0), max(-left, 0)
     ink = ink[top_cut : max(height - top, 0), left_cut : max(width - left, 0), None]
@@ -191,20 +191,20 @@ def add_faces(
     edge_light: float,
     sums: FloatArray,
 ) -> None:
-    """Add up the colors of the samples that each face covers, and their number.
+    """Add the colors of the samples that each face covers, and their number, to `sums`.
 
     Parameters
     ----------
     pixels : (F, 3, 2) float64
         Corners, x to the right and y down.
     colors : (F, 3) float64
-        Linear.
+        Linear colors.
     top : int
         y of the first row of `sums`.
     half_edge, edge_light : float
-        Samples this near to an edge of their face get so much of its light.
+        Samples within `half_edge` of an edge have their color multiplied by `edge_light`.
     sums : (H, W, 4) float64
-        Added to: red, green, blue and the number of samples.
+        Red, green, blue and the number of samples; added to.
     """
     fill_kernel(pixels, colors, float(top), half_edge, edge_light, *_todo(sums.shape), sums)
 
@@ -215,9 +215,9 @@ def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.ui
     Parameters
     ----------
     ends : (N, 2, 2) float64
-        A point is a line as well.
+        End points; they may coincide.
     width : float
-        In pixels.
+        Width of the lines in pixels.
     top : int
         y of the first row of `masks`.
     masks : (H, W) uint16
@@ -227,7 +227,7 @@ def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.ui
 
 
 def _todo(shape: tuple[int, ...]) -> tuple[npt.NDArray[np.int32], ...]:
-    """Next pixel of each row and next row to look at, at first each itself; how often they were."""
+    """Next unfinished pixel of each row, next unfinished row, and how often each was drawn."""
     height, width = shape[:2]
     columns = np.tile(np.arange(width + 1, dtype=np.int32), (height + 1, 1))
     rows = np.arange(height + 1, dtype=np.int32).reshape(1, -1)

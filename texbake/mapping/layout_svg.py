@@ -1,9 +1,8 @@
-"""Texture coordinates as SVG: what `draw_layout` draws, for programs that paint over it.
+"""Texture coordinates as SVG: the picture of `draw_layout`, to paint over in other programs.
 
-Faces of one color are told by the outline of what they cover, and lines that meet are told in one
-stroke, in whole numbers and their differences: 100,000 triangles take one or two megabytes. What is
-drawn comes in layers, which such programs can hide: `charts`, `mirrored`, `edges`, `outlines`,
-`seams`, `tiles` and `scale`.
+Faces of one color become one outline, connected lines become one stroke, and coordinates are whole
+numbers stored as differences, so that 100,000 triangles take one or two megabytes. The drawing has
+layers that can be hidden: `charts`, `mirrored`, `edges`, `outlines`, `seams`, `tiles` and `scale`.
 
 Based on: Scalable Vector Graphics (SVG) 1.1 (Second Edition), W3C, 2011.
 """
@@ -44,11 +43,11 @@ from texbake.mesh.weld import weld_rows
 Points = npt.NDArray[np.int64]
 Ids = npt.NDArray[np.integer[Any]]
 
-# Units a pixel of the picture: whole numbers of these are fine enough to zoom in.
+# Units per pixel: whole numbers of these are fine enough to zoom in.
 _UNITS = 32
 _FARTHEST_PX = 1e9
 _BAR_STEPS = 16
-_FAINTEST = 0.03  # edges below this darkness would not be seen, and are left out
+_FAINTEST = 0.03  # edges below this darkness would be invisible and are left out
 
 
 def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = False) -> str:
@@ -61,17 +60,17 @@ def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = F
     size : int or (int, int)
         Width and height at which one tile is shown, as for `draw_layout`.
     heat
-        Color faces by their L2 stretch, as `draw_layout` does. Without it each chart is a path of
-        its own, called `chart-` and its number in `chart_ids`.
+        Color faces by L2 stretch, as `draw_layout` does. Otherwise each chart is a path of its own,
+        with the id `chart-` and its number in `chart_ids`.
 
     Raises
     ------
     UvError
-        The mesh has no texture coordinates, or some too far out to be measured.
+        The mesh has no texture coordinates, or some are too far out to be measured.
     """
     uvs = measurable_uvs(mesh)
     window = Window.around(uvs, size)
-    # Faces without area may lie far outside of the window.
+    # Faces without area may lie far outside the window.
     pixels = np.clip(window.pixels(uvs), -_FARTHEST_PX, _FARTHEST_PX)
     points = np.rint(pixels * _UNITS).astype(np.int64)
     ends = np.stack([points, np.roll(points, -1, axis=1)], axis=2)
@@ -96,7 +95,7 @@ def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = F
 
 
 def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool) -> Iterator[str]:
-    """Layers of faces: those of charts or of colors of the heat map, and mirrored ones."""
+    """Layers of filled faces: by chart or by color of the heat map, and mirrored faces."""
     charts = chart_ids(mesh)
     colors = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
     mirrored = signed_areas(mesh.corner_uvs()) < 0.0
@@ -109,7 +108,7 @@ def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool)
     for first, loops in zip(firsts, _outlines(points[upright], numbers), strict=True):
         face = upright[first]
         color = _hex(colors[face] / 255.0)
-        # A stroke of the same color closes the hairlines that renderers leave between neighbors.
+        # A stroke of the same color covers the hairlines that renderers leave between neighbors.
         look = f'stroke="{color}"' if heat else f'id="chart-{charts[face]}"'
         paths.append(f'<path {look} fill="{color}" d="{_data(loops, "z")}"/>\n')
     yield _layer("charts", paths, f'stroke-width="{_UNITS // 2}"' if heat else "")
@@ -119,10 +118,10 @@ def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool)
 
 
 def _outlines(points: Points, groups: Ids) -> list[list[Points]]:
-    """Loops around what the faces of each group cover, by the nonzero rule.
+    """Loops around the area that the faces of each group cover, by the nonzero rule.
 
-    Faces of a group turn the same way. An edge that two of them walk in opposite directions is
-    within, so what is left of all edges are the loops.
+    Faces of a group have the same orientation. An edge that two of them run along in opposite
+    directions lies inside; the remaining edges form the loops.
     """
     ids, tails, heads = _ends(np.stack([points, np.roll(points, -1, axis=1)], axis=2))
     owners = np.repeat(groups, 3)
@@ -145,7 +144,7 @@ def _outlines(points: Points, groups: Ids) -> list[list[Points]]:
 
 
 def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
-    """Layer of lines from end to end, each drawn once."""
+    """Layer of lines between pairs of points, each drawn once."""
     ids, tails, heads = _ends(ends)
     pairs = np.unique(np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], 1), axis=0)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
@@ -158,7 +157,7 @@ def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
 
 
 def _ends(ends: Points) -> tuple[Points, Points, Points]:
-    """Points without repeats, and the numbers of those that each line goes from and to."""
+    """Distinct points, and the numbers of those where each line starts and ends."""
     flat = ends.reshape(-1, 2)
     firsts = weld_rows(flat.astype(np.int32))
     is_first = firsts == np.arange(len(firsts))
@@ -167,9 +166,9 @@ def _ends(ends: Points) -> tuple[Points, Points, Points]:
 
 
 def _walks(tails: Points, heads: Points, *, directed: bool) -> Iterator[list[int]]:
-    """Walks that together take each line once, as long as they come without searching.
+    """Walks that together cover each line once, built greedily.
 
-    Directed lines of which as many lead to a point as away from it give loops.
+    Directed lines form closed loops if as many lead to each point as away from it.
     """
     lines = np.arange(len(tails))
     froms = tails if directed else np.concatenate([tails, heads])
@@ -180,7 +179,7 @@ def _walks(tails: Points, heads: Points, *, directed: bool) -> Iterator[list[int
     counts = np.bincount(numbers)
     stops = np.cumsum(counts).tolist()
     nexts = [0, *stops[:-1]]
-    # From points where an odd number of lines meet a walk has to start or end.
+    # Where an odd number of lines meet, a walk has to start or end.
     starts = np.argsort(counts % 2 == 0, kind="stable").tolist()
     number_of = dict(zip(places.tolist(), range(len(places)), strict=True))
     leads_to, line_of = tos[order].tolist(), lines[order].tolist()
@@ -204,17 +203,17 @@ def _walks(tails: Points, heads: Points, *, directed: bool) -> Iterator[list[int
 
 
 def _data(walks: Iterable[Points], end: str) -> str:
-    """Path data of walks through points; `end` closes each, where it is "z"."""
+    """Path data of walks through points; "z" for `end` closes each of them."""
     parts = []
     for walk in walks:
-        steps = np.diff(walk[:-1] if end else walk, axis=0)  # "z" goes back by itself
+        steps = np.diff(walk[:-1] if end else walk, axis=0)  # "z" draws the last step
         numbers = " ".join(map(str, steps.ravel().tolist())).replace(" -", "-")
         parts.append(f"M{walk[0][0]} {walk[0][1]}l{numbers}{end}")
     return "".join(parts)
 
 
 def _tiles(window: Window) -> Iterator[str]:
-    """Border and name of each tile, if there are several."""
+    """Border and name of each tile if there are several."""
     size = max(10.0, min(window.tile_side / 10.0, 48.0))
     for tile in window.tiles():
         corners = np.array([[tile.column, tile.row + 1.0], [tile.column + 1.0, tile.row]])
@@ -228,7 +227,7 @@ def _tiles(window: Window) -> Iterator[str]:
 
 
 def _scale(window: Window) -> Iterator[str]:
-    """Scale of stretch, as below the picture that `draw_layout` draws."""
+    """Scale of stretch, as `draw_layout` puts it below the picture."""
     size, top = legend_size(window.width), window.height
     left, right = 7.0 * size, window.width - 7.0 * size
     if right - left < 12.0 * size:

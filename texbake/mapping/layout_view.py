@@ -1,4 +1,4 @@
-"""What a picture of texture coordinates shows, whatever draws it: the window, tiles and colors."""
+"""What pictures of texture coordinates share, as pixels or as SVG: the window, tiles and colors."""
 
 from __future__ import annotations
 
@@ -21,37 +21,36 @@ INK = (0.12, 0.12, 0.12)
 MIRRORED = (0.86, 0.10, 0.12)
 UNMEASURED = (0.75, 0.75, 0.75)
 
-# Lines: how wide they are drawn, and how dark, 1 for black. Cuts through the surface are darker
-# than its own ends.
+# Widths of lines, and their darkness: 1 is black. Seams are darker than the borders of the surface.
 EDGE_PX = 0.7
 OUTLINE_PX = 1.4
 SEAM_DARKNESS = 0.85
 OUTLINE_DARKNESS = 0.55
 _EDGE_DARKNESS = 0.45
-_ROOMY_PX = 12.0  # triangles smaller than this get fainter edges, or nothing else would be seen
+_ROOMY_PX = 12.0  # smaller triangles get fainter edges, which would hide everything else
 
-# The heat map shows L2 stretch from this to its inverse; beyond them colors stay.
+# The heat map shows L2 stretch from this to its inverse; beyond, the color stays the same.
 HEAT_RANGE = 2.0
-_HEAT_STEPS = 64  # colors to either side of the middle: more than are told apart
+_HEAT_STEPS = 64  # colors on either side of the middle: more than the eye can distinguish
 HEAT_TICKS = ((0.5, "0.5"), (2.0**-0.5, "0.7"), (1.0, "1"), (2.0**0.5, "1.4"), (2.0, "2"))
 HEAT_WORDS = ("compressed", "stretch L2", "stretched")
 
-_GAMMA = 2.2  # near enough to sRGB to choose colors by
-# Coordinates this near to the border of a tile lie on it: the rounding of float32 files.
+_GAMMA = 2.2  # close enough to sRGB for choosing colors
+# Coordinates this close to the border of a tile lie on it: the rounding of float32 files.
 _ROUNDING = 1e-6
-_MOST_TILES = 128  # along a side; the borders of more would cover the picture
+_MOST_TILES = 128  # along a side; the borders of more tiles would cover the picture
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """A unit square of texture space: its column, its row and what it is called."""
+    """A unit square of texture space, by column and row."""
 
     column: int
     row: int
 
     @property
     def name(self) -> str:
-        """UDIM number where the tile has one, else column and row."""
+        """UDIM number if the tile has one, else column and row."""
         if 0 <= self.column < 10 and 0 <= self.row < 900:
             return str(1001 + self.column + 10 * self.row)
         return f"{self.column}, {self.row}"
@@ -76,14 +75,14 @@ class Window:
 
     @classmethod
     def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> Window:
-        """Window that holds the unit square, every face with area, and the tiles they lie in.
+        """Window that contains the unit square, every face with area, and the tiles they lie in.
 
         Parameters
         ----------
         uvs : (F, 3, 2) float64
             Coordinates of the corners.
         size : int or (int, int)
-            Pixels of a picture of one tile; one of more tiles is as large along its longer side.
+            Pixels of a picture of one tile; a picture of several has the same longer side.
         """
         sides = np.array([size, size] if isinstance(size, int) else size, dtype=np.float64)
         shown = uvs[signed_areas(uvs) != 0.0]
@@ -117,7 +116,7 @@ class Window:
         )
 
     def tiles(self) -> Iterator[Tile]:
-        """Tiles that lie in the window, if there are several and few enough to be told apart."""
+        """Tiles in the window, if there are several and not too many to distinguish."""
         left, bottom = (math.floor(value) for value in self.low)
         right, top = (math.ceil(value) for value in self.high)
         if 1 < max(right - left, top - bottom) <= _MOST_TILES:
@@ -129,7 +128,7 @@ class Window:
 def face_colors(
     mesh: Mesh, charts: IntArray, size: int | tuple[int, int], heat: bool
 ) -> FloatArray:
-    """Colors of faces: those of their charts or of their stretch; red where they are mirrored.
+    """Colors of faces, by chart or by stretch; mirrored faces are red.
 
     Parameters
     ----------
@@ -137,9 +136,9 @@ def face_colors(
         With texture coordinates.
     charts : (F,) int32
     size : int or (int, int)
-        Of the texture; its shape decides what a square texel is.
+        Size of the texture; only its aspect ratio matters.
     heat
-        Show stretch. Faces that have none, for want of area, are gray.
+        Show stretch instead of charts. Faces without area are gray.
 
     Returns
     -------
@@ -152,29 +151,29 @@ def face_colors(
 
 
 def edge_darkness(pixels: FloatArray) -> float:
-    """How dark edges within charts are drawn, by the size of a middling triangle in pixels."""
+    """Darkness of edges inside charts, by the size of the median triangle in pixels."""
     size = math.sqrt(2.0 * float(np.median(np.abs(signed_areas(pixels)))))
     return _EDGE_DARKNESS * min(size / _ROOMY_PX, 1.0)
 
 
 def legend_size(width: int) -> int:
-    """Height of the letters of a legend in pixels; it is three times as high itself."""
+    """Height of the letters of a legend in pixels; the legend is three times as high."""
     return max(9, min(width // 48, 28))
 
 
 def heat_color(stretch: float) -> tuple[float, float, float]:
-    """SRGB-coded color of an L2 stretch."""
+    """The sRGB-coded color of an L2 stretch."""
     red, green, blue = coded(diverging(math.log(stretch, HEAT_RANGE))).tolist()
     return red, green, blue
 
 
 def linear(colors: FloatArray | tuple[float, float, float]) -> FloatArray:
-    """Linear light of coded colors."""
+    """Linear values of coded colors."""
     return np.asarray(np.asarray(colors, dtype=np.float64) ** _GAMMA)
 
 
 def coded(colors: FloatArray) -> FloatArray:
-    """Codes of colors in linear light."""
+    """Coded values of linear colors."""
     return np.asarray(colors ** (1.0 / _GAMMA))
 
 
@@ -183,7 +182,7 @@ def _heat_colors(mesh: Mesh, size: int | tuple[int, int]) -> FloatArray:
     colors[:] = UNMEASURED
     try:
         found = face_stretch(mesh, size)
-    except UvError:  # no face has area: there is nothing to color
+    except UvError:  # no face has an area: there is nothing to color
         return colors
     levels = np.clip(np.log(found.l2) / math.log(HEAT_RANGE), -1.0, 1.0)
     colors[found.faces] = coded(diverging(np.rint(levels * _HEAT_STEPS) / _HEAT_STEPS))
@@ -191,9 +190,9 @@ def _heat_colors(mesh: Mesh, size: int | tuple[int, int]) -> FloatArray:
 
 
 def _chart_palette(n_charts: int) -> FloatArray:
-    """(n, 3) float64: colors of unlike hues for charts of successive numbers."""
+    """(n, 3) float64: distinct hues for consecutive charts."""
     palette = [
-        # Hues from orange to magenta, since red means mirrored; the golden ratio spreads them.
+        # Hues from orange to magenta, since red means mirrored, spread by the golden ratio.
         colorsys.hls_to_rgb(0.07 + 0.83 * (chart * 0.618034 % 1.0), 0.70 + 0.05 * (chart % 3), 0.55)
         for chart in range(n_charts)
     ]
@@ -201,6 +200,6 @@ def _chart_palette(n_charts: int) -> FloatArray:
 
 
 def _on_tile(values: FloatArray) -> FloatArray:
-    """Coordinates, those at the border of a tile but for rounding moved onto it."""
+    """Coordinates, moved onto the border of a tile where they miss it by rounding alone."""
     borders = np.rint(values)
     return np.where(np.abs(values - borders) <= _ROUNDING * (1.0 + np.abs(values)), borders, values)

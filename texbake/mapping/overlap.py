@@ -23,30 +23,30 @@ from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
-# Depth of an overlap, as a share of the texture, that is not one: what float32, or the six
-# decimals of many files, leave of coordinates on both sides of an edge; ...
+# Overlaps up to this depth, as a share of the texture, are rounding: of float32, or of the six
+# decimals of many files; ...
 _DEPTH = 1e-6
 
-# ... and of the greatest coordinate: 4 units in the last place of a float32.
+# ... or up to this share of the greatest coordinate: 4 units in the last place of a float32.
 _RELATIVE_DEPTH = 2.0**-22
 
-_BAND = 4096  # faces looked at by one thread at a time
+_BAND = 4096  # faces tested by one thread at a time
 
-# Faces that one is compared with before it is given up: all of them in meshes of up to 16,000
-# faces, and never fewer than 512. A common mesh takes about 12 a face.
+# Comparisons in all, and at least for each face, before a face is left undecided. Up to 16,000
+# faces that is never the case; an ordinary mesh takes about 12 comparisons per face.
 _MOST_PAIRS = 1 << 28
 _LEAST_PAIRS_OF_A_FACE = 512
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overlaps:
-    """Which faces lie on another.
+    """Which faces overlap another.
 
     Attributes
     ----------
     overlapping : (F,) bool
     unsure : (F,) bool
-        Found to overlap nothing, but compared with only some of the faces that are near them,
+        Faces without a known overlap that were compared with only some of the faces near them,
         because there are thousands of those.
     """
 
@@ -55,10 +55,10 @@ class Overlaps:
 
 
 def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlaps:
-    """Find the faces that cover, in the texture, something that another face covers too.
+    """Find the faces that cover a part of the texture that another face covers too.
 
-    It is decided from the triangles themselves, not from texels. Overlaps less deep than a
-    millionth of the texture are rounding and count as none; so do those of faces thinner than that.
+    The test compares the triangles themselves, not texels. Overlaps less deep than a millionth of
+    the texture are rounding and do not count, nor do those of faces thinner than that.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 
 
 def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt.NDArray[np.bool_]:
-    """Find the faces that cover, in the texture, something that another face covers too.
+    """Find the faces that cover a part of the texture that another face covers too.
 
     Parameters
     ----------
@@ -102,8 +102,8 @@ def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt
     Returns
     -------
     (F,) bool
-        False for faces that share an edge or a corner but no area, and for faces without area;
-        see `find_overlaps` for those that could not be compared with all others.
+        False for faces that share only an edge or a corner, and for faces without area. See
+        `find_overlaps` for faces that could not be compared with all others.
 
     Examples
     --------
@@ -117,22 +117,22 @@ def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt
 
 
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:
-    """Spread the faces of each chart over as few layers as it takes for none to overlap in one.
+    """Spread the faces of each chart over layers, so that no two faces of one layer overlap.
 
     Parameters
     ----------
     corners : (F, 3, 2) float64
         Coordinates of the corners.
     charts : (F,) int32
-        Chart of each face; faces of different charts do not mind each other.
+        Chart of each face; faces of different charts are not compared.
     depth : float
-        Depth of an overlap that is not one, in the unit of `corners`.
+        Overlaps up to this depth, in the unit of `corners`, do not count.
 
     Returns
     -------
     (F,) int32
-        0 for every face of a chart without overlaps. A face takes the lowest layer that the faces
-        before it leave free. The time grows with the number of overlaps.
+        Layer of each face: the lowest that earlier faces leave free, so 0 throughout a chart
+        without overlaps. The time grows with the number of overlaps.
     """
     corners = _along_their_edges(corners)
     charts = np.ascontiguousarray(charts, dtype=np.int32)
@@ -149,13 +149,13 @@ def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> In
 
 
 def _along_their_edges(corners: FloatArray) -> FloatArray:
-    """Corners turned so that the longest edges lie along an axis, as far as one turn can do it.
+    """Corners rotated so that long edges lie along an axis, as far as one rotation can do that.
 
-    Boxes around long triangles then hold little beside them.
+    Bounding boxes of long triangles are then tight.
     """
     edges = np.roll(corners, -1, axis=1) - corners
     lengths = (edges**2).sum(axis=2)
-    # As complex numbers squared, edges of opposite directions are one.
+    # Squared as complex numbers, edges of opposite directions are equal.
     squared = (edges[..., 0] + 1j * edges[..., 1]) ** 2
     longest = np.take_along_axis(squared, lengths.argmax(axis=1)[:, None], axis=1)
     angle = -np.angle(longest.sum()) / 2.0
@@ -165,7 +165,7 @@ def _along_their_edges(corners: FloatArray) -> FloatArray:
 
 
 def _inward_lines(corners: FloatArray) -> FloatArray:
-    """(F, 3, 3) float64: a, b, c of each edge, where a s + b t + c is the distance inwards."""
+    """(F, 3, 3) float64: (a, b, c) of each edge, so that a s + b t + c is the distance inwards."""
     edges = np.roll(corners, -1, axis=1) - corners
     lengths = np.hypot(edges[..., 0], edges[..., 1])
     doubles = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
@@ -175,7 +175,7 @@ def _inward_lines(corners: FloatArray) -> FloatArray:
 
 
 def _in_order(corners: FloatArray, charts: IntArray, depth: float) -> npt.NDArray[np.int64]:
-    """Faces at least `depth` thick, by their charts and then along a curve through the plane."""
+    """Faces at least `depth` thick, in the order of charts and then of a space-filling curve."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     doubles = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     longest = np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
@@ -193,7 +193,7 @@ def _in_order(corners: FloatArray, charts: IntArray, depth: float) -> npt.NDArra
 
 
 def _spread_bits(values: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
-    """16 bits, each moved to twice its place."""
+    """16 bits, each moved to twice its position."""
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         values = (values | values << np.uint64(shift)) & np.uint64(mask)
     return values
@@ -202,15 +202,15 @@ def _spread_bits(values: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
 def _packed_boxes(
     corners: FloatArray, order: npt.NDArray[np.int64], charts: IntArray | None
 ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Boxes around the faces in order, then around each `FAN_OUT` of those, up to one.
+    """Boxes around the faces in order, then around each `FAN_OUT` of those, up to a single one.
 
     Returns
     -------
     boxes : (B, 6) float64
-        Least s, t and chart, then the greatest. Row i is that of the i-th face in order, as long as
-        there are faces; the last is that of everything.
+        Least s, t and chart, then the greatest. Row i is the box of the i-th face in order; the
+        last row is the box of everything.
     children : (B, 2) int64
-        First row within each box, and the one after the last; none within those of faces.
+        First row inside each box, and the one after the last; equal for the boxes of faces.
     """
     faces = corners[order]
     ids = np.zeros(len(order)) if charts is None else charts[order].astype(np.float64)

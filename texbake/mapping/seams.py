@@ -37,8 +37,8 @@ def chart_ids(mesh: Mesh) -> IntArray:
     Returns
     -------
     (F,) int32
-        Charts are numbered from 0 in the order of their first faces. A face whose neighbors have
-        other coordinates along the shared edges is a chart of its own, also if it has no area.
+        Charts are numbered from 0 in the order of their first faces. A face that shares no edge in
+        the texture is a chart of its own, even if it has no area.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def border_edges(mesh: Mesh) -> BoolArray:
     Returns
     -------
     (F, 3) bool
-        Of the edge from each corner to the next.
+        True for each edge, from a corner to the next, that is a border.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def border_edges(mesh: Mesh) -> BoolArray:
 
 
 def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
-    """Edges along which the texture is cut and the surface is not, on both sides of each cut.
+    """Edges along which the texture is cut but the surface is not, on both sides of each seam.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
     Returns
     -------
     (F, 3) bool
-        Of the edge from each corner to the next; False for faces that are not looked at.
+        True for each edge, from a corner to the next, that is a seam; False for other faces.
 
     Raises
     ------
@@ -104,10 +104,9 @@ def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
 
 
 def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
-    """Length, in model units, along which the texture is cut and the surface is not.
+    """Total length of the seams, in model units.
 
-    Each cut is counted once, though both its sides are borders of charts: half the sum of the
-    lengths of new boundary edges.
+    A seam counts once although both its sides are borders of charts.
 
     Parameters
     ----------
@@ -138,7 +137,7 @@ def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
     Returns
     -------
     (F, 3) int64
-        Of the edge from each corner to the next; from 0 without gaps.
+        Number of the edge from each corner to the next; from 0 without gaps.
     """
     tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
     ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
@@ -153,20 +152,20 @@ def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
     Parameters
     ----------
     edges : (F, 3) int64
-        Of each face, from `edge_ids`.
+        Edges of each face, from `edge_ids`.
 
     Returns
     -------
     (F,) int32
         Numbered from 0 in the order of their first faces.
     """
-    # Faces that share an edge hang together as faces that share a vertex do.
+    # Edges take the place of vertices: faces that share one are connected.
     components, _ = face_components(edges.astype(np.int32), int(edges.max(initial=-1)) + 1)
     return components
 
 
 def _texture_corners(mesh: Mesh) -> IntArray:
-    """(F, 3) int32: equal for corners at one position with one texture coordinate."""
+    """(F, 3) int32: equal for corners with the same position and texture coordinate."""
     mesh.corner_uvs()  # raises where there are none
     assert mesh.uvs is not None
     places = weld_rows(mesh.positions)[mesh.faces]
@@ -181,22 +180,22 @@ def _used_once(edges: npt.NDArray[np.int64]) -> BoolArray:
 def opposite_half_edges(
     corners: IntArray, *, solid: npt.NDArray[np.bool_], regions: IntArray | None = None
 ) -> IntArray:
-    """Half-edge on the other side of each, where the surface goes on.
+    """The half-edge opposite to each, across which the surface continues.
 
     Parameters
     ----------
     corners : (F, 3) int32
         Equal for corners at one place.
     solid : (F,) bool
-        Faces to look at, as if there were no others.
+        Faces to consider, as if there were no others.
     regions : (F,) int32, optional
-        Faces of different regions have nothing to do with each other.
+        Faces of different regions are not neighbors.
 
     Returns
     -------
     (3 F,) int32
         -1 where there is none: at the boundary, between regions, where more than two faces meet,
-        and where two faces of opposite winding do.
+        and where two faces of opposite winding meet.
 
     Examples
     --------
@@ -223,24 +222,24 @@ def opposite_half_edges(
 
 
 def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    """Half-edge of the same face that starts where each ends; by that also the corner there."""
+    """The next half-edge of the same face; its number is also that of the corner it starts at."""
     return half_edges + np.where(half_edges % 3 == 2, -2, 1)
 
 
 def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray:
-    """Number what is connected by pairs.
+    """Number the connected groups of items.
 
     Parameters
     ----------
     n_items : int
     firsts, seconds : (N,) int
-        Items of each pair.
+        Pairs of connected items.
 
     Returns
     -------
     (n_items,) int32
-        Equal for items that a chain of pairs connects; from 0 without gaps, in the order of the
-        first item of each.
+        Group of each item: equal for items that a chain of pairs connects; numbered from 0 without
+        gaps, in the order of first items.
 
     Examples
     --------

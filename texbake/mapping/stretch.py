@@ -1,8 +1,8 @@
-"""How each face is stretched between the surface and the texture, and means over many faces.
+"""How much each face is stretched between the surface and the texture, and means over many faces.
 
-The surface is compared with the texture after both are scaled to a total area of 1, so that neither
-the size of the model nor how full the texture is changes a figure; and in square texels, so that a
-texture of 2048 x 1024 is measured as it is used.
+Surface and texture are compared after scaling both to a total area of 1, so that neither the size
+of the model nor the fill of the texture changes a figure. Lengths in the texture are measured in
+texels, so that a texture of 2048 x 1024 is measured as it is used.
 
 Based on: Sander, Snyder, Gortler, Hoppe, "Texture Mapping Progressive Meshes", 2001 (L2 and L∞
 stretch); Hormann, Lévy, Sheffer, "Mesh Parameterization: Theory and Practice", SIGGRAPH course
@@ -46,7 +46,7 @@ class Stretch:
     angle : float
         Mean of σ1/σ2 + σ2/σ1 - 2; 0 at best.
     area : float
-        Mean of a/A + A/a - 2 with the areas of a face in the texture and on the surface; 0 at best.
+        Mean of a/A + A/a - 2, for area a in the texture and A on the surface; 0 at best.
     """
 
     l2: float
@@ -57,7 +57,7 @@ class Stretch:
     area: float
 
     def to_json(self) -> dict[str, Any]:
-        """Return the figures by name; what is infinite becomes None."""
+        """Return the figures by name; an infinite value becomes None."""
         return {k: v if math.isfinite(v) else None for k, v in asdict(self).items()}
 
 
@@ -68,13 +68,13 @@ class FaceStretch:
     Attributes
     ----------
     faces : (M,) int64
-        Those faces, ascending.
+        Indices of those faces, ascending.
     areas : (M,) float64
-        In space, in squares of model units.
+        Areas in space, in squares of model units.
     texel_areas : (M,) float64
-        In texels, negative where a face is mirrored.
+        Areas in texels, negative for mirrored faces.
     greatest, least : (M,) float64
-        Γ and γ, the singular values of the map from texture to surface, with total areas of 1.
+        Γ and γ, the singular values of the map from texture to surface, for total areas of 1.
     n_degenerate : int
         Faces without area in space.
     n_collapsed : int
@@ -91,30 +91,30 @@ class FaceStretch:
 
     @property
     def mirrored(self) -> npt.NDArray[np.bool_]:
-        """(M,) bool: faces that run clockwise in the texture."""
+        """(M,) bool: faces that are clockwise in the texture."""
         return self.texel_areas < 0.0
 
     @property
     def l2(self) -> FloatArray:
-        """(M,) float64: √((Γ² + γ²) / 2) of each face, as if none were mirrored."""
+        """(M,) float64: √((Γ² + γ²) / 2) of each face, ignoring mirroring."""
         return np.sqrt((self.greatest**2 + self.least**2) / 2.0)
 
 
 def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
-    """Measure how each face is stretched.
+    """Measure the stretch of each face.
 
     Parameters
     ----------
     mesh : Mesh
         With texture coordinates.
     size : int or (int, int)
-        Texels a side, or (width, height).
+        Texels along each side, or (width, height).
 
     Raises
     ------
     UvError
-        The mesh has no texture coordinates, or some too far out to be measured, or no face has
-        area in space and in the texture.
+        The mesh has no texture coordinates, or some are too far out to be measured; or no face has
+        an area both in space and in the texture.
     """
     corners = mesh.positions[mesh.faces]
     texels = measurable_uvs(mesh) * np.array([size, size] if isinstance(size, int) else size, float)
@@ -141,7 +141,7 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
 def stretch_by_group(
     found: FaceStretch, groups: npt.NDArray[np.integer[Any]], *, turned: bool = False
 ) -> list[Stretch]:
-    """Sum up the stretch of faces, group by group, at the scale of the whole.
+    """Average the stretch of faces, group by group, at the scale of the whole.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def stretch_by_group(
     groups : (M,) int
         Group of each of its faces; from 0 without gaps.
     turned
-        Take mirrored faces as if they were turned over, not as infinite.
+        Measure mirrored faces as if they were turned over, instead of as infinite.
     """
     n_groups = int(groups.max()) + 1
     ratios, growths = found.greatest / found.least, found.greatest * found.least
@@ -159,7 +159,7 @@ def stretch_by_group(
     def means(values: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(groups, values * found.areas, n_groups) / totals)
 
-    # A mirrored face has no finite stretch: no path of maps that keep area leads to it.
+    # A mirrored face has no finite stretch: no continuous map without a collapse leads to it.
     flips = np.bincount(groups, found.mirrored, n_groups) > 0
     worst = np.where(flips & (not turned), math.inf, 1.0)
     largest = np.zeros(n_groups)
@@ -181,11 +181,11 @@ def stretch_by_group(
 
 
 def _why_unmeasured(solid: npt.NDArray[np.bool_]) -> str:
-    """Say why no face can be measured, and what to do; `solid` have area in space."""
+    """Why no face can be measured, and what to do; `solid` faces have an area in space."""
     if not solid.any():
-        return "none of its faces has an area; look for what is wrong with: texbake info"
+        return "none of its faces has an area; look for the cause with: texbake info"
     return (
-        "none of its faces has area both in space and in the texture; "
+        "none of its faces has an area both in space and in the texture; "
         "map it along another axis or by another method of: texbake unwrap"
     )
 
@@ -204,13 +204,13 @@ def _singular_values(
     s1, s2, s3 = (texels[:, i, :1] for i in range(3))
     t1, t2, t3 = (texels[:, i, 1:] for i in range(3))
     d = 2.0 * texel_areas[:, None]
-    # About the first corner, so that a place far from the origin costs no digits.
+    # Relative to the first corner, so that no digits are lost far from the origin.
     along_s = ((q2 - q1) * (t3 - t1) - (q3 - q1) * (t2 - t1)) / d
     along_t = ((q3 - q1) * (s2 - s1) - (q2 - q1) * (s3 - s1)) / d
     a, b, c = (
         (x * y).sum(axis=1) for x, y in ((along_s, along_s), (along_s, along_t), (along_t, along_t))
     )
     greater = (a + c + np.sqrt((a - c) ** 2 + 4.0 * b**2)) / 2.0
-    # Γ γ = A / a; the difference of a + c and the root would cancel.
+    # From Γ γ = A / a; the difference of a + c and the root would cancel.
     lesser = (areas / texel_areas) ** 2 / greater
     return np.sqrt(greater), np.sqrt(np.minimum(lesser, greater))

@@ -29,12 +29,12 @@ def transformed(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
     ----------
     coordinates : (..., 2) float64
     options : UnwrapOptions
-        Its `warp`, `flip`, `rotate` and `scale`.
+        `warp`, `flip`, `rotate` and `scale` are read.
 
     Returns
     -------
     (..., 2) float64
-        Equal to the bit where nothing is asked for.
+        Bit-equal to the input if no option is set.
     """
     flat = coordinates.reshape(-1, 2)
     if options.warp is not None:
@@ -50,19 +50,19 @@ def transformed(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
 
 
 def at_density(mesh: Mesh, corners: FloatArray, options: UnwrapOptions) -> FloatArray:
-    """Scale coordinates so that the mesh has the texel density asked for, as a whole.
+    """Scale coordinates so that the mesh as a whole has the requested texel density.
 
     Parameters
     ----------
     mesh : Mesh
     corners : (F, 3, 2) float64
     options : UnwrapOptions
-        Its `texel_density`, in texels a model unit, and its size.
+        `texel_density`, in texels per model unit, and `size` are read.
 
     Returns
     -------
     (F, 3, 2) float64
-        `corners` itself where no density is asked for.
+        `corners` itself if `texel_density` is None.
 
     Raises
     ------
@@ -76,15 +76,15 @@ def at_density(mesh: Mesh, corners: FloatArray, options: UnwrapOptions) -> Float
     in_space = float(surface_areas(mesh.positions[mesh.faces]).sum())
     if not (in_texture > 0.0 and in_space > 0.0):
         raise UvError(
-            f"{mesh.name}: its faces have no area, so that no texel density can be given to them; "
-            "look for what is wrong with: texbake info"
+            f"{mesh.name}: its faces have no area, so they cannot have a texel density; "
+            "look for the cause with: texbake info"
         )
     density = side * math.sqrt(in_texture / in_space)
     return corners * (options.texel_density / density)
 
 
 def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
-    """Turn counter-clockwise about (1/2, 1/2); exact by multiples of 90 degrees."""
+    """Rotate counter-clockwise about (1/2, 1/2); exact for multiples of 90 degrees."""
     quarters, rest = divmod(degrees, 90.0)
     cos, sin = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][int(quarters) % 4]
     if rest:
@@ -94,13 +94,13 @@ def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
 
 
 def warped(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction) -> FloatArray:
-    """Apply a warp by name, by name and strength, or a function.
+    """Apply a warp, given by name, by name and strength, or as a function.
 
     Parameters
     ----------
     coordinates : (n, 2) float64
     warp
-        As in `TransformOptions`. A function gets a copy, (n, 2), and returns as many coordinates.
+        As in `TransformOptions`. A function gets a copy of the coordinates and returns (n, 2).
 
     Returns
     -------
@@ -109,7 +109,7 @@ def warped(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction
     Raises
     ------
     OptionError
-        The function returns another shape or what is not finite.
+        The function returns another shape or values that are not finite.
     """
     if callable(warp):
         return _checked(warp(coordinates.copy()), len(coordinates))
@@ -118,7 +118,7 @@ def warped(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction
 
 
 def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
-    """Turn points about the middle, by `degrees` there and by 0 at the radius 1/2.
+    """Rotate points about the center of the texture, by `degrees` there and by 0 at radius 1/2.
 
     The angle falls off as (1 - (r / R)²)², so that the map and its first derivative are continuous.
 
@@ -139,9 +139,9 @@ def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
 
 
 def bulge(coordinates: FloatArray, strength: float) -> FloatArray:
-    """Magnify the texture's middle by 1 / (1 - strength); a negative strength shrinks it.
+    """Magnify the center of the texture by 1 / (1 - strength); a negative strength shrinks it.
 
-    The distance from the middle becomes r (1 - strength (1 - (r / R)²)²), which grows with r for
+    The distance from the center becomes r (1 - strength (1 - (r / R)²)²), which grows with r for
     strengths above -1.25 and below 1.
     """
     about = coordinates - _MIDDLE
@@ -150,7 +150,7 @@ def bulge(coordinates: FloatArray, strength: float) -> FloatArray:
 
 
 def power(coordinates: FloatArray, exponent: float) -> FloatArray:
-    """Take s and t to a power within each tile, so that whole numbers stay where they are.
+    """Raise s and t to a power within each tile; whole numbers do not move.
 
     Examples
     --------
@@ -170,7 +170,7 @@ _WARPS: dict[str, Callable[[FloatArray, float], FloatArray]] = {
 
 
 def _weights(about: FloatArray) -> FloatArray:
-    """(n,): 1 at the middle, falling to 0 at the radius, where its slope is 0 too."""
+    """(n,): 1 at the center, falling to 0 at the radius, where the slope is 0 too."""
     squares = np.minimum(np.einsum("ij,ij->i", about, about) / _RADIUS**2, 1.0)
     return np.asarray((1.0 - squares) ** 2)
 
@@ -181,7 +181,7 @@ def _checked(values: object, n_values: int) -> FloatArray:
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != (n_values, 2):
-        raise OptionError(f"warp: the function must return ({n_values}, 2) numbers")
+        raise OptionError(f"warp: the function must return numbers of shape ({n_values}, 2)")
     if not np.isfinite(array).all():
         raise OptionError("warp: the function returned a number that is not finite")
     return array

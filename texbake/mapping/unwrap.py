@@ -29,13 +29,13 @@ from texbake.mapping.transform import at_density, transformed
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, StageRecord, Stages
 
-# Tiles that coordinates may lie away: of what is farther, float64 has no 1/4096 of a tile left.
+# Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
 _FARTHEST = 1e12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Mapped:
-    """Coordinates of one mesh by corner, and what a report says of them."""
+    """Coordinates of one mesh by corner, with counts and notes for the report."""
 
     corners: FloatArray
     tallies: dict[str, int] = field(default_factory=dict)
@@ -55,30 +55,30 @@ def unwrap(
     Parameters
     ----------
     mesh : Mesh
-        Coordinates that it has are replaced, except where the method or an option uses them.
+        Existing coordinates are replaced, unless the method or an option uses them.
     options : UnwrapOptions, optional
         None for `UnwrapOptions()`: an atlas in which no two faces overlap.
     threads
         None for every processor; the result does not depend on it.
     progress
-        Told of the stages.
+        Receives the progress of the stages.
     **changes
-        Fields of `UnwrapOptions` that differ from `options`: ``unwrap(mesh, size=2048)``.
+        Fields of `UnwrapOptions` to change in `options`, as in ``unwrap(mesh, size=2048)``.
 
     Returns
     -------
     Mesh
-        The same mesh with `uvs` and `uv_faces`; tangents that came with it, made for other
-        coordinates, are gone. A face without area gets defined, finite coordinates.
+        The same mesh with `uvs` and `uv_faces`. Tangents are dropped, since they belong to the old
+        coordinates. A face without area gets finite coordinates too.
 
     Raises
     ------
     UnwrapError
         Atlas: no face has an area, or the charts do not fit.
     UvError
-        Coordinates that the method or an option builds on are missing.
+        The method or an option needs existing coordinates, and there are none.
     OptionError
-        A field has a value that it cannot have, or names a group that is not there.
+        An option has an invalid value, or names a group that does not exist.
     """
     options = replace(options or UnwrapOptions(), **changes)
     return _unwrapped([mesh], options, Stages(progress), threads)[0][0]
@@ -92,7 +92,7 @@ def unwrap_with_report(
     progress: ProgressSink | None = None,
     **changes: Any,
 ) -> tuple[Mesh, UnwrapReport]:
-    """Give a mesh texture coordinates, as `unwrap`, and measure them."""
+    """Give a mesh texture coordinates, as `unwrap` does, and measure them."""
     return unwrap_together([mesh], options, threads=threads, progress=progress, **changes)[0]
 
 
@@ -104,26 +104,26 @@ def unwrap_together(
     progress: ProgressSink | None = None,
     **changes: Any,
 ) -> list[tuple[Mesh, UnwrapReport]]:
-    """Give several meshes texture coordinates in one texture, at one texel density.
+    """Give several meshes texture coordinates in one shared texture, at one texel density.
 
     Parameters
     ----------
     meshes : sequence of Mesh
         Each is measured in its own model units.
     options, threads, progress, **changes
-        As for `unwrap`; several meshes need the method `atlas`, by which no two faces overlap, of
-        whichever meshes they are.
+        As for `unwrap`. Several meshes need the method `atlas`, which keeps the faces of all
+        meshes from overlapping.
 
     Returns
     -------
     list of (Mesh, UnwrapReport)
-        In the order of the meshes. The stages are those of all together; the figures are those of
-        each mesh by itself.
+        In the order of the meshes. The stages cover all meshes together; the figures are those of
+        each mesh alone.
 
     Raises
     ------
     UnwrapError, UvError, OptionError
-        As `unwrap`.
+        As for `unwrap`.
     """
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
@@ -148,7 +148,7 @@ def unwrap_together(
 
 
 def _measured(mesh: Mesh, options: UnwrapOptions, threads: int | None) -> Distortion | None:
-    """Figures of the coordinates; None where they leave no face any area."""
+    """Measure the coordinates; None if no face has an area in them."""
     try:
         return distortion(mesh, (options.width_px, options.height_px), threads=threads)
     except UvError:
@@ -158,9 +158,9 @@ def _measured(mesh: Mesh, options: UnwrapOptions, threads: int | None) -> Distor
 def _unwrapped(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
 ) -> list[tuple[Mesh, _Mapped]]:
-    """Choose faces, map them, and put their coordinates back into the meshes."""
+    """Choose the faces to map, map them, and store their coordinates in the meshes."""
     if len(meshes) == 0:
-        raise OptionError("meshes: there is none to unwrap")
+        raise OptionError("meshes: there are none to unwrap")
     for mesh in meshes:
         check_measurable(mesh)
     if options.only is None:
@@ -172,7 +172,9 @@ def _unwrapped(
     if options.method == "atlas":
         mapped = _mapped_by_atlas(parts, options, stages, threads)
     elif len(meshes) > 1:
-        raise OptionError(f"method: {options.method} maps one mesh at a time; several need atlas")
+        raise OptionError(
+            f"method: {options.method} maps one mesh at a time; for several meshes use atlas"
+        )
     else:
         with stages.stage(f"map ({options.method})"):
             mapped = [_mapped_classically(parts[0], options)]
@@ -188,28 +190,28 @@ def _unwrapped(
 
 
 def _check_reach(corners: FloatArray) -> None:
-    """Raise where coordinates are so far away that nothing could be found in a texture."""
+    """Raise where coordinates are too far away to look up anything in a texture."""
     farthest = float(np.abs(corners).max())
     if not farthest <= _FARTHEST:
         raise OptionError(
-            f"scale, warp, offset: coordinates would lie up to {farthest:.3g} tiles away; "
-            f"keep them within {_FARTHEST:.0e}"
+            f"scale, warp, offset: coordinates would lie up to {farthest:.3g} tiles from the "
+            f"origin; keep them within {_FARTHEST:.0e}"
         )
 
 
 def _mapped_by_atlas(
     parts: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
 ) -> list[_Mapped]:
-    """Coordinates in one atlas; its texel density is that of the packing."""
+    """Map by one atlas, whose texel density is that of the packing."""
     from texbake.mapping.atlas.atlas import make_atlas
 
     mapped = []
     for atlas in make_atlas(parts, options, stages, threads=threads):
         charts = atlas.charts
         tallies = {
-            "faces without area, which get one point each": charts.n_ignored,
+            "faces without area, reduced to a point": charts.n_ignored,
             "mirrored charts, turned over": charts.n_mirrored,
-            "charts made by taking apart others that lay on themselves": charts.n_split,
+            "charts split off because they overlapped their own chart": charts.n_split,
         }
         mapped.append(
             _Mapped(
@@ -222,7 +224,7 @@ def _mapped_by_atlas(
 
 
 def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
-    """Coordinates by a closed formula, moved on as the options ask."""
+    """Map by a classical method, then scale to the requested texel density."""
     name = options.method.replace("-", "_")  # of the module and of the function in it
     projected: Projected = getattr(import_module(f"texbake.mapping.classical.{name}"), name)(
         part, options
@@ -233,21 +235,21 @@ def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
 
 @dataclass(frozen=True, kw_only=True)
 class UnwrapReport:
-    """Figures of one unwrap.
+    """Report of one unwrap.
 
     Attributes
     ----------
     mesh : str
-        Its name.
+        Name of the mesh.
     n_faces : int
     options : UnwrapOptions
-        As asked for.
+        The options of the call.
     tallies : dict of str to int
-        What was met on the way, by its name, as in "faces at a pole": how many.
+        Counts of special cases by name, such as "faces touching a pole".
     notes : tuple of str
         Steps that failed and what was done instead; charts that miss a bound, and why.
     distortion : Distortion or None
-        None where the coordinates leave no face any area.
+        None if no face has an area in the texture.
     stages : list of StageRecord
     """
 
@@ -261,17 +263,17 @@ class UnwrapReport:
 
     @property
     def n_charts(self) -> int:
-        """Pieces of the surface that the texture shows."""
+        """Number of charts (UV islands)."""
         return 0 if self.distortion is None else self.distortion.n_charts
 
     @property
     def fill(self) -> float:
-        """Share of the tiles in use that faces cover; what is covered twice counts twice."""
+        """Share of the used tiles that faces cover; overlaps count twice."""
         return 0.0 if self.distortion is None else self.distortion.packing_efficiency
 
     @property
     def seconds(self) -> float:
-        """Time of all stages."""
+        """Total time of all stages."""
         return sum(stage.seconds for stage in self.stages)
 
     def to_json(self) -> dict[str, Any]:
@@ -292,7 +294,7 @@ class UnwrapReport:
 
 
 def _options_in_use(options: UnwrapOptions) -> dict[str, Any]:
-    """Fields that the method reads; a function by its name."""
+    """The options that the method reads; a warp function by its name."""
     shared = ("method", "size", "only", *TransformOptions.__dataclass_fields__)
     names = [*shared, *METHOD_OPTIONS[options.method]]
     values = {name: getattr(options, name) for name in names}

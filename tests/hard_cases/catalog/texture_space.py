@@ -10,7 +10,7 @@ from texbake import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 
 UVS = frozenset({"uvs"})
-TOO_FAR = "tiles from the origin, so that areas in the texture cannot be computed"
+TOO_FAR = "tiles from the origin, so areas in the texture cannot be computed"
 NOTHING_COVERED = {
     "bake": "cover nothing: all of them have no area",
     "distortion": "none of its faces has area both in space and in the texture",
@@ -126,7 +126,7 @@ TEXTURE_SPACE: tuple[Case[Mesh], ...] = (
          make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs * 1e200 - 1e200),
          refused={"bake": "lies in the unit square", "glb": "beyond float32",
                   "distortion": TOO_FAR, "layout": TOO_FAR,
-                  "parametric": "tiles away"}, traits=UVS),
+                  "parametric": "tiles from the origin"}, traits=UVS),
     Case(name="coordinates on a line", wrong="their determinant is 0, or rounding of it",
          make=lambda: with_uvs(plane(2, 2), plane(2, 2).uvs[:, :1] * [1.0, 0.3]),
          refused=NOTHING_COVERED, traits=UVS),

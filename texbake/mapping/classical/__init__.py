@@ -1,1 +1,1 @@
-"""The classical mappings: closed formulas from a position or normal to (s, t)."""
+"""The classical mappings: closed formulas from a position or a normal to (s, t)."""

@@ -38,16 +38,16 @@ def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
     ----------
     mesh : Mesh
     options : UnwrapOptions
-        Of which `center`, `size`, `padding` and `overlap` are read.
+        `center`, `size`, `padding` and `overlap` are read.
 
     Returns
     -------
     Projected
-        Each side in its own cell, the center of the box in the middle of it and `padding` texels
-        around it; with `overlap`, each in the whole square. The scale, one for all, is the
-        greatest for which everything fits. Parts of a concave mesh that one side sees behind each
-        other overlap. Tallied are faces that follow their neighbors to another side than that
-        nearest to their normal, and faces without area.
+        Each side has its own cell with `padding` texels around it, and the center of the box is in
+        the middle of the cell; with `overlap`, each side has the whole square. All sides have the
+        largest common scale that fits. Parts of a concave mesh that are seen behind each other
+        from one side overlap. The tallies count faces that follow their neighbors to a side other
+        than the one nearest to their normal, and faces without area.
 
     Raises
     ------
@@ -64,14 +64,14 @@ def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
     found = box_sides(mesh)
     local = points_about(mesh, center_of(mesh, options.center), np.eye(3))
     points = local.points[mesh.faces]
-    reach = np.array([np.abs(points[:, :, i]).max() for i in range(3)])
-    reach[reach <= local.rounding] = 0.0
+    half_size = np.array([np.abs(points[:, :, i]).max() for i in range(3)])
+    half_size[half_size <= local.rounding] = 0.0
     counts = {
         "faces joined to the side of their neighbors": found.n_joined,
         "faces without area": found.n_without_normal,
     }
     return Projected(
-        corners=side_pictures(points, found.sides, reach, options),
+        corners=side_pictures(points, found.sides, half_size, options),
         tallies=counts,
     )
 
@@ -79,18 +79,18 @@ def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
 def side_pictures(
     points: FloatArray,
     sides: npt.NDArray[np.integer[Any]],
-    reach: FloatArray,
+    half_size: FloatArray,
     options: UnwrapOptions,
 ) -> FloatArray:
-    """Coordinates of faces that are seen from the sides of a box.
+    """Project faces onto the sides of a box and arrange the six pictures in the texture.
 
     Parameters
     ----------
     points : (F, 3, 3) float64
-        Corners about the center of the box; +y is up in the pictures.
+        Corners relative to the center of the box; +y is up in the pictures.
     sides : (F,) int
         Side of each face: 0 to 5 for +x, -x, +y, -y, +z, -z.
-    reach : (3,) float64
+    half_size : (3,) float64
         Half the size of the box.
     options : UnwrapOptions
         `size`, `padding` and `overlap` are read.
@@ -98,9 +98,7 @@ def side_pictures(
     Returns
     -------
     (F, 3, 2) float64
-        Each side in its own cell, the center of the box in the middle of it and `padding` texels
-        around it; with `overlap`, each in the whole square. The scale, one for all, is the
-        greatest for which everything fits.
+        As `box` says.
 
     Raises
     ------
@@ -109,10 +107,10 @@ def side_pictures(
     """
     if options.overlap:
         size = np.ones(2)
-        middles, per_length = np.full((N_SIDES, 2), 0.5), _scale(0.5, reach.max())
+        middles, per_length = np.full((N_SIDES, 2), 0.5), _scale(0.5, half_size.max())
     else:
         size = np.array([options.width_px, options.height_px], dtype=np.float64)
-        middles, per_length = _cells(reach, size, options.padding)
+        middles, per_length = _cells(half_size, size, options.padding)
     corners = np.empty((len(points), 3, 2))
     for side, axis in enumerate(np.repeat(np.eye(3), 2, axis=0)):
         at_side = sides == side
@@ -123,20 +121,18 @@ def side_pictures(
     return corners
 
 
-def _cells(reach: FloatArray, size: FloatArray, padding: int) -> tuple[FloatArray, float]:
-    """(6, 2) middles of the cells, and the length of a local unit; in texels.
+def _cells(half_size: FloatArray, size: FloatArray, padding: int) -> tuple[FloatArray, float]:
+    """(6, 2) centers of the cells, and texels per local unit.
 
-    Half the width of a side is how far the mesh reaches along x or z, half its height how far it
-    reaches along y or z. So columns are as wide as their sides, and both rows as high as the
-    highest of theirs.
+    Columns are as wide as their sides, and both rows as high as the highest side.
     """
-    half_widths = reach[[2, 0, 0]]
-    half_height = reach[1:].max()
+    half_widths = half_size[[2, 0, 0]]
+    half_height = half_size[1:].max()
     free = size - np.array([4.0, 3.0]) * padding
     if (free <= 0.0).any():
         raise OptionError(
             f"padding: {padding} texels around six sides leave nothing of "
-            f"{size[0]:.0f} x {size[1]:.0f}; take less padding or a larger size"
+            f"{size[0]:.0f} x {size[1]:.0f}; use less padding or a larger size"
         )
     per_length = _scale(free, np.array([2.0 * half_widths.sum(), 4.0 * half_height]))
     half_widths, half_height = half_widths * per_length, half_height * per_length
@@ -146,7 +142,7 @@ def _cells(reach: FloatArray, size: FloatArray, padding: int) -> tuple[FloatArra
 
 
 def _scale(free: npt.ArrayLike, needed: npt.ArrayLike) -> float:
-    """Greatest scale at which all lengths fit into what is free; 1 where all of them are 0."""
+    """Largest scale at which all lengths fit into the free space; 1 if all lengths are 0."""
     with np.errstate(divide="ignore"):
         scale = float(np.min(np.asarray(free) / needed))
     return scale if math.isfinite(scale) else 1.0

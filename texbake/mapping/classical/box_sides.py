@@ -28,16 +28,16 @@ BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_SIDE = 4  # +z, the front
 
-# Cosine between a face and its side, so that no face is shown at less than a quarter of its area.
-# A greater one leaves more single faces behind. The side nearest to a normal by itself has a cosine
+# Least cosine between a face and its side, so that no face is shown at less than a quarter of its
+# area. A higher limit leaves more isolated faces. The side nearest to a normal always has a cosine
 # of at least 3^-1/2 = 0.58.
 _LEAST_COSINE = 0.25
 
-_ROUNDS = 4  # of averaging normals, each over the faces next to a face
-_SMALL = 0.01  # of the connected surface it lies on; smaller regions are joined to others
+_ROUNDS = 4  # rounds of averaging normals over neighboring faces
+_SMALL = 0.01  # share of a connected surface; smaller regions are joined to others
 
-# Relative: normals this near to halfway between two sides go to the first of them, all of them,
-# so that the rounding of positions in float32 files does not deal out chamfers of 45 degrees.
+# Relative. Normals this close to halfway between two sides all take the first, so that the rounding
+# of float32 positions does not scatter 45-degree chamfers over both.
 _TIE = 1e-3
 
 
@@ -49,9 +49,9 @@ class BoxSides:
     ----------
     sides : (F,) int32
     n_joined : int
-        Faces that belong to another side than that which their own normal is nearest to.
+        Faces whose side is not the one nearest to their own normal.
     n_without_normal : int
-        Faces without area, which have the side that most of their outline touches, or +z.
+        Faces without area; they take the side that most of their outline touches, or +z.
     """
 
     sides: IntArray
@@ -61,7 +61,7 @@ class BoxSides:
 
 @dataclass(frozen=True, eq=False)
 class _Borders:
-    """Pairs of different faces that share an edge, and its length; N of them, each both ways."""
+    """Pairs of faces that share an edge, in both orders, and the length of the edge."""
 
     faces: IntArray
     neighbors: IntArray
@@ -69,18 +69,18 @@ class _Borders:
 
 
 def box_sides(mesh: Mesh) -> BoxSides:
-    """Find the side of each face.
+    """Choose the side of each face.
 
     Parameters
     ----------
     mesh : Mesh
-        Vertices at one place are taken for one.
+        Vertices at the same position count as one.
 
     Returns
     -------
     BoxSides
-        A face with area looks to its side: the cosine between its normal and the side's is at
-        least 1/4, so that none is mirrored or squashed.
+        The cosine between the normal of a face and that of its side is at least 1/4, so that no
+        face is mirrored or squashed.
     """
     normals = face_normals(mesh)
     points = LocalFrame.around(mesh).to_local(mesh.positions)
@@ -106,7 +106,7 @@ def _toward_sides(vectors: FloatArray) -> FloatArray:
 
 
 def _nearest_sides(vectors: FloatArray, allowed: BoolArray) -> IntArray:
-    """(F,) int32: of the sides allowed, the one that a vector looks to most."""
+    """(F,) int32: the allowed side that each vector points to most."""
     toward = np.where(allowed, _toward_sides(vectors), -np.inf)
     most = toward.max(axis=1, keepdims=True)
     first = (toward >= most - _TIE * np.abs(most)).argmax(axis=1)
@@ -114,7 +114,7 @@ def _nearest_sides(vectors: FloatArray, allowed: BoolArray) -> IntArray:
 
 
 def _borders(corners: IntArray, points: FloatArray) -> _Borders:
-    """Faces side by side; where more than two meet at an edge, each and the next."""
+    """Neighboring faces; where more than two meet at an edge, each and the next."""
     keys = edge_ids(corners).ravel()
     order = np.argsort(keys, kind="stable")
     same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
@@ -131,7 +131,7 @@ def _borders(corners: IntArray, points: FloatArray) -> _Borders:
 
 
 def _averaged(normals: FloatArray, areas: FloatArray, borders: _Borders) -> FloatArray:
-    """Normals averaged by area over the neighborhood, as far as no sharp edge or fold parts it."""
+    """Normals averaged by area over the neighborhood, but not across sharp edges and folds."""
     faces, neighbors = borders.faces, borders.neighbors
     agree = np.einsum("ij,ij->i", normals[faces], normals[neighbors]) > 0.0
     faces, neighbors = faces[agree], neighbors[agree]
@@ -144,7 +144,7 @@ def _averaged(normals: FloatArray, areas: FloatArray, borders: _Borders) -> Floa
 
 
 def _sides_beside(sides: IntArray, unknown: BoolArray, borders: _Borders) -> IntArray:
-    """Sides for the faces that have none: each connected lot takes that which it touches most."""
+    """Sides for faces that have none: each connected group takes the side that it touches most."""
     faces, neighbors = borders.faces, borders.neighbors
     inside = unknown[faces] & unknown[neighbors]
     lots = merged_labels(len(sides), faces[inside], neighbors[inside])
@@ -161,11 +161,11 @@ def _sides_beside(sides: IntArray, unknown: BoolArray, borders: _Borders) -> Int
 def _without_small_regions(
     sides: IntArray, allowed: BoolArray, areas: FloatArray, borders: _Borders
 ) -> IntArray:
-    """Join small regions to sides beside them, where all their faces may.
+    """Join small regions to a neighboring side that is allowed for all their faces.
 
-    A region joins that side, of those with a larger region beside it, with which it shares the
-    longest border; all regions at once. The largest that moves meets one that does not, so that
-    each round leaves fewer regions.
+    Of the sides of larger regions next to it, a region joins the one with the longest common
+    border. All regions move at once. The largest that moves joins one that stays, so that each
+    round leaves fewer regions.
     """
     faces, neighbors = borders.faces, borders.neighbors
     shells = merged_labels(len(sides), faces, neighbors)

@@ -1,7 +1,7 @@
 """Cylindrical mapping: (x, y, z) to radius, angle and height; s from the angle, t from the height.
 
-What looks along the axis is smeared by that formula, so that it can be mapped by a plane instead.
-Side and caps then lie in one texture at one texel density:
+Faces that look along the axis are smeared by that formula. They can be mapped by planes instead, as
+caps; side and caps then lie in one texture at one texel density:
 
     +-------------+ +-------------+
     |  seen from  | |  seen from  |
@@ -37,8 +37,8 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
-_CAP_COSINE = math.sqrt(0.5)  # faces whose normals lie within 45 degrees of the axis are caps
-_GAP = 1.0 / 64.0  # of the texture, between side and caps: 16 texels of 1024
+_CAP_COSINE = math.sqrt(0.5)  # faces with normals within 45 degrees of the axis are caps
+_GAP = 1.0 / 64.0  # between side and caps, as a share of the texture: 16 texels of 1024
 
 
 def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
@@ -48,18 +48,17 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
     ----------
     mesh : Mesh
     options : UnwrapOptions
-        Of which `axis` (None: `y`), `center`, `theta`, `height` and `caps` are read.
+        `axis` (None: `y`), `center`, `theta`, `height` and `caps` are read.
 
     Returns
     -------
     Projected
-        s as `wrap_angles` has it and t = (height - a) / (b - a), 0 where all corners are equally
-        high; faces of one height thus have no area in the texture unless they are `caps`. With
-        those, side and caps are scaled so that a length along the axis, one around it at the mean
-        radius of the side, and one on a cap are the same in the texture; all lies in the unit
-        square, but for faces across the seam, and for what lies outside of a `theta` or `height`
-        that was given. A face without area is no cap. Tallied are faces around the axis and
-        touching it, and caps.
+        s is as in `wrap_angles`, and t = (height - a) / (b - a), or 0 if all corners have the same
+        height; flat faces across the axis thus have no area in the texture unless they are caps.
+        With `caps`, equal lengths along the axis, around it at the mean radius of the side, and on
+        the caps are equal in the texture. Everything lies in the unit square, except faces across
+        the seam and what is outside a given `theta` or `height`. A face without area is not a cap.
+        The tallies count faces around the axis, faces touching it, and caps.
     """
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_of(mesh, options.center), frame)
@@ -82,7 +81,7 @@ def _with_caps(
     side: npt.NDArray[np.bool_],
     above: npt.NDArray[np.bool_],
 ) -> Projected:
-    """Map the side by its angles and heights, and the caps by planes above it."""
+    """Map the side by angles and heights, and the caps by planes, above the side."""
     corners = np.empty((mesh.n_faces, 3, 2))
     angles = wrap_angles(
         local.points, mesh.faces[side], theta=options.theta, rounding=local.rounding
@@ -97,8 +96,8 @@ def _with_caps(
     tallies = angles.tallies()
     right, top = 0.0, max(length * per_length, corners[side, :, 1].max(initial=0.0))
     left, bottom = 0.0, top + (_GAP if side.any() else 0.0)
-    # The front, where the angle is 0, is at the foot of the cap above and at the head of that
-    # below, as if both were folded out of the side.
+    # The front, at angle 0, is at the bottom of the upper cap and at the top of the lower one, as
+    # if both were unfolded from the side.
     for name, faces, up in (
         ("caps above", ~side & above, -e1),
         ("caps below", ~side & ~above, e1),
@@ -118,9 +117,9 @@ def _with_caps(
 def _heights(
     local: LocalPoints, faces: IntArray, options: UnwrapOptions
 ) -> tuple[FloatArray, float]:
-    """Coordinate t of each vertex, and the length along the axis over which it grows by 1.
+    """Coordinate t of each vertex, and the length along the axis that is 1 in t, in local units.
 
-    The length is in local units. Without faces or a range of heights, t is 0 and so is it.
+    Both are 0 without faces or without a range of heights.
     """
     heights = local.points[:, 2]
     first, last = height_ends(local, faces, options)
@@ -132,8 +131,8 @@ def _heights(
 def height_ends(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> tuple[float, float]:
     """Heights, in local units, that become t = 0 and t = 1.
 
-    Those of the options, else the least and greatest of the faces; equal where these differ by
-    rounding alone, and without faces.
+    They are those of the options, or else the least and greatest height of the faces; equal if
+    these differ by rounding alone, or without faces.
     """
     if options.height is not None:
         return options.height[0] * local.scale, options.height[1] * local.scale
@@ -145,9 +144,9 @@ def height_ends(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> 
 
 
 def _mean_radius(local: LocalPoints, faces: IntArray, side: npt.NDArray[np.bool_]) -> float:
-    """Distance from the axis, averaged over the corners of the side by the areas of its faces.
+    """Mean distance of the side's corners from the axis, weighted by the areas of its faces.
 
-    Of all faces where there is no side; 1 where everything lies on the axis.
+    Without a side it is that of all faces; 1 if everything lies on the axis.
     """
     points = local.points[faces[side] if side.any() else faces]
     areas = surface_areas(points)

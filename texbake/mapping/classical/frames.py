@@ -30,29 +30,29 @@ from texbake.mapping.options.projection import AXES
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 
-# Of the largest coordinate: half a unit in the last place for the coordinate, for the center, for
-# their difference and for each step of turning it into the frame.
+# As a share of the largest coordinate: half a unit in the last place for the coordinate, the
+# center, their difference, and each step of the rotation into the frame.
 _ROUNDING = 8.0 * 2.0**-53
 
 BoolArray = npt.NDArray[np.bool_]
 
-# In turns: angles of opposite points differ by half a turn to within this, the rounding of angles.
+# In turns: the rounding of angles, by which opposite points may miss half a turn.
 _ANGLE_ROUNDING = 2.0**-50
 
 
 @dataclass(frozen=True, eq=False)
 class LocalPoints:
-    """The vertices of a mesh, seen from a center in a frame.
+    """The vertices of a mesh relative to a center, in a frame.
 
     Attributes
     ----------
     points : (V, 3) float64
-        Coordinates along e1, e2 and the axis: times `scale` what they are in the model.
+        Coordinates along e1, e2 and the axis, multiplied by `scale`.
     scale : float
-        Local units a model unit, a power of two.
+        Local units per model unit, a power of two.
     rounding : float
-        In local units: how far a point may lie from where it was meant, because its coordinates
-        and those of the center are rounded. A point no further from the axis is on it.
+        How far, in local units, a point may be from its intended position, because its
+        coordinates and the center are rounded. A point no farther from the axis lies on it.
     """
 
     points: FloatArray
@@ -66,9 +66,9 @@ def frame_about(axis: str | Vector) -> FloatArray:
     Parameters
     ----------
     axis : str or (x, y, z)
-        `x`, `y`, `z`, or a vector of any length above 0. A frame about any vector is that of the
-        nearest of x, y, z and their opposites (the first of several), turned onto it by the least
-        rotation. That of an opposite is half a turn about e1 away: (e1, -e2, -axis).
+        `x`, `y`, `z`, or a vector of any length above 0. The frame of a vector is that of the
+        nearest of x, y, z and their opposites (the first of several), rotated onto it by the
+        smallest rotation. The frame of an opposite is (e1, -e2, -axis).
 
     Returns
     -------
@@ -95,19 +95,19 @@ def frame_about(axis: str | Vector) -> FloatArray:
 
 
 def upright_frame(normal: npt.ArrayLike) -> FloatArray:
-    """Frame of a picture of what faces a direction, as one sees it who looks at it upright.
+    """Frame of an upright view of a plane.
 
     Parameters
     ----------
     normal : (3,) float
-        From the thing to the viewer; of any length above 0.
+        From the plane to the viewer; of any length above 0.
 
     Returns
     -------
     (3, 3) float64
         Rows: right, up and the normal, read-only; right-handed, so that nothing is mirrored. Up is
-        +y as far as the normal lets it; seen from +y (above) it is -z and from -y +z, so that
-        right is +x in both, as on the map of a room that is seen from the front.
+        as close to +y as the normal allows. Seen from above (+y) it is -z, and from below +z, so
+        that right is +x in both.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def upright_frame(normal: npt.ArrayLike) -> FloatArray:
 
 
 def center_of(mesh: Mesh, center: Vector | None) -> FloatArray:
-    """(3,) float64: the center asked for; None for the middle of the bounding box."""
+    """(3,) float64: the given center; None for the center of the bounding box."""
     if center is not None:
         return frozen(np.array(center, dtype=np.float64))
     low, high = mesh.bounds / 2.0  # halved first: the sum of large coordinates overflows
@@ -135,14 +135,14 @@ def center_of(mesh: Mesh, center: Vector | None) -> FloatArray:
 def in_frame(vectors: FloatArray, rows: FloatArray) -> FloatArray:
     """(..., K) float64: components of vectors (..., 3) along K rows, (K, 3), of a frame.
 
-    Term by term: a matrix product may round equal vectors differently.
+    Summed term by term, since a matrix product may round equal vectors differently.
     """
     x, y, z = (vectors[..., i] for i in range(3))
     return np.stack([row[0] * x + row[1] * y + row[2] * z for row in rows], axis=-1)
 
 
 def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalPoints:
-    """Vertices as seen from a center in a frame.
+    """Vertices of a mesh relative to a center, in a frame.
 
     Parameters
     ----------
@@ -150,26 +150,26 @@ def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalP
     center : (3,) float
         In model units.
     frame : (3, 3) float64
-        Rows, as `frame_about` has them.
+        Rows as `frame_about` returns them.
 
     Returns
     -------
     LocalPoints
-        Of all vertices; those that no face uses do not influence the others, and may overflow.
-        Vertices at one place have bit-equal points.
+        All vertices; those that no face uses do not influence the others, and may overflow.
+        Vertices at the same position have bit-equal points.
     """
     middle = np.asarray(center, dtype=np.float64)
     largest = float(max(np.abs(mesh.bounds).max(), np.abs(middle).max()))
     scale = unit_scale(largest)
-    with np.errstate(over="ignore", invalid="ignore"):  # of vertices that no face uses
+    with np.errstate(over="ignore", invalid="ignore"):  # from vertices that no face uses
         moved = mesh.positions * scale - middle * scale
-        # No -0.0 is left, whose angle would be -pi where that of 0.0 is pi.
+        # Removes -0.0, whose angle would be -pi where that of 0.0 is pi.
         points = in_frame(moved, frame) + 0.0
     return LocalPoints(points, scale, _ROUNDING * (largest * scale))
 
 
 def _unit(vector: npt.ArrayLike) -> FloatArray:
-    """(3,) float64: a vector that is not zero, of length 1."""
+    """(3,) float64: a nonzero vector, normalized."""
     values = np.asarray(vector, dtype=np.float64)
     values = values / np.abs(values).max()  # so that squares neither overflow nor vanish
     return np.asarray(values / np.linalg.norm(values))
@@ -182,10 +182,10 @@ class WrappedAngles:
     Attributes
     ----------
     s : (F, 3) float64
-        Texture coordinate: 0 and 1 at the ends of the arc.
+        Texture coordinate, 0 and 1 at the ends of the arc.
     around : (F,) bool
-        Faces around the axis: seen along it, the axis passes through them or through the inside
-        of an edge. Only these span half a turn or more.
+        Faces around the axis: the axis passes through them or through one of their edges. Only
+        these span half a turn or more.
     on_axis : (F, 3) bool
         Corners on the axis.
     """
@@ -195,7 +195,7 @@ class WrappedAngles:
     on_axis: BoolArray
 
     def tallies(self, axis: str = "the axis") -> dict[str, int]:
-        """What was met, by name; only what there is. `axis` is what the names call it."""
+        """Counts of special cases by name, without zeros; `axis` is what the names call it."""
         counts = {
             f"faces around {axis}": int(self.around.sum()),
             f"faces touching {axis}": int(self.on_axis.any(axis=1).sum()),
@@ -212,21 +212,21 @@ def wrap_angles(
     Parameters
     ----------
     points : (N, 3) float64
-        Coordinates along e1, e2 and the axis, as `LocalPoints` has them.
+        Coordinates along e1, e2 and the axis, as in `LocalPoints`.
     faces : (F, 3) int32
         Indices into `points`.
     theta : (float, float)
-        a and b, in degrees; they differ. b may be the lesser: s then grows clockwise.
+        a and b, in degrees, not equal. If b is the smaller, s grows clockwise.
     rounding : float
-        Points no further than this from the axis are on it.
+        Points no farther than this from the axis lie on it.
 
     Returns
     -------
     WrappedAngles
-        The angle of a face's centroid is taken within half a turn of (a + b) / 2, and the angles
-        of its corners within half a turn of the centroid's. A corner on the axis gets the angle of
-        the centroid (at a pole: a fan); where the centroid is on the axis too, that of the first
-        corner that is not; and a face along the axis (a + b) / 2.
+        The angle of a face's centroid is within half a turn of (a + b) / 2, and the angles of its
+        corners are within half a turn of the centroid's. A corner on the axis gets the angle of
+        the centroid, which makes a fan at a pole; if the centroid is on the axis too, that of the
+        first corner that is not. A face along the axis gets (a + b) / 2.
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)
@@ -243,7 +243,7 @@ def wrap_angles(
     s = ((turns - first) * per_turn)[faces] - back * per_turn
     rows, _ = np.nonzero(on_axis)
     s[on_axis] = (own[rows] - first) * per_turn
-    # A triangle around the axis has corners in every half plane; one beside it fits into one.
+    # A triangle around the axis has corners in every half-plane; any other fits into one.
     corner_turns -= back
     spans = corner_turns.max(axis=1) - corner_turns.min(axis=1)
     around = (spans >= 0.5 - _ANGLE_ROUNDING) & ~on_axis.any(axis=1)
@@ -253,7 +253,7 @@ def wrap_angles(
 def _centroid_turns(
     points: FloatArray, faces: IntArray, on_axis: BoolArray, rounding: float
 ) -> FloatArray:
-    """(F,) float64: angle of each face's centroid, in turns; of a corner where that has none."""
+    """(F,) float64: angle of each face's centroid in turns; of a corner if that has none."""
     x, y = (
         points[faces[:, 0], i] + points[faces[:, 1], i] + points[faces[:, 2], i] for i in (0, 1)
     )

@@ -1,13 +1,13 @@
-"""The intermediate surfaces of a two-part mapping: where rays meet them, and their own (s, t).
+"""The intermediate surfaces of a two-part mapping: where rays hit them, and their own (s, t).
 
-Each stands around the mesh, about its center and axis, and is as large as the mesh needs. Points
-and rays are given in its frame, as `LocalPoints` has them. The box is in `intermediate_box`.
+Each encloses the mesh, about its center and axis, and is as large as the mesh requires. Points and
+rays are given in its frame, as in `LocalPoints`. The box is in `intermediate_box`.
 
-The plane and the cylinder have no end in Bier and Sloan's paper. Here they reach four times the
-size of the mesh beyond it on every side: seen from a sphere, a texture repeated that far out is
-compressed eighty times, and a ray that almost misses would give coordinates without bound. A ray
-that meets a surface nowhere, or too far away, leaves its point to the surface's own normal, which
-is where the surface is nearest; so as not to tear a face, together with its other corners.
+In Bier and Sloan's paper the plane and the cylinder are infinite. Here they extend beyond the mesh
+by four times its size on every side: a texture repeated that far out is compressed eighty times,
+and a ray that almost misses would give unbounded coordinates. A point whose ray hits the surface
+nowhere, or too far away, goes to the nearest point of the surface instead, and so do the other
+corners of its faces, so that no face is torn.
 
 Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
 1986 (the S mappings).
@@ -30,40 +30,40 @@ from texbake.mesh.mesh import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-# How far the plane and the cylinder reach beyond the mesh, in lengths of the mesh.
-_REACH = 4.0
+# How far the plane and the cylinder extend beyond the mesh, in lengths of the mesh.
+_EXTENT = 4.0
 
-# Of the radius: what is left of a point of the sphere that should lie on the axis.
+# As a share of the radius: how far rounding leaves a point of the sphere from the axis it is on.
 _POLE_ROUNDING = 8.0 * 2.0**-53
 
 
-class Surface(Protocol):
-    """What a texture is put on first."""
+class IntermediateSurface(Protocol):
+    """The surface that a two-part mapping puts the texture on first."""
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Its name in reports."""
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays meet the surface.
+        """Where rays hit the surface.
 
         Parameters
         ----------
         points : (N, 3) float64
-            Where rays start: within the size that the surface was made for.
+            Where the rays start: inside the surface, or below the plane.
         directions : (N, 3) float64
-            Of unit length, or (0, 0, 0), which meets nothing.
+            Of unit length, or (0, 0, 0), which hits nothing.
 
         Returns
         -------
         hits : (N, 3) float64
-            The point where the ray leaves the inside of the surface, or passes the plane; where it
-            does not, the start.
+            Where each ray leaves the inside of the surface, or crosses the plane; its start if it
+            misses.
         missed : (N,) bool
         """
 
     def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
-        """(s, t) of the points of the surface that are nearest to points: the S mapping.
+        """(s, t) of the points of the surface nearest to the given points: the S mapping.
 
         Parameters
         ----------
@@ -74,23 +74,23 @@ class Surface(Protocol):
         Returns
         -------
         Projected
-            With what the surface has to tell of seams and poles.
+            With tallies of seams and poles.
         """
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane across the axis, before the mesh: through the point that lies highest.
+    """A plane perpendicular to the axis, through the highest point of the mesh.
 
     Attributes
     ----------
     low : (2,) float64
-        Least coordinates of the mesh along the first two directions of the frame: (0, 0) in
+        Least coordinates of the mesh along the first two directions of the frame; (0, 0) in
         texture space.
     extent : float
-        The longer side of its bounding rectangle, 1 in texture space.
+        The longer side of the bounding rectangle, 1 in texture space.
     height : float
-        Of the plane along the axis.
+        Position of the plane along the axis.
     """
 
     low: FloatArray
@@ -99,18 +99,18 @@ class Plane:
     name: str = "plane"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays meet the plane, as `Surface` says."""
+        """Where rays hit the plane; see `IntermediateSurface`."""
         towards = directions[:, 2]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             met = points + ((self.height - points[:, 2]) / towards)[:, None] * directions
             middle = self.low + 0.5 * self.extent
             beyond = np.abs(met[:, :2] - middle).max(axis=1) - 0.5 * self.extent
-            missed = ~((towards > 0.0) & (beyond <= _REACH * self.extent))
+            missed = ~((towards > 0.0) & (beyond <= _EXTENT * self.extent))
         met[missed] = points[missed]
         return met, missed
 
     def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
-        """(s, t) of the feet of points, scaled alike; (0, 0) for a mesh without extent."""
+        """(s, t) of the projected points, at one scale; (0, 0) for a mesh without extent."""
         if self.extent == 0.0:
             return Projected(corners=np.zeros((len(faces), 3, 2)))
         return Projected(corners=((points[:, :2] - self.low) / self.extent)[faces])
@@ -118,7 +118,7 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:
-    """A cylinder about the axis, through the points that lie furthest from it.
+    """A cylinder about the axis, through the points farthest from it.
 
     Attributes
     ----------
@@ -126,11 +126,11 @@ class Cylinder:
     low, high : float
         Least and greatest height of the mesh.
     heights : (float, float)
-        That become t = 0 and t = 1; t is 0 where they are equal.
+        Heights that become t = 0 and t = 1; t is 0 if they are equal.
     theta : (float, float)
         Angles in degrees that become s = 0 and s = 1.
     rounding : float
-        Points no further from the axis are on it.
+        Points no farther from the axis lie on it.
     """
 
     radius: float
@@ -142,15 +142,15 @@ class Cylinder:
     name: str = "cylinder"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays leave the cylinder, as `Surface` says."""
-        reach = _REACH * (self.high - self.low or self.radius)
+        """Where rays leave the cylinder; see `IntermediateSurface`."""
+        extent = _EXTENT * (self.high - self.low or self.radius)
         met, missed = _left_round(points, directions, self.radius, n_axes=2)
-        missed |= ~((met[:, 2] >= self.low - reach) & (met[:, 2] <= self.high + reach))
+        missed |= ~((met[:, 2] >= self.low - extent) & (met[:, 2] <= self.high + extent))
         met[missed] = points[missed]
         return met, missed
 
     def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
-        """Angles become s, heights t; points on the axis as `wrap_angles` says."""
+        """Angles become s, heights become t; `wrap_angles` describes points on the axis."""
         angles = wrap_angles(points, faces, theta=self.theta, rounding=self.rounding)
         first, last = self.heights
         t = (points[:, 2] - first) / (last - first) if first != last else np.zeros(len(points))
@@ -159,7 +159,7 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
-    """A sphere about the center, through the points that lie furthest from it.
+    """A sphere about the center, through the points farthest from it.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Sphere:
     theta : (float, float)
         Longitudes in degrees that become s = 0 and s = 1.
     rounding : float
-        Points no further from the axis are at a pole.
+        Points no farther from the axis are at a pole.
     """
 
     radius: float
@@ -176,34 +176,36 @@ class Sphere:
     name: str = "sphere"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays leave the sphere, as `Surface` says; only (0, 0, 0) meets nothing."""
+        """Where rays leave the sphere; only the direction (0, 0, 0) misses."""
         met, missed = _left_round(points, directions, self.radius, n_axes=3)
         at_pole = np.hypot(met[:, 0], met[:, 1]) <= _POLE_ROUNDING * self.radius
         met[at_pole & ~missed, :2] = 0.0
         return met, missed
 
     def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
-        """Longitudes become s, latitudes t; poles as `wrap_angles` says, the center t = 1/2."""
+        """Longitudes become s, latitudes t; see `onto_sphere` for the poles and the center."""
         return onto_sphere(points, faces, theta=self.theta, rounding=self.rounding)
 
 
-def surface_around(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> Surface:
-    """Surface that stands around a mesh.
+def surface_around(
+    local: LocalPoints, faces: IntArray, options: UnwrapOptions
+) -> IntermediateSurface:
+    """Make the surface that encloses a mesh.
 
     Parameters
     ----------
     local : LocalPoints
-        Of the mesh, about the center and in the frame of the surface.
+        Vertices of the mesh, in the frame of the surface.
     faces : (F, 3) int32
     options : UnwrapOptions
         `surface` (any but the box), `theta` and `height` are read.
 
     Returns
     -------
-    Surface
-        A mesh that lies in the axis gets a cylinder as wide as the mesh is long, and one that lies
-        in the center surfaces of radius 1; its rays have no direction, so that nothing of that is
-        seen.
+    IntermediateSurface
+        A mesh that lies on the axis gets a cylinder as wide as the mesh is long. A mesh that lies
+        at the center gets a surface of radius 1, which does not matter, since its rays have no
+        direction.
     """
     points = local.points[faces.ravel()]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -227,22 +229,22 @@ def surface_around(local: LocalPoints, faces: IntArray, options: UnwrapOptions) 
 
 
 def mapped_by_rays(
-    surface: Surface, points: FloatArray, directions: FloatArray, faces: IntArray
+    surface: IntermediateSurface, points: FloatArray, directions: FloatArray, faces: IntArray
 ) -> Projected:
-    """Map the corners of faces to where rays from them meet a surface.
+    """Map the corners of faces to where rays from them hit a surface.
 
     Parameters
     ----------
-    surface : Surface
+    surface : IntermediateSurface
     points, directions : (V, 3) float64
-        As `Surface.hits` takes them.
+        As for `IntermediateSurface.hits`.
     faces : (F, 3) int32
 
     Returns
     -------
     Projected
-        A face of which a ray misses is mapped by the nearest points of the surface to its corners.
-        Tallied are those, and what the surface has to tell.
+        A face with a ray that misses is mapped to the points of the surface nearest to its
+        corners. The tallies count such faces, besides those of the surface itself.
     """
     hits, missed = surface.hits(points, directions)
     lost = missed[faces].any(axis=1)
@@ -250,21 +252,18 @@ def mapped_by_rays(
         return surface.coordinates(hits, faces)
     chosen = faces + np.where(lost, len(points), 0)[:, None]
     mapped = surface.coordinates(np.concatenate([hits, points]), chosen)
-    name = f"faces whose rays miss the {surface.name}, put at its nearest points"
+    name = f"faces whose rays miss the {surface.name}, mapped to its nearest points"
     return Projected(corners=mapped.corners, tallies={name: int(lost.sum()), **mapped.tallies})
 
 
 def _left_round(
     points: FloatArray, directions: FloatArray, radius: float, *, n_axes: int
 ) -> tuple[FloatArray, BoolArray]:
-    """Where rays from inside leave what is round in the first two or three directions.
-
-    Where they do not, the points may be anything, and the second array is True.
-    """
+    """Where rays from inside leave a cylinder (`n_axes` 2) or a sphere (3), and which never do."""
     start, along = points[:, :n_axes], directions[:, :n_axes]
     a = np.einsum("ij,ij->i", along, along)
     b = np.einsum("ij,ij->i", start, along)
-    # At most 0: the start is inside, to rounding.
+    # At most 0, since the start is inside; more is rounding.
     c = np.minimum(np.einsum("ij,ij->i", start, start) - radius * radius, 0.0)
     root = np.sqrt(b * b - a * c)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):

@@ -1,11 +1,11 @@
 """The box as the intermediate surface of a two-part mapping.
 
-It stands about the center, upright along the axis, and holds the whole mesh. Each side has its own
-cell of the texture, so that a face may not lie on two of them: one whose corners do is put on the
-side that the ray of its centroid meets.
+It is centered, upright along the axis, and encloses the whole mesh. Each side has its own cell of
+the texture, so that a face cannot lie on two of them: a face whose corners do goes to the side that
+the ray of its centroid hits.
 
 Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
-1986. It departs in what becomes of a face across an edge of the box, of which they say nothing.
+1986, which does not say what becomes of a face across an edge of the box.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from texbake.mesh.mesh import FloatArray, IntArray
 
 SideArray = npt.NDArray[np.int64]
 
-# The box is upright where its pictures have +y up, and +z is the front: e2, axis, e1.
+# Axes of the box in the frame: its pictures have the axis up and e1 as the front.
 _UPRIGHT = [1, 2, 0]
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box about the center, with sides across the directions of a frame.
+    """A box about the center, aligned with a frame.
 
     Attributes
     ----------
     half : (3,) float64
-        Half its size: along e2, the axis and e1.
+        Half its size along e2, the axis and e1.
     options : UnwrapOptions
-        `size` and `padding` of the texture.
+        `size` and `padding` are read.
     """
 
     half: FloatArray
@@ -45,10 +45,10 @@ class Box:
 
     @classmethod
     def around(cls, local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> Box:
-        """Box that reaches as far as the mesh does along each direction, on both sides alike.
+        """The least box about the center that encloses a mesh.
 
-        In directions in which the mesh has no extent about the center, it is as long as in that
-        in which it is longest; 1 where all of the mesh lies at the center.
+        In directions without extent it is as long as in its longest direction. If the whole mesh
+        lies at the center, half its size is 1.
         """
         half = np.abs(local.points[faces.ravel()]).max(axis=0)[_UPRIGHT]
         flat = half <= local.rounding
@@ -63,16 +63,16 @@ class Box:
         Parameters
         ----------
         points, directions : (V, 3) float64
-            In the frame; starts lie in the box, directions have unit length or none.
+            In the frame; starts lie in the box, directions have unit length or are 0.
         faces : (F, 3) int32
 
         Returns
         -------
         Projected
-            Of a face with corners on several sides, each corner is where its ray meets the plane of
-            the side that the face is put on, or the nearest point of that side; without such a ray,
-            the foot of the corner on it. So is that of a corner whose ray has no direction.
-            Tallied are faces across edges of the box, and corners at the center.
+            If the corners of a face lie on several sides, each corner is mapped to where its ray
+            hits the plane of the face's side, clipped to that side. A corner whose ray has no
+            direction, or does not hit that plane, is projected onto it. The tallies count faces
+            across an edge of the box, and corners at the center.
         """
         points, directions = points[:, _UPRIGHT], directions[:, _UPRIGHT]
         corner_sides = self._sides(points, directions)[faces]
@@ -103,7 +103,7 @@ class Box:
     def mapped_by_normals(
         self, points: FloatArray, normals: FloatArray, faces: IntArray
     ) -> Projected:
-        """Map corners to their feet on the side of the box whose normal is nearest to the object's.
+        """Project corners onto the side of the box whose normal is nearest to the object's.
 
         Parameters
         ----------
@@ -114,8 +114,8 @@ class Box:
         Returns
         -------
         Projected
-            A face has one side: that of the sum of its corners' normals; where that is 0, of the
-            direction in which it lies from the center.
+            The side of a face is that of the sum of its corners' normals or, if that is 0, of the
+            direction from the center to the face.
         """
         corners = points[:, _UPRIGHT][faces]
         chosen = _or_outward(normals[:, _UPRIGHT][faces], corners.mean(axis=1))
@@ -124,7 +124,7 @@ class Box:
         return Projected(corners=side_pictures(corners, sides, self.half, self.options))
 
     def _sides(self, points: FloatArray, directions: FloatArray) -> SideArray:
-        """(N,) int64: sides on which rays leave the box; without direction, the nearest side."""
+        """(N,) int64: side where each ray leaves the box; the nearest side without a direction."""
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             gaps = np.copysign(self.half, directions) - points
             steps = np.where(directions == 0.0, np.inf, gaps / directions)
@@ -138,7 +138,7 @@ class Box:
 
 
 def _or_outward(directions: FloatArray, middles: FloatArray) -> FloatArray:
-    """(n, 3): sums of the corners' directions; what points outward where nothing is left."""
+    """(n, 3): sums of the corners' directions; the outward direction where they cancel."""
     sums = directions.sum(axis=1)
-    canceled = np.abs(sums).max(axis=1, initial=0.0) <= 2.0**-40  # of unit vectors: rounding
+    canceled = np.abs(sums).max(axis=1, initial=0.0) <= 2.0**-40  # rounding of unit vectors
     return np.where(canceled[:, None], middles, sums)

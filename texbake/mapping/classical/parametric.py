@@ -1,7 +1,7 @@
-"""The surface's own parameters as texture coordinates, through a linear map.
+"""Parametric mapping: the surface's own (u, v) as texture coordinates, through a linear map.
 
-A surface made from (u, v) carries them as its texture coordinates. They become
-s = au u + bu v + cu and t = av u + bv v + cv: what repeats, turns or moves the texture.
+A surface made from (u, v) stores them as its texture coordinates. They become
+s = au u + bu v + cu and t = av u + bv v + cv, which repeats, rotates or moves the texture.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ def parametric(mesh: Mesh, options: UnwrapOptions) -> Projected:
     Parameters
     ----------
     mesh : Mesh
-        With texture coordinates, which are taken for the parameters.
+        With texture coordinates, which are the parameters.
     options : UnwrapOptions
-        `linear` is read: (au, bu, cu, av, bv, cv). A map that is not invertible is allowed, and
-        flattens the texture.
+        `linear` is read: (au, bu, cu, av, bv, cv). A map that is not invertible is allowed; it
+        collapses the texture.
 
     Returns
     -------
     Projected
-        Corners that share (u, v) share (s, t), bit by bit. Nothing is tallied.
+        Corners with equal (u, v) have bit-equal (s, t). There are no tallies.
 
     Raises
     ------

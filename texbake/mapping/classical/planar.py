@@ -1,9 +1,9 @@
 """Planar mapping: drop the coordinate along the normal of a plane.
 
 Based on: K. Pearson, "On lines and planes of closest fit to systems of points in space",
-Philosophical Magazine 2(11), 1901 (principal directions). It departs in taking them of the surface,
-in closed form over each triangle, not of the vertices, so that they do not depend on how the
-surface is divided.
+Philosophical Magazine 2(11), 1901 (principal directions). It departs in integrating over the
+surface, in closed form for each triangle, instead of summing over vertices, so that the directions
+do not depend on how the surface is triangulated.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from texbake.mapping.options.projection import AXES
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import AREA_ROUNDING
 
-# Relative to the sum of variances: what two of them differ by less than is rounding, also of
-# positions in float32, and the directions between them are free.
+# Relative to the sum of variances. A smaller difference between two of them is rounding, also of
+# float32 positions, and the directions between them are arbitrary.
 _VARIANCE_ROUNDING = 1e-6
 
 
 def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh onto a plane, as it looks from far away in the direction of the normal.
+    """Map a mesh onto a plane, as seen from far away along the normal.
 
     Parameters
     ----------
     mesh : Mesh
     options : UnwrapOptions
-        Of which `axis` or `normal` (neither: z), `fit` and `sides` are read. With the fit `pca`
-        and neither given, the normal is the direction in which the surface spreads least, seen
-        from the front (+z; or from above, or the right) unless nearly all would look away.
+        `axis` or `normal` (neither: z), `fit` and `sides` are read. With the fit `pca` and neither
+        axis nor normal, the normal is the direction in which the surface spreads least, seen from
+        the front (+z; or from above, or the right) unless nearly all faces would look away.
 
     Returns
     -------
     Projected
-        s to the right and t up, as `upright_frame` has them; with `pca`, s along the direction of
-        the plane in which the surface spreads most, turned by at most a quarter from the right.
-        Both are scaled alike, so that the whole fits the unit square from (0, 0) on; where it has
-        no extent, all is (0, 0). Faces that look away are mirrored, or, with `sides`, lie in the
-        right half of the square as they look from behind. A face seen edge-on has no area in the
-        texture, and lies with those that face the viewer. Tallied are faces that look away and
-        faces seen edge-on.
+        s points right and t up, as in `upright_frame`. With `pca`, s is the direction of the plane
+        in which the surface spreads most, rotated by at most a quarter turn from the right. Both
+        have one scale, so that the whole fits the unit square from (0, 0) on; without extent,
+        everything is (0, 0). Faces that look away are mirrored or, with `sides`, lie in the right
+        half of the square as seen from behind. A face seen edge-on has no area in the texture, and
+        lies with those that face the viewer. The tallies count faces that look away and faces seen
+        edge-on.
 
     Examples
     --------
@@ -75,12 +75,12 @@ def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
 
 
 def _placed(local: LocalPoints, mesh: Mesh, aside: npt.NDArray[np.bool_] | None) -> FloatArray:
-    """(F, 3, 2): points of the plane, scaled to the unit square; with faces aside, its halves."""
+    """(F, 3, 2): points in the plane, scaled to the unit square, or to halves with `aside`."""
     used = local.points[:, :2][mesh.faces]
     low = np.array([used[:, :, i].min() for i in (0, 1)])
     right, top = (float(used[:, :, i].max()) for i in (0, 1))
     width, height = right - low[0], top - low[1]
-    # Divided, not multiplied by 1 / extent, which rounds the far side beyond 1.
+    # Divided, since multiplying by 1 / extent may round the far side beyond 1.
     extent = max(width if aside is None else 2.0 * width, height)
     if extent <= 2.0 * local.rounding:
         return np.zeros_like(used)
@@ -91,7 +91,7 @@ def _placed(local: LocalPoints, mesh: Mesh, aside: npt.NDArray[np.bool_] | None)
 
 
 def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """(F,) bool: faces that look away from the viewer; and those seen edge-on, to rounding."""
+    """(F,) bool each: faces that look away from the viewer, and faces seen edge-on."""
     x, y = local.points[:, 0][mesh.faces], local.points[:, 1][mesh.faces]
     ux, uy = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]
     vx, vy = x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
@@ -102,10 +102,10 @@ def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.
 
 
 def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
-    """(3, 3) float64: how the surface spreads about its centroid.
+    """(3, 3) float64: covariance of the surface about its centroid.
 
-    The integral of p pT over a triangle of area A is A / 12 times the sum of p pT over its corners
-    and over their sum. Without area, corners count alike.
+    The integral of p pT over a triangle of area A is A / 12 times the sum of p pT over its three
+    corners and their sum. Without any area, all corners have the same weight.
     """
     corners = points[mesh.faces]
     areas = surface_areas(corners)
@@ -118,23 +118,23 @@ def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
         np.concatenate([column, column.sum(axis=1, keepdims=True)], axis=1)
         for column in (corners[:, :, 0], corners[:, :, 1], corners[:, :, 2])
     )
-    # Not a matrix product: that adds up in another order on another number of threads.
+    # Not a matrix product, which sums in a different order with a different number of threads.
     return np.array([[float((weights * a * b).sum()) for b in (x, y, z)] for a in (x, y, z)])
 
 
 def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, float]:
-    """Direction of least variance, on the side of +z; of +y or +x where it is far from z.
+    """Direction of least variance, pointing to +z; to +y or +x if it is far from z.
 
-    Where several directions have the least variance (a cube, a rod), the one nearest to z. Where
-    three quarters of what would be seen look away, as with an open surface that faces backwards, it
-    is the opposite.
+    If several directions have the least variance (a cube, a rod), it is the one nearest to z. If
+    three quarters of the projected area would look away, as with an open surface that faces
+    backwards, the direction is reversed.
     """
     variances = _variances(points, mesh)
     values, vectors = np.linalg.eigh(variances)
     free = vectors[:, values <= values[0] + _VARIANCE_ROUNDING * values.sum()]
     for axis in (2, 1, 0):
         normal = free @ free[axis]  # the axis projected onto the free directions
-        if math.sqrt(normal @ normal) > 0.5:  # one of three is at least 3^-1/2 for any of them
+        if math.sqrt(normal @ normal) > 0.5:  # true for one of the axes: 3^-1/2 > 0.5
             break
     a, b, c = (points[mesh.faces[:, corner]] for corner in range(3))
     seen = np.einsum("ij,j->i", np.cross(b - a, c - a), normal)
@@ -144,7 +144,7 @@ def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, floa
 
 
 def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> FloatArray:
-    """Turn a frame about its normal, by at most a quarter, so that right is where most spreads."""
+    """Rotate a frame about its normal, by at most a quarter turn, to the direction of most spread."""
     variances = _variances(points, mesh)
     across = 2.0 * variances[0, 1]
     along = variances[0, 0] - variances[1, 1]

@@ -37,25 +37,25 @@ from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
 
-# Room about the bounding sphere, as in previews.
+# Margin around the bounding sphere, as in previews.
 _MARGIN = 1.03
 
-# Of the greatest |q|: what lies nearer to the projector counts as behind it, and is divided by this
-# much instead, so that every coordinate is finite.
+# As a share of the greatest |q|: a point with a smaller q counts as behind the projector, and is
+# divided by this much instead, so that every coordinate is finite.
 _LEAST_Q = 2.0**-20
 
-# Rows that are this near to depending on one another, of unit length each, are dependent: they come
-# from matrices with six digits at the least, and leave a picture that is a line.
+# Rows of unit length that are this close to linearly dependent count as dependent: matrices are
+# written with six digits or more, and the image would be a line.
 _DEPENDENT = 1e-9
 
-# Rounding of the null vector of such rows, of unit length: a projector further away than its
-# inverse, in sizes of the mesh, is at infinity.
+# Rounding of the null vector of such rows. A projector farther away than the inverse of this, in
+# sizes of the mesh, is at infinity.
 _AT_INFINITY = 1e-13
 
 _BAND = 1 << 12
 
-# Weights of a face's corners in the points that stand for it: its centroid, and the middles
-# between that and its corners. All lie inside, where no neighbor can touch.
+# Barycentric coordinates of the four samples of a face: its centroid, and the midpoints between the
+# centroid and the corners. All lie inside the face, where no neighbor touches it.
 _SAMPLES = frozen(np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0)
 
 
@@ -69,7 +69,7 @@ def camera_matrix(
     Parameters
     ----------
     mesh : Mesh
-        What it looks at.
+        The mesh that it looks at.
     camera : (azimuth, elevation) or (azimuth, elevation, distance), optional
         In degrees and model units; None for (0, 0).
     fov : float
@@ -80,7 +80,7 @@ def camera_matrix(
     (4, 4) float64
         Takes (x, y, z, 1) in model space to (s, t, r, q): q is the depth along the view in model
         units, r the same; (s / q, t / q) has (0, 0) and (1, 1) at the lower left and upper right
-        corner of the picture.
+        corner of the image.
     """
     azimuth, elevation, *rest = camera or (0.0, 0.0)
     assert azimuth is not None and elevation is not None
@@ -98,35 +98,35 @@ def camera_matrix(
 
 
 def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Cast the unit square of the texture onto a mesh.
+    """Project the unit square of the texture onto a mesh.
 
     Parameters
     ----------
     mesh : Mesh
     options : UnwrapOptions
-        `camera` and `fov`, or `matrix`; and `unseen`. Of a matrix with constant q only r says from
-        which side the light comes: r grows with the distance from the projector. Where r does not
-        change along the light, it comes from where the picture is not mirrored.
+        `camera` and `fov`, or `matrix`, and `unseen` are read. With a matrix of constant q, only r
+        says from which side the rays come: r grows with the distance from the projector. If r does
+        not change along the rays, they come from the side where the image is not mirrored.
 
     Returns
     -------
     Projected
-        Coordinates are s / q and t / q; a corner with q of less than a millionth of the greatest
-        |q| gets that q. Tallies, of which a face is in the first that fits:
+        Coordinates are s / q and t / q; q is at least a millionth of the greatest |q|. A face
+        counts in the first of these tallies that applies:
 
-        - "faces behind the projector": a corner has such a q, or is behind.
-        - "faces turned away": the light strikes their back, or passes along them; so do all faces
-          without area.
-        - "faces hidden": other faces stand before more than half of their samples, which are the
-          centroid and the three points midway between it and the corners.
+        - "faces behind the projector": a corner is behind it, or has less than that q.
+        - "faces turned away": the rays hit the back of the face or pass along it. Faces without
+          area count here.
+        - "faces hidden": other faces hide more than half of the samples of the face, which are the
+          centroid and the three midpoints between it and the corners.
 
-        With `unseen="aside"` all of these are moved into the next tile to the left: their
-        coordinates are brought into the unit square and s is made less by 1.
+        With `unseen="aside"` all of these move to the next tile to the left: their coordinates are
+        clipped to the unit square, and 1 is subtracted from s.
 
     Raises
     ------
     OptionError
-        The matrix flattens the picture to a line or a point.
+        The matrix flattens the image to a line or a point.
     """
     local = LocalFrame.around(mesh)
     matrix = projector_matrix(mesh, options, local)
@@ -152,7 +152,7 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
 
 
 def _axes(azimuth: float, elevation: float) -> FloatArray:
-    """Rows right, up, back (against the view) of the projector, in radians."""
+    """Rows right, up and back (against the view) of the projector, for angles in radians."""
     sin_a, cos_a = math.sin(azimuth), math.cos(azimuth)
     sin_e, cos_e = math.sin(elevation), math.cos(elevation)
     right = (cos_a, 0.0, -sin_a)
@@ -161,7 +161,7 @@ def _axes(azimuth: float, elevation: float) -> FloatArray:
 
 
 def _bounding_sphere(mesh: Mesh) -> tuple[FloatArray, float]:
-    """Middle of the bounding box, and radius about it; 1 for a mesh without extent."""
+    """Center of the bounding box, and the radius about it; 1 for a mesh without extent."""
     local = LocalFrame.around(mesh)
     points = local.to_local(mesh.positions[mesh.faces.ravel()])
     radius = math.sqrt(float(np.einsum("ij,ij->i", points, points).max()))
@@ -169,7 +169,7 @@ def _bounding_sphere(mesh: Mesh) -> tuple[FloatArray, float]:
 
 
 def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> FloatArray:
-    """(4, 4) float64: local (x, y, z, 1) to (s, t, r, q); q is 1 where it is constant."""
+    """(4, 4) float64: takes local (x, y, z, 1) to (s, t, r, q); q is 1 if it is constant."""
     if options.matrix is None:
         matrix = camera_matrix(mesh, options.camera, options.fov)
     else:
@@ -184,26 +184,26 @@ def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> F
 
 
 def seen_from_of(matrix: FloatArray) -> FloatArray:
-    """(4,) float64: where the light comes from: (x, y, z, 1), or a direction (x, y, z, 0).
+    """(4,) float64: where the rays come from, (x, y, z, 1), or a direction (x, y, z, 0).
 
-    It is the one point that has no picture: s, t and q are 0 there.
+    It is the one point without an image: s, t and q are 0 there.
     """
     rows = matrix[[0, 1, 3]]
     lengths = np.abs(rows).max(axis=1)
     if not lengths.all():
-        raise OptionError("matrix: one of its rows s, t and q is 0; there is no picture")
+        raise OptionError("matrix: one of its rows s, t and q is 0, so there is no image")
     rows = rows / lengths[:, None]
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     _, sizes, directions = np.linalg.svd(rows)
     if sizes[2] < _DEPENDENT:
-        raise OptionError("matrix: its rows s, t and q flatten the picture to a line")
+        raise OptionError("matrix: its rows s, t and q flatten the image to a line")
     point = directions[3]
     if abs(point[3]) > _AT_INFINITY:
         return np.asarray(point / point[3])
-    # Seen from there, s to the right and t upward, the picture is not mirrored ...
+    # Seen from there, with s to the right and t upward, the image is not mirrored ...
     if np.linalg.det(np.stack([*rows, point])) > 0.0:
         point = -point
-    # ... but where r changes along the light, it knows better.
+    # ... but r decides if it changes along the rays.
     r, towards = matrix[2, :3], point[:3]
     if r @ towards > _DEPENDENT * np.linalg.norm(r):
         towards = -towards
@@ -213,9 +213,9 @@ def seen_from_of(matrix: FloatArray) -> FloatArray:
 def _cast(
     positions: FloatArray, faces: IntArray, used: BoolArray, matrix: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """(F, 3, 2) float64 of s / q and t / q, and (F,) bool: faces with a corner behind."""
+    """Return (F, 3, 2) float64 s / q and t / q, and (F,) bool faces with a corner behind."""
     x, y, z = positions.T
-    # Term by term, so that points at one place get equal bits.
+    # Term by term, so that equal positions give equal bits.
     s, t, q = (a * x + b * y + c * z + d for a, b, c, d in matrix[[0, 1, 3]])
     least = _LEAST_Q * (float(np.abs(q[used]).max()) or 1.0)
     behind = (q < least)[faces].any(axis=1)
@@ -228,7 +228,7 @@ def _cast(
 
 
 def _turned_to(positions: FloatArray, faces: IntArray, seen_from: FloatArray) -> BoolArray:
-    """(F,) bool: faces that show their front to a point, (x, y, z, 1), or direction."""
+    """(F,) bool: faces whose front faces a point (x, y, z, 1) or a direction (x, y, z, 0)."""
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
     towards = seen_from[:3] - seen_from[3] * a
     return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), towards) > 0.0)
@@ -237,7 +237,7 @@ def _turned_to(positions: FloatArray, faces: IntArray, seen_from: FloatArray) ->
 def _hidden(
     positions: FloatArray, faces: IntArray, asked: BoolArray, seen_from: FloatArray
 ) -> BoolArray:
-    """(F,) bool: which of the faces asked for other faces hide."""
+    """(F,) bool: which of the tested faces are hidden by other faces."""
     hidden = np.zeros(len(faces), dtype=bool)
     ids = np.flatnonzero(asked)
     if len(ids):
@@ -253,24 +253,24 @@ def mostly_hidden(
     *,
     threads: int | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Tell which faces have other faces before more than half of their four sample points.
+    """Find the faces of which other faces hide more than half of their four samples.
 
     Parameters
     ----------
     tree : TriangleTree
         In a frame in which the mesh has about unit size.
     face_ids : (n,) int
-        Faces asked for.
+        Faces to test.
     seen_from : (4,) float64
-        A point as (x, y, z, 1), or the direction towards one at infinity as (x, y, z, 0).
+        A point (x, y, z, 1), or the direction (x, y, z, 0) towards a point at infinity.
     threads
         None for every processor.
 
     Returns
     -------
     (n,) bool
-        Faces hide from either side; a face never hides itself, nor does one without area hide
-        anything.
+        Faces hide others from both sides. A face never hides itself, and a face without area
+        hides nothing.
     """
     hidden = np.zeros(len(face_ids), dtype=bool)
     nodes = (tree.positions, tree.faces, tree.order, tree.boxes, tree.nodes)
@@ -285,12 +285,12 @@ def mostly_hidden(
 
 
 def read_matrix(path: PathLike) -> Matrix:
-    """Read sixteen numbers, row by row, with blanks, commas or line breaks between them.
+    """Read a 4 x 4 matrix: sixteen numbers, row by row, with blanks, commas or line breaks between.
 
     Parameters
     ----------
     path
-        Text; what stands after `#` in a line is left out.
+        A text file; whatever follows `#` in a line is ignored.
 
     Returns
     -------
@@ -302,7 +302,7 @@ def read_matrix(path: PathLike) -> Matrix:
     FileError
         The file cannot be read.
     FileFormatError
-        It holds something else than sixteen finite numbers.
+        It does not hold sixteen finite numbers.
     """
     lines = read_lines(path, "a matrix")
     n_words = sum(len(line.words) for line in lines)

@@ -1,9 +1,9 @@
 """Spherical mapping: longitude to s, latitude to t.
 
-A sphere pinches at its poles: all of s meets there in one point. A corner at a pole so has no
-longitude of its own and takes that of each of its faces, which fan out beside one another.
+A sphere pinches at its poles, where all values of s meet in one point. A corner at a pole has no
+longitude of its own; it takes that of each of its faces, so that they fan out side by side.
 
-Based on: Bier, Sloan, "Two-part texture mappings", 1986. It departs in taking both angles from
+Based on: Bier, Sloan, "Two-part texture mappings", 1986. It departs in computing both angles by
 atan2, which is as exact near the poles and the seam as elsewhere; the arc cosine is not.
 """
 
@@ -18,21 +18,21 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 
 def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh by the directions in which its points lie from a center.
+    """Map a mesh by the directions from a center to its points.
 
     Parameters
     ----------
     mesh : Mesh
     options : UnwrapOptions
-        Of which `axis` (None: `y`), `center` and `theta` are read.
+        `axis` (None: `y`), `center` and `theta` are read.
 
     Returns
     -------
     Projected
-        s as `wrap_angles` has it; t from 0 at the pole that the axis points away from to 1 at the
-        other. The center may lie outside of the mesh, which then covers part of the sphere, and
-        twice. A corner at the center has latitude 0. Tallied are faces around a pole and faces
-        touching one, and corners at the center.
+        s is as in `wrap_angles`; t grows from 0 at the pole opposite to the axis to 1 at the pole
+        that the axis points to. If the center lies outside the mesh, the mesh covers a part of the
+        sphere, twice. A corner at the center has latitude 0. The tallies count faces around a
+        pole, faces touching one, and corners at the center.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def onto_sphere(
     Parameters
     ----------
     points : (N, 3) float64
-        Coordinates along e1, e2 and the axis, about the center.
+        Coordinates along e1, e2 and the axis, relative to the center.
     faces : (F, 3) int
         Indices into the points.
     theta : (float, float)
@@ -83,10 +83,10 @@ def latitude_coordinates(points: FloatArray, rounding: float) -> FloatArray:
     Parameters
     ----------
     points : (N, 3) float64
-        Coordinates along e1, e2 and the axis, about the center.
+        Coordinates along e1, e2 and the axis, relative to the center.
     rounding : float
-        Points no further than this from the center have latitude 0, and those no further from the
-        axis are at a pole.
+        Points no farther than this from the center have latitude 0; other points no farther than
+        this from the axis are at a pole.
 
     Returns
     -------

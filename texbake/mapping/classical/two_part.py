@@ -1,21 +1,21 @@
 """Two-part mapping: the texture goes onto a simple surface, and from there onto the object.
 
     S mapping                     the (s, t) of a point of the intermediate surface: `intermediate`
-    O mapping, backward           which point of that surface belongs to a point x of the object:
+    O mapping, in reverse         which point of that surface belongs to a point x of the object:
 
-        surface-normal            the foot of x: the surface's own normal passes through x
-        object-normal             where x + k n leaves it, n the smooth normal of the object
-        centroid                  where the ray from the center through x leaves it
-        reflection                where the ray leaves it by which x mirrors it to the eye:
+        surface-normal            the point where the surface's own normal passes through x
+        object-normal             where x + k n leaves the surface, n the smooth normal at x
+        centroid                  where the ray from the center through x leaves the surface
+        reflection                where the ray that x reflects to the eye comes from:
                                   x + k (2 (n . v) n - v), v from x to the eye
 
-The surface stands around the mesh about `center` and `axis`: a plane before it, looked at from
-where the axis points to; a cylinder and a sphere through the points furthest from axis and center;
-a box that reaches equally far on both sides of the center. All four on all three ways give sixteen
-pairs; a sphere by its own normals and from the center is the same.
+The surface encloses the mesh, about `center` and `axis`: a plane on the side that the axis points
+to; a cylinder or a sphere through the points farthest from the axis or the center; or a box
+centered on the center. Four surfaces and four O mappings give sixteen pairs, two of which are the
+same: a sphere by its own normals and a sphere by the centroid.
 
 Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
-1986. It departs in that rays start at the object and go outward only.
+1986. It departs in that rays start at the object and only go outward.
 """
 
 from __future__ import annotations
@@ -47,34 +47,33 @@ def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
     Parameters
     ----------
     mesh : Mesh
-        Its normals are `smooth_normals`, whatever it brings along, so that no face is torn.
+        Its own normals are ignored; `smooth_normals` are used, so that no face is torn.
     options : UnwrapOptions
         `surface`, `via`, `eye`, `axis` (None: `z` for the plane, `y` else), `center`, `theta` and
-        `height` are read; those of a surface that has none of it do nothing.
+        `height` are read, as far as the surface uses them.
 
     Returns
     -------
     Projected
-        (s, t) of the plane as `planar` fits it, of the cylinder as `cylindrical`, of the sphere as
-        `spherical` and of the box as `box` lays out its sides. Tallied beside what these tell are:
+        (s, t) on the plane as in `planar`, on the cylinder as in `cylindrical`, on the sphere as
+        in `spherical`, and on the box as in `box`. Besides the tallies of these there are:
 
-        - corners without a ray, sent from the center: the normal is 0 (no face with area has the
-          vertex), or the eye is in the corner. They go by centroid.
-        - faces whose rays miss the surface, or meet it too far away (see `intermediate`), of which
-          one corner is enough: they go by surface-normal, which is the nearest point. At the
-          center, no ray of a centroid has a direction.
+        - corners without a ray, because the normal is 0 (no face with area has the vertex) or the
+          eye is at the corner. They are mapped by centroid.
+        - faces with a corner whose ray misses the surface, or hits it too far away (see
+          `intermediate`). They are mapped by surface-normal, to the nearest point.
         - faces across an edge of the box (see `intermediate_box`).
     """
     frame = _frame(options)
     local = points_about(mesh, center_of(mesh, options.center), frame)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
-    # Others may lie anywhere, and their rays are followed with the rest.
+    # Unused vertices may lie anywhere, but their rays are computed with the rest.
     local = replace(local, points=np.where(used[:, None], local.points, 0.0))
     if options.surface == "box":
         return _onto_box(mesh, local, frame, options)
     surface = surface_around(local, mesh.faces, options)
-    # From the center, a sphere is met in the direction of its normal.
+    # A ray from the center hits a sphere along its normal.
     if options.via == "surface-normal" or (options.surface, options.via) == ("sphere", "centroid"):
         return surface.coordinates(local.points, mesh.faces)
     directions, tallies = _directions(mesh, local, frame, options)
@@ -92,7 +91,7 @@ def _frame(options: UnwrapOptions) -> FloatArray:
 def _onto_box(
     mesh: Mesh, local: LocalPoints, frame: FloatArray, options: UnwrapOptions
 ) -> Projected:
-    """Map through the box, whose own normals are chosen by the object's."""
+    """Map through the box; the object's normals choose among the normals of the box."""
     box = Box.around(local, mesh.faces, options)
     directions, tallies = _directions(mesh, local, frame, options)
     mapped = box.mapped_by_normals if options.via == "surface-normal" else box.mapped_by_rays
@@ -100,16 +99,16 @@ def _onto_box(
 
 
 def _joined(tallies: dict[str, int], mapped: Projected) -> Projected:
-    """Return what was mapped, with tallies from before it."""
+    """Add tallies to those of a mapping."""
     return Projected(corners=mapped.corners, tallies={**tallies, **mapped.tallies})
 
 
 def _directions(
     mesh: Mesh, local: LocalPoints, frame: FloatArray, options: UnwrapOptions
 ) -> tuple[FloatArray, dict[str, int]]:
-    """(V, 3) float64: unit directions of rays, 0 for a vertex at the center; and tallies.
+    """(V, 3) float64 unit directions of rays, 0 for a vertex at the center; and tallies.
 
-    For `surface-normal`, the object's normals.
+    For `surface-normal` these are the object's normals.
     """
     outward = _unit(local.points, local.rounding)
     if options.via == "centroid":
@@ -129,7 +128,7 @@ def _directions(
 
 
 def _mirrored(views: FloatArray, normals: FloatArray) -> FloatArray:
-    """2 (n . v) n - v for unit vectors, 0 where either is 0."""
+    """Compute 2 (n . v) n - v for unit vectors; 0 where either is 0."""
     along = np.einsum("ij,ij->i", normals, views)[:, None]
     mirrored = _unit(2.0 * along * normals - views, 0.0)
     mirrored[(normals == 0.0).all(axis=1)] = 0.0
@@ -137,7 +136,7 @@ def _mirrored(views: FloatArray, normals: FloatArray) -> FloatArray:
 
 
 def _unit(vectors: FloatArray, rounding: float) -> FloatArray:
-    """(N, 3): vectors of length 1; 0 for those that are no longer than rounding."""
+    """(N, 3): vectors normalized; 0 for those no longer than `rounding`."""
     largest = np.abs(vectors).max(axis=1, keepdims=True)
     none = largest[:, 0] <= rounding
     scaled = vectors / np.where(none[:, None], 1.0, largest)  # so that no square overflows

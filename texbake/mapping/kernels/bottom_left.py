@@ -19,16 +19,16 @@ from texbake.mapping.kernels.chart_bitmaps import spans_of
 def place_kernel(  # type: ignore[no-untyped-def]
     masks, starts, boxes, order, half_widths, all_or_nothing, hurry, runs, places, tops
 ):
-    """Put the charts one after another where they end lowest; return (missing, work).
+    """Place the charts of `order`, each where its top ends lowest; return (missing, work).
 
-    `runs` holds for each cell how many cells from it rightwards are free, or, negative, how many
-    at least are not.
+    `runs` holds, for each cell, how many cells are free from it to the right; or, as a negative
+    number, how many at least are blocked.
     """
     n_rows, n_columns = runs.shape
     for row in range(n_rows):
         for column in range(n_columns):
             runs[row, column] = n_columns - column
-    # Where the search for a box of about that size begins: before, the last one found no place.
+    # Where to start searching for a box of about a given size: the last one found nothing before.
     firsts = np.zeros((64, 64, 2), dtype=np.int32)
     spans = np.empty((1, 3), dtype=np.int32)
     best_spans = np.empty((1, 3), dtype=np.int32)
@@ -75,7 +75,7 @@ def place_kernel(  # type: ignore[no-untyped-def]
 
 @kernel
 def _size_class(length, hurry):  # type: ignore[no-untyped-def]
-    """Number of a range of lengths: octaves in a great hurry, else eighths of octaves."""
+    """Size class of a length: eighths of octaves, or whole octaves if `hurry` is 2."""
     parts = 8 if hurry < 2 else 1
     octave, rest = 0, length
     while rest >= 2 * parts:
@@ -86,7 +86,7 @@ def _size_class(length, hurry):  # type: ignore[no-untyped-def]
 
 @kernel
 def _lowest_place(spans, width, height, runs, first_x, first_y, below):  # type: ignore[no-untyped-def]
-    """Lowest, then leftmost free place from a first one on, with a top `below`; and the steps."""
+    """Lowest, then leftmost free place from (first_x, first_y) on; return x, y and the steps."""
     n_rows, n_columns = runs.shape
     n_spans = len(spans)
     probe = 0  # the span that failed last is the likeliest to fail again
@@ -102,7 +102,7 @@ def _lowest_place(spans, width, height, runs, first_x, first_y, below):  # type:
                 passed += 1
                 probe = probe + 1 if probe + 1 < n_spans else 0
                 continue
-            # To the next free cell of that row, past whatever stands in the way.
+            # Jump over the obstacle to the next free cell of that row.
             passed = 0
             if run > 0:
                 x += run
@@ -120,7 +120,7 @@ def _lowest_place(spans, width, height, runs, first_x, first_y, below):  # type:
 
 @kernel
 def _block(spans, x, y, half_widths, runs):  # type: ignore[no-untyped-def]
-    """Block the cells near a chart that has been placed; return the steps that it took."""
+    """Block the cells near a chart that was just placed; return the number of steps."""
     n_rows, n_columns = runs.shape
     reach = len(half_widths) // 2
     steps = 0
@@ -134,8 +134,8 @@ def _block(spans, x, y, half_widths, runs):  # type: ignore[no-untyped-def]
             end = min(x + spans[i, 2] + aside, n_columns)
             steps += 1
             if runs[row, begin] <= begin - end:
-                continue  # blocked already, all of it
-            # On to the end of what is blocked beyond it.
+                continue  # all of it is blocked already
+            # Continue to the end of any blocked run that follows.
             after = end - runs[row, end] if end < n_columns and runs[row, end] < 0 else end
             for column in range(begin, end):
                 runs[row, column] = column - after

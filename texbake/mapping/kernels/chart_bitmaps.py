@@ -11,7 +11,7 @@ from texbake.kernels import kernel
 
 @kernel
 def mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks):  # type: ignore[no-untyped-def]
-    """Mark each cell that a face touches, or comes nearer to than `margin`, in its pose's mask."""
+    """Mark each cell within `margin` of a face, in the bitmap of its chart and pose."""
     n_poses = corners.shape[2]
     for item in range(len(corners) * n_poses):
         face, pose = item // n_poses, item % n_poses
@@ -32,7 +32,7 @@ def mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, mask
 
 @kernel
 def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
-    """Least and greatest x of what of a triangle lies between two heights, which it reaches."""
+    """Least and greatest x of the part of a triangle that lies between two heights."""
     left, right = np.inf, -np.inf
     for i in range(3):
         x0, y0, x1, y1 = x[i], y[i], x[(i + 1) % 3], y[(i + 1) % 3]
@@ -49,7 +49,7 @@ def _extent_between(x, y, bottom, top):  # type: ignore[no-untyped-def]
 
 @kernel
 def spans_of(mask, turn, spans):  # type: ignore[no-untyped-def]
-    """Write the runs of marked cells of a turned mask as (row, begin, end); return their number."""
+    """Write the runs of marked cells of a rotated mask as (row, begin, end); return how many."""
     height, width = mask.shape
     n_rows, n_columns = (height, width) if turn % 2 == 0 else (width, height)
     count = 0
@@ -77,7 +77,7 @@ def spans_of(mask, turn, spans):  # type: ignore[no-untyped-def]
 
 @kernel
 def spans_kernel(masks, mask_starts, mask_boxes, turns, spans, starts):  # type: ignore[no-untyped-def]
-    """Write the runs of all charts, poses and turns; return their number."""
+    """Write the runs of all charts, poses and quarter turns; return how many."""
     count = 0
     n_charts, n_poses = mask_starts.shape
     for chart in range(n_charts):
@@ -94,7 +94,7 @@ def spans_kernel(masks, mask_starts, mask_boxes, turns, spans, starts):  # type:
 
 @kernel
 def reach_kernel(spans, starts, boxes, half_widths, reach, reach_starts):  # type: ignore[no-untyped-def]
-    """Write the runs of the cells near the charts; return their number."""
+    """Write the runs of cells that other charts may not touch; return how many."""
     margin = len(half_widths) // 2
     count = 0
     for chart in range(starts.shape[0]):
@@ -131,6 +131,6 @@ def least_box_kernel(uvs, starts, cos, sin, best):  # type: ignore[no-untyped-de
                 left, right = min(left, x), max(right, x)
                 bottom, top = min(bottom, y), max(top, y)
             area = (right - left) * (top - bottom)
-            if area < least * (1.0 - 1e-9):  # not by rounding alone
+            if area < least * (1.0 - 1e-9):  # more than rounding
                 least = area
                 best[chart] = i

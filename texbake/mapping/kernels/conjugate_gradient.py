@@ -19,8 +19,8 @@ import numpy as np
 
 from texbake.kernels import kernel
 
-# What is added to the dense system, as a share of its diagonal: the patch as a whole is free to
-# move, so it is singular.
+# Added to the dense system, as a share of its diagonal. Without it the system is singular, because
+# the patch as a whole is free to move.
 _RIDGE = 1e-9
 
 
@@ -28,30 +28,30 @@ _RIDGE = 1e-9
 def solve_blocks(  # type: ignore[no-untyped-def]
     row_starts, columns, blocks, target, uvs, regions, solution, tolerance, n_iterations
 ):
-    """Solve A x = b for a symmetric matrix of 2 x 2 blocks, as well as `n_iterations` allow.
+    """Solve A x = b for a symmetric matrix of 2 x 2 blocks in at most `n_iterations`.
 
-    A may be singular where b lies in its range.
+    A may be singular if b lies in its range.
 
     Parameters
     ----------
     row_starts, columns
         As in `Patch`: the first entry of a row lies on the diagonal.
     blocks : (k, 4) float64
-        Rows of the block of each entry. A block on the diagonal that is 0 leaves its unknown alone.
+        The rows of each entry's block. Where a diagonal block is 0, its unknown is left alone.
     target : (n, 2) float64
     uvs : (n, 2) float64
-        Where the vertices are that x moves.
+        Current positions of the vertices that x moves.
     regions : (n,) int32
-        Of `regions_of`; with a single region there is no second correction.
+        From `regions_of`; with a single region there is no second correction.
     solution : (n, 2) float64
         Overwritten.
     tolerance : float
-        Of the residual as a share of `target`, both measured with the preconditioner.
+        Residual at which to stop, as a share of `target`; the preconditioner measures both.
 
     Returns
     -------
     int
-        Iterations that were made.
+        Number of iterations.
     """
     n = len(row_starts) - 1
     inverses, bodies, factor = _preconditioner(row_starts, columns, blocks, uvs, regions)
@@ -93,7 +93,7 @@ def solve_blocks(  # type: ignore[no-untyped-def]
 
 @kernel
 def _preconditioner(row_starts, columns, blocks, uvs, regions):  # type: ignore[no-untyped-def]
-    """Inverses of the diagonal blocks; each vertex in its region's frame; the dense factor."""
+    """Inverses of diagonal blocks, vertices relative to their regions, and the dense factor."""
     n = len(row_starts) - 1
     inverses = np.empty((n, 3))
     n_regions = 0
@@ -105,7 +105,7 @@ def _preconditioner(row_starts, columns, blocks, uvs, regions):  # type: ignore[
         if determinant > 1e-14 * a * c:
             inverses[i, 0], inverses[i, 1] = c / determinant, -b / determinant
             inverses[i, 2] = a / determinant
-        else:  # also of a vertex that nothing holds
+        else:  # also for a vertex without entries
             inverses[i, 0] = 1.0 / a if a > 0.0 else 0.0
             inverses[i, 1] = 0.0
             inverses[i, 2] = 1.0 / c if c > 0.0 else 0.0
@@ -136,7 +136,7 @@ def _preconditioner(row_starts, columns, blocks, uvs, regions):  # type: ignore[
             if column > row:
                 continue
             a, b, c, d = blocks[at, 0], blocks[at, 1], blocks[at, 2], blocks[at, 3]
-            # Moves along both axes, and a turn, (-y, x), of i and of j.
+            # Movements of i and j along both axes, and a rotation (-y, x).
             turned_x, turned_y = b * xj - a * yj, d * xj - c * yj
             factor[row, column] += a
             factor[row, column + 1] += b
@@ -153,7 +153,7 @@ def _preconditioner(row_starts, columns, blocks, uvs, regions):  # type: ignore[
 
 @kernel
 def _factorize(matrix):  # type: ignore[no-untyped-def]
-    """Cholesky's factor, with the inverses of its diagonal, written over the lower triangle."""
+    """Overwrite the lower triangle with its Cholesky factor; the diagonal is stored inverted."""
     for i in range(len(matrix)):
         for j in range(i + 1):
             total = matrix[i, j]
@@ -163,7 +163,7 @@ def _factorize(matrix):  # type: ignore[no-untyped-def]
                 total -= matrix[i, k] * matrix[j, k]
             if j < i:
                 matrix[i, j] = total * matrix[j, j]
-            else:  # a region that nothing holds does not move
+            else:  # a region without entries does not move
                 matrix[i, i] = 1.0 / math.sqrt(total) if total > 0.0 else 0.0
 
 

@@ -1,6 +1,6 @@
-"""Kernels over the faces of a mesh and their neighbors: connecting, flooding, growing, assembling.
+"""Kernels over the graph of a mesh's faces: connecting, flooding, growing and finding neighbors.
 
-- `merge_labels_kernel` numbers what pairs connect (union-find).
+- `merge_labels_kernel` numbers connected groups of items (union-find).
 - `flood_kernel`, `seed_kernel` and `trim_kernel` divide a mesh into parts: every face gets the
   label of the nearest seed.
 - `grow_kernel` grows charts over faces whose normals lie in one cone.
@@ -22,7 +22,7 @@ from texbake.kernels import kernel
 LONGEST_STEP = 63
 
 FAR = np.iinfo(np.int32).max
-OPEN, CLOSED = np.int32(-1), np.int32(-2)  # labels of faces that wait for one, and that do not
+OPEN, CLOSED = np.int32(-1), np.int32(-2)  # labels of faces that await a label, or take none
 
 _CONE = math.cos(math.radians(60.0))
 _TINY = np.finfo(np.float64).tiny
@@ -30,7 +30,7 @@ _TINY = np.finfo(np.float64).tiny
 
 @kernel
 def merge_labels_kernel(labels, firsts, seconds):  # type: ignore[no-untyped-def]
-    """Union-find with path halving; a tree's root is its least item, so numbering is one pass."""
+    """Union-find with path halving; roots are least items, so that one pass numbers the groups."""
     for i in range(len(firsts)):
         one, other = firsts[i], seconds[i]
         while labels[one] != one:
@@ -56,10 +56,10 @@ def merge_labels_kernel(labels, firsts, seconds):  # type: ignore[no-untyped-def
 def flood_kernel(  # type: ignore[no-untyped-def]
     neighbors, steps, labels, sources, source_labels, within, most, distances, sizes, queue
 ):
-    """Dial's algorithm.
+    """Label every open face by its nearest source, with Dial's algorithm.
 
-    Faces wait in as many lists as there are lengths of steps, of which one is always due. Rows of
-    `queue` are a face, the label offered to it, and the next row of its list.
+    Waiting faces are kept in one list for each possible distance ahead; one list is due at a time.
+    A row of `queue` is a face, the label offered to it, and the next row of its list.
     """
     heads = np.full(LONGEST_STEP + 1, -1, dtype=np.int32)
     for row in range(len(sources)):
@@ -75,7 +75,7 @@ def flood_kernel(  # type: ignore[no-untyped-def]
             if labels[face] != OPEN:
                 continue
             if sizes[label] >= most:
-                distances[face] = FAR  # another label may have it
+                distances[face] = FAR  # another label may take it
                 continue
             labels[face], distances[face] = label, distance
             sizes[label] += 1
@@ -121,9 +121,9 @@ def seed_kernel(neighbors, steps, labels, part_faces, distances, queue):  # type
 
 @kernel
 def trim_kernel(neighbors, labels):  # type: ignore[no-untyped-def]
-    """Give every face that hangs on its part by one side to the part at its two others.
+    """Give every face that borders its own part on one side only to the part on the other two.
 
-    Without such teeth, borders do not get to lie on themselves in the plane so easily.
+    Without such teeth, borders are less likely to overlap when the parts are flattened.
     """
     for _ in range(2):
         for face in range(len(labels)):
@@ -138,10 +138,10 @@ def trim_kernel(neighbors, labels):  # type: ignore[no-untyped-def]
 
 @kernel
 def grow_kernel(neighbors, normals, charts, axes):  # type: ignore[no-untyped-def]
-    """Grow a chart from each face that is in none yet; return their number.
+    """Grow a chart from each face that has none yet; return the number of charts.
 
-    It grows twice: about the normal of its first face, which finds the mean normal of what is
-    around, then about that mean, in whose cone the first face lies because it is in its own.
+    Each grows twice: first about the normal of its first face, to find the mean normal of the
+    neighborhood; then about that mean.
     """
     n_charts = 0
     stack = np.empty(len(charts), dtype=np.int32)
@@ -181,7 +181,7 @@ def grow_kernel(neighbors, normals, charts, axes):  # type: ignore[no-untyped-de
 
 @kernel
 def neighbors_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
-    """Rows of neighbors, where each pair of corners has its entry, and edges of one triangle."""
+    """Find the rows of neighbors, the entry of each pair of corners, and the boundary edges."""
     loose_starts = np.zeros(n_vertices + 1, dtype=np.int64)
     for face in range(len(faces)):
         for i in range(3):
@@ -189,7 +189,7 @@ def neighbors_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
     for vertex in range(n_vertices):
         loose_starts[vertex + 1] += loose_starts[vertex] + 1
     loose = np.empty(loose_starts[n_vertices], dtype=np.int32)
-    leaving = np.zeros(len(loose), dtype=np.int32)  # triangle edges from the row to the column
+    leaving = np.zeros(len(loose), dtype=np.int32)  # triangle edges from row to column
     arriving = np.zeros(len(loose), dtype=np.int32)
     lengths = np.ones(n_vertices, dtype=np.int32)
     for vertex in range(n_vertices):
@@ -241,7 +241,7 @@ def neighbors_kernel(faces, n_vertices):  # type: ignore[no-untyped-def]
 
 @kernel
 def loops_kernel(following):  # type: ignore[no-untyped-def]
-    """Vertices in the order of loops, and where each loop starts."""
+    """Return the vertices in the order of the loops, and where each loop starts."""
     seen = np.zeros(len(following), dtype=np.bool_)
     order = np.empty(len(following), dtype=np.int32)
     starts = np.empty(len(following), dtype=np.int32)

@@ -25,7 +25,7 @@ import numpy as np
 from texbake.kernels import kernel
 
 _MOST_WEIGHT = 1 << 14
-_ALL_OVER = 6  # every so many moves a chart looks all over the grid
+_ALL_OVER = 6  # one in this many moves samples the whole grid
 
 NONE_YET = 1 << 60
 
@@ -46,7 +46,7 @@ def separate_kernel(  # type: ignore[no-untyped-def]
     seed,
     best_places,
 ):
-    """Move charts until none overlap; return the least overlap found and the work done."""
+    """Move charts until none overlap; return the least overlap and the work."""
     n_charts = len(places)
     n_rows, n_columns = sums.shape[0], sums.shape[1] - 1
     order = np.arange(n_charts)
@@ -88,7 +88,7 @@ def separate_kernel(  # type: ignore[no-untyped-def]
 
 @kernel
 def _learn(overlaps, base, weights, overlapping):  # type: ignore[no-untyped-def]
-    """Raise the weights of pairs that overlap, let the others fade; return the sum of overlaps."""
+    """Raise the weights of overlapping pairs and lower the others; return the total overlap."""
     n_charts = len(base)
     total, most = 0, 1
     for a in range(n_charts):
@@ -111,7 +111,7 @@ def _learn(overlaps, base, weights, overlapping):  # type: ignore[no-untyped-def
 
 @kernel
 def _renew_overlaps(shapes, places, moved, sums, overlaps):  # type: ignore[no-untyped-def]
-    """Count the cells in which each two charts overlap, where one has moved; return the work."""
+    """Recount the overlaps of every chart that has moved; return the work."""
     n_charts = len(places)
     work = n_charts * n_charts
     for chart in range(n_charts):
@@ -122,7 +122,7 @@ def _renew_overlaps(shapes, places, moved, sums, overlaps):  # type: ignore[no-u
             x + shapes.boxes[chart, orientation, 0],
             y + shapes.boxes[chart, orientation, 1],
         )
-        # Sums along rows of 1 for each cell of this chart.
+        # The number of this chart's cells, summed along each row.
         clear(sums, x, y, right, top)
         for i in range(shapes.starts[chart, orientation, 0], shapes.starts[chart, orientation, 1]):
             sums[y + shapes.spans[i, 0], x + shapes.spans[i, 1]] += 1
@@ -149,13 +149,13 @@ def _renew_overlaps(shapes, places, moved, sums, overlaps):  # type: ignore[no-u
 
 @kernel
 def next_random(state):  # type: ignore[no-untyped-def]
-    """The next state of a linear congruential generator; its bits from 8 on are random enough."""
+    """Next state of a linear congruential generator, of which the bits from 8 up are used."""
     return (state * 1103515245 + 12345) & 0x7FFFFFFF
 
 
 @kernel
 def is_near(shapes, places, chart, left, bottom, right, top):  # type: ignore[no-untyped-def]
-    """Whether the reach of a chart may meet a rectangle."""
+    """Whether a rectangle may come within the margin of a chart."""
     x, y, orientation = places[chart, 0], places[chart, 1], places[chart, 2]
     return (
         x - shapes.margin < right
@@ -167,7 +167,7 @@ def is_near(shapes, places, chart, left, bottom, right, top):  # type: ignore[no
 
 @kernel
 def clear(sums, left, bottom, right, top):  # type: ignore[no-untyped-def]
-    """Make a rectangle of sums ready for new steps."""
+    """Set a rectangle of `sums` to 0."""
     for row in range(bottom, top):
         for column in range(left, right + 1):
             sums[row, column] = 0
@@ -175,7 +175,7 @@ def clear(sums, left, bottom, right, top):  # type: ignore[no-untyped-def]
 
 @kernel
 def integrate(sums, left, bottom, right, top):  # type: ignore[no-untyped-def]
-    """Turn steps of a value along rows into sums of the value over all cells before each."""
+    """Turn the steps of a value along each row into sums of the value over the cells before."""
     for row in range(bottom, top):
         value, total = 0, 0
         for column in range(left, right + 1):
@@ -186,7 +186,7 @@ def integrate(sums, left, bottom, right, top):  # type: ignore[no-untyped-def]
 
 @kernel
 def sum_costs(chart, shapes, places, weights, window, sums):  # type: ignore[no-untyped-def]
-    """Sum up along rows what each cell of a window costs a chart; return the work."""
+    """Sum along rows what each cell of a window costs a chart; return the work."""
     left, bottom, right, top = window
     clear(sums, left, bottom, right, top)
     for other in range(len(places)):
@@ -207,9 +207,9 @@ def sum_costs(chart, shapes, places, weights, window, sums):  # type: ignore[no-
 
 @kernel
 def _cost(spans, sums, x, y, limit):  # type: ignore[no-untyped-def]
-    """Weighted overlap of runs put at a place; some value from `limit` on where it is no less."""
+    """Weighted overlap of a chart at a place; not exact once it has reached `limit`."""
     total = 0
-    # Rows far apart first: a place that overlaps much is soon known to.
+    # Rows far apart come first, so that a large overlap shows early.
     stride = 7 if len(spans) > 14 else 1
     for phase in range(stride):
         for i in range(phase, len(spans), stride):
@@ -222,13 +222,13 @@ def _cost(spans, sums, x, y, limit):  # type: ignore[no-untyped-def]
 
 @kernel
 def move(chart, shapes, places, sums, window, n_samples, step, state):  # type: ignore[no-untyped-def]
-    """Put a chart where it costs least in a window, of what samples lead to; return the work too.
+    """Move a chart to the cheapest place in a window that samples lead to; return state and work.
 
-    Samples are spread over the window, a third of them about the chart's own place.
+    Samples are spread over the window; a third of them lie near the chart's present place.
     """
     left, bottom, right, top = window
     x0, y0, o0 = places[chart, 0], places[chart, 1], places[chart, 2]
-    # Of its own place, and of the best three samples: costs; column, row and orientation.
+    # Costs of the present place and the best three samples; their column, row and orientation.
     costs, tops = np.empty(4, dtype=np.int64), np.zeros((4, 3), dtype=np.int64)
     for k in range(4):
         costs[k] = NONE_YET
@@ -284,7 +284,7 @@ def move(chart, shapes, places, sums, window, n_samples, step, state):  # type: 
 
 @kernel
 def _descend(spans, box, sums, window, step, cost, place):  # type: ignore[no-untyped-def]
-    """Follow lower costs from a place, which is changed; return the cost there and the steps."""
+    """Follow lower costs downhill, changing `place`; return the final cost and the steps."""
     left, bottom, right, top = window
     n_steps = 0
     while cost > 0:

@@ -18,7 +18,7 @@ from texbake.kernels import kernel
 
 FAN_OUT = 8  # children of a box
 
-# Overlaps no deeper than this share of the longer side of the layout are two borders that touch.
+# Borders count as touching, not overlapping, up to this share of the longer side of the layout.
 TOUCH_DEPTH = 2.0**-21
 
 APART, TOUCHING, CROSSING = 0, 1, 2
@@ -28,14 +28,14 @@ APART, TOUCHING, CROSSING = 0, 1, 2
 def overlap_kernel(  # type: ignore[no-untyped-def]
     corners, lines, order, boxes, children, depth, layered, most, places, found, unsure, layers
 ):
-    """Look for what lies under the faces at some places in order.
+    """Find the faces that overlap others, for the faces at some places of the order.
 
-    Without `layered` one other face will do. With it all before the face are looked for, and it
-    takes the lowest layer that they leave free. Everything is written out here, since a call with
-    arrays would cost more than what it does.
+    Without `layered`, one overlap is enough. With it, every overlapping face of a lower number is
+    found, and the face takes the lowest layer that those leave free. The test of two triangles is
+    written inline, since a call with arrays would cost more than the test.
     """
     stack = np.empty(FAN_OUT * 64, dtype=np.int64)
-    # The last face that found a layer taken.
+    # For each layer, the last face that found it taken.
     taken = np.full(len(corners) + 1 if layered else 0, -1, dtype=np.int64)
     for place in places:
         face = order[place]
@@ -89,9 +89,9 @@ def overlap_kernel(  # type: ignore[no-untyped-def]
 
 @kernel
 def boundary_meeting(uvs, boundary, loops):  # type: ignore[no-untyped-def]
-    """Tell whether edges of a boundary are APART but for common vertices, TOUCHING or CROSSING.
+    """Return whether the edges of a boundary are APART, TOUCHING or CROSSING.
 
-    A boundary of which two loops run counter-clockwise counts as crossing.
+    Common vertices do not count. A boundary with two counter-clockwise loops counts as crossing.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def boundary_meeting(uvs, boundary, loops):  # type: ignore[no-untyped-def]
     loops : (b,) int32
         `boundary_loops` of a `Patch`.
     """
-    # Each edge is compared with those before it that touch a cell of a grid that it touches too.
+    # Each edge is compared with earlier edges that share a cell of a grid with it.
     n_edges, n_loops = len(boundary), 1
     low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
     for edge in range(n_edges):
@@ -164,7 +164,7 @@ def _n_enclosing(uvs, boundary, loops, n_loops):  # type: ignore[no-untyped-def]
 
 @kernel
 def _meeting(uvs, p, q, r, s, depth):  # type: ignore[no-untyped-def]
-    """How the edges pq and rs meet; they share no more than one vertex."""
+    """How the edges pq and rs meet, which share at most one vertex."""
     if max(uvs[p, 0], uvs[q, 0]) < min(uvs[r, 0], uvs[s, 0]) - depth:
         return APART
     if max(uvs[r, 0], uvs[s, 0]) < min(uvs[p, 0], uvs[q, 0]) - depth:
@@ -174,7 +174,7 @@ def _meeting(uvs, p, q, r, s, depth):  # type: ignore[no-untyped-def]
     if max(uvs[r, 1], uvs[s, 1]) < min(uvs[p, 1], uvs[q, 1]) - depth:
         return APART
     if p in (r, s) or q in (r, s):
-        # They leave their vertex in two directions, or one lies on the other.
+        # They leave the common vertex in different directions, or one lies on the other.
         common = p if p in (r, s) else q
         one, two = (q if common == p else p), (s if common == r else r)
         ax, ay = uvs[one, 0] - uvs[common, 0], uvs[one, 1] - uvs[common, 1]
@@ -194,7 +194,7 @@ def _meeting(uvs, p, q, r, s, depth):  # type: ignore[no-untyped-def]
 
 @kernel
 def _distance(uvs, p, q, r):  # type: ignore[no-untyped-def]
-    """Signed distance of r from the line through p and q; 0 where these are at one place."""
+    """Signed distance of r from the line through p and q; 0 where p and q coincide."""
     x, y = uvs[q, 0] - uvs[p, 0], uvs[q, 1] - uvs[p, 1]
     length = math.sqrt(x * x + y * y)
     area = x * (uvs[r, 1] - uvs[p, 1]) - y * (uvs[r, 0] - uvs[p, 0])

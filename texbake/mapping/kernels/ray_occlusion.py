@@ -15,17 +15,17 @@ from texbake.kernels import kernel
 from texbake.mesh.closest_point import dot, minus, point_at
 from texbake.mesh.triangle_tree import STACK_SIZE
 
-# Of the size of the tree's frame, which is 1: what lies nearer to a point stands on it, not before
-# it, such as a second face in the same place. Rounding of points and products stays far below.
+# In units of the tree's frame, whose size is 1. A hit nearer than this, such as on a duplicate
+# face, is contact and does not hide the point. Rounding errors stay far below it.
 _CONTACT = 2.0**-36
 
-# In place of 0 in a direction, so that its inverse is finite and 0 times that is 0.
+# Replaces 0 in a direction, so that its inverse is finite and 0 times the inverse is 0.
 _LEAST = 1e-300
 
 
 @kernel
 def _meets_box(boxes, node, start, inverse, length):  # type: ignore[no-untyped-def]
-    """Whether start + k / inverse is in a box for a k from 0 to length."""
+    """Whether a ray enters a box within `length`; `inverse` holds 1 / direction."""
     near, far = 0.0, length
     for axis in range(3):
         a = (boxes[node, axis] - start[axis]) * inverse[axis]
@@ -41,7 +41,7 @@ def _meets_box(boxes, node, start, inverse, length):  # type: ignore[no-untyped-
 
 @kernel
 def _meets_triangle(a, ab, ac, start, along, length):  # type: ignore[no-untyped-def]
-    """Whether a unit direction meets a triangle before it has gone so far, and not at once."""
+    """Whether a ray of unit direction hits a triangle within `length`, contact left out."""
     p = (
         along[1] * ac[2] - along[2] * ac[1],
         along[2] * ac[0] - along[0] * ac[2],
@@ -67,7 +67,7 @@ def _meets_triangle(a, ab, ac, start, along, length):  # type: ignore[no-untyped
 
 @kernel
 def _is_blocked(tree, own, start, along, length, stack):  # type: ignore[no-untyped-def]
-    """Whether any face but `own` is met by a ray."""
+    """Whether a ray hits any face other than `own`."""
     positions, faces, order, boxes, nodes = tree
     inverse = (
         1.0 / (along[0] if along[0] != 0.0 else _LEAST),
@@ -105,7 +105,7 @@ def mostly_hidden_kernel(tree, face_ids, samples, eye, start, stop, hidden):  # 
         b = point_at(positions, faces[face_ids[k], 1])
         c = point_at(positions, faces[face_ids[k], 2])
         n_blocked, n_left = 0, len(samples)
-        # Until the rest cannot change the answer.
+        # Stop as soon as the remaining samples cannot change the answer.
         while 2 * n_blocked <= len(samples) < 2 * (n_blocked + n_left):
             n_left -= 1
             u, v, w = samples[n_left, 0], samples[n_left, 1], samples[n_left, 2]

@@ -16,18 +16,18 @@ import numpy as np
 
 from texbake.kernels import kernel
 
-SAMPLES = 4  # a side of a pixel; their square must fit the bits of an outline mask
+SAMPLES = 4  # along each side of a pixel; their square must fit the bits of an outline mask
 
-_MOST_LAYERS = 32  # of faces over a pixel, whose colors are mixed
+_MOST_LAYERS = 32  # faces over one pixel whose colors are mixed
 
-# Faces or lines looked at in a pixel, and in a row: far more than in any picture of a good layout.
+# Most faces or lines drawn in one pixel and in one row: far more than any usable layout has.
 _MOST_LOOKS = 512
 _MOST_ROW_LOOKS = 1 << 18
 
 
 @kernel
 def _next(after, row, place):  # type: ignore[no-untyped-def]
-    """First place from one on that is not done; the way to it is halved for the next time."""
+    """First place from `place` on that is not done; shortens the path for the next search."""
     while after[row, place] != place:
         after[row, place] = after[row, after[row, place]]
         place = after[row, place]
@@ -36,7 +36,7 @@ def _next(after, row, place):  # type: ignore[no-untyped-def]
 
 @kernel
 def _extent(x0, y0, x1, y1, low, high):  # type: ignore[no-untyped-def]
-    """Least and greatest x of a line between two heights; inf and -inf where it is not there."""
+    """Least and greatest x of a line between two heights; (inf, -inf) if it has no part there."""
     if y0 > y1:
         x0, y0, x1, y1 = x1, y1, x0, y0
     if y1 < low or y0 > high:
@@ -53,7 +53,7 @@ def fill_kernel(  # type: ignore[no-untyped-def]
     """Add the colors of the samples that each face covers, and their number, to `sums`."""
     n_rows, n_columns = sums.shape[:2]
     step, n_samples = 1.0 / SAMPLES, SAMPLES * SAMPLES
-    lines = np.empty((3, 3))  # through the edges: the distance inwards is a x + b y + c
+    lines = np.empty((3, 3))  # one for each edge: the distance inwards is a x + b y + c
     x, y = np.empty(3), np.empty(3)
     for face in range(len(pixels)):
         for i in range(3):
@@ -78,7 +78,7 @@ def fill_kernel(  # type: ignore[no-untyped-def]
             until = int(min(right, n_columns - 1.0)) + 1 if right >= 0.0 else 0
             column = _next(columns, row, int(min(max(left, 0.0), n_columns)))
             while column < until:
-                nearest, farthest = np.inf, np.inf  # of the pixel's corners, to any edge
+                nearest, farthest = np.inf, np.inf  # distances of the pixel's corners to an edge
                 for i in range(3):
                     middle = lines[i, 0] * (column + 0.5) + lines[i, 1] * (row + 0.5) + lines[i, 2]
                     span = 0.5 * (abs(lines[i, 0]) + abs(lines[i, 1]))

@@ -22,23 +22,23 @@ from texbake.kernels import kernel
 from texbake.mapping.kernels.conjugate_gradient import solve_blocks
 from texbake.mapping.kernels.planar_overlap import CROSSING, boundary_meeting
 
-# Newton's systems are solved until the residual is this share of the right side: a step of full
-# precision gains little more, and takes several times as long.
+# Newton systems are solved until the residual is this share of the right side. A step of full
+# precision gains little more and takes several times as long.
 _TOLERANCE = 0.1
 
-# Distortion, as a share of the energy, that is slight: gains are compared with no less.
+# A slight distortion, as a share of the energy: gains are never compared with less than this.
 _SLIGHT = 0.025
 
-# Least height of a triangle as a share of its longest edge, and least length of that as a share of
-# the mean: what is flatter or smaller is laid out as if it were this high, this long. Its own
-# shape is lost in the rounding of its corners, and would be all that the energy sees.
+# Least height of a triangle as a share of its longest edge, and least length of that edge as a
+# share of the mean. A flatter or smaller triangle is flattened as if it had these, since its own
+# shape is lost in rounding and would dominate the energy.
 _LEAST_HEIGHT = 1e-5
 _LEAST_LENGTH = 1e-5
 
 
 @kernel
 def rest_shapes(points, faces):  # type: ignore[no-untyped-def]
-    """Gradients of the three hat functions in the plane of each triangle, and areas.
+    """Gradients of the three hat functions in the plane of each triangle, and its area.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def rest_shapes(points, faces):  # type: ignore[no-untyped-def]
         J = Σ u_k ⊗ gradients[k] with the flat corners u_k. Triangles without height or length get
         a little of it.
     areas : (m,) float64
-        Of the triangles as they are taken.
+        Areas of the triangles, after thin ones have been widened.
     """
     m = len(faces)
     gradients, areas = np.empty((m, 3, 2)), np.empty(m)
@@ -90,7 +90,7 @@ def rest_shapes(points, faces):  # type: ignore[no-untyped-def]
 
 @kernel
 def _edge_square(points, faces, face, i):  # type: ignore[no-untyped-def]
-    """Squared length of the edge from a corner to the next."""
+    """Squared length of the edge from corner i to the next."""
     a, b = faces[face, i], faces[face, (i + 1) % 3]
     x, y, z = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     return x * x + y * y + z * z
@@ -98,7 +98,7 @@ def _edge_square(points, faces, face, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def energy_of(uvs, faces, gradients, areas):  # type: ignore[no-untyped-def]
-    """Sum of the energy over the triangles; infinite where one is flipped or has no area."""
+    """Total energy; infinite where a triangle is flipped or has no area."""
     total = 0.0
     for face in range(len(faces)):
         j00, j01, j10, j11 = _jacobian(uvs, faces, gradients, face)
@@ -127,7 +127,7 @@ def stretch_of(uvs, faces, gradients, areas):  # type: ignore[no-untyped-def]
 
 @kernel
 def model_at(uvs, faces, gradients, areas, entries, descent, blocks):  # type: ignore[no-untyped-def]
-    """Write the negative slope of the energy, and a positive Hessian, where none is flipped.
+    """Write the negative gradient of the energy and a positive Hessian; no triangle is flipped.
 
     In the basis of the singular vectors the Hessian of a triangle has the eigenvalues f''(σ1) and
     f''(σ2) for its two stretches, and (f'(σ1) ∓ f'(σ2)) / (σ1 ∓ σ2) for shear and turn, where
@@ -155,7 +155,7 @@ def model_at(uvs, faces, gradients, areas, entries, descent, blocks):  # type: i
         p00, p01 = keep * j00 + turn * j11, keep * j01 - turn * j10
         p10, p11 = keep * j10 - turn * j01, keep * j11 + turn * j00
 
-        # J = U diag(σ) Vᵀ; U and V are turns by half of (difference ± sum) of two angles.
+        # J = U diag(σ) Vᵀ; U and V are rotations by half of (difference ± sum) of two angles.
         total = math.hypot(j00 + j11, j10 - j01)
         spread = math.hypot(j00 - j11, j10 + j01)
         first = 0.5 * (total + spread)
@@ -177,7 +177,7 @@ def model_at(uvs, faces, gradients, areas, entries, descent, blocks):  # type: i
             descent[vertex, 1] -= p10 * g0 + p11 * g1
         for i in range(3):
             for j in range(3):
-                # The block in the basis U, turned back.
+                # The block in the basis U, rotated back.
                 a = stretch_1 * alpha[i] * alpha[j] + same * beta[i] * beta[j]
                 b, c = other * beta[i] * alpha[j], other * alpha[i] * beta[j]
                 d = stretch_2 * beta[i] * beta[j] + same * alpha[i] * alpha[j]
@@ -193,9 +193,9 @@ def model_at(uvs, faces, gradients, areas, entries, descent, blocks):  # type: i
 
 @kernel
 def longest_step(uvs, steps, faces):  # type: ignore[no-untyped-def]
-    """Largest t at which no triangle of uvs + t steps has lost its area before; infinite at best.
+    """Largest t up to which every triangle of uvs + t steps keeps a positive area; may be infinite.
 
-    The area of a triangle is a quadratic in t, positive at 0.
+    The area of a triangle is a quadratic function of t, positive at 0.
     """
     longest = np.inf
     for face in range(len(faces)):
@@ -246,7 +246,7 @@ def minimize_kernel(  # type: ignore[no-untyped-def]
     n_iterations,
     accuracy,
 ):
-    """Write the layout of least energy to `uvs`, which has no flips; return the steps it took.
+    """Minimize the energy from a layout without flips, in place; return the number of steps.
 
     Edges of `boundary` do not cross in any layout on the way.
     """

@@ -13,8 +13,8 @@ import numpy as np
 from texbake.kernels import kernel
 from texbake.mapping.kernels.conjugate_gradient import solve_blocks
 
-# Weights of edges are those of harmonic maps (cotangents), kept within these bounds: positive, or
-# triangles may flip, and alike enough for the solver.
+# Edge weights are those of harmonic maps (cotangents), clamped to these bounds: positive, or
+# triangles may flip, and similar enough for the solver.
 _LEAST_WEIGHT = 0.02
 _MOST_WEIGHT = 20.0
 
