@@ -154,11 +154,11 @@ from .mapping.layout_svg import layout_svg as layout_svg
 from .mapping.matrix_file import read_matrix as read_matrix
 from .mapping.options import UnwrapOptions as UnwrapOptions
 from .mapping.unwrap import (
+    UnwrapReport as UnwrapReport,
     unwrap as unwrap,
     unwrap_together as unwrap_together,
     unwrap_with_report as unwrap_with_report,
 )
-from .mapping.unwrap_report import UnwrapReport as UnwrapReport
 from .mesh.distance import (
     SurfaceDistance as SurfaceDistance,
     surface_distance as surface_distance,

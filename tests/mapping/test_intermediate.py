@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.frames import LocalPoints
 from texbake.mapping.classical.intermediate import (
-    Surface,
+    IntermediateSurface,
     mapped_by_rays,
     surface_around,
 )
@@ -31,7 +31,9 @@ def rays(seed: int, n: int = 300) -> tuple[LocalPoints, np.ndarray, np.ndarray]:
     return LocalPoints(points, 1.0, 1e-15), directions, faces
 
 
-def around(surface: str, local: LocalPoints, faces: np.ndarray, **options: object) -> Surface:
+def around(
+    surface: str, local: LocalPoints, faces: np.ndarray, **options: object
+) -> IntermediateSurface:
     return surface_around(local, faces, options_of(surface, **options))
 
 

@@ -22,8 +22,7 @@ from texbake.files import PathLike, check_folder, check_writable, make_folder
 from texbake.jobs.comparison import comparison_report, comparison_table
 from texbake.jobs.options import DEMO_FOLDER, DemoOptions, RunOptions
 from texbake.jobs.outputs import check_page, write_report
-from texbake.mapping.unwrap import unwrap_with_report
-from texbake.mapping.unwrap_report import UnwrapReport
+from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange

@@ -21,8 +21,7 @@ from texbake.jobs.outputs import (
 )
 from texbake.jobs.uv_pictures import check_layout, render_checker, write_layout
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.unwrap import unwrap_together
-from texbake.mapping.unwrap_report import UnwrapReport
+from texbake.mapping.unwrap import UnwrapReport, unwrap_together
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink

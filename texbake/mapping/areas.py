@@ -7,7 +7,7 @@ import numpy as np
 from texbake.errors import MeshError, UvError
 from texbake.mesh.mesh import FloatArray, Mesh
 
-# In model units or texture tiles. The fourth power of this length, the square of an area, is finite.
+# In model units or texture tiles. Its fourth power, the square of an area, is still finite.
 _LONGEST = 1e75
 
 

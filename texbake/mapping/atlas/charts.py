@@ -12,7 +12,7 @@ import numpy.typing as npt
 from texbake.errors import UvError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.join import offset_joined
+from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 

@@ -18,8 +18,8 @@ from texbake.mapping.classical.frames import LocalPoints, center_of, points_abou
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
+from texbake.mesh.kernels.normals import AREA_ROUNDING
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.normals import AREA_ROUNDING
 
 # Relative to the sum of variances. A smaller difference between two of them is rounding, also of
 # float32 positions, and the directions between them are arbitrary.
@@ -144,7 +144,7 @@ def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, floa
 
 
 def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> FloatArray:
-    """Rotate a frame about its normal, by at most a quarter turn, to the direction of most spread."""
+    """Rotate a frame about its normal, by at most a quarter turn, so that s has the most spread."""
     variances = _variances(points, mesh)
     across = 2.0 * variances[0, 1]
     along = variances[0, 0] - variances[1, 1]

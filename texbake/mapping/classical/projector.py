@@ -29,7 +29,7 @@ from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.kernels.ray_occlusion import mostly_hidden_kernel
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.checks import Matrix
-from texbake.mesh.files.number_lines import parse_row, read_lines
+from texbake.mesh.files.source import parse_row, read_lines
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.triangle_tree import TriangleTree

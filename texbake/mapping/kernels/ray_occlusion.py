@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mesh.closest_point import dot, minus, point_at
-from texbake.mesh.triangle_tree import STACK_SIZE
+from texbake.mesh.kernels.triangle_tree import STACK_SIZE, dot, minus, point_at
 
 # In units of the tree's frame, whose size is 1. A hit nearer than this, such as on a duplicate
 # face, is contact and does not hide the point. Rounding errors stay far below it.

@@ -21,7 +21,7 @@ from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, mended_charts
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import merged_labels, next_half_edges
-from texbake.mesh.join import offset_joined
+from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
