@@ -1,1 +1,1 @@
-"""Charts cut, flattened, joined and packed: texture coordinates for any mesh."""
+"""Atlases: charts are cut, flattened, joined and packed, for any mesh."""

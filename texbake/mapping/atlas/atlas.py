@@ -1,4 +1,4 @@
-"""The atlas: charts made, bounded and packed, of one mesh or of several into one texture."""
+"""The atlas: the charts of one or several meshes, made and packed into one texture."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 
-# Most L2 stretch of a mesh that joining charts may lead to. By `good` it also stays near what the
-# charts had before, above 1 by at most so many times as much: with no room at all, charts would
-# stay apart for a stretch that nobody sees.
+# Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
+# more than a factor of `_GOOD_ROOM`; without that room, charts would stay apart for the sake of a
+# stretch that nobody sees.
 _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
 _BEST_STRETCH = 1.09
-# Work that joining may take, as `joined_charts` counts it: what large noisy scans and meshes with
-# hundreds of charts end by.
+# Limit of the work of joining, as `joined_charts` counts it; only large noisy scans and meshes with
+# hundreds of charts reach it.
 _JOIN_WORK = {"good": 300, "best": 1000}
 
 
@@ -38,9 +38,9 @@ class Atlas:
     Attributes
     ----------
     corners : (F, 3, 2) float64
-        Texture coordinates, tile k of UDIM moved by (k % 10, k // 10).
+        Texture coordinates; UDIM tile k is offset by (k % 10, k // 10).
     charts : Charts
-        Before they were packed, in model units.
+        The charts before packing, in model units.
     """
 
     corners: FloatArray
@@ -50,14 +50,14 @@ class Atlas:
 def make_atlas(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, *, threads: int | None = None
 ) -> list[Atlas]:
-    """Make charts of meshes and pack them all into one texture, or its tiles.
+    """Make the charts of meshes and pack them all into one texture or its tiles.
 
     Parameters
     ----------
     meshes : sequence of Mesh
-        At least one. All get the same texels a model unit.
+        At least one. All get the same number of texels per model unit.
     options : UnwrapOptions
-        Its fields of `AtlasOptions`, `keep` and `texel_density`.
+        The fields of `AtlasOptions`, `keep` and `texel_density` are read.
     stages : Stages
     threads
         None for every processor.
@@ -67,10 +67,10 @@ def make_atlas(
     UnwrapError
         No face of a mesh has an area, or the charts do not fit.
     UvError
-        Charts are to be kept and there are none.
+        Charts are to be kept, and there are none.
     """
     name = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
-    if options.by_group:  # told before the work
+    if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
     all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
     with stages.stage("pack charts"):
@@ -95,7 +95,7 @@ def make_atlas(
 
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
-    """Charts of one mesh, in model units."""
+    """Make the charts of one mesh, in model units."""
     regions = mesh.face_groups if options.by_group else None
     if options.keep:
         return kept_charts(mesh, (options.width_px, options.height_px), regions=regions)
@@ -130,7 +130,7 @@ def _improved(
     stages: Stages,
     threads: int | None,
 ) -> Charts:
-    """Relax charts, and join them as far as the stretch of the whole allows."""
+    """Relax charts, and join them as far as the stretch of the mesh allows."""
     as_cut = _stretch(points, mesh, charts)
     with stages.stage("relax charts"):
         charts = relaxed_charts(points, mesh.faces, charts, threads=threads)
@@ -151,15 +151,15 @@ def _improved(
 
 
 def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
-    """L2 stretch of the whole, with all charts at one scale."""
+    """L2 stretch of the mesh, with all charts at one scale."""
     flat = mesh.replace(positions=points, uvs=charts.uvs, uv_faces=charts.faces)
     found = face_stretch(flat)
-    # Not a product of vectors: that adds up in another order on another number of threads.
+    # Not a dot product, which sums in a different order with a different number of threads.
     return math.sqrt(float((found.areas * found.l2**2).sum()) / float(found.areas.sum()))
 
 
 def _groups_in_use(meshes: Sequence[Mesh]) -> set[str]:
-    """Names of the groups that have faces; "" stands for faces in none."""
+    """Names of the groups that have faces; "" is for meshes without groups."""
     return {
         mesh.group_names[group]
         for mesh in meshes
@@ -169,7 +169,7 @@ def _groups_in_use(meshes: Sequence[Mesh]) -> set[str]:
 
 
 def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArray:
-    """Group of each chart; groups of one name in several meshes are one."""
+    """Group of each chart; groups of the same name in several meshes count as one."""
     names: dict[str, int] = {}
     groups = []
     for mesh, charts in zip(meshes, all_charts, strict=True):
@@ -185,5 +185,5 @@ def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArr
         else:
             of_chart[:] = numbers[0]
         groups.append(of_chart)
-    # Numbered without gaps: a group without faces has no tile.
+    # Numbered without gaps, so that a group without faces takes no tile.
     return np.unique(np.concatenate(groups), return_inverse=True)[1].astype(np.int32)

@@ -18,24 +18,24 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Charts:
-    """A mesh flattened in pieces, each laid out for itself about its own origin.
+    """A mesh flattened piece by piece, each chart about its own origin.
 
     Attributes
     ----------
     uvs : (T, 2) float64
-        Coordinates, in the unit of the points: a chart has the area that its faces have in space.
+        Coordinates in the unit of the points: a chart has the area that its faces have in space.
     faces : (F, 3) int32
-        Indices into `uvs`; the three are equal in a face that lies in no chart.
+        Indices into `uvs`; all three are equal in a face without a chart.
     chart_ids : (T,) int32
         Chart of each coordinate; charts are numbered from 0 without gaps.
     n_ignored : int
-        Faces that lie in no chart, because they have no area on the grid, or next to none.
+        Faces without a chart, because they have no area on the grid, or next to none.
     n_mirrored : int
         Charts that came out mirrored and were turned over.
     n_split : int
-        Charts that were made by taking apart those that lay on themselves.
+        Charts that were split off because they overlapped their own chart.
     notes : tuple of str
-        What a report should say: steps that failed and what was done instead, charts that miss a
+        Notes for the report: steps that failed and what was done instead, charts that miss a
         bound and why.
     """
 
@@ -61,16 +61,16 @@ class Charts:
 def gathered_charts(
     mesh_faces: IntArray, pieces: Sequence[tuple[IntArray, Charts]], notes: tuple[str, ...] = ()
 ) -> Charts:
-    """Put the charts of parts of a mesh together.
+    """Combine the charts of parts of a mesh.
 
     Parameters
     ----------
     mesh_faces : (F, 3) int32
         Vertices of the faces of the whole mesh.
     pieces : sequence of ((n,) int32, Charts)
-        Faces of the mesh, and their charts; at least one. What is in none lies in no chart.
+        Faces of each part, and their charts; at least one part. Other faces get no chart.
     notes : tuple of str
-        What to tell of the whole; those of the pieces come after.
+        Notes about the whole mesh; those of the parts follow.
     """
     faces = np.zeros_like(mesh_faces)
     face_ids = np.concatenate([face_ids for face_ids, _ in pieces])
@@ -90,9 +90,9 @@ def gathered_charts(
 def _with_anchors(
     mesh_faces: IntArray, solid: npt.NDArray[np.integer], faces: npt.NDArray[np.integer]
 ) -> IntArray:
-    """(F, 3) int32: `faces` for the solid ones; one coordinate for the corners of each other.
+    """(F, 3) int32: `faces` for solid faces; a single coordinate for each other face.
 
-    It is one that a solid face has at one of its vertices, where there is one.
+    If possible it is one that a solid face has at one of the face's vertices.
     """
     none = np.iinfo(np.int32).max
     at_vertex = np.full(int(mesh_faces.max()) + 1, none, dtype=np.int64)
@@ -104,27 +104,27 @@ def _with_anchors(
 
 
 def kept_charts(mesh: Mesh, size: tuple[int, int], *, regions: IntArray | None = None) -> Charts:
-    """Take the coordinates of a mesh as its charts, shapes and relative sizes as they are.
+    """Take the texture coordinates of a mesh as its charts, with their shapes and relative sizes.
 
     Parameters
     ----------
     mesh : Mesh
-        With texture coordinates. Charts that lie on one another are charts of their own; mirrored
-        ones stay mirrored.
+        With texture coordinates. Charts that overlap stay separate charts; mirrored ones stay
+        mirrored.
     size : (int, int)
-        Texels in a row and rows of the texture that the coordinates were made for.
+        Width and height, in texels, of the texture that the coordinates were made for.
     regions : (F,) int32, optional
-        Faces of different regions share no chart: what they share is taken apart.
+        Faces of different regions share no chart; a chart that they share is divided.
 
     Returns
     -------
     Charts
-        In model units: all charts together have the area of the faces in space.
+        In model units: all charts together have the area that the faces have in space.
 
     Raises
     ------
     UvError
-        There are no coordinates, or none of the faces has an area in the texture or in space.
+        There are no coordinates, or the faces have no area in the texture or in space.
     """
     corners = measurable_uvs(mesh) * (np.array(size) / max(size))
     in_texture = float(np.abs(signed_areas(corners)).sum())

@@ -1,1 +1,1 @@
-"""A mesh to pieces laid flat, each a chart."""
+"""Cutting a mesh into flat charts."""

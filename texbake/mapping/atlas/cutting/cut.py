@@ -1,7 +1,7 @@
-"""A mesh cut into charts: laid flat in parts where these are disks, the rest cut by xatlas.
+"""A mesh cut into charts: parts that are disks are flattened whole, the rest is cut by xatlas.
 
-Points are first snapped to a grid in a frame that depends neither on the size nor on the place of
-the model, so that rounding in the model's own coordinates does not reach the charts.
+Points are first snapped to a grid, in a frame that depends neither on the size nor on the position
+of the model, so that rounding in the model's coordinates does not affect the charts.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows
 
-# A mesh of at most so many faces is left to xatlas, which takes no time then; in a larger one, a
-# connected piece of fewer than the second.
+# A mesh of at most `_SMALL_MESH` faces is left to xatlas, which is fast enough then; in a larger
+# one, parts of fewer than `_SMALL_PIECE` faces are.
 _SMALL_MESH = 500
 _SMALL_PIECE = 100
 
-# What is left to xatlas in a larger one is cut in batches of about so many faces: 5,000 take it
-# 0.3 s, 20,000 take 3 s.
+# Faces left to xatlas are cut in batches of about this many: xatlas takes 0.3 s for 5,000 faces and
+# 3 s for 20,000.
 _BATCH_FACES = 3_000
 
-# Boundaries between cells are put off the middle by this fraction of a cell, so that coordinates
-# on a regular raster (binary or decimal) do not lie on them, where the last bit would decide.
+# Boundaries between cells are shifted by this fraction of a cell, so that coordinates on a regular
+# raster (binary or decimal) do not lie on them, where the last bit would decide.
 _GRID_PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
 
 
@@ -50,11 +50,11 @@ class _Quality:
     Attributes
     ----------
     part_faces : int
-        Faces of the parts that a connected piece of many is divided into before any is laid flat.
+        Faces of the parts that a large connected piece is divided into before flattening.
     whole_faces : int
-        Faces of the largest piece that is not.
+        Faces of the largest piece that is not divided.
     most_l2 : float
-        Stretch of a part up to which it becomes one chart.
+        Largest stretch at which a part becomes one chart.
     """
 
     part_faces: int
@@ -84,26 +84,26 @@ def cut_charts(
     Parameters
     ----------
     mesh : Mesh
-        Non-manifold edges, duplicate and degenerate faces are taken as they come. A degenerate
-        face gets one coordinate for its three corners, of a chart that it touches if there is one.
+        Non-manifold edges, duplicate and degenerate faces are allowed. A degenerate face gets one
+        coordinate for its three corners, if possible of a chart that it touches.
     points : (V, 3) float64, optional
-        Those of `snapped_points`; None to find them.
+        The points of `snapped_points`; None to compute them.
     quality : str
         `fast`, `good` or `best`: how large charts get, and how much they may stretch.
     timeout : float, optional
-        Seconds after which xatlas is given up on a batch; None leaves 60 s and 10 ms a face.
+        Seconds after which xatlas is stopped on a batch; None allows 60 s plus 10 ms per face.
     regions : (F,) int32, optional
         Faces of different regions never share a chart.
     threads : int, optional
-        Most threads, and processes of xatlas, at a time; None for one a processor. The charts are
-        the same for any number.
+        Largest number of threads, and of xatlas processes; None for one per processor. The charts
+        are the same for any number.
     advance : callable, optional
-        Called with the number of faces just done, of about all.
+        Called with the number of faces just done.
 
     Returns
     -------
     Charts
-        Its notes say what xatlas failed on; that is cut by its normals.
+        The notes say where xatlas failed and faces were cut by their normals.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def cut_charts(
         pieces, batches = _laid_flat(
             points, corners, regions, _QUALITIES[quality], threads, advance
         )
-        advance = None  # it was told of all faces
+        advance = None  # all faces have been counted
     more, notes = xatlas_charts(
         points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
     )
@@ -142,7 +142,7 @@ def _laid_flat(
     threads: int | None,
     advance: Callable[[int], None] | None,
 ) -> tuple[list[tuple[IntArray, Charts]], list[IntArray]]:
-    """Charts of the parts that are disks, and the other faces in batches."""
+    """Charts of the parts that are disks, and batches of the other faces."""
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
     opposite = opposite_half_edges(corners, solid=solid, regions=regions)
     labels = divided_parts(
@@ -175,10 +175,10 @@ def _laid_flat(
 def snapped_points(mesh: Mesh) -> FloatArray:
     """(V, 3) float64: positions in the unit cube about the origin, on a grid of 2^-20.
 
-    The longest side of the bounding box is 1. Meshes that differ in scale or place have equal
-    points as far as their positions carry them.
+    The longest side of the bounding box is 1. Meshes that differ only in scale or position have
+    equal points, as far as the precision of their positions allows.
     """
-    # Positions that no face uses may lie anywhere, also where numbers overflow.
+    # Unused positions may lie anywhere, also where numbers overflow.
     with np.errstate(over="ignore"):
         local = np.clip(LocalFrame.around(mesh).to_local(mesh.positions), -1.0, 1.0)
     used = local[mesh.faces.ravel()]
@@ -191,9 +191,9 @@ def _why_nothing(mesh: Mesh) -> str:
     if degenerate_faces(mesh).all():
         return (
             f"{mesh.name}: none of its {mesh.n_faces} faces has an area; "
-            "look for what is wrong with: texbake info"
+            "look for the cause with: texbake info"
         )
     return (
         f"{mesh.name}: each of its {mesh.n_faces} faces is narrower than 4 millionths of the size "
-        "of the mesh; remove what lies far away, or take the mesh apart"
+        "of the mesh; remove parts that lie far away, or split the mesh"
     )

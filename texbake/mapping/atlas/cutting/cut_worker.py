@@ -1,12 +1,12 @@
-"""The child process that runs xatlas: meshes in on stdin, their charts out on stdout.
+"""The child process that runs xatlas: it reads meshes from stdin and writes their charts to stdout.
 
-Run as a script, by `xatlas_charts.py`, with nothing of texbake loaded, so that it starts in little
-more than the time that numpy takes to load.
+`xatlas_charts.py` runs it as a script, which loads nothing of texbake, so that it starts in little
+more time than numpy takes to load.
 
 In: V and F, uint64; points (V, 3) float32; faces (F, 3) uint32.
-Out: T and F, uint64; coordinates (T, 2) float32 in texels of xatlas' own atlas; chart ids (T,)
-uint32, which are 2^32 - 1 for coordinates that lie in no chart; faces (F, 3) uint32. Where there
-are no charts, T and F are 0.
+Out: T and F, uint64; coordinates (T, 2) float32, in texels of xatlas' own atlas; chart ids (T,)
+uint32, which are 2^32 - 1 for coordinates without a chart; faces (F, 3) uint32. T and F are 0 if
+there are no charts.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import signal
 import sys
 from typing import BinaryIO
 
-# An interrupt is for the process that started this one, which then ends it.
+# An interrupt is handled by the parent process, which then ends this one.
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 import numpy as np  # noqa: E402
@@ -28,17 +28,16 @@ except ImportError as error:
     print(" ".join(str(error).split()), file=sys.stderr)
     sys.exit(3)  # _DOES_NOT_LOAD of `xatlas_charts.py`
 
-# Texels that all charts together are given in xatlas' own packing. Its result is thrown away, so
-# that few are enough; more would make the packing slow and cost precision in small charts, which
-# it blows up to whole texels.
+# Texels of all charts together in xatlas' own packing. That packing is discarded, so that few are
+# enough; more would be slow and cost precision in small charts, which are enlarged to whole texels.
 _ATLAS_TEXELS = 256.0**2
 
-# Texels along the mesh at most. The packing takes very long for charts like long needles.
+# Most texels along the mesh. The packing takes very long for charts like long needles.
 _MOST_TEXELS = 1024.0
 
 
 def cut(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> bytes:
-    """Cut a mesh into charts and flatten them; see the module for what comes back."""
+    """Cut a mesh into charts and flatten them; the module describes the answer."""
     area = _surface_area(points, faces)
     if area == 0.0:
         return bytes(16)
@@ -46,7 +45,7 @@ def cut(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> bytes
     atlas.add_mesh(points, faces)
     packing = xatlas.PackOptions()
     packing.rotate_charts = False  # it transposes charts instead of rotating them
-    packing.rotate_charts_to_axis = False  # done by the packer that comes after
+    packing.rotate_charts_to_axis = False  # texbake's own packer does that
     packing.bilinear = False
     longest = float(np.ptp(points, axis=0).max())
     packing.texels_per_unit = min((_ATLAS_TEXELS / area) ** 0.5, _MOST_TEXELS / longest)
@@ -68,7 +67,7 @@ def _surface_area(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]
 
 
 def _answer(requests: BinaryIO, answers: BinaryIO) -> bool:
-    """Answer one request; whether there was one."""
+    """Answer one request; return whether there was one."""
     head = requests.read(8)
     if len(head) < 8:
         return False
@@ -88,7 +87,7 @@ def main() -> None:
     os.dup2(2, 1)  # what a library prints must not get into an answer
     while _answer(sys.stdin.buffer, answers):
         pass
-    # Without the tear-down of interpreter and libraries, which has nothing left to do.
+    # Skips the tear-down of the interpreter and libraries, which have nothing left to do.
     os._exit(0)
 
 

@@ -1,9 +1,9 @@
-"""Parts of a mesh laid flat whole, each as one chart, and divided where that stretches too much.
+"""Parts of a mesh flattened whole, each as one chart, and divided where that stretches too much.
 
 Most parts of a scan are disks of little curvature, however rough they are. They need no cuts: the
 layout of least symmetric Dirichlet energy is found faster than xatlas cuts them, and without the
-many small charts that it makes of rough surfaces. A part that curves too much is divided into two
-and these again, as long as that lowers the stretch: the stretch of noise does not go away by cuts.
+many small charts that xatlas makes of rough surfaces. A part that curves too much is halved, again
+and again, as long as that lowers the stretch; cuts do not remove the stretch of noise.
 """
 
 from __future__ import annotations
@@ -25,33 +25,34 @@ from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
-# A part of fewer faces is not divided any more.
+# A part of fewer faces is not divided further.
 _FEWEST_FACES = 24
 
-# Dividing helps if it leaves less than this share of the stretch above 1: of a smooth surface a
-# quarter or so is left, of noise nearly all. Where it does not help, so much is taken as it is.
+# Dividing helps if it leaves less than `_HELP` of the stretch above 1: on a smooth surface about a
+# quarter is left, on noise nearly all. Where it does not help, a stretch of `_MOST_NOISE` is
+# accepted.
 _HELP = 0.9
 _MOST_NOISE = 1.25
 
-# A layout of which more lies on itself is of no use; less is cut off afterwards.
+# A layout of which a greater share overlaps itself is useless; less is cut off afterwards.
 _MOST_OVERLAP = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Disk:
-    """Faces laid flat together.
+    """Faces flattened together.
 
     Attributes
     ----------
     face_ids : (m,) int32
-        Of the mesh.
+        Faces of the mesh.
     faces : (m, 3) int32
         Indices into `uvs`.
     uvs : (n, 2) float64
     area : float
-        In space.
+        Area in space.
     l2 : float
-        Stretch.
+        L2 stretch.
     """
 
     face_ids: IntArray
@@ -70,40 +71,40 @@ def disk_charts(
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
-    """Lay parts of a mesh flat side by side, each in as few charts as the stretch allows.
+    """Flatten parts of a mesh, each in as few charts as the stretch allows.
 
     Parameters
     ----------
     points : (V, 3) float64
-        On the grid, in the unit cube.
+        Points on the grid, in the unit cube.
     corners : (F, 3) int32
-        Of the faces of the mesh: indices into `points`.
+        Corners of the mesh's faces: indices into `points`.
     parts : sequence of Part
     most_l2 : float
-        Stretch that a chart may have, unless less cannot be had.
+        Largest stretch of a chart, unless dividing does not lower it.
     threads : int, optional
         None for every processor; the charts are the same for any number.
     advance : callable, optional
-        Called with the number of faces just done, also of those that are left.
+        Called with the number of faces just done, including those that are left.
 
     Returns
     -------
     pieces : list of ((m,) int32, Charts)
         Faces of each part, and their charts.
     left : (k,) int32
-        Faces that could not be laid flat so, ascending.
+        Faces that could not be flattened, ascending.
     """
     laid: list[tuple[list[Disk], list[IntArray]]] = [([], [])] * len(parts)
     charts: list[Charts | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
 
-    n_told = 0
+    n_counted = 0
 
-    def told(n_parts: int) -> None:
-        # Parts are of like size: which of them is done makes no difference.
-        nonlocal n_told
-        done = order[n_told : n_told + n_parts]
-        n_told += n_parts
+    def count(n_parts: int) -> None:
+        # Parts are of similar size, so that it does not matter which of them are done.
+        nonlocal n_counted
+        done = order[n_counted : n_counted + n_parts]
+        n_counted += n_parts
         if advance is not None:
             advance(sum(len(parts[number].face_ids) for number in done))
 
@@ -114,7 +115,7 @@ def disk_charts(
             laid[number] = disks, left
             charts[number] = _charts_of(points, corners, disks) if disks else None
 
-    run_bands(lay, len(parts), band=1, threads=threads, advance=told)
+    run_bands(lay, len(parts), band=1, threads=threads, advance=count)
     pieces = [
         (np.concatenate([disk.face_ids for disk in disks]), made)
         for (disks, _), made in zip(laid, charts, strict=True)
@@ -137,7 +138,7 @@ def _charts_of(points: FloatArray, corners: IntArray, disks: Sequence[Disk]) -> 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
-    """A part, and its layout in one piece, if it has one."""
+    """A part, and its layout in one piece if there is one."""
 
     part: Part
     disk: Disk | None
@@ -146,12 +147,12 @@ class _Attempt:
 def _flat_disks(
     points: FloatArray, corners: IntArray, whole: _Attempt, most_l2: float
 ) -> tuple[list[Disk], list[IntArray]]:
-    """Lay a connected part flat, in several pieces if need be; what cannot be so comes second."""
+    """Flatten a connected part, divided if necessary; faces that cannot be flattened come second."""
     if whole.disk is not None and whole.disk.l2 <= most_l2:
         return [whole.disk], []
     halves = _halves(points, corners, whole.part)
     if whole.disk is not None and whole.disk.l2 <= _MOST_NOISE and not _is_help(halves, whole.disk):
-        # The cut may have been an unlucky one, so that another is tried.
+        # The cut may have been unlucky, so that a second one is tried.
         quarters = [part for half in halves for part in _halves(points, corners, half.part)]
         if not _is_help(quarters, whole.disk):
             return [whole.disk], []
@@ -167,9 +168,9 @@ def _flat_disks(
 
 
 def _is_help(pieces: Sequence[_Attempt], whole: Disk) -> bool:
-    """Whether dividing a part lowers its stretch as it does where the surface curves.
+    """Whether dividing a part lowers its stretch, as it does where the surface curves.
 
-    A piece that could not be laid flat tells nothing against it: it is divided further.
+    A piece that could not be flattened does not count against it, since it is divided further.
     """
     if not pieces:
         return False
@@ -182,10 +183,10 @@ def _is_help(pieces: Sequence[_Attempt], whole: Disk) -> bool:
 
 
 def _attempt(points: FloatArray, corners: IntArray, part: Part) -> _Attempt:
-    """Lay all faces out together, unless they come to lie on each other too much."""
+    """Flatten all faces together, unless too many of them overlap."""
     half_edges = np.flatnonzero(part.opposite >= 0).astype(np.int32)
     across = part.opposite[half_edges]
-    # Corners are one vertex where the faces between them are connected: each vertex has one fan.
+    # Corners become one vertex if the faces between them are connected: each vertex has one fan.
     vertices = merged_labels(
         part.opposite.size, half_edges, next_half_edges(across).astype(np.int32)
     )
@@ -208,12 +209,12 @@ def _attempt(points: FloatArray, corners: IntArray, part: Part) -> _Attempt:
 
 
 def _halves(points: FloatArray, corners: IntArray, part: Part) -> list[_Attempt]:
-    """Two or three parts of like size; none where there are too few faces."""
+    """Two or three parts of similar size; none if there are too few faces."""
     n_faces = len(part.face_ids)
     if n_faces < _FEWEST_FACES:
         return []
     whole = np.zeros(n_faces, dtype=np.int32)
-    for n_parts in (2, 4, 8):  # where the second part does not grow, more of them may
+    for n_parts in (2, 4, 8):  # if a second part does not grow, several smaller ones may
         labels = divided_parts(
             points,
             corners[part.face_ids],

@@ -30,35 +30,35 @@ from texbake.mapping.kernels.face_graph import (
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# Units that make a step between neighbors of mean distance, and the longest step. The first is no
-# round number, so that the steps of regular meshes do not lie halfway between two whole numbers.
+# Length of a step between neighbors at the mean distance. It is not a round number, so that the
+# steps of regular meshes do not lie halfway between two whole numbers.
 _UNITS_A_STEP = 4.236
 
-# A step over a right angle is longer than one on a plane by this many times.
+# How many times longer a step across a right angle is than one on a plane.
 _CREASE = 30.0
 
-# Normals are averaged over the neighbors this often first, so that noise makes no creases.
+# Rounds of averaging normals over neighbors beforehand, so that noise makes no creases.
 _SMOOTHINGS = 1
 
 _ITERATIONS = 3
 
-# Parts stop growing at this many times the size that they should have ...
+# Parts stop growing at this multiple of their intended size ...
 _MOST = 1.5
 
-# ... and what stays smaller than this share is given to a neighbor.
+# ... and parts below this share of it go to a neighbor.
 _LEAST = 0.25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Some faces of a mesh, and how they hang together by themselves.
+    """Some faces of a mesh, and which of them are neighbors.
 
     Attributes
     ----------
     face_ids : (m,) int32
-        Of the mesh, ascending.
+        Faces of the mesh, ascending.
     opposite : (3 m,) int32
-        Half-edge on the other side of each, among those of the part; -1 where there is none.
+        Opposite of each half-edge, numbered within the part; -1 where there is none.
     """
 
     face_ids: IntArray
@@ -79,22 +79,22 @@ def divided_parts(
     Parameters
     ----------
     points : (V, 3) float64
-        On the grid, in the unit cube.
+        Points on the grid, in the unit cube.
     faces : (F, 3) int32
         Indices into `points`.
     opposite : (3 F,) int32
-        Half-edge on the other side of each, -1 where there is none.
+        Opposite of each half-edge, -1 where there is none.
     parts : (F,) int32
-        Each connected, numbered from 0 without gaps.
+        Part of each face: connected, and numbered from 0 without gaps.
     part_faces : int
-        Faces that the new parts should have.
+        Number of faces that new parts should have.
     whole_faces : int
-        A part of at most so many faces stays whole.
+        A part of at most this many faces stays whole.
 
     Returns
     -------
     (F,) int32
-        Each connected, numbered from 0 without gaps; new parts come after those that stayed whole.
+        Part of each face: connected, and numbered from 0 without gaps; new parts come last.
     """
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
@@ -116,7 +116,7 @@ def divided_parts(
 
 
 def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
-    """Make a part of the faces of each label, of those from 0; those of others are left out.
+    """Make a part of the faces of each label from 0 on; faces with negative labels are left out.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
 
 
 def _steps(points: FloatArray, faces: IntArray, neighbors: IntArray) -> IntArray:
-    """(F, 3) int32: length of the step to each neighbor, from 1 to `LONGEST_STEP`."""
+    """(F, 3) int32: distance to each neighbor, from 1 to `LONGEST_STEP`."""
     corners = points[faces]
     centroids = corners.mean(axis=1)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -161,13 +161,13 @@ def _steps(points: FloatArray, faces: IntArray, neighbors: IntArray) -> IntArray
 
 
 def _centers(neighbors: IntArray, steps: IntArray, labels: IntArray, least: int) -> IntArray:
-    """(n,) int32: the face farthest from its border, of every label that `least` faces have."""
+    """(n,) int32: the face farthest from the border, of every label with at least `least` faces."""
     ends = (labels[neighbors] != labels[:, None]) | (neighbors < 0)
     border = np.flatnonzero(ends.any(axis=1) & (labels >= 0)).astype(np.int32)
     reached = np.where(labels >= 0, OPEN, CLOSED)
     distances = _flood(neighbors, steps, reached, border, labels[border], labels, len(labels))
     faces = np.flatnonzero(labels >= 0)
-    # The first of the farthest; a face that nothing bounds is as far as any.
+    # The first of the farthest faces; one without any border is as far as possible.
     keys = distances[faces].astype(np.int64) << 32 | (FAR - faces)
     farthest = np.full(int(labels.max()) + 1, -1, dtype=np.int64)
     np.maximum.at(farthest, labels[faces], keys)
@@ -176,7 +176,7 @@ def _centers(neighbors: IntArray, steps: IntArray, labels: IntArray, least: int)
 
 
 def _without_pockets(neighbors: IntArray, labels: IntArray, least: int) -> IntArray:
-    """Give every label of less than `least` faces to the one that it shares most sides with."""
+    """Merge every label of fewer than `least` faces into the one that it shares most sides with."""
     sizes = np.bincount(labels[labels >= 0])
     faces, sides = np.nonzero((neighbors >= 0) & (labels >= 0)[:, None])
     small, large = labels[faces].astype(np.int64), labels[neighbors[faces, sides]]
@@ -197,10 +197,10 @@ def _flood(
     within: IntArray,
     most: int,
 ) -> IntArray:
-    """Give open faces the label of the source that is nearest to them, by steps between neighbors.
+    """Give each open face the label of its nearest source, and return (F,) int32 distances.
 
     No step crosses from one value of `within` to another, and no label gets more than `most` faces.
-    `labels` is filled in; returns (F,) int32 distances.
+    `labels` is written to.
     """
     distances = np.full(len(labels), FAR, dtype=np.int32)
     sizes = np.zeros(int(source_labels.max(initial=-1)) + 1, dtype=np.int32)
@@ -212,13 +212,13 @@ def _flood(
 
 
 def _seed(neighbors: IntArray, steps: IntArray, labels: IntArray, part_faces: int) -> None:
-    """Give the open faces new labels, in patches of at most `part_faces` grown one by one."""
+    """Give the open faces new labels, in patches of at most `part_faces` faces."""
     queue = np.empty((3 * len(labels) + 1, 3), dtype=np.int32)
     seed_kernel(neighbors, steps, labels, part_faces, np.full(len(labels), FAR, np.int32), queue)
 
 
 def connected_parts(opposite: IntArray) -> IntArray:
-    """(F,) int32: number of the connected piece that each face is in, by first faces."""
+    """(F,) int32: connected piece of each face, numbered in the order of first faces."""
     half_edges = np.flatnonzero(opposite > np.arange(len(opposite))).astype(np.int32)
     return merged_labels(len(opposite) // 3, half_edges // 3, opposite[half_edges] // 3)
 
@@ -231,18 +231,18 @@ def face_batches(
     part_faces: int,
     regions: IntArray,
 ) -> list[IntArray]:
-    """Spread some faces of a mesh over batches.
+    """Divide some faces of a mesh into batches that xatlas cuts one at a time.
 
     Parameters
     ----------
     points : (V, 3) float64
-        On the grid, in the unit cube.
+        Points on the grid, in the unit cube.
     corners : (F, 3) int32
-        Of the faces of the mesh: indices into `points`.
+        Corners of the mesh's faces: indices into `points`.
     part : Part
         The faces, which need not be connected.
     part_faces : int
-        Faces that a batch should have; a connected piece of half as many more is not divided.
+        Number of faces that a batch should have; a connected piece is divided above 1.5 times that.
     regions : (F,) int32
         Faces of different regions are in different batches.
 
@@ -265,15 +265,15 @@ def face_batches(
 
 
 def _batched(parts: IntArray, pieces: IntArray, regions: IntArray, batch_faces: int) -> IntArray:
-    """(F,) int32: batch of each face. A part of a divided piece is one; the others share them.
+    """(F,) int32: batch of each face. Each part of a divided piece is one; small pieces share one.
 
-    Pieces that share a batch do not touch along edges of two faces, so nothing is joined again.
+    Pieces that share a batch have no common edges, so that nothing is joined again.
     """
     sizes = np.bincount(parts)
     first = np.unique(parts, return_index=True)[1]
     piece_of, region_of = pieces[first], regions[first]
     divided = np.bincount(piece_of)[piece_of] > 1
-    # A new batch begins where the faces so far fill another.
+    # A new batch begins whenever the faces so far fill one.
     order = np.argsort(region_of, kind="stable")
     shared = np.where(divided, 0, sizes)[order]
     numbers = np.empty(len(sizes), dtype=np.int64)

@@ -20,25 +20,25 @@ from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import connected_faces, edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# Cells along the longest side of the bounding box of the grid that points are snapped to.
-# Positions that lie 1e6 sizes away from the origin carry 2^-33 of the size; with cells this much
-# wider, hardly one coordinate in a thousand changes its cell by such a move.
+# Cells of the grid that points are snapped to, along the longest side of the bounding box.
+# Positions 1e6 sizes away from the origin are precise to 2^-33 of the size; with cells this much
+# wider, hardly one coordinate in a thousand changes its cell after such a move.
 GRID_CELLS = 2.0**20
 
-NO_CHART = 2**32 - 1  # of coordinates that lie in none
+NO_CHART = 2**32 - 1  # chart id of coordinates without a chart
 _TINY = np.finfo(np.float64).tiny
 _NONE = np.empty(0, dtype=np.intp)
 
-# Most L2 stretch of a face: what is squashed or sheared more, or mirrored, has lost its shape.
+# Most L2 stretch of a face: one that is squashed or sheared more, or mirrored, has lost its shape.
 _MOST_STRETCH = 10.0
 
-# Faces narrower than this in space lose their shape by the snapping to the grid, which moves each
-# corner by up to half a cell in each direction. Those are taken out if their stretch is more than
-# this: nothing could be seen of them.
+# Faces narrower than this in space lose their shape by snapping to the grid, which moves each
+# corner by up to half a cell in each direction. They are taken out if their stretch is more than
+# `_MOST_SLIVER_STRETCH`; nobody could see them.
 _SLIVER_WIDTH = 4.0 / GRID_CELLS
 _MOST_SLIVER_STRETCH = 4.0
 
-# Overlaps no deeper than this are two borders that snapping brought together.
+# Overlaps up to this depth are two borders that snapping brought together.
 OVERLAP_DEPTH = 0.5 / GRID_CELLS
 
 
@@ -50,7 +50,7 @@ def mended_charts(
     *,
     even: bool = True,
 ) -> Charts | None:
-    """Turn what xatlas gives into charts that neither overlap nor are mirrored.
+    """Repair charts so that none is mirrored or overlaps itself.
 
     Parameters
     ----------
@@ -59,17 +59,17 @@ def mended_charts(
     faces : (F, 3) int
         Indices into `uvs`.
     uvs : (T, 2) float
-        Coordinates; those of a chart are meaningful up to a linear map.
+        Coordinates; those of a chart are known up to a linear map.
     chart_ids : (T,) int
-        2^32 - 1 for coordinates that lie in no chart.
+        `NO_CHART` for coordinates without a chart.
     even : bool
-        Whether charts get the linear map that makes their stretch even, and their area in space;
-        or have both already.
+        Give each chart the linear map that evens out its stretch, and the area of its faces in
+        space. False if charts have both already.
 
     Returns
     -------
     Charts or None
-        None where no face has an area.
+        None if no face has an area.
     """
     solid = np.flatnonzero((chart_ids[faces] != NO_CHART).all(axis=1)) if len(uvs) else _NONE
     if len(solid) == 0:
@@ -105,7 +105,7 @@ def mended_charts(
 def _renumbered(
     faces: npt.NDArray[np.int64], chart_ids: npt.NDArray[np.integer[Any]]
 ) -> tuple[npt.NDArray[np.int64], IntArray, npt.NDArray[np.int64]]:
-    """Coordinates that faces use, the charts of those numbered without gaps, and the faces."""
+    """Coordinates that faces use, their charts numbered without gaps, and the faces renumbered."""
     kept, new_faces = np.unique(faces, return_inverse=True)
     _, ids = np.unique(chart_ids[kept], return_inverse=True)
     return kept, ids.astype(np.int32), new_faces.reshape(-1, 3)
@@ -138,16 +138,16 @@ def _taken_apart(
     chart_ids: IntArray,
     lost: npt.NDArray[np.bool_],
 ) -> tuple[npt.NDArray[np.int64], FloatArray, IntArray]:
-    """Make charts of their own of `lost` faces, laid out anew, and of faces that lie on others.
+    """Make `lost` faces, flattened anew, and faces that overlap others into charts of their own.
 
-    Returns faces, coordinates and their chart ids; some coordinates may be in no use any more.
+    Returns faces, coordinates and their chart ids; some coordinates may no longer be used.
     """
     charts = chart_ids[faces[:, 0]]
     layers = overlap_layers(uvs[faces], charts, depth=OVERLAP_DEPTH)
     layers[lost] = 0
     if not (layers.any() or lost.any()):
         return faces, uvs, chart_ids
-    # What is left of a chart may fall apart as well, or one part would enclose another.
+    # The rest of a chart may fall apart too; otherwise one part could enclose another.
     torn = np.isin(charts, charts[(layers > 0) | lost])
     n_layers = int(layers.max()) + 1
     joints = np.where(torn[:, None], faces * n_layers + layers[:, None], 0)
@@ -164,7 +164,7 @@ def _taken_apart(
 
 
 def _laid_flat(corners: FloatArray) -> FloatArray:
-    """(F, 3, 2) float64: triangles laid into the plane with their lengths, counter-clockwise."""
+    """(F, 3, 2) float64: triangles placed in the plane, with their lengths, counter-clockwise."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     lengths = np.linalg.norm(first, axis=1)
     flat = np.zeros((len(corners), 3, 2))
@@ -177,7 +177,7 @@ def _laid_flat(corners: FloatArray) -> FloatArray:
 def _turned_over(
     uvs: FloatArray, faces: npt.NDArray[np.int64], chart_ids: IntArray
 ) -> tuple[FloatArray, int]:
-    """Move each chart to the origin and mirror those with a negative area; and their number."""
+    """Move each chart to the origin, mirror those of negative area, and count these."""
     counts = np.bincount(chart_ids)
     means = [np.bincount(chart_ids, uvs[:, axis]) / counts for axis in (0, 1)]
     centered = uvs - np.stack(means, axis=1)[chart_ids]
@@ -191,9 +191,9 @@ def _evened(
 ) -> FloatArray:
     """Give each chart the linear map that evens out its stretch, and its area in space.
 
-    With J the Jacobian of a face from space to texture and A its area in space, H = Σ A J Jᵀ is a
-    multiple of the identity where the chart is stretched alike in all directions, and H^(-1/2) is
-    the linear map that makes it so; of all maps that keep areas it leaves the least Dirichlet
+    Let J be the Jacobian of a face from space to texture and A its area in space. H = Σ A J Jᵀ is a
+    multiple of the identity if the chart is stretched equally in all directions, and H^(-1/2) is
+    the linear map that makes it so; of all maps that keep areas, it leaves the least Dirichlet
     energy.
     """
     face_charts = chart_ids[faces[:, 0]]
@@ -215,10 +215,10 @@ def _evened(
 
 
 def _inverse_square_roots(matrices: FloatArray) -> FloatArray:
-    """H^(-1/2) of symmetric positive (n, 2, 2) matrices; the identity for one that is singular."""
+    """H^(-1/2) of symmetric positive (n, 2, 2) matrices; the identity for a singular one."""
     roots_det = np.sqrt(np.maximum(np.linalg.det(matrices), 0.0))
     traces = np.trace(matrices, axis1=1, axis2=2)
-    singular = roots_det <= 1e-12 * traces  # a chart of 1 : 1e12 has no second direction
+    singular = roots_det <= 1e-12 * traces  # a chart 1e12 times as long as wide has no width
     roots_det, traces = np.where(singular, 1.0, roots_det), np.where(singular, 2.0, traces)
     matrices = np.where(singular[:, None, None], np.eye(2), matrices)
     # Cayley and Hamilton: H^(1/2) = (H + √|H| 1) / √(tr H + 2 √|H|), of determinant √|H|.
