@@ -20,8 +20,7 @@ import numpy.typing as npt
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray, SurfaceEdges, make_finding
 from texbake.checks.finding import Finding
 from texbake.checks.kernels import orient_kernel
-from texbake.mapping.adjacency import next_half_edges
-from texbake.mapping.seams import connected_faces
+from texbake.mapping.seams import connected_faces, next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
 from texbake.checks.finding import Finding
 from texbake.checks.kernels import crossings_kernel
-from texbake.mapping.adjacency import merged_labels, next_half_edges
+from texbake.mapping.seams import merged_labels, next_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
 from texbake.mesh.triangle_tree import TriangleTree
