@@ -145,13 +145,13 @@ from .jobs.uv_pictures import (
     render_checker as render_checker,
     write_layout as write_layout,
 )
+from .mapping.classical.projector import read_matrix as read_matrix
 from .mapping.distortion import (
     Distortion as Distortion,
     distortion as distortion,
 )
 from .mapping.layout import draw_layout as draw_layout
 from .mapping.layout_svg import layout_svg as layout_svg
-from .mapping.matrix_file import read_matrix as read_matrix
 from .mapping.options import UnwrapOptions as UnwrapOptions
 from .mapping.unwrap import (
     UnwrapReport as UnwrapReport,
