@@ -8,6 +8,7 @@ imported here, so that a help page costs nothing.
 
 from __future__ import annotations
 
+import ast
 import math
 import sys
 import types
@@ -138,6 +139,8 @@ class OptionField:
             wanted = [f"one of {', '.join(map(str, words))}"] if words else []
             wanted += map(_kind_words, numeric)
             neither = "neither" if len(wanted) > 1 else "not"
+            if isinstance(value, tuple) and any(map(_is_several_words, self.kinds)):
+                value = next(item for item in value if not _is_word(item, words))
             shown = value if words and isinstance(value, str) else repr(value)
             raise OptionError(f"{self.name}: {shown} is {neither} {' nor '.join(wanted)}")
 
@@ -231,10 +234,15 @@ def _hint_of(kind: type, item: Field[Any]) -> Any:
     if not isinstance(item.type, str):
         return item.type
     owner = next(base for base in kind.__mro__ if item.name in get_annotations(base))
+    names = vars(sys.modules[owner.__module__])
     try:
-        return eval(item.type, vars(sys.modules[owner.__module__]))
+        return eval(item.type, names)
     except NameError:
-        return Any
+        parts = ast.parse(item.type, mode="eval").body
+        if not (isinstance(parts, ast.Subscript) and isinstance(parts.slice, ast.Tuple)):
+            return Any
+        said = eval(ast.unparse(parts.slice.elts[1]), names)
+        return Annotated[Any, said] if isinstance(said, Option) else Any
 
 
 @cache

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from texbake.errors import OptionError
 from texbake.rendering.scene.textures import ImageTexture, Rgb
+from texbake.schema import Option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,8 +34,12 @@ class Shadow:
     `filter_radius` is that of percentage-closer filtering, in texels; 0 compares one texel.
     """
 
-    size: int = 1024
-    filter_radius: float = 1.5
+    size: Annotated[
+        int, Option("Width of the shadow map in texels, for a point light of each cube face.")
+    ] = 1024
+    filter_radius: Annotated[
+        float, Option("Radius in texels of percentage-closer filtering; 0 gives hard edges.")
+    ] = 1.5
 
     def __post_init__(self) -> None:
         if not 1 <= self.size <= 16384:
@@ -45,46 +50,46 @@ class Shadow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Light:
-    """A light.
+    """A light."""
 
-    Attributes
-    ----------
-    kind : str
-        `directional` (from infinitely far), `point` or `spot`.
-    color, intensity : (r, g, b) linear, float
-        Their product is what a white surface that faces a directional light reflects; a point or
-        spot light gives that at distance 1, and 1 / d^2 of it at distance d (`decay` 0: everywhere
-        the same).
-    position : (x, y, z)
-        Of point and spot lights; world space.
-    direction : (x, y, z)
-        That the light goes, of directional and spot lights; any length but 0.
-    angle, blend : float
-        A spot's whole cone in degrees, and the share of its half angle over which it fades.
-    shadow : Shadow, optional
-        None: it casts none.
-    profile : ImageTexture, optional
-        A slide in a spot: its light is multiplied by the picture, upright along `up`.
-    static : bool
-        Whether light maps are to hold it.
-    follows_camera : bool
-        Whether `position` and `direction` are right, up and back of the camera instead.
-    """
-
-    name: str = "light"
-    kind: str = "directional"
-    color: Rgb = (1.0, 1.0, 1.0)
-    intensity: float = 1.0
-    position: Vector = (0.0, 0.0, 0.0)
-    direction: Vector = (0.0, -1.0, 0.0)
-    up: Vector = (0.0, 1.0, 0.0)
-    angle: float = 45.0
-    blend: float = 0.15
-    decay: float = 2.0
-    shadow: Shadow | None = None
-    profile: ImageTexture | None = None
-    static: bool = True
-    follows_camera: bool = False
+    name: Annotated[str, Option("Name of the light in messages and in the plan.")] = "light"
+    kind: Annotated[
+        str, Option("Light from infinitely far (directional), from a point, or in a cone (spot).")
+    ] = "directional"
+    color: Annotated[Rgb, Option("Linear color of the light.")] = (1.0, 1.0, 1.0)
+    intensity: Annotated[
+        float, Option("Factor of the color; point and spot lights have it at distance 1.")
+    ] = 1.0
+    position: Annotated[Vector, Option("Position of a point or spot light in world space.")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    direction: Annotated[
+        Vector, Option("Direction in which a directional or spot light shines.")
+    ] = (0.0, -1.0, 0.0)
+    up: Annotated[Vector, Option("Direction that is up in the profile of a spot light.")] = (
+        0.0,
+        1.0,
+        0.0,
+    )
+    angle: Annotated[float, Option("Angle of the whole cone of a spot light in degrees.")] = 45.0
+    blend: Annotated[
+        float, Option("Share of the half angle over which a spot light fades out.")
+    ] = 0.15
+    decay: Annotated[
+        float, Option("Power by which a point or spot light falls with distance; 0 for none.")
+    ] = 2.0
+    shadow: Annotated[
+        Shadow | None, Option("Shadow map of the light; without it the light casts no shadows.")
+    ] = None
+    profile: Annotated[
+        ImageTexture | None, Option("Image that a spot light projects, as a slide.")
+    ] = None
+    static: Annotated[bool, Option("Whether light maps contain the light.")] = True
+    follows_camera: Annotated[
+        bool, Option("Whether position and direction are right, up and back of the camera.")
+    ] = False
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -108,8 +113,11 @@ class Light:
 class Ambient:
     """Light from everywhere: `color` from above, `ground` from below (None: the same)."""
 
-    color: Rgb = (0.0, 0.0, 0.0)
-    ground: Rgb | None = None
+    color: Annotated[Rgb, Option("Linear color of ambient light from above.")] = (0.0, 0.0, 0.0)
+    ground: Annotated[
+        Rgb | None,
+        Option("Linear color of ambient light from below; without it the same as from above."),
+    ] = None
 
     def __post_init__(self) -> None:
         _check_color("ambient.color", self.color)
@@ -125,14 +133,30 @@ class Environment:
     it where there is none. `rotate` turns it about the up axis, in degrees.
     """
 
-    image: PathLike | Image | npt.NDArray[np.float32] | None = None
-    faces: tuple[PathLike | Image | npt.NDArray[np.float32], ...] = ()
-    color: Rgb = (0.0, 0.0, 0.0)
-    intensity: float = 1.0
-    rotate: float = 0.0
-    background: bool = True
-    lighting: bool = False
-    size: int = 512
+    image: Annotated[
+        PathLike | Image | npt.NDArray[np.float32] | None,
+        Option(
+            "Latitude-longitude image, twice as wide as high, or studio for a room with soft lamps."
+        ),
+    ] = None
+    faces: Annotated[
+        tuple[PathLike | Image | npt.NDArray[np.float32], ...],
+        Option("Six images of a cube map: +x, -x, +y, -y, +z, -z."),
+    ] = ()
+    color: Annotated[Rgb, Option("Linear color of an environment without an image.")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    intensity: Annotated[float, Option("Factor of the environment.")] = 1.0
+    rotate: Annotated[
+        float, Option("Angle in degrees by which the environment is turned about the up axis.")
+    ] = 0.0
+    background: Annotated[bool, Option("Whether the environment is seen behind the objects.")] = (
+        True
+    )
+    lighting: Annotated[bool, Option("Whether the environment lights the objects.")] = False
+    size: Annotated[int, Option("Width in texels of each face of its cube map.")] = 512
 
     def __post_init__(self) -> None:
         if self.image is not None and self.faces:
@@ -152,11 +176,13 @@ class Environment:
 class Fog:
     """What light fades into over distance: `linear` from start to end, `exp` or `exp2`."""
 
-    color: Rgb = (0.5, 0.55, 0.6)
-    mode: str = "exp"
-    density: float = 0.1
-    start: float = 0.0
-    end: float = 10.0
+    color: Annotated[Rgb, Option("Linear color that distant light fades into.")] = (0.5, 0.55, 0.6)
+    mode: Annotated[
+        str, Option("How fog grows with distance: linear from start to end, exp or exp2.")
+    ] = "exp"
+    density: Annotated[float, Option("Density of exponential fog per world unit.")] = 0.1
+    start: Annotated[float, Option("Distance at which linear fog begins.")] = 0.0
+    end: Annotated[float, Option("Distance at which linear fog hides everything.")] = 10.0
 
     def __post_init__(self) -> None:
         _check_color("fog.color", self.color)
@@ -177,9 +203,12 @@ class Fog:
 class AmbientOcclusion:
     """Ambient light that nearby surfaces in the picture hide: within `radius` in model units."""
 
-    radius: float | None = None
-    samples: int = 16
-    strength: float = 1.0
+    radius: Annotated[
+        float | None,
+        Option("Distance within which surfaces occlude one another; without it, by scene size."),
+    ] = None
+    samples: Annotated[int, Option("Samples per pixel.")] = 16
+    strength: Annotated[float, Option("Share of the occlusion that is applied, from 0 to 1.")] = 1.0
 
     def __post_init__(self) -> None:
         if self.radius is not None and not 0.0 < self.radius < math.inf:

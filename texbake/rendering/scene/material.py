@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
@@ -18,6 +19,7 @@ from texbake.rendering.scene.textures import (
     Slot,
     Texture,
 )
+from texbake.schema import Option
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
 BUMP_FORMS = ("blinn", "exact", "emboss")
@@ -50,10 +52,15 @@ class NormalMap:
     tangent space, +Y up. `strength` scales x and y of tangent-space normals, as glTF does.
     """
 
-    texture: ImageTexture
-    space: str | None = None
-    convention: str | None = None
-    strength: float = 1.0
+    texture: Annotated[ImageTexture, Option("Image of normals.")]
+    space: Annotated[
+        str | None, Option("Space of the normals; without it what the file says, else tangent.")
+    ] = None
+    convention: Annotated[
+        str | None,
+        Option("+Y up (opengl) or down (directx); without it what the file says, else opengl."),
+    ] = None
+    strength: Annotated[float, Option("Factor of x and y of tangent-space normals.")] = 1.0
 
     def __post_init__(self) -> None:
         for name, choices in ("space", NORMAL_SPACES), ("convention", CONVENTIONS):
@@ -73,9 +80,11 @@ class BumpMap:
     light, subtracted). `height` is what value 1 stands for, in model units of the object.
     """
 
-    texture: Texture
-    height: float = 0.05
-    form: str = "exact"
+    texture: Annotated[Texture, Option("Image or procedure of heights.")]
+    height: Annotated[float, Option("Height of value 1 in units of the object.")] = 0.05
+    form: Annotated[
+        str, Option("Formula of the tilted normal: exact, blinn (first order) or emboss.")
+    ] = "exact"
 
     def __post_init__(self) -> None:
         if self.form not in BUMP_FORMS:
@@ -94,12 +103,25 @@ class Displacement:
     `height` or `space` is None it is as the file's metadata tells, else 0, 1 and tangent.
     """
 
-    texture: Texture
-    height: float | None = None
-    mid: float | None = None
-    vector: bool = False
-    space: str | None = None
-    edge_px: float | None = 2.0
+    texture: Annotated[Texture, Option("Image or procedure of heights or vectors.")]
+    height: Annotated[
+        float | None,
+        Option("Height of a change of value by 1; without it what the file says, else 1."),
+    ] = None
+    mid: Annotated[
+        float | None,
+        Option("Value that does not move the surface; without it what the file says, else 0."),
+    ] = None
+    vector: Annotated[bool, Option("Whether the three channels are x, y and z of a vector.")] = (
+        False
+    )
+    space: Annotated[
+        str | None, Option("Space of vectors; without it what the file says, else tangent.")
+    ] = None
+    edge_px: Annotated[
+        float | None,
+        Option("Longest edge in pixels of the triangles that the surface is divided into."),
+    ] = 2.0
 
     def __post_init__(self) -> None:
         if self.edge_px is None:
@@ -127,9 +149,11 @@ class Parallax:
     `layers` is the most steps of the search.
     """
 
-    texture: ImageTexture
-    depth: float = 0.05
-    layers: int = 32
+    texture: Annotated[
+        ImageTexture, Option("Image of heights: white is the surface, black the deepest.")
+    ]
+    depth: Annotated[float, Option("Depth of black in units of texture coordinates.")] = 0.05
+    layers: Annotated[int, Option("Most steps of the search along the line of sight.")] = 32
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.depth < math.inf:
@@ -146,10 +170,14 @@ class Reflection:
     middle of this one.
     """
 
-    strength: Slot = 1.0
-    environment: str = "scene"
-    size: int = 256
-    fresnel: bool = False
+    strength: Annotated[
+        Slot, Option("Share of light that is mirrored: a number, color, image or procedure.")
+    ] = 1.0
+    environment: Annotated[
+        str, Option("What is mirrored: the scene's environment, or its objects (rendered).")
+    ] = "scene"
+    size: Annotated[int, Option("Width in texels of each face of a rendered environment.")] = 256
+    fresnel: Annotated[bool, Option("Whether the reflection grows toward grazing angles.")] = False
 
     def __post_init__(self) -> None:
         check_constant("strength", self.strength)
@@ -160,10 +188,14 @@ class Reflection:
 class Refraction:
     """Light seen through the surface, bent once after Snell; total reflection mirrors it."""
 
-    strength: Slot = 1.0
-    index: float = 1.5
-    environment: str = "scene"
-    size: int = 256
+    strength: Annotated[
+        Slot, Option("Share of light that comes through: a number, color, image or procedure.")
+    ] = 1.0
+    index: Annotated[float, Option("Index of refraction.")] = 1.5
+    environment: Annotated[
+        str, Option("What is seen: the scene's environment, or its objects (rendered).")
+    ] = "scene"
+    size: Annotated[int, Option("Width in texels of each face of a rendered environment.")] = 256
 
     def __post_init__(self) -> None:
         check_constant("strength", self.strength)
@@ -190,74 +222,78 @@ class ProjectedTexture:
     replaces the base color by its own opacity times `strength`.
     """
 
-    texture: ImageTexture
-    matrix: FloatArray
-    strength: float = 1.0
+    texture: Annotated[ImageTexture, Option("Image that is projected.")]
+    matrix: Annotated[
+        FloatArray, Option("4 x 4 numbers that take a point of the world to (s, t, r, q).")
+    ]
+    strength: Annotated[float, Option("Factor of the image's opacity.")] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Material:
-    """Slots of a surface.
+    """Slots of a surface."""
 
-    Attributes
-    ----------
-    shading : str
-        `unlit` (base color as it is), `lambert`, `blinn-phong` or `metallic-roughness` (glTF 2.0).
-    base_color : slot
-        C_b, linear; of glTF the base color, whose fourth channel is the opacity of an image.
-    specular, exponent : slot
-        C_s and e of Blinn-Phong.
-    gloss : slot, optional
-        Multiplies `specular`.
-    roughness, metalness : slot
-        Of metallic-roughness.
-    emission : slot, optional
-        Light that the surface gives off.
-    vertex_colors : bool
-        Whether the mesh's colors, taken as linear, multiply `base_color`.
-    ior : float
-        Index of refraction of what is no metal, of metallic-roughness: it reflects
-        ((ior - 1) / (ior + 1))^2 of light head on, 4 % at 1.5.
-    occlusion : slot, optional
-        Multiplies ambient and environment light.
-    occlusion_strength : float
-        How much of `occlusion` o is applied: 1 + strength (o - 1).
-    opacity : slot, optional
-        1 hides what lies behind. It multiplies the fourth channel of an image of `base_color`, and
-        that of vertex colors where those are used.
-    alpha_mode, alpha_cutoff : str, float
-        `blend`, `mask` (what is below the cutoff is not there) or `opaque`.
-    light_map : slot, optional
-        Light that falls on the surface beside the scene's; multiplied by the diffuse color.
-    double_sided : bool, optional
-        Whether back sides are drawn, with their normals turned; None: as the options say.
-    """
-
-    name: str = "material"
-    shading: str = "metallic-roughness"
-    base_color: Slot = (0.8, 0.8, 0.8)
-    vertex_colors: bool = False
-    specular: Slot = (0.2, 0.2, 0.2)
-    exponent: Slot = 32.0
-    gloss: Slot | None = None
-    roughness: Slot = 0.5
-    metalness: Slot = 0.0
-    ior: float = 1.5
-    emission: Slot | None = None
-    occlusion: Slot | None = None
-    occlusion_strength: float = 1.0
-    opacity: Slot | None = None
-    alpha_mode: str = "blend"
-    alpha_cutoff: float = 0.5
-    light_map: Slot | None = None
-    normal_map: NormalMap | None = None
-    bump_map: BumpMap | None = None
-    displacement: Displacement | None = None
-    parallax: Parallax | None = None
-    reflection: Reflection | None = None
-    refraction: Refraction | None = None
-    projected: tuple[ProjectedTexture, ...] = ()
-    double_sided: bool | None = None
+    name: Annotated[str, Option("Name of the material.")] = "material"
+    shading: Annotated[
+        str,
+        Option(
+            "Model of shading: metallic-roughness as in glTF 2.0, unlit, lambert or blinn-phong."
+        ),
+    ] = "metallic-roughness"
+    base_color: Annotated[
+        Slot, Option("Base color; the fourth channel of an image is its opacity.")
+    ] = (0.8, 0.8, 0.8)
+    vertex_colors: Annotated[
+        bool, Option("Whether the mesh's vertex colors multiply the base color.")
+    ] = False
+    specular: Annotated[Slot, Option("Color of the highlight of blinn-phong.")] = (0.2, 0.2, 0.2)
+    exponent: Annotated[Slot, Option("Exponent of the highlight of blinn-phong.")] = 32.0
+    gloss: Annotated[Slot | None, Option("Factor of the specular color.")] = None
+    roughness: Annotated[Slot, Option("Roughness of metallic-roughness, from 0 to 1.")] = 0.5
+    metalness: Annotated[Slot, Option("Metalness of metallic-roughness, from 0 to 1.")] = 0.0
+    ior: Annotated[
+        float, Option("Index of refraction of what is not metal, for metallic-roughness.")
+    ] = 1.5
+    emission: Annotated[Slot | None, Option("Color of light that the surface emits.")] = None
+    occlusion: Annotated[
+        Slot | None, Option("Factor of ambient and environment light, from 0 to 1.")
+    ] = None
+    occlusion_strength: Annotated[
+        float, Option("Share of the occlusion that is applied, from 0 to 1.")
+    ] = 1.0
+    opacity: Annotated[
+        Slot | None, Option("Opacity from 0 to 1, which multiplies that of the base color.")
+    ] = None
+    alpha_mode: Annotated[
+        str,
+        Option("What opacity does: blend, mask (leave out what is below the cutoff) or opaque."),
+    ] = "blend"
+    alpha_cutoff: Annotated[float, Option("Opacity below which a masked surface is left out.")] = (
+        0.5
+    )
+    light_map: Annotated[
+        Slot | None, Option("Baked light on the surface, as bake-lightmap makes it.")
+    ] = None
+    normal_map: Annotated[NormalMap | None, Option("Normal map.")] = None
+    bump_map: Annotated[BumpMap | None, Option("Heights that only tilt the normals.")] = None
+    displacement: Annotated[Displacement | None, Option("Heights that move the surface.")] = None
+    parallax: Annotated[
+        Parallax | None,
+        Option("Heights below the surface that the line of sight is followed into."),
+    ] = None
+    reflection: Annotated[
+        Reflection | None, Option("How much of its surroundings the surface mirrors.")
+    ] = None
+    refraction: Annotated[
+        Refraction | None, Option("How much is seen through the surface, bent.")
+    ] = None
+    projected: Annotated[
+        tuple[ProjectedTexture, ...], Option("Images that are projected onto the surface.")
+    ] = ()
+    double_sided: Annotated[
+        bool | None,
+        Option("Whether back faces are drawn; without it as the picture's options say."),
+    ] = None
 
     def __post_init__(self) -> None:
         for name, choices in ("shading", SHADINGS), ("alpha_mode", ALPHA_MODES):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from texbake.mesh.mesh import FloatArray, Mesh, frozen
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Lighting, Vector
 from texbake.rendering.scene.material import Material
+from texbake.schema import Option
 
 # Least over greatest stretch. Rounding leaves about 1e-16 of a direction that is flattened; above
 # this there are still three digits of it.
@@ -28,27 +29,23 @@ class View:
     Either `position` and `target`, or (both None) `angles` about the middle of all objects, as far
     away as it takes to have them in the picture, as `RenderOptions.view` has it. What is None is
     as `RenderOptions` has it.
-
-    Attributes
-    ----------
-    position, target : (x, y, z), optional
-        In world space.
-    up : (x, y, z), optional
-        What is up in the picture, with a `position`.
-    angles : (azimuth, elevation) or (azimuth, elevation, distance), optional
-        Degrees, and world units.
-    fov : float, optional
-        Vertical field of view in degrees.
-    near : float, optional
-        Distance of the near plane, with a `position`; None: small against the scene.
     """
 
-    position: Vector | None = None
-    target: Vector | None = None
-    up: Vector | None = None
-    angles: tuple[float, float] | tuple[float, float, float | None] | None = None
-    fov: float | None = None
-    near: float | None = None
+    position: Annotated[Vector | None, Option("Position of the camera in world space.")] = None
+    target: Annotated[Vector | None, Option("Point that the camera looks at, in world space.")] = (
+        None
+    )
+    up: Annotated[
+        Vector | None, Option("Direction that is up in the picture, with a position.")
+    ] = None
+    angles: Annotated[
+        tuple[float, float] | tuple[float, float, float | None] | None,
+        Option("Azimuth and elevation in degrees, and the distance in world units."),
+    ] = None
+    fov: Annotated[float | None, Option("Vertical field of view in degrees.")] = None
+    near: Annotated[
+        float | None, Option("Distance of the near plane, with a position; small without it.")
+    ] = None
 
     def __post_init__(self) -> None:
         if (self.position is None) != (self.target is None):
@@ -66,27 +63,21 @@ class View:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneObject:
-    """A mesh somewhere, with a material.
+    """A mesh somewhere, with a material."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        In its own space.
-    transform : (4, 4) float64, optional
-        Object to world; None: the same space. Mirroring transforms turn the winding and the sign
-        of tangents.
-    casts_shadows, receives_shadows : bool
-    visible : bool
-        Whether the camera sees it; shadows and reflections do either way.
-    """
-
-    mesh: Mesh
-    material: Material = field(default_factory=Material)
-    transform: FloatArray | None = None
-    name: str = "object"
-    casts_shadows: bool = True
-    receives_shadows: bool = True
-    visible: bool = True
+    mesh: Annotated[Mesh, Option("Mesh in its own space.")]
+    material: Annotated[Material, Option("Material of the object.")] = field(
+        default_factory=Material
+    )
+    transform: Annotated[
+        FloatArray | None, Option("Matrix from the object's space to the world.")
+    ] = None
+    name: Annotated[str, Option("Name of the object in messages and in the plan.")] = "object"
+    casts_shadows: Annotated[bool, Option("Whether the object casts shadows.")] = True
+    receives_shadows: Annotated[bool, Option("Whether shadows fall on the object.")] = True
+    visible: Annotated[
+        bool, Option("Whether the camera sees the object; shadows and reflections do in any case.")
+    ] = True
 
     def __post_init__(self) -> None:
         if self.transform is not None:

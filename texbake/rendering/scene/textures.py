@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
+from texbake.schema import Option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,41 +35,38 @@ Constant = float | Rgb
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageTexture:
-    """An image, looked up at texture coordinates.
+    """An image, looked up at texture coordinates."""
 
-    Attributes
-    ----------
-    image : path, Image or (H, W, C) float32
-        An array holds linear values (of a normal map: unit vectors; of heights: model units).
-    filter : str
-        `nearest`, `bilinear`, `bicubic`, `trilinear`, `ewa`, or the slow reference, `supersampled`.
-    wrap : str, optional
-        `repeat`, `mirror`, `clamp` or `border`; None: repeat where coordinates leave the unit
-        square, else clamp.
-    border : tuple of float
-        Values outside the unit square with `border`; as many as the image has channels, or one.
-    scale, offset : (u, v)
-        Coordinates are multiplied by `scale`, turned and then moved by `offset`.
-    rotate : float
-        Degrees, counter-clockwise about (0, 0).
-    channel : int, optional
-        The one channel to use; None: the first of a slot of one number, or the first three.
-    factor : float or (r, g, b)
-        What is looked up is multiplied by it.
-    color : bool, optional
-        Whether integer codes are sRGB; None: as the slot has it.
-    """
-
-    image: PathLike | Image | npt.NDArray[np.float32]
-    filter: str = "trilinear"
-    wrap: str | None = None
-    border: tuple[float, ...] = (0.0,)
-    scale: tuple[float, float] = (1.0, 1.0)
-    offset: tuple[float, float] = (0.0, 0.0)
-    rotate: float = 0.0
-    channel: int | None = None
-    factor: Constant = 1.0
-    color: bool | None = None
+    image: Annotated[PathLike | Image | npt.NDArray[np.float32], Option("Image file.")]
+    filter: Annotated[str, Option("Filter between texels.")] = "trilinear"
+    wrap: Annotated[
+        str | None,
+        Option("Outside the unit square; without it repeat if coordinates leave it, else clamp."),
+    ] = None
+    border: Annotated[
+        tuple[float, ...],
+        Option("Values outside the unit square for wrap border, one or as many as channels."),
+    ] = (0.0,)
+    scale: Annotated[
+        tuple[float, float], Option("Factor of the texture coordinates; 2 tiles twice.")
+    ] = (1.0, 1.0)
+    offset: Annotated[
+        tuple[float, float], Option("What is added to the coordinates at the end.")
+    ] = (0.0, 0.0)
+    rotate: Annotated[
+        float,
+        Option(
+            "Angle in degrees by which coordinates are then turned about (0, 0), counter-clockwise."
+        ),
+    ] = 0.0
+    channel: Annotated[
+        int | None,
+        Option("The one channel to use; without it the first, or the first three of a color."),
+    ] = None
+    factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
+    color: Annotated[
+        bool | None, Option("Whether integer values are sRGB colors; without it as the slot needs.")
+    ] = None
 
     def __post_init__(self) -> None:
         if self.filter not in FILTERS:
@@ -83,35 +81,22 @@ class ImageTexture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProcedureTexture:
-    """Values computed at a point: a pattern over (u, v) or a solid one over (x, y, z).
+    """Values computed at a point: a pattern over (u, v) or a solid one over (x, y, z)."""
 
-    Attributes
-    ----------
-    procedure : str
-        One of `texbake.texture.procedures.PROCEDURES`: checker, stripes, noise, fractal,
-        turbulence, marble, wood, granite, worley.
-    parameters : mapping
-        What the procedure takes beyond its point, `seed` among it.
-    space : str
-        Where its point lies: `object`, `world` or `uv` (r = 0).
-    scale : float or (x, y, z)
-        The point is multiplied by it.
-    colors : tuple of (r, g, b), optional
-        A ramp, evenly spaced from value 0 to value 1, interpolated (a 1D texture); None: the value
-        itself, or the procedure's own colors.
-    filtered : bool
-        Whether what is finer than a pixel is faded out.
-    factor : float or (r, g, b)
-        The result is multiplied by it.
-    """
-
-    procedure: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    space: str = "object"
-    scale: float | tuple[float, float, float] = 1.0
-    colors: tuple[Rgb, ...] | None = None
-    filtered: bool = True
-    factor: Constant = 1.0
+    procedure: Annotated[str, Option("Name of the procedure.")]
+    parameters: Annotated[Mapping[str, Any], Option("Parameters of the procedure.")] = field(
+        default_factory=dict
+    )
+    space: Annotated[
+        str,
+        Option("Space of the points: of the object, of the world, or texture coordinates (uv)."),
+    ] = "object"
+    scale: Annotated[float | tuple[float, float, float], Option("Factor of the points.")] = 1.0
+    colors: Annotated[
+        tuple[Rgb, ...] | None, Option("Colors of a ramp from value 0 to value 1, evenly spaced.")
+    ] = None
+    filtered: Annotated[bool, Option("Whether detail finer than a pixel is faded out.")] = True
+    factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
 
     def __post_init__(self) -> None:
         if self.space not in SPACES:
