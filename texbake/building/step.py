@@ -14,6 +14,7 @@ from texbake.progress import StageRecord
 from texbake.rendering.scene.file.faults import fault, shown
 from texbake.rendering.scene.file.tables import Table, described, table
 from texbake.rendering.scene.file.values import Text
+from texbake.schema import Option
 
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]
@@ -21,6 +22,8 @@ Sizes = Mapping[str, tuple["InputSize", ...]]
 # Formats of files that steps write.
 MESH_FORMATS = ("obj", "ply", "glb", "stl", "off")
 IMAGE_FORMATS = ("png", "exr", "tif", "tga")
+FORMAT_OF_MESH = Option("Format of the mesh files.", choices=MESH_FORMATS)
+FORMAT_OF_IMAGE = Option("Format of the images.", choices=IMAGE_FORMATS)
 # Figures that depend on the machine and the moment.
 _UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
 

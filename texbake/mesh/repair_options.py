@@ -1,31 +1,26 @@
-"""Which repairs a mesh gets."""
+"""Every option of `repair`, with its default."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from texbake.schema import CheckedOptions, Option
 
 
 @dataclass(frozen=True, kw_only=True)
-class RepairOptions:
+class RepairOptions(CheckedOptions):
     """Which repairs `repair` makes.
 
-    Attributes
-    ----------
-    merge : bool
-        Join vertices at one position.
-    degenerate : bool
-        Remove faces without area.
-    duplicates : bool
-        Remove faces that are there twice.
-    winding : bool
-        Turn faces over so that neighbors agree and closed parts face outwards.
-    coordinates : bool
-        Keep texture coordinates. If they are made anew later, `simplify` comes closer to the
-        surface without their seams.
+    If texture coordinates are made anew later, `simplify` comes closer to the surface without the
+    seams of the old ones.
     """
 
-    merge: bool = True
-    degenerate: bool = True
-    duplicates: bool = True
-    winding: bool = True
-    coordinates: bool = True
+    merge: Annotated[bool, Option("Join vertices at one position.")] = True
+    degenerate: Annotated[bool, Option("Remove faces without area.")] = True
+    duplicates: Annotated[bool, Option("Remove faces that are there twice.")] = True
+    winding: Annotated[
+        bool,
+        Option("Turn faces over so that neighbors agree and closed parts face outwards."),
+    ] = True
+    coordinates: Annotated[bool, Option("Keep texture coordinates.")] = True

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from texbake.baking.map_names import MAP_NAMES
-from texbake.baking.options import BakeOptions
+from texbake.baking.options import BITS_OPTION, BakeOptions
 from texbake.baking.texture.options import SolidOptions
 from texbake.building.memory import maps_memory, mipmap_memory, pack_memory, texture_memory
 from texbake.building.step import (
+    FORMAT_OF_IMAGE,
+    FORMAT_OF_MESH,
     IMAGE_FORMATS,
-    MESH_FORMATS,
     InputRole,
     Job,
     Settings,
@@ -21,6 +21,7 @@ from texbake.building.step import (
     steady,
 )
 from texbake.errors import OptionError
+from texbake.schema import Option
 from texbake.texture.mip_options import MipOptions
 from texbake.texture.pack_options import PackOptions
 
@@ -39,9 +40,6 @@ class BakeStep(BakeOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in self.maps:
-            if name not in MAP_NAMES:
-                raise OptionError(f"maps: {name!r} is not one of {', '.join(MAP_NAMES)}")
         formats = self.format if isinstance(self.format, dict) else {"": self.format}
         for name, value in formats.items():
             if name and name not in self.maps:
@@ -113,25 +111,13 @@ BAKE = StepKind(
 
 @dataclass(frozen=True, kw_only=True)
 class BakeTextureStep(SolidOptions):
-    """How a texture is baked; further attributes are those of `SolidOptions`.
+    """How a texture is baked; further options are those of `SolidOptions`."""
 
-    Attributes
-    ----------
-    data : bool
-        The values are data, such as roughness, and not colors.
-    bits : int, optional
-        Bits per channel.
-    format : str
-        Image format.
-    """
-
-    data: bool = False
-    bits: int | None = None
-    format: str = "png"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_format(self.format, IMAGE_FORMATS)
+    data: Annotated[bool, Option("Treat the values as data, such as roughness, not as colors.")] = (
+        False
+    )
+    bits: Annotated[int | None, BITS_OPTION] = None
+    format: Annotated[str, FORMAT_OF_IMAGE] = "png"
 
 
 def _bake_texture(job: Job) -> dict[str, Any]:
@@ -157,27 +143,17 @@ BAKE_TEXTURE = StepKind(
 
 @dataclass(frozen=True, kw_only=True)
 class PackTexturesStep(PackOptions):
-    """How images are packed; further attributes are those of `PackOptions`.
+    """How images are packed; further options are those of `PackOptions`."""
 
-    Attributes
-    ----------
-    data : bool
-        The images hold data and not colors.
-    format, mesh_format : str
-        Formats of the image and of the meshes.
-    meshes : int
-        How many meshes move with the images: none, or one for each.
-    """
-
-    data: bool = False
-    format: str = "png"
-    mesh_format: str = "obj"
-    meshes: int = 0
+    data: Annotated[bool, Option("Treat the images as data, not as colors.")] = False
+    format: Annotated[str, FORMAT_OF_IMAGE] = "png"
+    mesh_format: Annotated[str, FORMAT_OF_MESH] = "obj"
+    meshes: Annotated[
+        int, Option("Number of meshes that move with the images: none, or one for each.", low=0)
+    ] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_format(self.format, IMAGE_FORMATS)
-        check_format(self.mesh_format, MESH_FORMATS)
 
 
 def _pack_textures(job: Job) -> dict[str, Any]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
 from texbake.building.memory import (
     make_memory,
@@ -14,12 +13,11 @@ from texbake.building.memory import (
     unwrap_memory,
 )
 from texbake.building.step import (
-    MESH_FORMATS,
+    FORMAT_OF_MESH,
     InputRole,
     Job,
     Settings,
     StepKind,
-    check_format,
     stage_seconds,
     tupled,
 )
@@ -27,7 +25,8 @@ from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
 from texbake.mesh.repair_options import RepairOptions
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, SimplifyOptions
+from texbake.schema import CheckedOptions, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 
 _ORANGE = "orange"
@@ -36,42 +35,29 @@ _FILES = ("profile", "patches", "image")
 
 @dataclass(frozen=True, kw_only=True)
 class MakeStep(MakeOptions):
-    """How a mesh is made; further attributes are those of `MakeOptions`.
+    """How a mesh is made; further options are those of `MakeOptions`."""
 
-    Attributes
-    ----------
-    shape : str
-        A shape that `texbake make` knows, or `orange`.
-    triangles : int
-        About how many an orange has.
-    relief : str, optional
-        A procedure, such as `worley`, that raises the surface along its normals.
-    relief_height : float
-        How far a value of 1 raises the surface, in model units; a negative one sinks it.
-    relief_scale : float
-        Factor of positions for the procedure.
-    format : str
-        Format of the mesh file.
-    """
-
-    shape: str = "sphere"
-    triangles: int = 100_000
-    relief: str | None = None
-    relief_height: float = 0.02
-    relief_scale: float = 8.0
-    format: str = "ply"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_format(self.format, MESH_FORMATS)
-        if self.shape not in (*SHAPES, _ORANGE):
-            raise OptionError(f"shape: {self.shape} is not one of {', '.join((*SHAPES, _ORANGE))}")
-        if not isinstance(self.triangles, int) or not 20 <= self.triangles <= MAX_TRIANGLES:
-            raise OptionError(f"triangles: {self.triangles} is not from 20 to {MAX_TRIANGLES:,}")
-        if self.relief is not None and self.relief not in PROCEDURE_NAMES:
-            raise OptionError(f"relief: {self.relief} is not one of {', '.join(PROCEDURE_NAMES)}")
-        if not all(map(math.isfinite, (self.relief_height, self.relief_scale))):
-            raise OptionError("relief_height, relief_scale: give finite numbers")
+    shape: Annotated[
+        str, Option("Shape of the mesh, as for texbake make.", choices=(*SHAPES, _ORANGE))
+    ] = "sphere"
+    triangles: Annotated[
+        int,
+        Option("Approximate number of triangles of an orange.", low=20, high=MAX_TRIANGLES),
+    ] = 100_000
+    relief: Annotated[
+        str | None,
+        Option(
+            "Procedure that raises the surface along its normals.",
+            choices=PROCEDURE_NAMES,
+            default="none",
+        ),
+    ] = None
+    relief_height: Annotated[
+        float,
+        Option("Height that a value of 1 raises the surface by.", unit="model units"),
+    ] = 0.02
+    relief_scale: Annotated[float, Option("Factor of positions for the procedure.")] = 8.0
+    format: Annotated[str, FORMAT_OF_MESH] = "ply"
 
 
 def _surface(settings: Settings, files: Mapping[str, Any]) -> MakeOptions:
@@ -125,18 +111,9 @@ MAKE = StepKind(
 
 @dataclass(frozen=True, kw_only=True)
 class RepairStep(RepairOptions):
-    """How a mesh is repaired; further attributes are those of `RepairOptions`.
+    """How a mesh is repaired; further options are those of `RepairOptions`."""
 
-    Attributes
-    ----------
-    format : str
-        Format of the mesh file.
-    """
-
-    format: str = "ply"
-
-    def __post_init__(self) -> None:
-        check_format(self.format, MESH_FORMATS)
+    format: Annotated[str, FORMAT_OF_MESH] = "ply"
 
 
 def _repair(job: Job) -> dict[str, Any]:
@@ -159,32 +136,23 @@ REPAIR = StepKind(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimplifyStep:
-    """How many triangles a mesh is reduced to.
+class SimplifyStep(CheckedOptions):
+    """How many triangles a mesh is reduced to."""
 
-    Attributes
-    ----------
-    faces : int or list of int
-        Triangles of each level of detail, the finest first; `lod0` is the first.
-    quality : str
-        As for `simplify`.
-    format : str
-        Format of the mesh files.
-    """
-
-    faces: int | tuple[int, ...] = 500
-    quality: str = DEFAULT_QUALITY
-    format: str = "obj"
+    faces: Annotated[
+        int | tuple[int, ...],
+        Option(
+            "Triangles of each level of detail, the finest first; lod0 is the first.",
+            low=MIN_FACES,
+        ),
+    ] = 500
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
+    format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
     def __post_init__(self) -> None:
-        check_format(self.format, MESH_FORMATS)
-        if self.quality not in QUALITIES:
-            raise OptionError(f"quality: {self.quality} is not one of {', '.join(QUALITIES)}")
         if not self.levels:
             raise OptionError("faces: it is empty; give the triangles of at least one level")
-        for count in self.levels:
-            if not isinstance(count, int) or isinstance(count, bool) or count < MIN_FACES:
-                raise OptionError(f"faces: {count!r} is not a whole number of at least {MIN_FACES}")
+        super().__post_init__()
         if any(fine <= coarse for fine, coarse in zip(self.levels, self.levels[1:], strict=False)):
             raise OptionError("faces: each level must have fewer triangles than the one before")
 
@@ -233,19 +201,9 @@ SIMPLIFY = StepKind(
 
 @dataclass(frozen=True, kw_only=True)
 class UnwrapStep(UnwrapOptions):
-    """How a mesh is unwrapped; further attributes are those of `UnwrapOptions`.
+    """How a mesh is unwrapped; further options are those of `UnwrapOptions`."""
 
-    Attributes
-    ----------
-    format : str
-        Format of the mesh file.
-    """
-
-    format: str = "obj"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_format(self.format, MESH_FORMATS)
+    format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
 
 def _unwrap(job: Job) -> dict[str, Any]:
