@@ -1,5 +1,7 @@
 """What a script imports, and what importing it costs."""
 
+import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import texbake
+from texbake.mesh.shapes import plane
 
 # Each takes 0.1 s or more to import; none may be paid for before it is used.
 HEAVY = {
@@ -82,3 +85,37 @@ def test_every_help_page_loads_nothing_heavy() -> None:
         "    assert result.exit_code == 0, result.output\n"
     )
     assert not modules_after(statement) & HEAVY
+
+
+def test_every_public_function_takes_a_path_and_a_mesh_of_trimesh() -> None:
+    """Parameters are annotated `MeshLike` where they are meshes."""
+    functions = {name: getattr(texbake, name) for name in texbake.__all__}
+    strict = [
+        f"{name}: {parameter}"
+        for name, function in functions.items()
+        if inspect.isfunction(function)
+        for parameter, annotation in inspect.get_annotations(function).items()
+        if parameter != "return" and re.search(r"^Mesh\b", str(annotation))
+    ]
+    assert strict == []
+
+
+def test_the_main_job_runs_on_paths_and_on_meshes_of_trimesh(tmp_path: Path) -> None:
+    low = plane(2, 2)
+    high = plane(8, 8, lambda x, y: 0.02 * x * y).replace(uvs=None, uv_faces=None)
+    texbake.write_mesh(low, tmp_path / "low.obj")
+    texbake.write_mesh(high, tmp_path / "high.ply")
+    options = texbake.BakeOptions(size=16)
+    expected = texbake.bake(high, low, options).maps["normal"].values
+    for a, b in (
+        (tmp_path / "high.ply", str(tmp_path / "low.obj")),
+        (texbake.to_trimesh(high), texbake.to_trimesh(low)),
+    ):
+        assert (texbake.bake(a, b, options).maps["normal"].values == expected).all()
+        assert texbake.fit_cage(a, b).mesh.n_faces == low.n_faces
+        assert texbake.check(a, b).findings is not None
+        assert texbake.unwrap(a).uvs is not None
+        assert texbake.distortion(b) is not None
+        assert texbake.draw_layout(b, 16).shape[:2] == (16, 16)
+        assert texbake.render(b, texbake.RenderOptions(width=16, height=16)) is not None
+        assert texbake.vertex_curvatures(a).shape == (high.n_vertices,)

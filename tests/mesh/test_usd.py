@@ -399,5 +399,5 @@ def test_a_file_written_again_is_read_again(path):
 
 def test_fbx_is_named_with_the_way_round_it(tmp_path):
     (tmp_path / "a.fbx").write_bytes(b"Kaydara FBX Binary")
-    with pytest.raises(FileFormatError, match=r"FBX is not read; export a \.glb"):
+    with pytest.raises(FileFormatError, match=r"FBX files cannot be read; export a \.glb"):
         read_mesh(tmp_path / "a.fbx")

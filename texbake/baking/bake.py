@@ -26,6 +26,7 @@ from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import Trace
 from texbake.baking.trees import Trees
 from texbake.errors import MissError, OptionError, UvError
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
@@ -47,11 +48,11 @@ _OF_TRACE = (
 
 
 def bake(
-    high: Mesh,
-    low: Mesh,
+    high: MeshLike,
+    low: MeshLike,
     options: BakeOptions | None = None,
     *,
-    cage: Mesh | None = None,
+    cage: MeshLike | None = None,
     materials: Materials | None = None,
     skew_mask: npt.ArrayLike | None = None,
     offset_map: npt.ArrayLike | None = None,
@@ -105,6 +106,8 @@ def bake(
     >>> result.maps["normal"].values[8, 8].tolist()
     [0.0, 0.0, 1.0]
     """
+    high, low = as_mesh(high), as_mesh(low)
+    cage = None if cage is None else as_mesh(cage)
     options = options or BakeOptions()
     kinds = map_kinds(options.maps)
     inputs = BakeInputs(high, low, options, materials)
@@ -189,7 +192,7 @@ def bake_inputs(
     return _result(kinds, sums, trace, inputs, stages, all_hits, distances)
 
 
-def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> BakeResult:
+def remap(result: BakeResult, high: MeshLike, low: MeshLike, options: BakeOptions) -> BakeResult:
     """Make other maps, or the same in another space, from kept hits, without a second trace.
 
     Parameters
@@ -207,6 +210,7 @@ def remap(result: BakeResult, high: Mesh, low: Mesh, options: BakeOptions) -> Ba
     MeshError
         The dense mesh lacks what a map is made from.
     """
+    high, low = as_mesh(high), as_mesh(low)
     if (high.n_faces, low.n_faces) != (result.report.n_high_faces, result.report.n_low_faces):
         raise OptionError(
             f"remap: {high.name} and {low.name} are not the meshes that were traced "

@@ -17,6 +17,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mapping.areas import has_measurable_uvs
 from texbake.mesh.files import read_mesh
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 
@@ -29,8 +30,8 @@ _SURFACE_CHECKS = (
 
 
 def check(
-    mesh: Mesh,
-    low: Mesh | None = None,
+    mesh: MeshLike,
+    low: MeshLike | None = None,
     options: CheckOptions | None = None,
     *,
     progress: ProgressSink | None = None,
@@ -61,6 +62,8 @@ def check(
     >>> [finding.name for finding in check(mirrored).findings]
     ['mirrored-coordinates', 'no-normals']
     """
+    mesh = as_mesh(mesh)
+    low = None if low is None else as_mesh(low)
     options = options or CheckOptions()
     if low is not None:
         return _check(low, mesh, options, [], Stages(progress))

@@ -24,6 +24,7 @@ from texbake.jobs.options import DEMO_FOLDER, DemoOptions, RunOptions
 from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
@@ -108,7 +109,7 @@ class RunResult:
 
 
 def run(
-    high: Mesh,
+    high: MeshLike,
     folder: PathLike,
     options: RunOptions | None = None,
     *,
@@ -134,6 +135,7 @@ def run(
     UnwrapError
         No atlas could be made.
     """
+    high = as_mesh(high)
     options = options or RunOptions()
     files = _files_in(folder, high)
     stages = Stages()

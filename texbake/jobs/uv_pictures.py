@@ -18,6 +18,7 @@ from texbake.files import PathLike, check_writable, replacing
 from texbake.mapping.areas import measurable_uvs, signed_areas
 from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
@@ -39,7 +40,7 @@ _SIDES = ((0.0, "front"), (90.0, "right"), (180.0, "back"), (270.0, "left"))
 
 
 def render_checker(
-    mesh: Mesh,
+    mesh: MeshLike,
     options: RenderOptions | None = None,
     *,
     n_cells: int = N_CELLS,
@@ -74,6 +75,7 @@ def render_checker(
     OptionError
         There are no cells or too many.
     """
+    mesh = as_mesh(mesh)
     options = options or CHECKER_PICTURE
     with Stages(progress).stage("prepare"):
         checker = checker_image(_texels_for(mesh, n_cells), n_cells)
@@ -119,7 +121,7 @@ def check_layout(path: PathLike) -> None:
 
 
 def write_layout(
-    mesh: Mesh,
+    mesh: MeshLike,
     path: PathLike,
     size: int | tuple[int, int] = 1024,
     *,
@@ -150,6 +152,7 @@ def write_layout(
     FileError
         The file cannot be written.
     """
+    mesh = as_mesh(mesh)
     check_layout(path)
     if Path(path).suffix.lower() == ".png":
         picture = draw_layout(mesh, size, heat=heat, threads=threads)

@@ -17,7 +17,8 @@ from texbake.mapping.areas import check_measurable
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids, seam_length
 from texbake.mapping.stretch import FaceStretch, Stretch, face_stretch, stretch_by_group
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.mesh import FloatArray, IntArray
 
 N_WORST = 10  # faces listed
 
@@ -171,7 +172,7 @@ _FIGURES = (
 
 
 def distortion(
-    mesh: Mesh, size: int | tuple[int, int] = 1024, *, threads: int | None = None
+    mesh: MeshLike, size: int | tuple[int, int] = 1024, *, threads: int | None = None
 ) -> Distortion:
     """Measure the texture coordinates of a mesh.
 
@@ -197,6 +198,7 @@ def distortion(
     >>> round(distortion(plane(4, 4)).stretch.l2, 12)
     1.0
     """
+    mesh = as_mesh(mesh)
     width, height = (size, size) if isinstance(size, int) else size
     check_measurable(mesh)
     found = face_stretch(mesh, size)

@@ -31,7 +31,8 @@ from texbake.mapping.layout_view import (
     linear,
 )
 from texbake.mapping.seams import border_edges, chart_ids, seam_edges
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.text import text_coverage
 
@@ -45,7 +46,7 @@ _LEAST_NUMBERED_PX = 48.0
 
 
 def draw_layout(
-    mesh: Mesh,
+    mesh: MeshLike,
     size: int | tuple[int, int] = 1024,
     *,
     heat: bool = False,
@@ -79,6 +80,7 @@ def draw_layout(
     UvError
         The mesh has no texture coordinates, or some are too far out to be measured.
     """
+    mesh = as_mesh(mesh)
     uvs = measurable_uvs(mesh)
     window = Window.around(uvs, size)
     pixels = np.ascontiguousarray(window.pixels(uvs))

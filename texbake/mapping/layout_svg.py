@@ -37,6 +37,7 @@ from texbake.mapping.layout_view import (
     legend_size,
 )
 from texbake.mapping.seams import border_edges, chart_ids, seam_edges
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.weld import weld_rows
 
@@ -50,7 +51,7 @@ _BAR_STEPS = 16
 _FAINTEST = 0.03  # edges below this darkness would be invisible and are left out
 
 
-def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = False) -> str:
+def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool = False) -> str:
     """Draw the texture coordinates of a mesh as an SVG document.
 
     Parameters
@@ -68,6 +69,7 @@ def layout_svg(mesh: Mesh, size: int | tuple[int, int] = 1024, *, heat: bool = F
     UvError
         The mesh has no texture coordinates, or some are too far out to be measured.
     """
+    mesh = as_mesh(mesh)
     uvs = measurable_uvs(mesh)
     window = Window.around(uvs, size)
     # Faces without area may lie far outside the window.

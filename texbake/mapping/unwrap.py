@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.errors import OptionError, UvError
 from texbake.mapping.areas import check_measurable
 from texbake.mapping.corner_uvs import (
@@ -43,7 +44,7 @@ class _Mapped:
 
 
 def unwrap(
-    mesh: Mesh,
+    mesh: MeshLike,
     options: UnwrapOptions | None = None,
     *,
     threads: int | None = None,
@@ -80,12 +81,13 @@ def unwrap(
     OptionError
         An option has an invalid value, or names a group that does not exist.
     """
+    mesh = as_mesh(mesh)
     options = replace(options or UnwrapOptions(), **changes)
     return _unwrapped([mesh], options, Stages(progress), threads)[0][0]
 
 
 def unwrap_with_report(
-    mesh: Mesh,
+    mesh: MeshLike,
     options: UnwrapOptions | None = None,
     *,
     threads: int | None = None,
@@ -93,11 +95,12 @@ def unwrap_with_report(
     **changes: Any,
 ) -> tuple[Mesh, UnwrapReport]:
     """Give a mesh texture coordinates, as `unwrap` does, and measure them."""
+    mesh = as_mesh(mesh)
     return unwrap_together([mesh], options, threads=threads, progress=progress, **changes)[0]
 
 
 def unwrap_together(
-    meshes: Sequence[Mesh],
+    meshes: Sequence[MeshLike],
     options: UnwrapOptions | None = None,
     *,
     threads: int | None = None,
@@ -127,7 +130,7 @@ def unwrap_together(
     """
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
-    results = _unwrapped(meshes, options, stages, threads)
+    results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, stages, threads)
     with stages.stage("measure"):
         measured = [_measured(mesh, options, threads) for mesh, _ in results]
     return [

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from texbake.baking.result import BakeResult
 from texbake.files import PathLike
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.metadata import SPACE
 from texbake.pages.asset_page import AssetPage, write_asset_page
@@ -19,8 +20,8 @@ _PICTURE_PX = 560
 
 def write_bake_page(
     path: PathLike,
-    high: Mesh,
-    low: Mesh,
+    high: MeshLike,
+    low: MeshLike,
     baked: BakeResult,
     *,
     asked: Sequence[str] | None = None,
@@ -63,6 +64,7 @@ def write_bake_page(
     DependencyError, FileError
         As `write_asset_page` does.
     """
+    high, low = as_mesh(high), as_mesh(low)
     report = baked.report
     picture = RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX, up=up)
     comparison = _compared(high, low, baked, picture, progress)

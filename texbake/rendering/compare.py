@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
@@ -124,8 +125,8 @@ class Comparison:
 
 
 def compare(
-    high: Mesh,
-    low: Mesh,
+    high: MeshLike,
+    low: MeshLike,
     *,
     normal_map: MapSource | None = None,
     displacement: MapSource | None = None,
@@ -161,6 +162,7 @@ def compare(
     UvError, FileError
         As `render` does.
     """
+    high, low = as_mesh(high), as_mesh(low)
     options = options or RenderOptions()
     views = _around(options) if views is None else tuple(views)
     if not views:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, plan_of, prepare
@@ -18,7 +18,7 @@ from texbake.rendering.studio import studio_scene
 
 
 def render(
-    mesh: Mesh,
+    mesh: MeshLike,
     *,
     normal_map: MapSource | None = None,
     displacement: MapSource | None = None,
@@ -73,6 +73,7 @@ def render(
     >>> frame.color.shape
     (36, 64, 4)
     """
+    mesh = as_mesh(mesh)
     options = options or RenderOptions()
     scene = studio_scene(
         mesh, normal_map=normal_map, displacement=displacement, albedo=albedo, options=options

@@ -10,6 +10,7 @@ from typing import Any
 
 from texbake.errors import MeshError, OptionError
 from texbake.jobs.preview import with_lighting
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import resolve_threads
 from texbake.progress import ProgressSink, Stages
@@ -25,8 +26,8 @@ _QUICK_REPEATS = 2
 
 
 def run_study(
-    high: Mesh | None = None,
-    low: Mesh | None = None,
+    high: MeshLike | None = None,
+    low: MeshLike | None = None,
     *,
     scene: Scene | None = None,
     options: StudyOptions | None = None,
@@ -63,6 +64,8 @@ def run_study(
     TexbakeError
         As the work itself does.
     """
+    high = None if high is None else as_mesh(high)
+    low = None if low is None else as_mesh(low)
     options = options or StudyOptions()
     if (high is None) != (low is None):
         raise OptionError("study: a pair is a high-poly and a low-poly mesh; give both, or none")

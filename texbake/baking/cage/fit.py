@@ -17,6 +17,7 @@ from texbake.baking.distances import LEAST_REACH
 from texbake.errors import OptionError
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.weld import weld_rows
@@ -97,7 +98,7 @@ class Cage:
 
 
 def fit_cage(
-    high: Mesh, low: Mesh, *, margin: float | None = None, threads: int | None = None
+    high: MeshLike, low: MeshLike, *, margin: float | None = None, threads: int | None = None
 ) -> Cage:
     """Make a cage: a light mesh blown up around a dense one, no farther than it must.
 
@@ -126,6 +127,7 @@ def fit_cage(
     >>> fit_cage(plane(), plane(), margin=0.5).distances.tolist()
     [0.5, 0.5, 0.5, 0.5]
     """
+    high, low = as_mesh(high), as_mesh(low)
     if margin is not None and not 0.0 <= margin < np.inf:
         raise OptionError(f"margin: {margin} is no distance; it must be 0 or more")
     frame = LocalFrame.around(high, low)

@@ -19,6 +19,7 @@ from texbake.baking.parts.result import PartsResult
 from texbake.baking.parts.work import RayMapsOf, Work
 from texbake.baking.rays import check_cage
 from texbake.errors import OptionError, TexbakeError
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
@@ -46,7 +47,7 @@ def bake_parts(
     options: BakeOptions | None = None,
     parts: PartsOptions | None = None,
     *,
-    cage: Mesh | None = None,
+    cage: MeshLike | None = None,
     high_materials: Sequence[Materials | None] | None = None,
     low_materials: Sequence[Materials | None] | None = None,
     ray_maps: RayMapsOf | None = None,
@@ -93,6 +94,7 @@ def bake_parts(
     >>> [(canvas.udim, sorted(found.maps)) for canvas, found in result.canvases.items()]
     [(1001, ['normal'])]
     """
+    cage = None if cage is None else as_mesh(cage)
     options, parts = options or BakeOptions(), parts or PartsOptions()
     if not high or not low:
         raise OptionError("parts: there is no dense or no light mesh; give at least one of each")

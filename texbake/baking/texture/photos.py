@@ -20,12 +20,13 @@ from texbake.baking.texture.result import PhotoShare, TextureBake, finished
 from texbake.baking.texture.visibility import Visibility
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, Stages
 
 
 def bake_photos(
-    mesh: Mesh,
+    mesh: MeshLike,
     photos: Sequence[Photo],
     options: PhotoOptions | None = None,
     *,
@@ -68,6 +69,7 @@ def bake_photos(
     >>> bake_photos(plane(), [red], PhotoOptions(size=16)).values[8, 8].tolist()
     [0.5, 0.0, 0.0]
     """
+    mesh = as_mesh(mesh)
     options = options or PhotoOptions()
     if not photos:
         raise OptionError("photo: give at least one")

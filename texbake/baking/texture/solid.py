@@ -13,6 +13,7 @@ from texbake.baking.texture.coverage import Coverage, greatest_lengths, sample_s
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.result import TextureBake, finished
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.lookup import ramp_lookup
@@ -21,7 +22,7 @@ from texbake.texture.procedures.options import COLORED_PROCEDURES
 
 
 def bake_solid(
-    mesh: Mesh, options: SolidOptions | None = None, *, progress: ProgressSink | None = None
+    mesh: MeshLike, options: SolidOptions | None = None, *, progress: ProgressSink | None = None
 ) -> TextureBake:
     """Bake a procedure over space into a mesh's texture.
 
@@ -52,6 +53,7 @@ def bake_solid(
     >>> bake_solid(plane(), options).values.shape
     (16, 16, 1)
     """
+    mesh = as_mesh(mesh)
     options = options or SolidOptions()
     stages = Stages(progress)
     coverage = Coverage(mesh, options.for_bake)

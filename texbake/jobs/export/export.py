@@ -26,6 +26,7 @@ from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
 from texbake.jobs.export.sources import COLORS, SourceMap, find_maps, source_maps
 from texbake.mesh.compose import transformed
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.progress import ProgressSink, Stages
@@ -123,7 +124,7 @@ def export_files(
 
 
 def export_asset(
-    mesh: Mesh,
+    mesh: MeshLike,
     maps: Mapping[str, PathLike],
     folder: PathLike,
     options: ExportOptions,
@@ -165,6 +166,7 @@ def export_asset(
     FileError
         A map cannot be read, or a file cannot be written.
     """
+    mesh = as_mesh(mesh)
     target = PROGRAMS[options.target]
     if options.textures not in target.textures:
         raise OptionError(
