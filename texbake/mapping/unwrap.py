@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.errors import OptionError, UvError
 from texbake.mapping.areas import check_measurable
 from texbake.mapping.corner_uvs import (
@@ -27,6 +26,7 @@ from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import METHOD_OPTIONS, UnwrapOptions
 from texbake.mapping.options.transform import TransformOptions
 from texbake.mapping.transform import at_density, transformed
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, StageRecord, Stages
 
