@@ -72,7 +72,7 @@ def test_levels_and_compression(run, asset):
         ("--to godot --map normal", "'normal' is not KIND=FILE", 2),
         ("--to godot --map ao=a.png --map ao=b.png", "ao is given twice", 2),
         ("--to godot --map ao=no.png", "no.png", 1),
-        ("--to unity --compress", "Unity does not open compressed", 2),
+        ("--to unity --compress", "Unity does not read compressed", 2),
         ("--to godot --maps nowhere", "no such folder", 1),
     ],
 )

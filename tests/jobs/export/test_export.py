@@ -236,7 +236,7 @@ def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
         assert (tmp_path / target / name).is_file()
         assert "UDIM" in result.settings.read_text(encoding="utf-8")
         assert "images" not in read_document(result.mesh).content
-        assert any("knows no UDIM" in note for note in result.notes) == (target == "godot")
+        assert any("does not support UDIM" in note for note in result.notes) == (target == "godot")
 
 
 def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):
@@ -337,7 +337,7 @@ def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
     bare = grid_sphere(4, 6)
     fail(UvError, "no texture coordinates", {"normal": maps / "rock_normal.png"}, of=bare)
     compressed = ExportOptions(target="blender", compress=True)
-    fail(OptionError, "Blender does not open compressed", {}, compressed)
+    fail(OptionError, "Blender does not read compressed", {}, compressed)
     fail(OptionError, "levels: a obj file has none", {}, ExportOptions(target="unity"),
          levels=[mesh])  # fmt: skip
 

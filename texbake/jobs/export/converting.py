@@ -1,4 +1,4 @@
-"""Maps as a program reads them: green channel, heights, packed channels, formats."""
+"""Converts maps for a program: green channel, heights, packed channels, formats."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from texbake.texture.dds import write_dds
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals
 
-# Channels of packed maps: kind, value where there is no such map, and whether it is turned round.
+# Channels of packed maps: kind, value if that map is missing, and whether it is inverted.
 PACKINGS: dict[str, tuple[tuple[str | None, float, bool], ...]] = {
     "orm": (("ao", 1.0, False), ("roughness", 0.5, False), ("metalness", 0.0, False)),
-    # The last is smoothness; the third masks detail maps.
+    # The third channel masks detail maps; the last is smoothness, inverted roughness.
     "mask-map": (
         ("metalness", 0.0, False),
         ("ao", 1.0, False),
@@ -48,9 +48,9 @@ class Converter:
     ----------
     folder, asset, options
     inputs
-        Files that are read, by their real paths, which nothing may overwrite.
+        Real paths of the input files, which must not be overwritten.
     notes
-        What was taken for granted, or could not be done, a sentence each.
+        What was assumed or could not be done, a sentence each.
     """
 
     folder: Path
@@ -76,7 +76,7 @@ class Converter:
             missing = [kind for kind in _PACKED if kind not in parts]
             if missing:
                 words = " and no ".join(missing)
-                self.notes.append(f"{path.name}: no {words} was given; it is constant there")
+                self.notes.append(f"{path.name}: no {words} was given; the channel is constant")
             written.append(ExportedMap(kind=str(packing), tile=tile, path=path))
         return written
 
@@ -99,7 +99,7 @@ class Converter:
         Parameters
         ----------
         parts
-            The maps that there are, by their kind.
+            The available maps, by their kind.
         packing
             One of `PACKINGS`.
         path
@@ -116,7 +116,7 @@ class Converter:
             words = ", ".join(
                 f"{kind} {column.shape[1]} x {column.shape[0]}" for kind, column in columns.items()
             )
-            raise OptionError(f"{path}: maps to be packed differ in size ({words}); make them one")
+            raise OptionError(f"{path}: maps to be packed differ in size ({words}); scale them")
         (size,) = sizes
         pixels = np.empty((*size, len(PACKINGS[packing])), np.float32)
         for i, (kind, default, is_turned) in enumerate(PACKINGS[packing]):
@@ -125,7 +125,7 @@ class Converter:
         self._write_texture(pixels, path, "data", "bc7")
 
     def write_normals_8(self, source: SourceMap, path: Path) -> None:
-        """Write a normal map as glTF wants it: 8-bit, +Y."""
+        """Write a normal map as glTF requires it: 8-bit, +Y."""
         write_normals(self._normals(source)[0], path, bits=8, threads=self.options.threads)
 
     def write_color_8(self, source: SourceMap, path: Path) -> None:
@@ -136,7 +136,8 @@ class Converter:
     def _write_one(self, source: SourceMap) -> ExportedMap:
         kind, tile = source.kind, source.tile
         if tile and not self.target.tile_mark:
-            self.notes.append(f"{source.path.name}: {self.target.title} knows no UDIM tiles")
+            title = self.target.title
+            self.notes.append(f"{source.path.name}: {title} does not support UDIM tiles")
         if kind == "displacement":
             return self._write_heights(source)
         if kind not in KINDS:
@@ -193,7 +194,7 @@ class Converter:
             write_image(pixels, path, color=kind == "color", bits=8, threads=threads)
 
     def _normals(self, source: SourceMap) -> tuple[npt.NDArray[np.float32], int]:
-        """Vectors, and the bits a channel of a PNG file that keeps them."""
+        """Return the vectors, and the bits per channel that a PNG file needs for them."""
         image = read_image(source.path, color=False, threads=self.options.threads)
         return normal_vectors(image, self.options.convention), 8 if image.bits == 8 else 16
 

@@ -176,13 +176,12 @@ def export_asset(
     if options.compress and not target.reads_meshopt:
         readers = ", ".join(name for name, other in PROGRAMS.items() if other.reads_meshopt)
         raise OptionError(
-            f"compress: {target.title} does not open compressed meshes; of the targets {readers} "
-            "does"
+            f"compress: {target.title} does not read compressed meshes; only {readers} does"
         )
     mesh_format = options.mesh_format or target.mesh_format
     for given, option in ((options.compress, "compress"), (levels, "levels")):
         if given and mesh_format != "glb":
-            raise OptionError(f"{option}: a {mesh_format} file has none; use mesh format glb")
+            raise OptionError(f"{option}: a {mesh_format} file has none; use the mesh format glb")
     sources = source_maps(maps)
     asset = options.name or Path(mesh.name).stem or "asset"
     if sources and mesh.uvs is None:
@@ -232,9 +231,9 @@ def _write_mesh(
     converter: Converter,
     levels: Sequence[Mesh],
 ) -> list[Path]:
-    """Write the mesh, Y up and in meters, with the material where the program takes it from it.
+    """Write the mesh, Y up and in meters, with its material if the program reads that.
 
-    Returns the images that lie beside it for that.
+    Returns the images that the material refers to.
     """
     options = converter.options
     turned = [_placed(level, options) for level in (mesh, *levels)]
@@ -258,7 +257,7 @@ def _write_mesh(
 def _textures(
     embedded: Mapping[str, SourceMap], folder: Path, converter: Converter
 ) -> dict[str, Path]:
-    """8-bit images of the material, +Y, by the option of the mesh's writer."""
+    """Write the 8-bit images of the material, +Y; return them by the option of the mesh writer."""
     stem = f"{converter.asset}_material"
     files = {}
     if "normal" in embedded:
@@ -291,7 +290,7 @@ def _write_layers(sources: Sequence[SourceMap], path: Path, options: ExportOptio
         name = f"{source.kind}_{source.tile}" if source.tile else source.kind
         is_color = source.kind in COLORS
         image = read_image(source.path, color=is_color, threads=options.threads)
-        # A half holds every code of 8 bits, and no other codes.
+        # Half floats hold all 8-bit codes exactly, but not 16-bit codes.
         fits_half = image.bits == 8 or (image.is_float and image.bits == 16)
         images[name] = replace(image, bits=16 if fits_half else 32)
     write_layers(images, path)

@@ -39,33 +39,33 @@ class Target:
     Attributes
     ----------
     title
-        Its name for people.
+        Its name.
     axes
-        Its up axis and unit, and what its importer does to get there.
+        Its up axis and unit, and what its importer does about them.
     tangents
         Where its tangent basis comes from.
     mesh_format
-        What it reads best without an extension of its own.
+        The format that it reads best without an extension.
     mesh_name, map_name
-        Names of files, of `{asset}` and `{map}`.
+        Patterns of file names, with `{asset}` and `{map}`.
     words
-        What it calls a map in a file's name, where that is not our name.
+        Its words for maps in file names, where they differ.
     tile_mark
-        What stands before the number of a UDIM tile; empty where it knows none.
+        Separator before the number of a UDIM tile; empty if it does not support tiles.
     convention
         Green channel of normal maps: `opengl` or `directx`.
     normal_bits
-        Most bits a channel that it keeps of a normal map.
+        Bits per channel that it keeps of a normal map.
     heights
-        `float`, heights in meters as they are, in EXR; or `codes`, 16-bit PNG with a middle.
+        `float`: heights in meters, as EXR; or `codes`: 16-bit PNG with a mid level.
     packing
-        `orm`, `mask-map`, or none: what occlusion, roughness and metalness go into.
+        `orm`, `mask-map` or None: the map into which occlusion, roughness and metalness are packed.
     embeds
-        Whether the mesh's file carries the material with its images.
+        Whether the mesh file contains the material with its images.
     textures
-        Formats of textures that it takes.
+        Texture formats that it reads.
     reads_meshopt
-        Whether it opens meshes that are coded by EXT_meshopt_compression.
+        Whether it reads meshes compressed by EXT_meshopt_compression.
     """
 
     title: str
@@ -85,11 +85,11 @@ class Target:
     reads_meshopt: bool = False
 
     def mesh_stem(self, asset: str) -> str:
-        """Name of the mesh's file without its suffix."""
+        """Return the name of the mesh file without its suffix."""
         return self.mesh_name.format(asset=asset)
 
     def map_stem(self, asset: str, kind: str, tile: str = "") -> str:
-        """Name of a map's file without its suffix.
+        """Return the name of a map file without its suffix.
 
         >>> PROGRAMS["unreal"].map_stem("rock", "normal", "1002")
         'T_rock_N.1002'
@@ -153,25 +153,26 @@ PROGRAMS = {
     ),
 }  # fmt: skip
 
-# What to do with a map, by target and kind. `{file}`, and of heights `{mid}`, the level of the
-# surface; `{m}` and `{cm}`, black to white in meters and in centimeters; `{bias}`, meters at black.
-# `{held}` is said of maps that the mesh's file holds; `{flip}`, whether v goes upwards, as it does
-# in all files but glTF. `held` is said of a mesh's file that holds maps.
+# What to do with each map in each program. `{file}` is its name; for heights `{mid}` is the value
+# of the surface, `{m}` and `{cm}` are black to white in meters and centimeters, `{bias}` is
+# meters at black. `{held}` is filled in for maps that the mesh file contains; `{flip}` says
+# whether v points up, as in all files but glTF. `held` is the line for a mesh file that contains
+# maps.
 _STEPS: dict[str, dict[str, str]] = {
     "blender": {
         "mesh": "File > Import > glTF 2.0: {file}.",
-        "held": "Its material has all 8-bit maps already.",
+        "held": "Its material already has all 8-bit maps.",
         "usd": "File > Import > Universal Scene Description: {file}.",
         "obj": "File > Import > Wavefront: {file}, Forward Axis -Z, Up Axis Y. It has no material; "
-        "make one of the maps below.",
+        "make one from the maps below.",
         "normal": "{file}: Image Texture, Color Space Non-Color -> Normal Map node, Tangent Space "
-        "-> Normal of the Principled BSDF. Green is +Y, as Blender has it; do not invert.",
+        "-> Normal of the Principled BSDF. Green is +Y, as in Blender; do not invert it.",
         "displacement": "{file}: Image Texture, Non-Color -> Height of a Displacement node, "
         "Midlevel 0, Scale 1 -> Displacement of the Material Output. Heights are meters. Material "
         "Settings > Surface > Displacement: Displacement Only; add a Subdivision Surface modifier "
-        "(Simple) or adaptive subdivision. Then leave the normal map out, which would count twice.",
+        "(Simple) or adaptive subdivision. Leave out the normal map, or its detail counts twice.",
         "base-color": "{file}: Image Texture, sRGB -> Base Color.",
-        "ao": "{file}: Non-Color; multiply with the base color where you want it at all.",
+        "ao": "{file}: Non-Color; multiply it with the base color if you want it.",
         "roughness": "{file}: Non-Color -> Roughness.",
         "metalness": "{file}: Non-Color -> Metallic.",
         "emissive": "{file}: sRGB -> Emission Color, Emission Strength 1.",
@@ -200,11 +201,11 @@ _STEPS: dict[str, dict[str, str]] = {
     },
     "unity": {
         "mesh": "Put {file} under Assets. Model: Scale Factor 1. Normals: "
-        "Import; Tangents: Calculate Mikktspace. Materials: None, and make one of the maps below.",
+        "Import; Tangents: Calculate Mikktspace. Materials: None; make one from the maps below.",
         "usd": "Import {file} with the package com.unity.importer.usd, or export again as obj.",
         "glb": "Put {file} under Assets, with the package com.unity.cloud.gltfast installed.",
         "normal": "{file}: Texture Type Normal map, Create from Grayscale off, Flip Green Channel "
-        "off (+Y, as Unity has it) -> Normal Map, scale 1.",
+        "off (+Y, as in Unity) -> Normal Map, scale 1.",
         "displacement": "{file}: sRGB off, Format R 16 bit. HDRP: Height Map, Displacement Mode "
         "Vertex or Pixel, Parametrization Amplitude, Base {mid:.6g}, Amplitude {cm:.6g} (cm).",
         "mask-map": "{file}: sRGB off. HDRP: Mask Map. URP: Metallic Map with Source Metallic "
@@ -214,28 +215,28 @@ _STEPS: dict[str, dict[str, str]] = {
         "opacity": "{file}: put it into the alpha channel of the base map, and set Alpha Clipping.",
         "bent-normal": "{file}: Normal map, HDRP: Bent Normal Map.",
         "thickness": "{file}: sRGB off. HDRP: Thickness Map of a Translucent material.",
-        "tiles": "Unity has no UDIM tiles: one material a tile.",
+        "tiles": "Unity does not support UDIM tiles: use one material per tile.",
     },
     "godot": {
         "mesh": "Put {file} into the project. Tangents are those of the file.",
         "held": "Its material has normal, albedo and ORM maps already.",
-        "usd": "Godot reads no USD; export again as glb.",
-        "obj": "Put {file} into the project. It has no material; make one of the maps below.",
+        "usd": "Godot does not read USD; export again as glb.",
+        "obj": "Put {file} into the project. It has no material; make one from the maps below.",
         "normal": "{file}: Import > Compress > Normal Map: Enable. StandardMaterial3D > Normal Map "
-        "Enabled, Scale 1. Green is +Y, as Godot has it: Normal Map Invert Y off.",
+        "Enabled, Scale 1. Green is +Y, as in Godot: Normal Map Invert Y off.",
         "orm": "{file}: ORMMaterial3D > ORM > Texture.",
-        "displacement": "{file}: parallax alone. Height > Enabled, Scale {cm:.6g} (cm from black "
-        "to white), Flip Texture off, Deep Parallax on. Level {mid:.6g} is the surface.",
+        "displacement": "{file}: for parallax only. Height > Enabled, Scale {cm:.6g} (cm from "
+        "black to white), Flip Texture off, Deep Parallax on. Level {mid:.6g} is the surface.",
         "base-color": "{file}: Albedo > Texture.",
         "emissive": "{file}: Emission Enabled > Texture.",
         "opacity": "{file}: put it into the alpha of the albedo, Transparency Alpha Scissor.",
-        "tiles": "Godot has no UDIM tiles: one surface and material a tile.",
+        "tiles": "Godot does not support UDIM tiles: use one surface and material per tile.",
     },
     "threejs": {
         "mesh": "new GLTFLoader().loadAsync('{file}').",
         "held": "Normal, color and ORM maps are in it.",
         "usd": "new USDLoader().loadAsync('{file}'); the .glb keeps more.",
-        "obj": "new OBJLoader().loadAsync('{file}'). It has no material: take the maps by hand.",
+        "obj": "new OBJLoader().loadAsync('{file}'). It has no material: assign the maps yourself.",
         "normal": "{file}: {held}texture.flipY = {flip}, colorSpace = "
         "NoColorSpace; material.normalMap, normalScale (1, 1), geometry with tangents.",
         "orm": "{file}: {held}flipY = {flip}, NoColorSpace; aoMap, "
@@ -264,7 +265,7 @@ def settings_text(
     n_levels: int,
     notes: Sequence[str],
 ) -> str:
-    """Return what to set where, as plain text.
+    """Return the settings to make in the program, as plain text.
 
     Parameters
     ----------
@@ -274,11 +275,11 @@ def settings_text(
     maps
         What was written.
     is_compressed
-        Whether the mesh needs a reader of EXT_meshopt_compression.
+        Whether the mesh is compressed by EXT_meshopt_compression.
     n_levels
-        Levels of detail in the mesh's file, with the finest.
+        Levels of detail in the mesh file, including the finest.
     notes
-        What was taken for granted.
+        What was assumed.
     """
     steps = _STEPS[target_name]
     is_glb = mesh_file.suffix == ".glb"
@@ -299,7 +300,7 @@ def settings_text(
         lines.append(f"  {_MESHOPT}")
     if n_levels > 1:
         lines.append(
-            f"  It holds {n_levels} levels of detail (MSFT_lod); a reader that does not know them "
+            f"  It holds {n_levels} levels of detail (MSFT_lod); a reader without support for them "
             "shows the finest."
         )
     lines += ["", "Maps"] if maps else []
@@ -313,7 +314,7 @@ def settings_text(
 
 
 def _wrapped(line: str) -> str:
-    """Return a line as a paragraph whose other lines are set in."""
+    """Return a line as a paragraph with a hanging indent."""
     return textwrap.fill(
         line, 96, subsequent_indent=" " * 10, break_long_words=False, break_on_hyphens=False
     )  # so that names of files stay whole

@@ -1,4 +1,4 @@
-"""The maps that an asset is exported with: which file is which, and what is in it."""
+"""The maps of an asset to export: which file is which map, and how its values are decoded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.image import Image
 
-# Maps that a program's material has a place for; all others are copied.
+# Maps that have a place in a program's material; all others are copied.
 KINDS = ("normal", "displacement", "base-color", "ao", "roughness", "metalness", "emissive",
          "opacity", "bent-normal")  # fmt: skip
 COLORS = ("base-color", "emissive")
@@ -29,13 +29,13 @@ _ALIASES = {
 }  # fmt: skip
 SUFFIXES = (".exr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff")
 _NUMBER = re.compile(r"^(?P<name>.*?)(?:(?P<mark>[._:])(?P<number>[1-9]\d{2,3}))?$")
-# Numbers after `_` or `.` that are a size in pixels; one of them is also that of a UDIM tile.
+# Numbers after `_` or `.` that are a size in pixels; 1024 is also a UDIM tile.
 _SIZES = ("512", "1024", "2048", "4096", "8192")
 
 
 @dataclass(frozen=True, order=True)
 class SourceMap:
-    """A map's file: its kind, the UDIM tile or an empty text, and where it is."""
+    """A map file: its kind, its UDIM tile (empty without one), and its path."""
 
     kind: str
     tile: str
@@ -43,15 +43,15 @@ class SourceMap:
 
 
 def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
-    """Kind and UDIM tile of a map's name.
+    """Return the kind and the UDIM tile of a map's name.
 
     Parameters
     ----------
     name
-        Maybe with a tile, 1001 and up, or a size in pixels at its end. 1024 is both: it is a size
-        unless it stands after a colon, or other names have tiles.
+        It may end in a tile, 1001 and up, or in a size in pixels. 1024 is read as a size, unless it
+        follows a colon or other names have tiles.
     others
-        Names beside it.
+        Names of the other maps.
 
     >>> kind_of("Albedo"), kind_of("normal_1002"), kind_of("ao:1001")
     (('base-color', ''), ('normal', '1002'), ('ao', '1001'))
@@ -69,7 +69,7 @@ def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
 
 
 def _divided(name: str) -> tuple[str, str, str]:
-    """A name, and the mark and the number at its end, which may be empty."""
+    """Split a name from the mark and the number at its end, which may be empty."""
     found = _NUMBER.match(name)
     assert found is not None  # it matches anything
     return found["name"], found["mark"] or "", found["number"] or ""
@@ -80,18 +80,18 @@ def _is_tile(number: str) -> bool:
 
 
 def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
-    """Maps by their names, such as ``normal`` or, of a UDIM tile, ``normal:1002``; sorted.
+    """Return maps by their names, such as ``normal``, or ``normal:1002`` of a UDIM tile; sorted.
 
     Raises
     ------
     OptionError
-        Two names are one map, or a name is empty.
+        Two names are the same map, or a name is empty.
     """
     sources: dict[tuple[str, str], SourceMap] = {}
     for name, path in maps.items():
         kind, tile = kind_of(name, maps)
         if not kind:
-            raise OptionError(f"{path}: {name!r} is no name of a map; give one such as normal")
+            raise OptionError(f"{path}: {name!r} is not the name of a map; use one such as normal")
         if (kind, tile) in sources:
             other = sources[kind, tile].path
             raise OptionError(f"{kind}: both {other} and {path} are this map; give one of them")
@@ -100,28 +100,27 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
 
 
 def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> dict[str, PathLike]:
-    """Images of a folder whose names are, or end in, that of a map; and those that are named.
+    """Return the images of a folder that are named after maps, and those that are given.
 
-    ``normal.png``, ``rock_normal.png``, ``rock_normal_1002.png`` of a tile and
-    ``rock_normal_2048.png`` of a size are normal maps. An image whose name ends in none is left
-    out.
+    ``normal.png``, ``rock_normal.png``, ``rock_normal_1002.png`` (a tile) and
+    ``rock_normal_2048.png`` (a size) are normal maps. Other images are left out.
 
     Parameters
     ----------
     folder
     named
-        Files by the name of their map, which stand above those of the folder.
+        Files by the name of their map, which take precedence over those of the folder.
 
     Raises
     ------
     FileError
-        There is no such folder.
+        The folder does not exist.
     OptionError
-        Two files are one map, or none is a map.
+        Two files are the same map, or no file is a map.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise FileError(f"{folder}: there is no such folder; give the one that bake wrote")
+        raise FileError(f"{folder}: there is no such folder; give one that bake has written")
     known = (*KINDS, *MAP_NAMES, *_ALIASES)
     found: dict[str, Path] = {}
     taken = {kind_of(name, named or ()) for name in named or {}}
@@ -139,7 +138,7 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
         if key in found:
             raise OptionError(
                 f"{folder}: {found[key].name} and {path.name} are both {kind}; "
-                f"name one with --map {kind}=FILE"
+                f"name the one to use in `named_maps`, as {kind}=FILE"
             )
         found[key] = path
     if not found and not taken:
@@ -150,31 +149,31 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
 def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
     """(H, W, 3) vectors of a tangent-space normal map, y up.
 
-    A component whose code is the one that stands for 0 is 0, so that flat stays flat in whatever
-    codes it is written again. Vectors keep the length that the codes have.
+    The code for 0 is decoded as exactly 0, so that flat texels stay flat at any bit depth. Vectors
+    are not normalized.
 
     Parameters
     ----------
     image
         As `read_image` gives it.
     convention
-        Of a map that does not say it.
+        Green channel of a map without metadata.
 
     Raises
     ------
     OptionError
-        It says that it is in another space, or it has fewer than three channels.
+        The map is in another space, or has fewer than three channels.
     """
     if image.pixels.shape[2] < 3:
         raise OptionError(f"{image.name}: a normal map has three channels; give another image")
     space = image.metadata.get(SPACE, "tangent")
     if space != "tangent":
         raise OptionError(
-            f"{image.name}: it is in {space} space; materials need a map baked with --space tangent"
+            f"{image.name}: it is in {space} space; materials need a map in tangent space"
         )
     vectors = image.pixels[..., :3] * np.float32(2.0) - np.float32(1.0)
     if not image.is_float:
-        # The code just over the middle decodes to half a step.
+        # The code just above the middle decodes to half a step.
         step = np.float32(1.5 / (2**image.bits - 1))
         vectors[(vectors > 0.0) & (vectors < step)] = 0.0
     if image.metadata.get(CONVENTION, convention) == "directx":
@@ -183,7 +182,7 @@ def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
 
 
 def heights_of(image: Image) -> tuple[npt.NDArray[np.float32], str | None]:
-    """(H, W) heights of a displacement map in model units, and what was taken for granted."""
+    """(H, W) heights of a displacement map in model units, and a note on what was assumed."""
     levels = image.pixels[..., 0]
     mid, scale = image.metadata.get(DISPLACEMENT_MID), image.metadata.get(DISPLACEMENT_SCALE)
     if isinstance(mid, int | float) and isinstance(scale, int | float):
@@ -191,6 +190,6 @@ def heights_of(image: Image) -> tuple[npt.NDArray[np.float32], str | None]:
     if image.is_float:
         return levels, None
     return levels - np.float32(0.5), (
-        f"{image.name}: it does not say what its levels stand for; black to white is taken for "
-        "1 unit, and the middle for the surface"
+        f"{image.name}: its metadata does not define its heights; black to white is assumed to be "
+        "1 unit, with the surface at the middle"
     )
