@@ -273,7 +273,7 @@ def _is_word(value: Any, words: tuple[Any, ...]) -> bool:
 
 
 def _is_several_words(kind: Any) -> bool:
-    return kind == tuple[str, ...]
+    return bool(kind == tuple[str, ...])
 
 
 def _is_numeric(kind: Any) -> bool:

@@ -93,7 +93,12 @@ CameraTable = table(
 _BACKGROUND = {"anyOf": [{"const": "transparent"}, *COLOR["anyOf"]]}
 RenderTable = table(
     RenderOptions,
-    {"background": Annotated[Any, PlainValidator(_background), WithJsonSchema(_BACKGROUND)]},
+    {
+        "background": described(
+            Annotated[Any, PlainValidator(_background), WithJsonSchema(_BACKGROUND)],
+            "Color behind the objects, or transparent. Default: dark gray.",
+        )
+    },
     name="Render",
     without=NOT_IN_RENDER,
 )

@@ -188,11 +188,13 @@ def types_of_fields(kind: type, types_of: Mapping[str, Any] | None = None) -> di
 
 def described(kind: Any, said: JsonSchema | str) -> Any:
     """Type of a key with its description and its default, for the JSON Schema."""
+    if any(getattr(part, "json_schema_extra", None) for part in get_args(kind)[1:]):
+        return kind  # it is described already
     said = {"description": said} if isinstance(said, str) else said
 
     def add(schema: JsonSchema) -> None:
         schema.pop("default", None)  # None, which only means that the key is not there
-        schema.update({key: said[key] for key in ("description", "default") if said.get(key)})
+        schema.update({key: said[key] for key in ("description", "default") if key in said})
 
     return Annotated[kind, Field(json_schema_extra=add)]
 

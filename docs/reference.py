@@ -1,0 +1,248 @@
+"""The pages of the reference that are made from the program itself.
+
+    python docs/reference.py           # write docs/reference/{commands,pipeline,scenes,checks}.md
+
+Commands, steps, keys, ranges and defaults are read from the schema of options, so that no page says
+anything else than the program does. Of scenes.md only the tables are made; its text is written by
+hand.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+from texbake_cli.lazy import COMMANDS
+from texbake_cli.main import texbake as commands
+
+from texbake.building.schema import pipeline_schema
+from texbake.building.steps import STEP_KINDS
+from texbake.checks.kinds import KINDS
+from texbake.errors import OptionError
+from texbake.rendering.scene.file.schema import TABLES, scene_schema
+
+REFERENCE = Path(__file__).parent / "reference"
+_DEFAULT = re.compile(r"\s+\[(?:default: )?([^\[\]]*)\]$")
+_KINDS = {
+    "integer": "whole number",
+    "number": "number",
+    "string": "text",
+    "boolean": "`true`, `false`",
+}
+_PLURALS = {"integer": "whole numbers", "number": "numbers", "string": "texts", "object": "tables"}
+_MADE = "<!-- Made by docs/reference.py; change the program, not this page. -->"
+
+
+def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Write a table in Markdown."""
+    heads = list(heads)
+    lines = [heads, ["---"] * len(heads), *rows]
+    cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+
+
+def commands_page() -> str:
+    """Write every command with its options, as its help page has them."""
+    parts = ["# Commands", _MADE, "`texbake COMMAND --help` prints the same."]
+    group = click.Context(commands, info_name="texbake")
+    for name in COMMANDS:
+        command = commands.get_command(group, name)
+        assert command is not None
+        context = click.Context(command, info_name=name, parent=group)
+        parts += _command(command, context)
+    return "\n\n".join(parts) + "\n"
+
+
+def _command(command: click.Command, context: click.Context) -> Iterable[str]:
+    yield f"## {context.command_path}"
+    yield " ".join(command.collect_usage_pieces(context)).join(
+        (f"```text\n{context.command_path} ", "\n```")
+    )
+    for paragraph in (command.help or "").strip().split("\n\n"):
+        yield " ".join(paragraph.split())
+    rows = []
+    for parameter in command.params:
+        record = parameter.get_help_record(context)
+        if record is not None:
+            rows.append(_option_row(*record))
+    yield table(("option", "default", "meaning"), rows)
+    lines = [line.strip() for line in (command.epilog or "").splitlines()]
+    examples = [line for line in lines if line.startswith("texbake ")]
+    yield "```text\n" + "\n".join(examples) + "\n```"
+
+
+def _option_row(flag: str, text: str) -> tuple[str, str, str]:
+    default = _DEFAULT.search(text)
+    if default is None:
+        return f"`{flag}`", "", text
+    return f"`{flag}`", default[1], text[: default.start()]
+
+
+def pipeline_page() -> str:
+    """Write every kind of step with its inputs, outputs and options."""
+    schema = pipeline_schema()
+    parts = ["# Pipeline files", _MADE]
+    parts.append(
+        "A pipeline file is TOML. `texbake build` runs it; see [Building](../how-to/build.md). "
+        "`texbake schema pipeline` prints the JSON Schema of these keys, by which an editor "
+        "completes and checks them."
+    )
+    parts += ["## The file", keys_table(schema)]
+    parts += ["## [[assets]]", keys_table(schema["$defs"]["Asset"])]
+    parts.append("## [steps.NAME]")
+    parts.append(
+        "Every step has these keys: `do`, its kind; `after`, steps that must have succeeded "
+        "before; `output`, the names of the files that are published. An input is the name of an "
+        "input of the asset, or of another step, whose first output it means; `STEP.OUTPUT` is "
+        "another one."
+    )
+    kinds = schema["properties"]["steps"]["additionalProperties"]["oneOf"]
+    for kind, of_kind in zip(STEP_KINDS.values(), kinds, strict=True):
+        parts += [f"### {kind.name}", of_kind["description"]]
+        roles = {role.name for role in kind.inputs}
+        inputs = [
+            f"`{role.name}`{' (one or more)' * role.many}{'' if role.required else ' (optional)'}"
+            for role in kind.inputs
+        ]
+        if inputs:
+            parts.append(f"Inputs: {', '.join(inputs)}.")
+        if outputs := _outputs(kind):
+            parts.append(f"Outputs: {', '.join(f'`{name}`' for name in outputs)}.")
+        options = keys_table(of_kind, without={"do", "after", "output", *roles})
+        parts.append(options)
+    return "\n\n".join(parts) + "\n"
+
+
+def _outputs(kind: Any) -> list[str]:
+    """Names of the outputs of a kind of step with its default options."""
+    try:
+        return list(kind.outputs(kind.settings({})))
+    except (OptionError, TypeError):
+        return []
+
+
+def scenes_page(page: str) -> str:
+    """Write the tables of a page about scene files anew; each follows its heading."""
+    schema = scene_schema()
+    for heading, model in TABLES.items():
+        name = model.__name__
+        keys = schema if heading == "the file" else _whole(schema["$defs"][name])
+        pattern = re.compile(
+            rf"(^#+ {re.escape(heading)}\n(?:(?!\||#).*\n)*)((?:\|.*\n)+)",
+            re.MULTILINE | re.IGNORECASE,
+        )
+        made = keys_table(keys, schema=schema)
+        page, n = pattern.subn(lambda found, made=made: f"{found[1]}{made}\n", page)
+        assert n == 1, f"no table below {heading}"
+    return page
+
+
+def checks_page() -> str:
+    """Write every kind of finding."""
+    parts = ["# Checks", _MADE, "What `texbake check` finds; see [Checking](../how-to/check.md)."]
+    for name, kind in KINDS.items():
+        parts.append(f"## {kind.title}")
+        parts.append(f"`{name}`. {_plain(kind.problem)} {_plain(kind.remedy)}")
+    return "\n\n".join(parts) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Write a message without the figures that a finding fills in."""
+    return re.sub(r"\{[^}]*\}", "…", text)
+
+
+def _whole(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Schema of a table that a value may stand for as well."""
+    return next((part for part in schema.get("anyOf", ()) if "properties" in part), schema)
+
+
+def keys_table(
+    of: Mapping[str, Any], *, without: Iterable[str] = (), schema: Mapping[str, Any] | None = None
+) -> str:
+    """Write the keys of a table: values, default, meaning."""
+    required = of.get("required", ())
+    rows = []
+    for key, said in of.get("properties", {}).items():
+        if key not in set(without):
+            text, default, unit = _meaning(said.get("description", ""))
+            default = "required" if key in required else _toml(said.get("default")) or default
+            rows.append((f"`{key}`", _values(said) + (f" ({unit})" if unit else ""), default, text))
+    return table(("key", "values", "default", "meaning"), rows) if rows else "It has no options."
+
+
+def _meaning(text: str) -> tuple[str, str, str]:
+    """Part the sentence of help from the default in words and from the unit."""
+    text, _, unit = text.partition(" Unit: ")
+    text, _, default = text.partition(" Default: ")
+    return text, default.removesuffix("."), unit.removesuffix(".")
+
+
+def _toml(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, list):
+        return f"`[{', '.join(_toml(item).strip('`') for item in value)}]`"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, str):
+        return f'`"{value}"`'
+    return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
+
+
+def _values(said: Mapping[str, Any]) -> str:
+    """Say which values a key takes."""
+    if "enum" in said:
+        return ", ".join(_toml(word) for word in said["enum"])
+    if "const" in said:
+        return _toml(said["const"])
+    for parts in ("anyOf", "oneOf"):
+        if parts in said:
+            words = dict.fromkeys(filter(None, map(_values, said[parts])))
+            return " or ".join(words)
+    if "$ref" in said or said.get("type") == "object":
+        return "table"
+    kind = str(said.get("type", ""))
+    if kind == "array":
+        n, most = said.get("minItems"), said.get("maxItems")
+        count = "" if n is None or n != most else f"{n} "
+        items = said.get("items", {})
+        return f"list of {count}{_PLURALS.get(items.get('type'), 'values')}{_range(items)}"
+    if kind == "string" and "pattern" in said:
+        return '`"#rrggbb"`'
+    return f"{_KINDS.get(kind, '')}{_range(said)}"
+
+
+def _range(said: Mapping[str, Any]) -> str:
+    low, high = said.get("minimum"), said.get("maximum")
+    above, below = said.get("exclusiveMinimum"), said.get("exclusiveMaximum")
+    if low is not None and high is not None:
+        return f", {low:,} to {high:,}"
+    ends = [
+        (low, "{:,} or more"), (above, "above {:,}"), (high, "at most {:,}"), (below, "below {:,}"),
+    ]  # fmt: skip
+    words = [word.format(end) for end, word in ends if end is not None]
+    return f", {' and '.join(words)}" if words else ""
+
+
+def pages() -> dict[Path, str]:
+    """Every page that is made, by its file."""
+    scenes = REFERENCE / "scenes.md"
+    return {
+        REFERENCE / "commands.md": commands_page(),
+        REFERENCE / "pipeline.md": pipeline_page(),
+        scenes: scenes_page(scenes.read_text(encoding="utf-8")),
+        REFERENCE / "checks.md": checks_page(),
+    }
+
+
+def main() -> None:
+    """Write the pages."""
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
