@@ -1,8 +1,7 @@
 """Adaptive sampling: what bakes and pictures share of it.
 
 A user gives a bound on the error (`bounds`) or a time, from which a ladder of bounds is tried out
-on a small part (`time_budget`). Which samples are added, until the estimated error of each texel or
-pixel is within the bound, is decided in `texbake.baking.adaptive_texels` and
-`texbake.rendering.adaptive_pixels`. At the end some of them are sampled again (`check`), and all of
-it is reported (`report`).
+on a small part (`time_budget`). Samples are added until the estimated error of each texel or pixel
+is within the bound, in `texbake.baking.adaptive_texels` and `texbake.rendering.adaptive_pixels`. At
+the end some of them are sampled again, and everything is reported (`report`).
 """

@@ -13,8 +13,13 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.errors import OptionError
 from texbake.sampling.bounds import BOUNDED_CODINGS
-from texbake.sampling.check import ErrorSummary, percent_within, percentiles_of
-from texbake.sampling.report import SamplingReport, listed
+from texbake.sampling.report import (
+    ErrorSummary,
+    SamplingReport,
+    listed,
+    percent_within,
+    percentiles_of,
+)
 
 
 @dataclass(frozen=True)

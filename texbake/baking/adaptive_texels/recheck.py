@@ -20,7 +20,7 @@ from texbake.baking.maps.kind import MapKind
 from texbake.baking.trace import Casts
 from texbake.mesh.mesh import IntArray
 from texbake.raycast.rays import NO_HIT
-from texbake.sampling.check import generator, n_to_check
+from texbake.sampling.report import generator, n_to_check
 
 IdArray = npt.NDArray[np.int64]
 

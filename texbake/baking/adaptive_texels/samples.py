@@ -48,7 +48,7 @@ from texbake.baking.trace import Casts, Lost, Trace
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
-from texbake.sampling.check import percent_within
+from texbake.sampling.report import percent_within
 
 # So few that what one step writes is still in the cache when the next one reads it.
 _SAMPLES_AT_ONCE = 1 << 17

@@ -20,7 +20,7 @@ from texbake.rendering.adaptive_pixels.recheck import AMONG, RUN, SIDE
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
 from texbake.rendering.options import RenderOptions
 from texbake.sampling.bounds import CODES, in_codes, parse_picture_bound
-from texbake.sampling.check import CHECKED_SHARE
+from texbake.sampling.report import CHECKED_SHARE
 from texbake.sampling.time_budget import Candidate, TimeBudget, choose_bound
 
 if TYPE_CHECKING:

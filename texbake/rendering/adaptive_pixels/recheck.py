@@ -16,14 +16,15 @@ from texbake.rendering.adaptive_pixels.pixel_error import code_means
 from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
 from texbake.sampling.bounds import CODES, in_codes
-from texbake.sampling.check import (
+from texbake.sampling.report import (
     ErrorSummary,
+    SamplingReport,
     generator,
+    listed,
     n_to_check,
     percent_within,
     percentiles_of,
 )
-from texbake.sampling.report import SamplingReport, listed
 
 if TYPE_CHECKING:
     from texbake.rendering.adaptive_pixels.samples import AdaptivePicture
