@@ -170,12 +170,8 @@ def compare(
     stages = Stages(progress)
     maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     # Every sample is shaded, so that detail finer than a pixel counts with all of it.
-    options = replace(
-        options,
-        edges="supersample",
-        filter="bilinear",
-        max_triangles=min(options.max_triangles, _MOST_PIECES),
-    )
+    most = min(options.max_triangles, _MOST_PIECES)
+    options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)
     with stages.stage("prepare"):
         scenes = (
             studio_scene(high, options=options),

@@ -134,8 +134,7 @@ def write_mesh(mesh: MeshLike, path: PathLike, **options: Any) -> None:
     for option in given:
         if option not in kind.options:
             raise OptionError(f"{path}: a {suffix} file has no {option}; write a .glb file")
-    from texbake.mesh.interchange import as_mesh  # loads numpy
-
+    as_mesh = import_module("texbake.mesh.interchange").as_mesh  # itself reads files
     _function(kind.writer)(as_mesh(mesh), path, **given)
 
 

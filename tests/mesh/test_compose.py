@@ -1,12 +1,37 @@
-"""A mesh under an affine map, held against what the map does to the surface itself."""
+"""Meshes joined, and moved by affine maps."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.mesh.compose import transformed
-from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.compose import join_meshes, transformed
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
+
+
+def test_one_mesh_comes_back_as_it_is() -> None:
+    mesh = cube()
+    assert join_meshes([mesh]) is mesh
+
+
+def test_faces_keep_their_corners_and_coordinates() -> None:
+    meshes = [plane(2, 1), plane(1, 3)]
+    joined = join_meshes(meshes)
+    corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
+    assert np.array_equal(joined.positions[joined.faces], corners)
+    uvs = np.concatenate([mesh.corner_uvs() for mesh in meshes])
+    assert np.array_equal(joined.corner_uvs(), uvs)
+    assert joined.face_groups is not None
+    assert joined.face_groups.tolist() == [0] * 4 + [1] * 6
+
+
+def test_what_one_has_not_all_go_without() -> None:
+    joined = join_meshes([plane(), icosphere(1)])
+    assert joined.uvs is None
+    assert joined.group_names == ("plane", "icosphere")
+
 
 SPHERE = uv_sphere(6, 8)
 SPHERE = SPHERE.replace(normals=SPHERE.positions, normal_faces=SPHERE.faces)
