@@ -1,4 +1,4 @@
-"""`--html`: the option, and what its pages tell of the command."""
+"""`--html`: the option, and the command line that its pages show."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ html_option = click.option(
     "--html",
     type=FileOf((".html",)),
     metavar="FILE.html",
-    help="Also write a page to look at: the meshes, their maps, errors, times.",
+    help="Also write an HTML page with the meshes, their maps, errors and times.",
 )
 
 

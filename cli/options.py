@@ -93,9 +93,11 @@ def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
     """Return the flag of one option."""
     option = field.option
     names = [option.flag or f"--{field.name.replace('_', '-')}", field.name]
-    text = option.help
+    text = option.sentence
+    if option.many and option.choices:
+        text = f"{text} {', '.join(option.choices)}."
     default = None if unset or required else field.default
-    if option.default and field.optional and not unset:
+    if option.default and (field.optional or option.many) and not unset:
         text += f"  [default: {option.default}]"
     if field.kinds == (bool,):
         alone = "/" not in names[0]

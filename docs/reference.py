@@ -167,17 +167,12 @@ def keys_table(
     rows = []
     for key, said in of.get("properties", {}).items():
         if key not in set(without):
-            text, default, unit = _meaning(said.get("description", ""))
-            default = "required" if key in required else _toml(said.get("default")) or default
-            rows.append((f"`{key}`", _values(said) + (f" ({unit})" if unit else ""), default, text))
+            text, _, default = said.get("description", "").partition(" Default: ")
+            default = _toml(said.get("default")) or default.removesuffix(".")
+            rows.append(
+                (f"`{key}`", _values(said), "required" if key in required else default, text)
+            )
     return table(("key", "values", "default", "meaning"), rows) if rows else "It has no options."
-
-
-def _meaning(text: str) -> tuple[str, str, str]:
-    """Part the sentence of help from the default in words and from the unit."""
-    text, _, unit = text.partition(" Unit: ")
-    text, _, default = text.partition(" Default: ")
-    return text, default.removesuffix("."), unit.removesuffix(".")
 
 
 def _toml(value: Any) -> str:

@@ -70,7 +70,7 @@ def test_a_field_becomes_json_schema() -> None:
         "type": "integer",
         "minimum": 1,
         "maximum": 8,
-        "description": "A count. Unit: texels.",
+        "description": "A count, in texels.",
         "default": 4,
     }
     three = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}

@@ -67,6 +67,13 @@ class Option:
     many: bool = False
 
     @property
+    def sentence(self) -> str:
+        """Help with the unit, where it does not name it."""
+        if not self.unit or self.unit.split()[0] in self.help.lower():
+            return self.help
+        return f"{self.help.removesuffix('.')}, in {self.unit}."
+
+    @property
     def range(self) -> str:
         """Range in words: `1 to 16384`, `above 0 and below 180`; "" where there is none."""
         if self.low is not None and self.high is not None:
@@ -169,17 +176,16 @@ class OptionField:
         """JSON Schema of the values that a file can hold: None is left out, tuples are arrays."""
         kinds = [kind for kind in self.kinds if get_origin(kind) is not Callable]
         schema = _any_of([_json_type(kind, self.option) for kind in kinds])
-        unit = f" Unit: {self.option.unit}." if self.option.unit else ""
-        schema |= {"description": f"{self.help}{unit}"}
+        schema |= {"description": self.help}
         if not self.required and self.default is not None:
             schema["default"] = _plain(self.default)
         return schema
 
     @property
     def help(self) -> str:
-        """The sentence of help, with what None means."""
+        """The sentence of help, with its unit and what None means."""
         words = self.option.default
-        return f"{self.option.help} Default: {words}." if words else self.option.help
+        return f"{self.option.sentence} Default: {words}." if words else self.option.sentence
 
 
 class CheckedOptions:

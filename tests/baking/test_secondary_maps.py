@@ -209,10 +209,10 @@ def test_through_embreex_the_maps_are_the_same_to_noise(ground, monkeypatch):
         ({"secondary_rays": 0}, "secondary_rays: 0 is not"),
         ({"secondary_rays": 8192}, "secondary_rays: 8192 is not"),
         ({"secondary_rays": 64.0}, "secondary_rays: 64.0 is not"),
-        ({"occluder_distance": 0.0}, "occluder_distance: 0.0 is no distance"),
-        ({"occluder_distance": float("inf")}, "occluder_distance: inf is no distance"),
-        ({"thickness_distance": -1.0}, "thickness_distance: -1.0 is no distance"),
-        ({"thickness_distance": float("nan")}, "thickness_distance: nan is no distance"),
+        ({"occluder_distance": 0.0}, "occluder_distance: 0.0 is out of range; it must be above 0"),
+        ({"occluder_distance": float("inf")}, "occluder_distance: inf is not a finite number"),
+        ({"thickness_distance": -1.0}, "thickness_distance: -1.0 is out of range"),
+        ({"thickness_distance": float("nan")}, "thickness_distance: nan is not a finite number"),
     ],
 )
 def test_choices_are_checked(given, message):

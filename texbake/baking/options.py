@@ -160,7 +160,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     scale: Annotated[
         float | None,
         Option(
-            "Height that a change of 1 in an integer file means.",
+            "Difference in height between black and white in an integer file.",
             metavar="S",
             unit="model units",
             default="the least that holds every height",

@@ -43,6 +43,7 @@ class StudyOptions(CheckedOptions):
             "Setting to study; repeatable.",
             choices=KNOB_NAMES,
             metavar="NAME",
+            default="all",
             flag="--knob",
             many=True,
         ),
@@ -51,7 +52,7 @@ class StudyOptions(CheckedOptions):
     seconds: Annotated[
         float,
         Option(
-            "Time after which a setting is not run again, once it has been run twice.",
+            "Seconds after which a setting is not run again, once it has been run twice.",
             metavar="S",
             low=0,
             unit="seconds",

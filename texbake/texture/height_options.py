@@ -31,7 +31,7 @@ class HeightToNormalOptions(CheckedOptions):
     scale: Annotated[
         float | None,
         Option(
-            "Height that a change of 1 in the values means, in the unit of the width.",
+            "Difference in height between values 0 and 1, in the unit of the width.",
             metavar="S",
             default=f"what the file says, else {DEFAULT_SCALE:g}",
         ),

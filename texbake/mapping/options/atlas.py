@@ -55,7 +55,7 @@ class AtlasOptions(TextureOptions):
     timeout: Annotated[
         float | None,
         Option(
-            "Time after which xatlas gives up on a part, which is then cut by its normals.",
+            "Seconds after which xatlas gives up on a part, which is then cut by its normals.",
             metavar="SECONDS",
             above=0,
             unit="seconds",

@@ -19,7 +19,7 @@ class TextureOptions(CheckedOptions):
     size: Annotated[
         Size,
         Option(
-            "Width and height of the texture in texels: one number for both, or WxH.",
+            "Width and height of the texture in texels; one number means both.",
             metavar="PX|WxH",
             low=1,
             high=MAX_SIZE,
