@@ -1,4 +1,4 @@
-"""Times as a person writes them: `20s`, `2min`."""
+"""Durations as people write them: `20s`, `2min`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ _SECONDS = {"ms": 1e-3, "min": 60.0, "s": 1.0, "h": 3600.0}
 
 
 def parse_seconds(value: str | float) -> float:
-    """Seconds of `20s`, `500ms`, `2min`, `1h`, or of a number, which is seconds.
+    """Parse `20s`, `500ms`, `2min`, `1h`, or a plain number of seconds.
 
     Raises
     ------
     OptionError
-        It is no positive time.
+        It is not a positive duration.
 
     Examples
     --------
@@ -29,5 +29,5 @@ def parse_seconds(value: str | float) -> float:
     except ValueError:
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise OptionError(f"time-budget: {word!r} is no time; give one such as 20s or 2min")
+        raise OptionError(f"time_budget: {word!r} is not a duration; give one such as 20s or 2min")
     return number * _SECONDS.get(unit, 1.0)

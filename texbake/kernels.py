@@ -1,4 +1,4 @@
-"""How kernels are compiled: without the GIL, once for each machine, whatever the disk allows."""
+"""How kernels are compiled: to run without the GIL, and once per machine if the disk allows it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numba import cfunc, njit
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function with numba when it is first called, and keep the machine code on disk.
+    """Compile a function with numba when it is first called, and cache the machine code on disk.
 
-    It runs without the GIL, so that `run_bands` can run it on several threads, and never in
-    numba's own parallel mode, which takes several times longer to compile. Where no folder for the
-    machine code can be written to, or its disk is full, it is compiled again in each process.
+    The function runs without the GIL, so that `run_bands` can run it on several threads. Numba's
+    own parallel mode is not used, since it takes several times longer to compile. If the cache
+    cannot be written, or the disk is full, the function is compiled again in each process.
     """
     try:
         compiled = njit(nogil=True, cache=True, error_model="numpy")(function)
@@ -32,7 +32,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a function that native code calls back, at once; kept on disk where that can be."""
+    """Compile a function for native code to call back, at once; cached on disk if possible."""
 
     def compile_callback(function: Callable[..., Any]) -> Any:
         try:

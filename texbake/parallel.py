@@ -1,7 +1,7 @@
-"""Work cut into bands for a pool of threads, with the same result for any number of them.
+"""Work divided into bands for a pool of threads, with the same result for any number of threads.
 
 Kernels are compiled with `nogil=True` and write only to their own band, so that plain threads run
-them side by side and no order of finishing can change a byte of the result.
+them in parallel, and the order in which they finish cannot change a byte of the result.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def resolve_threads(threads: int | None) -> int:
     if threads is None:
         return default_threads()
     if threads < 1:
-        raise OptionError(f"threads: {threads} is too few; it must be at least 1")
+        raise OptionError(f"threads: {threads} is too small; it must be at least 1")
     return threads
 
 
@@ -42,15 +42,15 @@ def run_bands(
     Parameters
     ----------
     work
-        Handles items start to stop - 1 and touches no other item's results.
+        Handles the items from start to stop - 1 and writes no other item's results.
     band
-        Items a call; independent of `threads`, so that no result can depend on them.
+        Items per call; independent of `threads`, so that no result can depend on it.
     threads
         None for every processor.
     advance
-        Called in the calling thread with the number of items of each band that is done.
+        Called in the calling thread with the number of items of each finished band.
 
-    The first error of a band, or an interrupt, stops the bands not yet begun and is raised.
+    The first error of a band, or an interrupt, cancels the bands not yet started and is raised.
     """
     starts = range(0, n_items, band)
     threads = min(resolve_threads(threads), len(starts))

@@ -1,7 +1,7 @@
-"""Stages of long work: what each took, and how far it is, told to whoever listens.
+"""Stages of long work: their progress for a listener, and their times for the report.
 
-A function that takes long accepts `progress`, something with the three methods of `ProgressSink`,
-and opens a `Stages` on it. What the stages took is kept for the report either way.
+A function that takes long accepts `progress`, an object with the three methods of `ProgressSink`,
+and opens a `Stages` on it. The times of the stages are kept for the report either way.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from typing import Protocol
 
 
 class ProgressSink(Protocol):
-    """Listens to the progress of stages. The methods are called from one thread, in order."""
+    """Receives the progress of stages. The methods are called from one thread, in order."""
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Tell that a stage has begun; `total` is None where the amount of work is unknown."""
+        """A stage has begun; `total` is None if the amount of work is unknown."""
 
     def advanced(self, stage: str, done: int) -> None:
-        """Tell how many units of `total` are done."""
+        """So many units of `total` are done."""
 
     def finished(self, stage: str, seconds: float) -> None:
-        """Tell that a stage has ended, also when an error ended it."""
+        """A stage has ended, normally or by an error."""
 
 
 @dataclass(frozen=True)
 class StageRecord:
-    """What one stage took.
+    """Time and memory of one stage.
 
-    `peak_memory_bytes` is the most resident memory the process had held up to the stage's end, or
-    None where the system does not tell.
+    `peak_memory_bytes` is the peak resident memory of the process up to the end of the stage, or
+    None where the system does not report it.
     """
 
     name: str
@@ -57,17 +57,17 @@ class Stages:
 
     @property
     def records(self) -> list[StageRecord]:
-        """What the stages took so far, in the order in which they first began."""
+        """Records of the stages so far, in the order in which they first began."""
         return list(self._records.values())
 
     @contextmanager
     def stage(
         self, name: str, *, total: int | None = None, unit: str = "", recorded: bool = True
     ) -> Iterator[Callable[[int], None]]:
-        """Show a block to the listener; yields a function that takes the number of units just done.
+        """Report a block to the listener; yields a function to call with the units just done.
 
-        Its time is recorded as well unless `recorded` is false, as it is where parts of the block
-        are recorded one by one.
+        Its time is recorded too, unless `recorded` is false because its parts are recorded one by
+        one.
         """
         done = 0
 
@@ -91,7 +91,7 @@ class Stages:
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
-        """Record a block's time without showing it; parts of one name are added up."""
+        """Record the time of a block without reporting it; parts of one name are added up."""
         start = time.perf_counter()
         try:
             yield
@@ -105,9 +105,9 @@ class Stages:
 
 
 def peak_memory_bytes() -> int | None:
-    """Most resident memory this process has held so far, or None where the system does not tell."""
+    """Peak resident memory of this process so far, or None where the system does not report it."""
     try:
-        # On Linux `getrusage` starts from what the process that started this one held.
+        # On Linux the figure of `getrusage` includes the peak of the parent process.
         status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
         return int(status.split("VmHWM:")[1].split()[0]) * 1024
     except (OSError, IndexError, ValueError):

@@ -94,7 +94,7 @@ def test_two_charts_of_unlike_size() -> None:
     )
     assert found.n_charts == 2
     assert found.fill == pytest.approx(5.0)
-    # 100 and 200 texels a unit.
+    # 100 and 200 texels per unit.
     assert found.texel_density == pytest.approx(math.sqrt((100.0**2 + 200.0**2) / 2.0))
     assert found.texel_density_variation == pytest.approx(50.0 / 150.0)
 

@@ -292,5 +292,5 @@ def test_too_many_groups_are_refused_before_the_work() -> None:
         def started(self, stage: str, total: int | None, unit: str) -> None:
             raise AssertionError(stage)
 
-    with pytest.raises(UnwrapError, match="1,280 tiles are wanted"):
+    with pytest.raises(UnwrapError, match="are 1,280 tiles, more than 1,000"):
         unwrap(crowd, by_group=True, progress=NoWork())

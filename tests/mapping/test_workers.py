@@ -89,7 +89,7 @@ def test_hanging_is_not_waited_for_again_and_again(tmp_path: Path) -> None:
 )
 def test_what_makes_no_sense_is_no_answer(tmp_path: Path, garbage: str) -> None:
     nonsense, after = asked(tmp_path, [garbage, ""])
-    assert nonsense == Failure("gave an answer that makes no sense")
+    assert nonsense == Failure("gave an invalid answer")
     assert isinstance(after, tuple)
 
 

@@ -147,7 +147,7 @@ class _Attempt:
 def _flat_disks(
     points: FloatArray, corners: IntArray, whole: _Attempt, most_l2: float
 ) -> tuple[list[Disk], list[IntArray]]:
-    """Flatten a connected part, divided if necessary; faces that cannot be flattened come second."""
+    """Flatten a connected part, divided if necessary; also return faces that cannot be."""
     if whole.disk is not None and whole.disk.l2 <= most_l2:
         return [whole.disk], []
     halves = _halves(points, corners, whole.part)

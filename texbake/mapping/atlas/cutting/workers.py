@@ -1,11 +1,11 @@
-"""Child processes that answer requests, one after another, and are replaced where they fail.
+"""Child processes that answer requests one after another, and are replaced when they fail.
 
-Compiled libraries may crash or never return on hostile meshes. In a process of its own such a
-library takes nothing else with it, several of them run side by side, and each is used for many
-requests, because starting one costs more than most answers.
+A compiled library may crash or never return on a hostile mesh. In a process of its own it cannot
+harm the rest, and several run side by side. Each process answers many requests, because starting
+one costs more than most answers.
 
-A worker is a script that reads requests from stdin until that ends, and writes an answer to each to
-stdout. Both are framed: eight bytes of length, little-endian, then as many bytes.
+A worker is a script that reads requests from stdin until it ends, and writes an answer to each to
+stdout. Requests and answers are framed: eight bytes of length, little-endian, then that many bytes.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from texbake.parallel import resolve_threads
 
 Result = TypeVar("Result")
 
-# Once so many requests took too long, no other is sent: what hangs often would take forever.
+# After this many timeouts, no further request is sent: a library that hangs often takes forever.
 _MOST_TIMEOUTS = 3
 
-_POLL_SECONDS = 0.1  # between looks at what is done; some systems interrupt no longer wait
+_POLL_SECONDS = 0.1  # between checks for results; some systems do not interrupt a longer wait
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Generic[Result]):
-    """What a worker is asked.
+    """A request to a worker.
 
     Attributes
     ----------
     body : callable
-        Makes the bytes to send, when it is their turn.
+        Makes the bytes to send, just before they are sent.
     read : callable
-        Makes the result of the bytes of an answer, or raises `ValueError` where they are none; may
-        take long.
+        Turns the bytes of an answer into the result, or raises `ValueError` if they are invalid;
+        may take long.
     timeout : float
-        Seconds after which the worker is given up.
+        Seconds after which the worker is killed.
     most_bytes : int
-        Longest answer that can be one.
+        Length of the longest valid answer.
     """
 
     body: Callable[[], bytes]
@@ -64,7 +64,7 @@ class Failure:
     reason : str
         What the library did, such as "crashed (exit code -11)".
     exit_code : int, optional
-        Of a worker that ended by itself.
+        Exit code of a worker that ended on its own.
     """
 
     reason: str
@@ -76,41 +76,41 @@ def ask_workers(
     requests: Sequence[Request[Result]],
     *,
     threads: int | None = None,
-    told: Callable[[int], None] | None = None,
+    done: Callable[[int], None] | None = None,
 ) -> list[Result | Failure]:
-    """Have requests answered by workers.
+    """Send requests to workers and collect their results.
 
     Parameters
     ----------
     script : Path
-        What a worker runs.
+        Script that a worker runs.
     requests : sequence of Request
-        Taken in this order; those that take long should come first.
+        Sent in this order; slow ones should come first.
     threads : int, optional
-        Most workers at a time; None for one a processor.
-    told : callable, optional
-        Called in this thread with the index of each request that is done.
+        Largest number of workers; None for one per processor.
+    done : callable, optional
+        Called in this thread with the index of each request that is finished.
 
     Returns
     -------
     list
-        Of each request its result, or why it has none. No worker is left when this returns or
-        raises, also by an interrupt.
+        The result of each request, or why there is none. No worker is left running when this
+        returns or raises, even by an interrupt.
     """
     crew = _Crew(script, requests)
     n_workers = min(resolve_threads(threads), len(requests))
     pool = ThreadPoolExecutor(max(n_workers, 1), thread_name_prefix="texbake-worker")
     try:
         pending = {pool.submit(crew.work) for _ in range(n_workers)}
-        n_told = 0
+        n_counted = 0
         while pending:
-            done, pending = wait(pending, timeout=_POLL_SECONDS)
-            for future in done:
+            ended, pending = wait(pending, timeout=_POLL_SECONDS)
+            for future in ended:
                 future.result()
-            for number in list(crew.results)[n_told:]:
-                if told is not None:
-                    told(number)
-                n_told += 1
+            for number in list(crew.results)[n_counted:]:
+                if done is not None:
+                    done(number)
+                n_counted += 1
     finally:
         crew.dismiss()
         pool.shutdown(wait=True)
@@ -118,7 +118,7 @@ def ask_workers(
 
 
 class _Crew(Generic[Result]):
-    """The workers for one list of requests, and what came of each."""
+    """The workers for one list of requests, and the results."""
 
     def __init__(self, script: Path, requests: Sequence[Request[Result]]) -> None:
         self.results: dict[int, Result | Failure] = {}
@@ -130,7 +130,7 @@ class _Crew(Generic[Result]):
         self._n_timeouts = 0
 
     def work(self) -> None:
-        """Have one request after another answered, by one worker as long as it does not fail."""
+        """Send one request after another to a worker, which is replaced when it fails."""
         worker: _Worker | None = None
         try:
             while (number := self._next_number()) is not None:
@@ -144,7 +144,7 @@ class _Crew(Generic[Result]):
             self._bury(worker)
 
     def dismiss(self) -> None:
-        """Kill the workers, and let no other start."""
+        """Kill the workers and let no others start."""
         with self._lock:
             self._dismissed = True
             for worker in self._workers:
@@ -172,7 +172,7 @@ class _Crew(Generic[Result]):
         try:
             return request.read(answer)
         except ValueError:
-            return Failure("gave an answer that makes no sense")
+            return Failure("gave an invalid answer")
 
     def _bury(self, worker: _Worker | None) -> None:
         if worker is not None:
@@ -182,14 +182,14 @@ class _Crew(Generic[Result]):
 
 
 class _Worker:
-    """A child process; only the thread that made it asks it and ends it."""
+    """A child process, used and ended only by the thread that started it."""
 
     def __init__(self, script: Path) -> None:
         self.timed_out = False
         self._messages = tempfile.TemporaryFile()  # noqa: SIM115, closed by `end`
         pipe = subprocess.PIPE
-        # The same places to import from as here; -P keeps the modules beside the script out of
-        # them. There is one worker a processor: threads of its own would be in each other's way.
+        # The same import path as here; -P keeps modules beside the script out of it. With one
+        # worker per processor, threads inside a worker would only compete.
         paths = os.pathsep.join(filter(None, sys.path))
         environment = {**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"}
         self.process = subprocess.Popen(
@@ -213,9 +213,9 @@ class _Worker:
             head = self._answers.read(8)
             n_bytes = int.from_bytes(head, "little")
             if n_bytes > request.most_bytes:
-                return Failure("gave an answer that makes no sense")
+                return Failure("gave an invalid answer")
             answer = self._answers.read(n_bytes)
-        except OSError:  # it closed its end
+        except OSError:  # the worker closed its end
             head, n_bytes, answer = b"", 0, b""
         finally:
             timer.cancel()
@@ -226,10 +226,10 @@ class _Worker:
         return self._crash()
 
     def end(self) -> None:
-        """Kill the process, if it still runs, and give back what it holds."""
+        """Kill the process if it still runs, and release its resources."""
         self.process.kill()
         self.process.wait()
-        with suppress(OSError):  # what was not sent to a process that is gone
+        with suppress(OSError):  # unsent bytes to a process that has ended
             self._requests.close()
         self._answers.close()
         self._messages.close()
@@ -239,7 +239,7 @@ class _Worker:
         self.process.kill()
 
     def _crash(self) -> Failure:
-        # A process that closed its pipes may still have to end; one that hangs then is killed.
+        # A process that closed its pipes may still be ending; one that hangs is killed.
         with suppress(subprocess.TimeoutExpired):
             self.process.wait(1.0)
         exit_code = self.process.poll()

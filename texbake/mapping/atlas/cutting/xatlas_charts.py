@@ -31,11 +31,11 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 
 _WORKER = Path(__file__).with_name("cut_worker.py")
-_DOES_NOT_LOAD = 3  # its exit code where xatlas is broken
+_DOES_NOT_LOAD = 3  # exit code of the worker if xatlas does not load
 
-# Longest side of the box that xatlas sees. It takes areas below 1.2e-7 for zero; at this size that
-# is two cells of the grid, and real meshes come apart in the same charts as at any size from 16 to
-# 1024, while at 1 they do not.
+# Longest side of the box that xatlas sees. xatlas treats areas below 1.2e-7 as zero; at this size
+# that is two cells of the grid, and real meshes give the same charts as at any size from 16 to
+# 1024. At a size of 1 they do not.
 _WORKING_SIZE = 256.0
 
 _SECONDS_TO_START = 60.0
@@ -53,29 +53,29 @@ def xatlas_charts(
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
-    """Cut batches of faces into charts, each by itself.
+    """Cut batches of faces into charts, each batch on its own.
 
     Parameters
     ----------
     points : (V, 3) float64
-        On the grid, in the unit cube.
+        Points on the grid, in the unit cube.
     faces : (F, 3) int32
         Indices into `points`.
     batches : sequence of (n,) int32
         Faces that are cut together.
     timeout : float, optional
-        Seconds after which xatlas is given up on a batch; None leaves 60 s and 10 ms a face.
+        Seconds after which xatlas is stopped on a batch; None allows 60 s plus 10 ms per face.
     threads : int, optional
-        Most processes at a time; None for one a processor.
+        Largest number of processes; None for one per processor.
     advance : callable, optional
         Called with the number of faces just done.
 
     Returns
     -------
     pieces : list of ((n,) int32, Charts)
-        Faces of each batch in which some have an area, and their charts.
+        Faces and charts of each batch in which some face has an area.
     notes : tuple of str
-        What xatlas failed on, and was cut by its normals.
+        Where xatlas failed and faces were cut by their normals instead.
 
     Raises
     ------
@@ -83,26 +83,26 @@ def xatlas_charts(
         xatlas does not load.
     """
     parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
-    parts.sort(key=lambda part: -len(part.faces))  # the short ones last, to end together
+    parts.sort(key=lambda part: -len(part.faces))  # small ones last, so that workers end together
     answers = ask_workers(
         _WORKER,
         [part.request(timeout) for part in parts],
         threads=threads,
-        told=lambda number: advance(len(parts[number].faces)) if advance else None,
+        done=lambda number: advance(len(parts[number].faces)) if advance else None,
     )
     return _with_plain_charts(parts, answers)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Part:
-    """Faces that are cut into charts together, by themselves.
+    """Faces that are cut into charts together.
 
     Attributes
     ----------
     face_ids : (n,) int32
-        Of the mesh, ascending.
+        Faces of the mesh, ascending.
     points : (m, 3) float64
-        Those of the mesh that the faces use.
+        Points that the faces use.
     faces : (n, 3) int32
         Indices into `points`.
     """
@@ -121,7 +121,7 @@ class _Part:
         )
 
     def request(self, timeout: float | None) -> Request[Charts | None]:
-        """What a worker is asked about the part."""
+        """The request to a worker for this batch."""
         if timeout is None:
             timeout = _SECONDS_TO_START + _SECONDS_A_FACE * len(self.faces)
         return Request(
@@ -129,7 +129,7 @@ class _Part:
         )
 
     def plain_charts(self) -> Charts | None:
-        """Charts by normals alone; None where no face has an area."""
+        """Charts by normals alone; None if no face has an area."""
         faces, uvs, chart_ids = plain_charts(self.points, self.faces)
         empty = surface_areas(self.points[self.faces]) == 0.0
         chart_ids[faces[empty]] = NO_CHART
@@ -141,7 +141,7 @@ class _Part:
         return counts.tobytes() + points.tobytes() + self.faces.astype(np.uint32).tobytes()
 
     def _read(self, answer: bytes) -> Charts | None:
-        """Charts of an answer, mended; None where there are none. ValueError for any other."""
+        """Read the charts of an answer and repair them; None if there are none."""
         n_uvs, n_faces = np.frombuffer(answer, np.uint64, 2).tolist()
         if len(answer) != 16 + 12 * (n_uvs + n_faces) or n_faces not in (0, len(self.faces)):
             raise ValueError("an answer of the wrong length")
@@ -151,7 +151,7 @@ class _Part:
         if n_faces == 0:
             return None
         if not (np.isfinite(uvs).all() and faces.max() < n_uvs):
-            raise ValueError("coordinates that are none")
+            raise ValueError("invalid coordinates")
         of_corners = chart_ids[faces]
         if (of_corners != of_corners[:, :1]).any():
             raise ValueError("a face in two charts")
@@ -161,7 +161,7 @@ class _Part:
 def _with_plain_charts(
     parts: Sequence[_Part], answers: Sequence[Charts | Failure | None]
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
-    """Charts of each part that has any, plain ones where xatlas failed; and what failed."""
+    """Charts of each batch, by normals where xatlas failed, and notes on the failures."""
     pieces = []
     failed: dict[str, list[int]] = {}
     for part, answer in zip(parts, answers, strict=True):
@@ -193,14 +193,14 @@ def plain_charts(
     ----------
     points : (V, 3) float64
     faces : (F, 3) int32
-        A face without area is a chart of its own, of no area either.
+        A face without area becomes a chart of its own, without area.
 
     Returns
     -------
     faces : (F, 3) int32
         Indices into `uvs`.
     uvs : (T, 2) float64
-        In the unit of the points.
+        Coordinates in the unit of the points.
     chart_ids : (T,) int64
         Chart of each coordinate, numbered from 0 without gaps in the order of the first faces.
     """
@@ -223,7 +223,7 @@ def plain_charts(
 
 
 def _tangents(axes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across each axis, right-handed with it."""
+    """Two unit vectors perpendicular to each axis, right-handed with it."""
     least = np.eye(3)[np.abs(axes).argmin(axis=1)]
     across = np.cross(least, axes)
     lengths = np.linalg.norm(across, axis=1, keepdims=True)

@@ -1,1 +1,1 @@
-"""One chart laid flat with as little distortion as it can have."""
+"""Flattening charts with as little distortion as possible."""

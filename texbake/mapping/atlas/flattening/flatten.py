@@ -29,27 +29,27 @@ from texbake.mesh.mesh import FloatArray, IntArray
 # Of layouts in the circle: first roughly, and if that has flips, as well as can be.
 _CIRCLE_TOLERANCES = (1e-4, 1e-12)
 
-# Vertices of a region at the least, and halvings of the patch at the most: 64 regions are a system
-# of 192 unknowns, which takes about as long as ten iterations with 3,000 vertices.
+# Least number of vertices in a region, and most halvings of the patch: 64 regions give a system of
+# 192 unknowns, which takes about as long as ten iterations with 3,000 vertices.
 _REGION_SIZE = 64
 _MOST_HALVINGS = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flat:
-    """A patch laid flat, with the area that it has in space; no triangle of it is flipped.
+    """A flattened patch, with the area that it has in space and without flipped triangles.
 
     Attributes
     ----------
     uvs : (n, 2) float64
-        Coordinates, in the unit of the points, about the origin; 0 for a vertex of no triangle.
+        Coordinates in the unit of the points, about the origin; 0 for unused vertices.
     l2 : float
         Stretch of the patch at this scale (Sander et al. 2001): √ of the mean of (Γ² + γ²) / 2,
         1 at best.
     energy : float
         Mean of the symmetric Dirichlet energy at this scale, 4 at best.
     injective : bool
-        Whether no two triangles overlap.
+        True if no two triangles overlap.
     """
 
     uvs: FloatArray
@@ -67,33 +67,34 @@ def flatten(
     accuracy: float = 1e-3,
     keep_apart: bool = False,
 ) -> Flat | None:
-    """Lay a patch flat with the least symmetric Dirichlet energy that its start leads to.
+    """Flatten a patch with the least symmetric Dirichlet energy that its start leads to.
 
     Parameters
     ----------
     points : (n, 3) float64
-        Positions of the vertices of the patch; those of no triangle are allowed.
+        Positions of the vertices of the patch; some may be unused.
     faces : (m, 3) int32
-        Triangles, all with one winding.
+        Triangles, all with the same winding.
     start : (n, 2) float64, optional
-        A layout to start from; not used where it has a flipped triangle or one without area.
-        Without one, the patch is laid out in a circle first.
+        A layout to start from, ignored if a triangle is flipped or has no area. The default start
+        is a layout in a circle.
     n_iterations : int
-        Steps of Newton's method at most.
+        Largest number of Newton steps.
     accuracy : float
-        The last step is the one that takes less than this share of the energy above its minimum
-        of 4, or less than a tenth of it absolutely. About as much again may be left to gain.
+        The iteration stops after a step that gains less than this share of the energy above its
+        minimum of 4, or less than a tenth of it absolutely. About as much again may be left to
+        gain.
     keep_apart : bool
-        Whether a step also stops short of where the boundary crosses itself. From an injective
-        start, this leads to an injective layout, though seldom to one of least energy.
+        Also stop each step before the boundary crosses itself. From an injective start, this leads
+        to an injective layout, though seldom to the least energy.
 
     Returns
     -------
     Flat or None
-        None for a patch that is no oriented surface, and, if no start is of use, for one that is
-        not in one piece, is closed, has a handle, or vertices at which it only touches itself; or
-        that is so far from a disk that float64 cannot tell its corners apart in the circle.
-        Triangles without area, or next to none, are laid out as slivers.
+        None if the patch is not an oriented surface. Without a usable start, also None if it is
+        not connected, is closed, has a handle, or has vertices at which it only touches itself; or
+        if it is so far from a disk that float64 cannot resolve its corners in the circle.
+        Triangles with little or no area are flattened as slivers.
 
     Examples
     --------
@@ -130,7 +131,7 @@ def flatten(
 
 
 def measured(points: FloatArray, faces: IntArray, uvs: FloatArray) -> Flat | None:
-    """Measure a layout as `flatten` does: moved to the origin, and with its area in space.
+    """Move a layout to the origin, give it its area in space, and measure it as `flatten` does.
 
     Parameters
     ----------
@@ -141,8 +142,7 @@ def measured(points: FloatArray, faces: IntArray, uvs: FloatArray) -> Flat | Non
     Returns
     -------
     Flat or None
-        None for what is no oriented surface, and for a layout with a flipped triangle or one
-        without area.
+        None if the patch is not an oriented surface, or a triangle is flipped or has no area.
     """
     patch = patch_of(faces, len(points))
     if patch is None:
@@ -161,7 +161,7 @@ def _start_layout(
     areas: FloatArray,
     start: FloatArray | None,
 ) -> FloatArray | None:
-    """Return a layout without flips, of about the right size, in an array of its own."""
+    """Return a layout without flips and of about the right size, in a new array."""
     if start is not None:
         uvs = np.array(start, dtype=np.float64, order="C")
         if math.isfinite(energy_of(uvs, patch.faces, gradients, areas)):
@@ -173,7 +173,7 @@ def _start_layout(
         if circle is None:
             return None
         if math.isfinite(energy_of(circle, patch.faces, gradients, areas)):
-            # Of all sizes, the one with the least energy.
+            # Scaled to the size of least energy.
             mean_dirichlet, mean_inverse, _ = stretch_of(circle, patch.faces, gradients, areas)
             return np.asarray(circle * (mean_inverse / mean_dirichlet) ** 0.25)
     return None
@@ -195,21 +195,21 @@ def _finished(uvs: FloatArray, patch: Patch, gradients: FloatArray, areas: Float
 
 
 def tutte_layout(points: FloatArray, patch: Patch, tolerance: float = 1e-12) -> FloatArray | None:
-    """Lay a disk out in the unit circle, without flips as far as float64 can tell corners apart.
+    """Lay out a disk in the unit circle, without flips as far as float64 can resolve its corners.
 
     Parameters
     ----------
     points : (n, 3) float64
     patch : Patch
-        A disk once its holes are filled: `is_disk`.
+        A disk once its holes are filled: `is_disk` is true.
     tolerance : float
-        Of the linear system that is solved. A patch that is nowhere far from its boundary has no
-        flips with less than the best.
+        Accuracy of the linear system. A patch that is nowhere far from its boundary has no flips
+        even with a rough solution.
 
     Returns
     -------
     (n, 2) float64 or None
-        None where an edge across a hole is there already, so that it cannot be filled by a fan.
+        None if a hole cannot be filled by a fan, because an edge across it already exists.
     """
     lengths = [_loop_lengths(points, loop) for loop in patch.loops]
     outer = int(np.argmax([length.sum() for length in lengths]))
@@ -249,7 +249,7 @@ def _loop_lengths(points: FloatArray, loop: IntArray) -> FloatArray:
 
 
 def _circle_angles(lengths: FloatArray) -> FloatArray:
-    """Angle of each vertex of the loop: as its edges are long, a tenth of them all alike."""
+    """Angle of each vertex of the loop: by edge lengths, with a tenth shared evenly."""
     total = float(lengths.sum())
     shares = lengths / total if total > 0.0 else np.zeros(len(lengths))
     shares = 0.9 * shares + 0.1 / len(lengths)
@@ -258,7 +258,7 @@ def _circle_angles(lengths: FloatArray) -> FloatArray:
 
 
 def regions_of(uvs: FloatArray) -> IntArray:
-    """Halve a layout, and its parts, across their longer sides.
+    """Halve a layout and its parts, again and again, across their longer sides.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def regions_of(uvs: FloatArray) -> IntArray:
     Returns
     -------
     (n,) int32
-        Regions from 0 without gaps; all 0 where the patch is too small for it to pay.
+        Region of each vertex, from 0 without gaps; all 0 if the patch is too small for it to pay.
     """
     n = len(uvs)
     regions = np.zeros(n, dtype=np.int64)

@@ -27,7 +27,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Patch:
-    """Triangles of a patch, and how they hang together.
+    """Triangles of a patch, and how they are connected.
 
     Attributes
     ----------
@@ -38,17 +38,17 @@ class Patch:
     columns : (k,) int32
         The vertex of each entry; the first of row i is i.
     entries : (m, 3, 3) int32
-        Of row corner i and column corner j of each triangle.
+        Entry of row corner i and column corner j of each triangle.
     boundary : (b, 2) int32
-        Edges of one triangle only, in its direction.
+        Edges of a single triangle, in its direction.
     boundary_loops : (b,) int32
         Loop of each of these edges; 0 for all if there are touching fans.
     loops : tuple of (l,) int32
         Boundary loops, each in the direction of its triangles; none if there are touching fans.
     has_touching_fans : bool
-        Whether some vertex has more than one boundary edge that leaves it.
+        True if more than one boundary edge leaves some vertex.
     is_disk : bool
-        The patch is in one piece, and a disk once all its loops but one are filled.
+        True if the patch is connected, and a disk once all its loops but one are filled.
     """
 
     faces: IntArray
@@ -63,12 +63,12 @@ class Patch:
 
     @property
     def n_vertices(self) -> int:
-        """Number of vertices, those included that no triangle uses."""
+        """Number of vertices, including unused ones."""
         return len(self.row_starts) - 1
 
 
 def patch_of(faces: IntArray, n_vertices: int) -> Patch | None:
-    """Find neighbors and boundary of a patch.
+    """Find the neighbors and the boundary of a patch.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ def patch_of(faces: IntArray, n_vertices: int) -> Patch | None:
     Returns
     -------
     Patch or None
-        None for what is no oriented surface: an edge of more than two triangles, or of two that
-        run along it in one direction, or a triangle that has a vertex twice; and for no triangle.
+        None without triangles, and if it is not an oriented surface: an edge has more than two
+        triangles, or two that run along it in one direction, or a triangle has a vertex twice.
     """
     if len(faces) == 0:
         return None
@@ -114,7 +114,7 @@ def patch_of(faces: IntArray, n_vertices: int) -> Patch | None:
 
 
 def _loops(boundary: IntArray, n_vertices: int) -> tuple[IntArray, ...]:
-    """Chain edges where each vertex has one that leaves it; from the lowest vertex of each loop."""
+    """Chain the boundary into loops, each from its lowest vertex; one edge leaves each vertex."""
     following = np.full(n_vertices, -1, dtype=np.int32)
     following[boundary[:, 0]] = boundary[:, 1]
     order, starts = loops_kernel(following)
@@ -122,7 +122,7 @@ def _loops(boundary: IntArray, n_vertices: int) -> tuple[IntArray, ...]:
 
 
 def is_injective(uvs: FloatArray, patch: Patch) -> bool:
-    """Tell whether no two triangles of a layout overlap; none of them may be flipped.
+    """Return whether no two triangles of a layout overlap; none of them may be flipped.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Charts laid out anew, each with the least distortion that its present layout leads to.
+"""Charts flattened anew, each with the least distortion that its present layout leads to.
 
-xatlas lays its charts out by a projection or by conformal maps, and not for the least stretch.
-Charts are relaxed side by side; none gets worse, and none gets to lie on itself.
+xatlas flattens its charts by projection or by conformal maps, not for the least stretch. Relaxing
+makes no chart worse, and makes none overlap itself.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 
-_ACCURACY = 1e-5  # of the last layout of a chart
+_ACCURACY = 1e-5  # at which `flatten` stops
 
 
 def relaxed_charts(
@@ -29,17 +29,17 @@ def relaxed_charts(
     mesh_faces : (F, 3) int32
         Indices into `points`.
     charts : Charts
-        Of these faces.
+        Charts of these faces.
     threads : int, optional
         None for every processor. The result does not depend on it.
 
     Returns
     -------
     Charts
-        Each with the area that its faces have in space. A chart keeps its layout where relaxing
-        does not lower its energy, raises its stretch, or makes it lie on itself. What hangs
-        together at no edge becomes charts of its own (counted in `n_split`), as it would drift
-        apart.
+        Each has the area that its faces have in space. A chart keeps its layout if relaxing does
+        not lower its energy, raises its stretch, or makes it overlap itself. Parts of a chart
+        without a common edge become separate charts (counted in `n_split`), since they would
+        drift apart.
     """
     whole = _in_one_piece(points, mesh_faces, charts)
     places = np.zeros((len(whole.uvs), 3))
@@ -71,7 +71,7 @@ def relaxed_charts(
 
 
 def _relaxed(points: FloatArray, faces: IntArray, layout: FloatArray) -> FloatArray:
-    """Return a better layout of a chart, or the one that it has."""
+    """Return a better layout of a chart, or its present one."""
     flat = flatten(points, faces, layout, accuracy=_ACCURACY)
     if flat is not None and not flat.injective:
         flat = flatten(points, faces, layout, accuracy=_ACCURACY, keep_apart=True)
@@ -84,10 +84,10 @@ def _relaxed(points: FloatArray, faces: IntArray, layout: FloatArray) -> FloatAr
 
 
 def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> Charts:
-    """Number coordinates and charts anew, so that a chart is a surface that hangs together.
+    """Renumber coordinates and charts so that each chart is a connected surface.
 
-    Coordinates at one place become one, as files may repeat vertices within a chart; and faces of
-    a chart that no chain of edges connects get charts and coordinates of their own.
+    Coordinates at the same place become one, since files may repeat vertices within a chart. Faces
+    of a chart that are not connected by edges get charts and coordinates of their own.
     """
     solid = np.flatnonzero(charts.solid)
     corners = charts.faces[solid]

@@ -1,1 +1,1 @@
-"""Charts joined with their neighbors, or cut to hold a bound on stretch."""
+"""Joining charts with their neighbors, and cutting them to meet a bound on stretch."""

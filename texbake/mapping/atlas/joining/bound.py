@@ -1,9 +1,9 @@
-"""Charts that are stretched beyond a bound, cut in two until none is.
+"""Charts cut in two until none is stretched beyond a bound.
 
-A chart is first laid out anew, which may do. If not, it is cut along a straight line through its
-layout: across its length or along it, through its middle or through the middle of its stretch,
-whichever leaves the least stretch in both parts. Parts that a line cuts off needlessly are joined
-again where the bound allows it.
+A chart is first flattened anew, which may be enough. If not, it is cut along a straight line
+through its layout: across or along it, through the middle of its area or of its stretch, whichever
+leaves the least stretch. Parts that were cut off needlessly are joined again where the bound allows
+it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from texbake.parallel import run_bands
 _ROUGH_ITERATIONS = 6  # to choose a line by
 _FULL_ITERATIONS = 40
 
-# Charts of one face that are named in a report, before the rest are only counted.
+# Charts of one face that a report lists; the rest are only counted.
 _MOST_NAMED = 4
 
 
@@ -44,20 +44,20 @@ def bounded_charts(
     Parameters
     ----------
     points : (V, 3) float64
-        Vertices at one place are one.
+        Vertices at the same position count as one.
     mesh_faces : (F, 3) int32
         Indices into `points`.
     charts : Charts
     max_stretch : float
-        Most L2 stretch of a chart, at the scale that gives it its area in space; above 1.
+        Largest L2 stretch of a chart, at the scale that gives it its area in space; above 1.
     threads
         None for every processor.
 
     Returns
     -------
     Charts
-        Of the same faces; the same charts where all hold the bound. Faces that alone are stretched
-        beyond it, being too thin for float64 to lay flat, are told in `notes`.
+        Charts of the same faces, unchanged if all meet the bound. Single faces that do not, because
+        they are too thin for float64 to flatten, are listed in `notes`.
     """
     solid = charts.solid
     if not solid.any():
@@ -93,7 +93,7 @@ def bounded_charts(
 
 
 def _held(piece: Piece, opposite: IntArray, max_stretch: float) -> list[Piece]:
-    """Parts of a piece that hold the bound, or are single faces."""
+    """Parts of a piece that meet the bound or are single faces."""
     parts: list[Piece] = []
     left = [piece]
     while left:
@@ -108,7 +108,7 @@ def _held(piece: Piece, opposite: IntArray, max_stretch: float) -> list[Piece]:
 
 
 def _relaxed(piece: Piece, n_iterations: int) -> Piece:
-    """Return a piece laid out better, or as it is."""
+    """Return a piece with a better layout, or unchanged."""
     relaxed = relaxed_piece(piece, n_iterations=n_iterations)
     return relaxed if relaxed is not None and relaxed.l2 < piece.l2 else piece
 
@@ -127,14 +127,14 @@ def _halves(piece: Piece, opposite: IntArray) -> list[Piece]:
 
 
 def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
-    """Sides (m,) of the faces of a piece in four ways, none of them empty."""
+    """Four ways to divide the faces of a piece by a line, as (m,) sides; no side is empty."""
     corners, uvs = piece.points[piece.faces], piece.uvs[piece.faces]
     areas, centers = surface_areas(corners), uvs.mean(axis=1)
     grown = np.abs(signed_areas(uvs) / np.maximum(areas, np.finfo(float).tiny))
     weights = np.maximum(areas, np.finfo(float).tiny)
     about = centers - np.average(centers, axis=0, weights=weights)
     _, axes = np.linalg.eigh((weights[:, None, None] * about[:, :, None] * about[:, None]).sum(0))
-    # Where areas have changed much there is curvature, which a cut through it takes away.
+    # Areas that have changed much show curvature, which a cut through it removes.
     stretched = weights * np.abs(np.log(np.clip(grown, 1e-6, 1e6)))
     lines = []
     for axis in (axes[:, 1], axes[:, 0]):
@@ -149,10 +149,10 @@ def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
 
 
 def _notes(missed: list[Piece], charts: Charts, max_stretch: float) -> tuple[str, ...]:
-    """Say which charts miss the bound, and why."""
+    """Notes on the charts that miss the bound, and why."""
     notes = [
         f"chart {charts.chart_ids[charts.faces[piece.face_ids[0], 0]]} (face {piece.face_ids[0]}) "
-        f"has stretch {piece.l2:.3g}, above {max_stretch:g}: the face is too thin to be laid flat"
+        f"has stretch {piece.l2:.3g}, above {max_stretch:g}: the face is too thin to be flattened"
         for piece in missed[:_MOST_NAMED]
     ]
     if len(missed) > _MOST_NAMED:

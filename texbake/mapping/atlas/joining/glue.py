@@ -1,8 +1,8 @@
-"""Two neighboring charts made one: where they may be glued, and how the result lies at first.
+"""Two neighboring charts glued into one: where they may be glued, and the first layout.
 
-Neighbors meet along paths of edges. Vertices inside a path become vertices inside the chart, so
-that what their angles lack to a full turn must go into stretch: where that is much, as at the
-corner of a cube, a path is better glued only up to there and left cut beyond.
+Neighbors meet along paths of edges. Vertices inside a path become inner vertices of the joined
+chart, so that any difference of their angle from a full turn becomes stretch. Where that is large,
+as at the corner of a cube, it is better to glue the path only up to that vertex.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from texbake.mapping.atlas.joining.piece import Piece, hull_area
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# Angle that the fan of a vertex may lack, or have too much, for paths to be glued across it.
+# Largest difference between the angle around a vertex and a full turn for gluing across it.
 _MOST_DEFECT = math.radians(25.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contact:
-    """Half-edges along which two pieces, `one` and `other`, meet.
+    """The half-edges along which two pieces, `one` and `other`, meet.
 
     Attributes
     ----------
     at_one, at_other : (k,) int64
-        Where each of them stands in the borders of the pieces, in the order of paths.
+        Their positions in the borders of the pieces, in the order of paths.
     paths : (k,) int32
-        The path that each lies on.
+        The path that each belongs to.
     lengths : (k,) float64
-        In space.
+        Lengths in space.
     turns : (k,) float64
-        Angle, in radians, that the vertex where the path comes from would have inside the joined
-        chart; NaN at the start of a path.
+        Angle, in radians, that the vertex at the start of the half-edge would have inside the
+        joined chart; NaN at the start of a path.
     """
 
     at_one: npt.NDArray[np.int64]
@@ -46,12 +46,12 @@ class Contact:
 
     @property
     def length(self) -> float:
-        """Of all paths together."""
+        """Total length of all paths."""
         return float(self.lengths.sum())
 
 
 def contact_of(one: Piece, other: Piece, opposite: IntArray) -> Contact | None:
-    """Find where two pieces meet; None where they do not."""
+    """Find where two pieces meet; None if they do not."""
     across = opposite[one.border]
     slots = np.minimum(np.searchsorted(other.border, across), len(other.border) - 1)
     at_one = np.flatnonzero(other.border[slots] == across)
@@ -74,9 +74,9 @@ def contact_of(one: Piece, other: Piece, opposite: IntArray) -> Contact | None:
 def _chained(
     starts: IntArray, ends: IntArray
 ) -> tuple[npt.NDArray[np.int64], IntArray, npt.NDArray[np.bool_]]:
-    """Order half-edges by paths; the path of each, and whether the path comes from another one.
+    """Order half-edges by paths; also return the path of each, and whether another precedes it.
 
-    A closed path starts at its first half-edge, and comes from its last.
+    A closed path starts at its first half-edge, which its last one precedes.
     """
     slots = {start: i for i, start in enumerate(map(tuple, starts.tolist()))}
     following = [slots.get(end, -1) for end in map(tuple, ends.tolist())]
@@ -101,14 +101,14 @@ def _chained(
 
 
 def ways_to_glue(contact: Contact) -> list[npt.NDArray[np.int64]]:
-    """Choices of half-edges of a contact to glue, the longest first.
+    """Choices of half-edges to glue along a contact, the longest first.
 
-    All; the longest path; and the longest stretch of a path that comes past no vertex whose angle
-    is far from a full turn. Each is given once.
+    They are: all half-edges; the longest path; and the longest stretch of a path that passes no
+    vertex whose angle is far from a full turn. Equal choices are given once.
     """
     k = len(contact.paths)
     new_path = np.diff(contact.paths, prepend=-1) != 0
-    sharp = ~(np.abs(contact.turns - 2.0 * math.pi) <= _MOST_DEFECT)  # also where it is NaN
+    sharp = ~(np.abs(contact.turns - 2.0 * math.pi) <= _MOST_DEFECT)  # true for NaN
     ways = [np.arange(k)]
     for breaks in (new_path, new_path | sharp):
         runs = np.cumsum(breaks) - 1
@@ -121,8 +121,8 @@ def ways_to_glue(contact: Contact) -> list[npt.NDArray[np.int64]]:
 def glued(one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64]) -> Piece:
     """Glue two pieces along some half-edges of their contact.
 
-    `other` is turned and moved to where its border fits that of `one` best; glued vertices lie in
-    the middle. The result may have flips, and its `l2` is not known: NaN. Its hull is about right.
+    `other` is rotated and moved to fit the border of `one` best; glued vertices lie in the middle.
+    The result may have flips, its `l2` is NaN (unknown), and its hull area is approximate.
     """
     n_one = len(one.points)
     ends_one = one.border_ends[contact.at_one[way]]
@@ -156,9 +156,9 @@ def glued(one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64]
 def _open_border(
     one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64], labels: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Border of what is glued, and its ends.
+    """Border of the glued piece, and the ends of its half-edges.
 
-    A hole of two edges between the same two vertices closes by itself.
+    A hole of two edges between the same two vertices closes.
     """
     keep_one, keep_other = np.ones(len(one.border), bool), np.ones(len(other.border), bool)
     keep_one[contact.at_one[way]] = False
@@ -179,7 +179,7 @@ def _open_border(
 def _fitted(
     uvs: FloatArray, sources: FloatArray, targets: FloatArray, lengths: FloatArray
 ) -> FloatArray:
-    """Turn and move coordinates so that edges (k, 2, 2) fit others best, by their lengths.
+    """Rotate and move coordinates so that edges (k, 2, 2) fit others best, weighted by length.
 
     Based on: P. Schönemann, "A generalized solution of the orthogonal Procrustes problem", 1966.
     """
@@ -188,7 +188,7 @@ def _fitted(
         weights / weights.sum() if weights.sum() > 0.0 else np.full(len(weights), 1 / len(weights))
     )
     source, target = (array.reshape(-1, 2) @ np.array([1.0, 1.0j]) for array in (sources, targets))
-    # Not products of vectors: those add up in another order on another number of threads.
+    # Not dot products, which sum in a different order with a different number of threads.
     source_mean, target_mean = (weights * source).sum(), (weights * target).sum()
     turn = np.sum(weights * np.conj(source - source_mean) * (target - target_mean))
     turn = turn / abs(turn) if abs(turn) > 0.0 else 1.0

@@ -1,14 +1,14 @@
-"""Neighboring charts made one, as long as the stretch of the mesh allows.
+"""Neighboring charts joined, as long as the stretch of the mesh allows.
 
-All pairs of charts that meet are candidates. Each is really laid flat, roughly at first and fully
-when its turn has come, and the cheapest is joined. What costs is stretch, and what a chart leaves
-empty of its convex hull, since charts of spread-out shapes pack badly; compared with the share of
-its outline that the smaller chart loses, so that charts become round rather than long. What charts
-cost that have a joined one for neighbor is found out when their turn comes.
+All pairs of charts that meet are candidates. Each candidate is actually flattened, roughly at first
+and fully when it is next in line, and the cheapest is joined. The cost is the added stretch plus
+the area that a chart leaves empty in its convex hull, since spread-out shapes pack badly, divided
+by the share of its outline that the smaller chart loses, so that charts become round rather than
+long. After a join, the costs of its neighbors are computed when they are next in line.
 
 Based on: P. Sander, J. Snyder, S. Gortler, H. Hoppe, "Texture mapping progressive meshes", 2001
 (charts made by merging, in the order of their costs); M. Minoux, "Accelerated greedy algorithms
-for maximizing submodular set functions", 1978 (costs looked at again only when their turn comes).
+for maximizing submodular set functions", 1978 (costs recomputed only for the next in line).
 """
 
 from __future__ import annotations
@@ -28,17 +28,16 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 
-_GUESSED, _ROUGH, _FULL = 0, 6, 30  # iterations of `flatten` that a cost was found with
-_BATCH = 8  # candidates looked at side by side, for any number of threads
+_GUESSED, _ROUGH, _FULL = 0, 6, 30  # iterations of `flatten` that a cost is based on
+_BATCH = 8  # candidates flattened at the same time, for any number of threads
 
-# Iterations over faces that any mesh may take; a few seconds.
+# Iterations over faces that any mesh may use: a few seconds.
 _LEAST_WORK = 3_000_000
 
-# What looking at two charts costs beside their faces, as if they had so many more: of thousands of
-# tiny charts it is all that counts.
+# Fixed cost of flattening two charts, in faces: with thousands of tiny charts little else counts.
 _LEAST_FACES = 8
 
-# Charts of a smaller share of the mesh's area are not cut, whatever their shape.
+# Charts below this share of the mesh's area are not cut, whatever their shape.
 _LEAST_CUT = 0.01
 
 
@@ -55,43 +54,42 @@ def joined_charts(
     threads: int | None = None,
     most_work: int = 300,
 ) -> Charts:
-    """Join charts that meet, cheapest first.
+    """Join neighboring charts, cheapest first.
 
     Parameters
     ----------
     points : (V, 3) float64
-        Vertices at one place are one.
+        Vertices at the same position count as one.
     mesh_faces : (F, 3) int32
         Indices into `points`.
     charts : Charts
         Relaxed ones leave more room for joining.
     most_l2 : float
-        L2 stretch of the mesh that no join leads above, each chart at the scale that gives it
+        Largest L2 stretch of the mesh after joining, with each chart at the scale that gives it
         its area in space.
     most_chart_l2 : float, optional
-        The same for each chart that is made by joining. None: three times as far above 1 as
-        `most_l2`, and at least 1.1.
+        Largest stretch of a joined chart. None: three times as far above 1 as `most_l2`, and at
+        least 1.1.
     most_share : float
-        Most area of a chart that is made by joining, as a share of the mesh's, but for what is next
-        to nothing of it. A few large charts have shorter seams, many smaller ones fill a texture
-        better.
+        Largest area of a joined chart, as a share of the mesh's; tiny charts may always join. A
+        few large charts have shorter seams, many smaller ones fill a texture better.
     most_waste : float
-        Most that charts may leave empty of their convex hulls in all, as a share of the mesh's
-        area. Large charts that alone leave more are cut first, so that better shapes can be joined
-        from their parts; none is if it is infinite.
+        Largest total area that charts may leave empty in their convex hulls, as a share of the
+        mesh's area. Large charts that leave more on their own are cut first, so that better shapes
+        can be joined from their parts; infinity prevents that.
     regions : (F,) int32, optional
         Faces of different regions share no chart.
     threads
         None for every processor.
     most_work : int
-        Iterations over faces, for each face of the mesh, after which joining ends. Small meshes
-        get as much as they need.
+        Iterations per face of the mesh after which joining ends. Small meshes get as many as they
+        need.
 
     Returns
     -------
     Charts
-        Of the same faces. No chart that was joined lies on itself or has a mirrored face. Parts of
-        charts that hang together by vertices only become charts of their own.
+        Charts of the same faces. No joined chart overlaps itself or has a mirrored face. Parts of
+        charts that are connected only by vertices become separate charts.
     """
     solid = charts.solid
     if not solid.any():
@@ -121,7 +119,7 @@ def joined_charts(
 
 @dataclass(eq=False)
 class _Candidate:
-    """Two pieces, what joining them would cost, and the iterations that this was found with."""
+    """Two pieces, the cost of joining them, and the iterations that the cost is based on."""
 
     one: int
     other: int
@@ -134,7 +132,7 @@ class _Candidate:
 
 
 class _Joining:
-    """The pieces so far, which of them meet, and candidates in the order of their costs."""
+    """The pieces so far, which of them meet, and the candidates in the order of their costs."""
 
     def __init__(
         self,
@@ -159,7 +157,7 @@ class _Joining:
         self._work = 0
 
     def run(self, most_work: int) -> None:
-        """Join until nothing can be joined any more or `most_work` has been done."""
+        """Join until nothing can be joined any more, or `most_work` is used up."""
         candidates = [
             _Candidate(index, other)
             for index in self.pieces
@@ -172,12 +170,12 @@ class _Joining:
             while self._queue and self._work < most_work:
                 joined |= self._join_next()
             if joined:
-                # What was too dear, or could not be, may be possible beside what was joined.
+                # Joins that were too expensive or impossible may be possible now.
                 self._queue, self._waiting = self._waiting, []
                 heapq.heapify(self._queue)
 
     def _room(self) -> Allowance:
-        """What is left of what is allowed."""
+        """What is left of the allowance."""
         return replace(
             self._allowed,
             excess=self._allowed.excess - self._excess,
@@ -185,7 +183,7 @@ class _Joining:
         )
 
     def _join_next(self) -> bool:
-        """Look at the cheapest candidates that have no piece in common; join what is cheapest."""
+        """Flatten the cheapest candidates that have no piece in common, and join the cheapest."""
         chosen = self._cheapest()
         by_effort: dict[int, list[_Candidate]] = {_GUESSED: [], _ROUGH: [], _FULL: []}
         for candidate in chosen:
@@ -227,7 +225,7 @@ class _Joining:
         return candidate.one in self.pieces and candidate.other in self.pieces
 
     def _look_at(self, candidates: list[_Candidate], n_iterations: int) -> None:
-        """Find out the costs of candidates, and queue those that can be joined at all."""
+        """Compute the costs of candidates, and queue those that can be joined at all."""
 
         def look(start: int, stop: int) -> None:
             for candidate in candidates[start:stop]:
@@ -263,7 +261,7 @@ class _Joining:
         return [int(owner) for owner in owners if owner != index]
 
     def _join(self, candidate: _Candidate, piece: Piece) -> None:
-        """Put a piece in the place of two, with new candidates at the costs that the two had."""
+        """Replace two pieces by their union, whose candidates start with the costs of the two."""
         index = self._next_index
         self._next_index += 1
         known = [self._costs.pop(gone) for gone in (candidate.one, candidate.other)]

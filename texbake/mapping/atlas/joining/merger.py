@@ -1,4 +1,4 @@
-"""What it costs to make two neighboring charts one, found by laying them flat together."""
+"""The cost of joining two neighboring charts, found by flattening them together."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from texbake.mapping.atlas.joining.glue import contact_of, glued, ways_to_glue
 from texbake.mapping.atlas.joining.piece import Piece, relaxed_piece
 from texbake.mesh.mesh import IntArray
 
-# Cost of a merger that adds nothing; of such, those come first that glue most of a border.
+# Cost of a merger that makes nothing worse; of these, the one that glues most of a border is first.
 _LEAST_COST = 1e-3
 
 
-# A chart of this share of the area that one may have joins also a chart that is large enough.
+# A chart below this share of the largest allowed area may also join a chart that is large enough.
 _NEXT_TO_NOTHING = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class Allowance:
-    """How much worse charts may get by joining them.
+    """How much worse joining may make the charts.
 
     Attributes
     ----------
     excess : float
-        Sum of area times (L2² - 1), over all charts, that may be added.
+        What may be added to the sum of area times (L2² - 1) over all charts.
     waste : float
-        Sum of the area within their convex hulls that charts do not cover, that may be added.
+        What may be added to the total area that charts leave empty in their convex hulls.
     chart_l2 : float
-        Most stretch of a joined chart.
+        Largest stretch of a joined chart.
     chart_area : float
-        Most area of a joined chart, but for what is next to nothing of that.
+        Largest area of a joined chart; tiny charts may always join.
     """
 
     excess: float
@@ -38,7 +38,7 @@ class Allowance:
     chart_area: float
 
     def covers(self, merger: Merger) -> bool:
-        """Whether it is enough for a merger; one that makes nothing worse is always covered."""
+        """Whether a merger is allowed; one that makes nothing worse always is."""
         return (
             merger.excess <= max(self.excess, 0.0)
             and merger.waste <= max(self.waste, 0.0)
@@ -46,23 +46,23 @@ class Allowance:
         )
 
     def has_place(self, one: Piece, other: Piece) -> bool:
-        """Whether two pieces are not too large to be joined."""
+        """Whether two pieces are small enough to be joined."""
         whole, lesser = one.area + other.area, min(one.area, other.area)
         return whole <= self.chart_area or lesser <= _NEXT_TO_NOTHING * self.chart_area
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Merger:
-    """Two pieces laid flat as one.
+    """Two pieces flattened as one.
 
     Attributes
     ----------
     piece : Piece
-        What they become.
+        The joined piece.
     excess, waste : float
-        What it has more than the two together; see `Allowance`.
+        What it adds to the sum of the two; see `Allowance`.
     share : float
-        Length along which they are glued, as a share of the shorter of their borders.
+        Length along which they are glued, as a share of the shorter border.
     """
 
     piece: Piece
@@ -71,7 +71,7 @@ class Merger:
     share: float
 
     def cost(self, scale: Allowance) -> float:
-        """Shares that it uses up of what is allowed in all, over the share that is glued."""
+        """Share of the allowance that it uses, divided by the share that is glued."""
         excess = max(self.excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
         waste = max(self.waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
         return (excess + waste + _LEAST_COST) / self.share
@@ -80,7 +80,7 @@ class Merger:
 def find_merger(
     one: Piece, other: Piece, opposite: IntArray, *, scale: Allowance, n_iterations: int
 ) -> Merger | None:
-    """Lay two pieces flat as one, in each way that they can be glued; return the cheapest.
+    """Flatten two pieces as one, in each way that they can be glued; return the cheapest.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ def find_merger(
     opposite : (3 F,) int32
         From `opposite_half_edges`.
     scale : Allowance
-        What is allowed in all. A way that is sure to need more is not looked at.
+        The whole allowance. A way that is sure to exceed it is skipped.
     n_iterations : int
-        Of `flatten`.
+        Largest number of iterations of `flatten`.
 
     Returns
     -------
     Merger or None
-        None where they do not meet, or cannot lie in the plane together without flips or overlaps.
+        None if they do not meet, or cannot be flattened together without flips or overlaps.
     """
     if one.area < other.area:
         one, other = other, one
@@ -119,7 +119,7 @@ def find_merger(
 
 
 def relaxed_merger(merger: Merger, one: Piece, other: Piece, *, n_iterations: int) -> Merger | None:
-    """Lay a merger out better, from where it lies; None where it has flips or overlaps then."""
+    """Improve the layout of a merger; None if it then has flips or overlaps."""
     piece = relaxed_piece(merger.piece, n_iterations=n_iterations)
     return None if piece is None else _merger(piece, one, other, merger.share)
 

@@ -1,4 +1,4 @@
-"""A chart by itself, with vertices of its own."""
+"""A chart as a mesh of its own, while charts are cut and joined."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ class Piece:
     Attributes
     ----------
     face_ids : (m,) int32
-        Of the mesh, ascending.
+        Faces of the mesh, ascending.
     faces : (m, 3) int32
-        Indices of the piece's own vertices.
+        Indices into the piece's own vertices.
     points : (n, 3) float64
     uvs : (n, 2) float64
-        In the unit of the points; the piece has the area that it has in space.
+        Coordinates in the unit of the points, with the area that the piece has in space.
     angles : (n,) float64
         Sum of the corners' angles in space around each vertex, in radians.
     border : (k,) int32
-        Half-edges of the mesh along which the piece ends, ascending.
+        Half-edges of the mesh on the border of the piece, ascending.
     border_ends : (k, 2) int32
         Vertices where each of them starts and ends.
     area : float
-        In space.
+        Area in space.
     l2 : float
-        Stretch of the piece by itself; infinite where a face is mirrored.
+        L2 stretch of the piece alone; infinite if a face is mirrored.
     hull_area : float
-        Of the convex hull of the coordinates, or a little more.
+        Area of the convex hull of the coordinates, or a little more.
     """
 
     face_ids: IntArray
@@ -55,23 +55,23 @@ class Piece:
 
     @property
     def excess(self) -> float:
-        """Area times what the square of the stretch is above 1: sums of it tell a mesh's."""
+        """Area times (L2² - 1), which can be summed over the pieces of a mesh."""
         return self.area * (self.l2**2 - 1.0)
 
     @property
     def waste(self) -> float:
-        """Area within the convex hull that the piece does not cover."""
+        """Area of the convex hull that the piece leaves empty."""
         return self.hull_area - self.area
 
     @property
     def border_lengths(self) -> FloatArray:
-        """(k,) float64: lengths in space of the half-edges of the border."""
+        """(k,) float64: lengths of the border's half-edges in space."""
         starts, ends = self.border_ends.T
         return np.asarray(np.linalg.norm(self.points[ends] - self.points[starts], axis=1))
 
     @property
     def is_disk(self) -> bool:
-        """Whether the plane could hold it: a disk, maybe with holes."""
+        """Whether it can be flattened: a disk, possibly with holes."""
         starts, ends = self.border_ends.T
         loops = merged_labels(len(self.points), starts, ends)[starts]
         n_loops = len(np.unique(loops))
@@ -80,12 +80,12 @@ class Piece:
 
 
 def relaxed_piece(piece: Piece, *, n_iterations: int) -> Piece | None:
-    """Lay a piece out with less distortion, starting from its coordinates if these have no flips.
+    """Flatten a piece with less distortion, starting from its coordinates if they have no flips.
 
     Returns
     -------
     Piece or None
-        None where no layout was found that has neither flips nor overlaps.
+        None if no layout without flips and overlaps was found.
     """
     for keep_apart in (False, True):
         flat = flatten(
@@ -105,15 +105,15 @@ def relaxed_piece(piece: Piece, *, n_iterations: int) -> Piece | None:
 def hull_area(uvs: FloatArray) -> float:
     """Area of the convex hull of points in the plane, at most 0.4 % more for a round one.
 
-    It is that of the polygon of 32 directions that just holds them: with the reach h(i) in each
-    direction, its sides are (h(i + 1) + h(i - 1) - 2 h(i) cos δ) / sin δ long.
+    It is the area of the circumscribed polygon of 32 directions. With the extent h(i) in each
+    direction, its sides have the lengths (h(i + 1) + h(i - 1) - 2 h(i) cos δ) / sin δ.
 
     Examples
     --------
     >>> round(hull_area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])), 9)
     2.0
     """
-    reach = ((uvs - uvs[0]) @ _DIRECTIONS).max(axis=0)
-    step = 2.0 * math.pi / len(reach)
-    sides = np.roll(reach, 1) + np.roll(reach, -1) - 2.0 * reach * math.cos(step)
-    return float((reach * sides).sum() / (2.0 * math.sin(step)))
+    extents = ((uvs - uvs[0]) @ _DIRECTIONS).max(axis=0)
+    step = 2.0 * math.pi / len(extents)
+    sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * math.cos(step)
+    return float((extents * sides).sum() / (2.0 * math.sin(step)))

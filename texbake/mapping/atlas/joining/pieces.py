@@ -21,16 +21,16 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 
 _DIRECTIONS = 4
-_PLACES = (0.25, 0.5, 0.75)  # shares of the faces on one side of a line
+_PLACES = (0.25, 0.5, 0.75)  # shares of the faces on one side of the line
 
-# A cut must save this share of the area of the chart, or it only makes seams.
+# A cut must save this share of the chart's area, or it only adds seams.
 _LEAST_SAVED = 0.05
 
 
 def pieces_of(
     points: FloatArray, mesh_faces: IntArray, charts: Charts, opposite: IntArray
 ) -> list[Piece]:
-    """Take charts apart into pieces, one for each connected part, by their first faces.
+    """Turn charts into pieces, one for each connected part, in the order of their first faces.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def pieces_of(
     mesh_faces : (F, 3) int32
     charts : Charts
     opposite : (3 F,) int32
-        From `opposite_half_edges`; a chart is glued along no other edges.
+        From `opposite_half_edges`; charts are connected along no other edges.
     """
     corners = mesh_faces.ravel(), charts.faces.ravel()
     rows = (points[corners[0]], charts.uvs[corners[1]], charts.chart_ids[corners[1]][:, None])
@@ -59,7 +59,7 @@ def pieces_of(
 
 
 def parts_of(piece: Piece, sides: npt.NDArray[np.bool_], opposite: IntArray) -> list[Piece]:
-    """Cut a piece between faces of unlike `sides` (m,); coordinates stay as they are."""
+    """Cut a piece between faces of different `sides` (m,); coordinates do not change."""
     half_edges = (3 * piece.face_ids[:, None] + np.arange(3, dtype=np.int32)).ravel()
     half_edges = np.setdiff1d(half_edges, piece.border, assume_unique=True)
     half_edges = half_edges[opposite[half_edges] >= 0]
@@ -75,14 +75,14 @@ def parts_of(piece: Piece, sides: npt.NDArray[np.bool_], opposite: IntArray) -> 
 
 
 def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
-    """Put pieces together again, each with its area in space and about its own origin.
+    """Turn pieces back into charts, each with its area in space and about its own origin.
 
     Parameters
     ----------
     pieces : sequence of Piece
-        All faces of `charts` that lie in a chart, each once. Charts are numbered by first faces.
+        Together they contain each face with a chart once. Charts are numbered by first faces.
     charts : Charts
-        What they were made from, for all that they do not say.
+        The charts that they were made from, for everything else.
     """
     pieces = sorted(pieces, key=lambda piece: int(piece.face_ids[0]))
     sizes = np.array([len(piece.points) for piece in pieces])
@@ -90,7 +90,7 @@ def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
     for piece, first in zip(pieces, np.cumsum(sizes) - sizes, strict=True):
         faces[piece.face_ids] = piece.faces + first
     solid = charts.solid
-    # A face without a chart stays at the vertex where it was.
+    # A face without a chart stays at its vertex.
     now = np.zeros(len(charts.uvs), dtype=np.int32)
     now[charts.faces[solid][::-1].ravel()] = faces[solid][::-1].ravel()
     faces[~solid] = now[charts.faces[~solid]]
@@ -103,7 +103,7 @@ def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
 
 
 def _within(face_ids: IntArray, half_edges: IntArray) -> IntArray:
-    """Half-edges of the mesh as such of its faces `face_ids`, which hold them all."""
+    """Half-edges of the mesh, renumbered among its faces `face_ids`, which contain them all."""
     places = 3 * np.searchsorted(face_ids, half_edges // 3) + half_edges % 3
     return np.asarray(places, dtype=np.int32)
 
@@ -115,7 +115,7 @@ def _connected(
     half_edges: IntArray,
     across: IntArray,
 ) -> list[Piece]:
-    """Make a piece of each connected part of faces.
+    """Make a piece of each connected part of some faces.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _connected(
     corners : (m, 3, 3) float64
     corner_uvs : (m, 3, 2) float64
     half_edges, across : (k,) int32
-        Of these faces: what is glued to what, in both directions.
+        Connected half-edges of these faces, in both directions.
     """
     vertices = merged_labels(
         3 * len(face_ids),
@@ -149,7 +149,7 @@ def _piece(
     vertices: IntArray,
     is_border: npt.NDArray[np.bool_],
 ) -> Piece:
-    """Number the vertices of one piece by themselves, and measure it."""
+    """Renumber the vertices of one piece, and measure it."""
     _, first, flat = np.unique(vertices, return_index=True, return_inverse=True)
     faces: IntArray = flat.reshape(-1, 3).astype(np.int32)
     points, uvs = corners.reshape(-1, 3)[first], corner_uvs.reshape(-1, 2)[first]
@@ -172,7 +172,7 @@ def _piece(
 
 
 def _corner_angles(corners: FloatArray) -> FloatArray:
-    """(m, 3) float64: angle in space at each corner; 0 where an edge has no length."""
+    """(m, 3) float64: angle in space at each corner; 0 if an edge has no length."""
     forward = np.roll(corners, -1, axis=1) - corners
     backward = np.roll(corners, 1, axis=1) - corners
     sines = np.linalg.norm(np.cross(forward, backward), axis=2)
@@ -180,7 +180,7 @@ def _corner_angles(corners: FloatArray) -> FloatArray:
 
 
 def _settled(piece: Piece) -> FloatArray:
-    """Coordinates of a piece about their mean, with the area that it has in space."""
+    """Coordinates of a piece about their mean, scaled to its area in space."""
     flat = float(signed_areas(piece.uvs[piece.faces]).sum())
     scale = np.sqrt(piece.area / flat) if flat > 0.0 else 1.0
     return np.asarray((piece.uvs - piece.uvs.mean(axis=0)) * scale)
@@ -189,7 +189,9 @@ def _settled(piece: Piece) -> FloatArray:
 def compact_parts(
     piece: Piece, opposite: IntArray, *, most_waste: float, least_area: float
 ) -> list[Piece]:
-    """Cut a piece until its parts leave little of their convex hulls empty.
+    """Cut a spread-out piece until its parts leave little of their convex hulls empty.
+
+    Each cut is the best of a few straight lines. Better shapes can be joined from compact parts.
 
     Parameters
     ----------
@@ -197,14 +199,14 @@ def compact_parts(
     opposite : (3 F,) int32
         From `opposite_half_edges`.
     most_waste : float
-        As a share of the area of a part. Parts may waste more where no line is of use.
+        Largest waste, as a share of the area of a part. It may be exceeded where no cut helps.
     least_area : float
         Parts smaller than this are not cut.
 
     Returns
     -------
     list of Piece
-        Their coordinates are those of the piece.
+        The parts, with the coordinates of the piece.
     """
     parts, left = [], [piece]
     while left:
@@ -225,7 +227,7 @@ def compact_parts(
 
 
 def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
-    """Sides (m,) of the faces of a piece for lines in some directions and places."""
+    """Ways to divide the faces of a piece by a line, as (m,) sides."""
     centers = piece.uvs[piece.faces].mean(axis=1)
     angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     lines = []

@@ -1,1 +1,1 @@
-"""Charts into textures, as large as they fit."""
+"""Packing charts into textures, as large as they fit."""

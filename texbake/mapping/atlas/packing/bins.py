@@ -17,33 +17,33 @@ from texbake.mapping.atlas.packing.settle import SNAP_MARGIN, Settled
 from texbake.mapping.kernels.bottom_left import place_kernel
 from texbake.mesh.mesh import IntArray
 
-_FIRST_GUESS = 0.6  # of the texture filled
+_FIRST_GUESS = 0.6  # share of the texture that is filled
 _SCALE_GROWTH = 1.08
 _SCALE_STEP = 0.004  # relative; one texel in 250
 
-# Where thousands of charts make each trial long:
+# For thousands of charts, which make each trial slow:
 _LOW_GUESS = 0.5
 _ROUGH_STEP = 0.01
 
-# Few charts are tried in many poses, many charts in few, so that the work is bounded.
+# Few charts are tried in many poses, many charts in few poses, which bounds the work.
 _MOST_POSED = 256
 _MOST_POSES = 4
-_MANY_CHARTS = (1024, 8192)  # from where on the placing hurries, and hurries more
+_MANY_CHARTS = (1024, 8192)  # above which placing hurries, and hurries even more
 
 _GOLDEN_RATIO = 0.6180339887498949  # its multiples, modulo 1, are spread evenly
 
 
 class Bins:
-    """Charts placed one after another in the tiles of their groups, at one scale after another.
+    """Charts placed one after another in the tiles of their groups, at any number of scales.
 
     Attributes
     ----------
     found : Settled
         Places at the last scale that fit.
     tiles : (C,) int32
-        Tile of each chart there.
+        Tile of each chart at that scale.
     room_above : float
-        How much larger the charts might be for what the last tile, if it is in use, has left.
+        Factor by which the charts could grow into the free rows of the last tile, if it is used.
     sizes, lengths : (C,) float64
         Half the perimeter of each chart's least bounding box, and the longer side of the shortest.
     """
@@ -60,18 +60,18 @@ class Bins:
         self.angles = np.repeat(turns[None], charts.n_charts, axis=0)
         self.poses = charts.turned(self.angles)
         self.areas = charts.areas()
-        # Half the perimeter: what xatlas sorts by as well.
+        # Half the perimeter, by which xatlas sorts too.
         self.sizes = self.poses.extents[:, 0].sum(axis=1)
         self.lengths = self.poses.extents.max(axis=2).min(axis=1)
 
     def order(self, trial: int) -> IntArray:
-        """(C,) int32: charts by size, the largest first; from trial 1 on, only nearly so."""
+        """(C,) int32: charts by size, the largest first; from trial 1 on, slightly shuffled."""
         ids = np.arange(self.charts.n_charts)
         noise = (_GOLDEN_RATIO * (trial * len(ids) + ids)) % 1.0 - 0.5 if trial > 0 else 0.0
         return np.argsort(-self.sizes * np.exp(noise), kind="stable").astype(np.int32)
 
     def try_scale(self, scale: float, trial: int = 0) -> bool:
-        """Place all charts at a scale, in cells a unit, in an order; whether they fit."""
+        """Place all charts at a scale, in cells per unit; return whether they fit."""
         if not self._may_fit(scale):
             return False
         bitmaps = self.poses.bitmaps(scale, SNAP_MARGIN / self.grid.cell)
@@ -93,7 +93,7 @@ class Bins:
         return True
 
     def tiles_needed(self, scale: float, group: int, most: int) -> int | None:
-        """Tiles that a group takes at a scale; `most + 1` for more, None if none fits a chart."""
+        """Tiles that a group needs at a scale; `most + 1` if more, None if a chart fits in none."""
         if (self.lengths * scale > self._longest).any():
             return None
         bitmaps = self.poses.bitmaps(scale, SNAP_MARGIN / self.grid.cell)
@@ -119,8 +119,8 @@ class Bins:
     ) -> tuple[int | None, int]:
         """Place charts in the first tile that has room for them.
 
-        Returns how many tiles it took, `most + 1` where those are too few, None where not even an
-        empty tile has room for a chart; and the row above the charts of the last one.
+        Returns the number of tiles, `most + 1` if those are too few, or None if not even an empty
+        tile has room for a chart; and the row above the charts of the last tile.
         """
         for tile in range(most):
             placed = place_charts(
@@ -141,7 +141,7 @@ class Bins:
 
 
 def place_at_scale(bins: Bins, scale: float, n_orders: int) -> bool:
-    """Place charts in as few tiles as some order of them takes; whether they fit at all."""
+    """Place charts in as few tiles as several orders achieve; return whether they fit at all."""
     best: tuple[Settled, IntArray] | None = None
     shares = np.bincount(bins.groups, bins.areas) * scale**2 / (bins.grid.width * bins.grid.height)
     fewest = int(np.maximum(np.ceil(shares[np.bincount(bins.groups) > 0]), 1).sum())
@@ -158,7 +158,7 @@ def place_at_scale(bins: Bins, scale: float, n_orders: int) -> bool:
 
 
 def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
-    """Place charts at the largest scale at which they fit; whether there is one."""
+    """Place charts at the largest scale at which they fit; return whether there is one."""
     n_cells = bins.grid.width * bins.grid.height
     if (np.bincount(bins.groups) > n_cells * bins.n_tiles).any():
         return False
@@ -174,16 +174,16 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
     while too_large - fits > precision * too_large:
         if bins.try_scale(scale):
             fits = scale
-            # What is left free above the charts tells how much larger they may be, where it does.
+            # The free rows above the charts show how much larger they can be.
             step = max(bins.room_above, 1.0 + precision) if many else step
             scale = min(scale * step, (fits + too_large) / 2.0)
         else:
             too_large = scale
             scale = max(scale / step, (fits + too_large) / 2.0)
-            step *= step  # ever faster down to where the first one fits
-        if too_large * longest < 0.01:  # every chart is one cell already, and still too many
+            step *= step  # shrinks ever faster until the charts fit
+        if too_large * longest < 0.01:  # too many charts, even at one cell each
             return False
-    # Other orders, nearly by size, may fit at a larger scale.
+    # Slightly different orders may fit at a larger scale.
     for trial in range(1, n_orders + 1):
         while bins.try_scale(fits * (1.0 + _SCALE_STEP), trial):
             fits *= 1.0 + _SCALE_STEP
@@ -192,13 +192,13 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """Where charts went.
+    """The places of charts.
 
     Attributes
     ----------
     places : (C, 4) int32
-        Column and row of the lower left cell, pose, and quarter turns counter-clockwise of each
-        chart; -1 of charts without a place.
+        Column and row of the lower left cell, pose, and counter-clockwise quarter turns of each
+        chart; -1 for charts without a place.
     tops : (C,) int32
         The row above each chart; 0 without a place.
     n_missing : int
@@ -221,20 +221,20 @@ def place_charts(
     all_or_nothing: bool = True,
     hurry: int = 0,
 ) -> Placed:
-    """Put charts, one after another, where they end lowest: in any pose and quarter turn.
+    """Place charts, one after another, where their tops are lowest, in any pose and quarter turn.
 
     Parameters
     ----------
     bitmaps : Bitmaps
     order : (N,) int32
-        Charts in the order in which they choose their places; not necessarily all.
+        Charts in the order in which they are placed; not necessarily all.
     grid : Grid
     all_or_nothing : bool
-        Stop at the first chart that finds no place; else leave it out and go on.
+        Stop at the first chart that finds no place; otherwise skip it and continue.
     hurry : int
-        1: do not look again, for a chart of about the same size, before the place of the one
-        before: many times faster for thousands of charts, which fill a hundredth less. 2: nor for
-        one of up to twice the size, and in two quarter turns only: for tens of thousands.
+        1: start the search for a chart where the last one of about the same size was placed. This
+        is many times faster for thousands of charts, which fill one percent less. 2: also for
+        charts of up to twice the size, and try two quarter turns only, for tens of thousands.
     """
     places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
     tops = np.zeros(len(places), dtype=np.int32)

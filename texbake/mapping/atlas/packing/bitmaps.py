@@ -16,17 +16,17 @@ LongArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Cells between the borders of a texture, and how far apart two charts are kept on them.
+    """The cells of a texture inside its borders, and how far apart charts are kept on them.
 
     Attributes
     ----------
     width, height : int
-        Cells in a row, and rows.
+        Number of columns and rows.
     cell : int
         Texels along the side of a cell.
     half_widths : (2 r + 1,) int32
-        For rows -r to r from a cell that a chart touches: how many cells to either side of its
-        column another chart may not touch.
+        For the rows -r to r relative to a cell that a chart touches: how many cells on each side
+        of its column another chart may not touch.
     """
 
     width: int
@@ -36,16 +36,16 @@ class Grid:
 
     @classmethod
     def over(cls, size: tuple[int, int], padding: int, *, most_cells: int) -> Grid:
-        """Grid of a texture, at most so many cells wide and high.
+        """Grid of a texture, at most `most_cells` cells wide and high.
 
         The lower left corner of its first cell is `padding` texels from both borders.
         """
         cell = -(-max(size) // most_cells)
         width, height = ((length - 2 * padding) // cell for length in size)
         steps = np.arange(2 * padding // cell + 2)
-        # The nearest texel centers of two cells so many steps apart along one axis.
+        # Distance of the nearest texel centers of two cells, by steps along one axis.
         texels = np.where(steps > 0, steps * cell - (cell - 1), 0)
-        # Centers 2 padding apart are too near: the texel in their middle is within reach of both.
+        # Centers 2 padding apart are too near: both paddings would cover the texel between them.
         near = texels[:, None] ** 2 + texels[None, :] ** 2 <= (2 * padding) ** 2
         counts = near.sum(axis=1)[near.any(axis=1)].astype(np.int32) - 1
         half_widths = np.concatenate([counts[:0:-1], counts])
@@ -54,16 +54,16 @@ class Grid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bitmaps:
-    """Cells that charts touch, at one scale, in several poses: turned by different angles.
+    """The cells that charts touch, at one scale and in several poses (rotations).
 
     Attributes
     ----------
     boxes : (C, K, 2) int64
         Columns and rows of the bitmap of each chart and pose.
     shifts : (C, K, 2) float64
-        What moves the scaled coordinates into the bitmap's cells, centered.
+        Offset of the scaled coordinates that centers them in the bitmap.
     starts : (C, K) int64
-        Where each bitmap begins in `masks`, row by row.
+        Where each bitmap, stored row by row, begins in `masks`.
     masks : (sum of columns times rows,) uint8
         1 where a cell is touched.
     """
@@ -88,18 +88,17 @@ def rasterize_charts(
     Parameters
     ----------
     corners : (F, 3, K, 2) float64
-        Coordinates of the corners of faces, in K poses.
+        Coordinates of the faces' corners in K poses.
     face_charts : (F,) int32
     low, extents : (C, K, 2) float64
         Lower left corner and size of each chart's bounding box.
     scale : float
-        Cells a unit.
+        Cells per unit.
     margin : float
-        Cells that a face is taken to reach beyond its edges. From 0 on, a cell that the chart
-        reaches is marked, be it by a point; from -0.5 on, one whose center lies within
-        `margin + 0.5` of it along both axes.
+        Cells by which faces are enlarged. From 0 up, every cell that the enlarged chart touches is
+        marked; from -0.5 up, cells whose centers lie within `margin + 0.5` of it along both axes.
 
-    A chart that no cell would be marked for takes one.
+    A chart without any marked cell takes one.
     """
     boxes = np.maximum(np.ceil(extents * scale + 2.0 * margin), 1.0).astype(np.int64)
     shifts = (boxes - extents * scale) / 2.0 - low * scale
@@ -113,21 +112,21 @@ def rasterize_charts(
 
 
 class Shapes(NamedTuple):
-    """Cells of charts in O orientations, as runs along rows.
+    """The cells of charts in O orientations, as runs along rows.
 
     Attributes
     ----------
     boxes : (C, O, 2) int32
         Columns and rows of each chart in each orientation.
     spans : (S, 3) int32
-        Row, begin and end of each run; those of one chart and orientation together, by rows.
+        Row, begin and end of each run, grouped by chart and orientation, in the order of rows.
     starts : (C, O, 2) int64
-        Where the runs of each begin in `spans`, and where they end.
+        Where the runs of each chart and orientation begin and end in `spans`.
     reach : (R, 3) int32
     reach_starts : (C, O, 2) int64
         The same for the cells that no other chart may touch.
     margin : int
-        Cells that these reach beyond the box of the chart.
+        Cells by which these extend beyond the box of the chart.
     """
 
     boxes: IntArray
@@ -139,9 +138,10 @@ class Shapes(NamedTuple):
 
 
 def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
-    """Find the runs of charts in so many quarter turns of each pose.
+    """Find the runs of charts in `turns` quarter turns of each pose.
 
-    Orientation `pose * turns + turn` is that turn of that pose; `half_widths` are a grid's.
+    Orientation `pose * turns + turn` is that quarter turn of that pose. `half_widths` are those of
+    the grid.
     """
     n_charts, n_poses = bitmaps.starts.shape
     boxes = np.repeat(bitmaps.boxes, turns, axis=1).astype(np.int32)
@@ -155,7 +155,7 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
     margin = len(half_widths) // 2
     if margin == 0:
         return Shapes(boxes, spans, starts, spans, starts, 0)
-    # Dilation joins runs and makes none, but for new rows, each with no more than the one below.
+    # Dilation joins runs and adds none except in new rows, which have no more than their neighbor.
     reach = np.empty((n_spans * (2 * margin + 1), 3), dtype=np.int32)
     reach_starts = np.empty_like(starts)
     n_reach = reach_kernel(spans, starts, boxes, half_widths, reach, reach_starts)

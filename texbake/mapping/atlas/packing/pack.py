@@ -1,13 +1,13 @@
-"""Charts into textures of exactly the size asked for, as large as they fit.
+"""Charts packed into textures of exactly the requested size, as large as they fit.
 
-Each chart is rasterized to the cells it touches and put where it lies lowest, then leftmost, among
-the charts already there, in whichever pose ends lowest; large charts come first, and small ones
-find their way into gaps and holes. The scale, one for all charts so that texels are square and of
-one density, is bisected until a slightly larger one would no longer fit. With more effort, a search
-for denser packings follows.
+Each chart is rasterized to the cells that it touches and placed at the lowest, then leftmost free
+position, in the pose that ends lowest. Large charts come first, and small ones fill gaps and holes.
+All charts have one scale, so that texels are square and the density is uniform; it is bisected
+until a slightly larger one would no longer fit. With more effort, a search for denser packings
+follows.
 
-A cell is one texel, or a square of some where the texture is so large that single texels would
-cost much and gain little. Distances are exact in texels either way, never less than asked for.
+A cell is one texel, or a square of several if the texture is so large that single texels would cost
+much and gain little. Distances are exact in texels either way, and never less than requested.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ _CELLS_A_CHART = 12  # along the side of a chart, for many
 
 _MANY_CHARTS = 1024
 _MOST_ORDERED, _MOST_ORDERS = 256, 32  # charts times orders, and orders, that are tried
-_MOST_SEARCHED = 768  # charts; the work of a search grows with their square
-_MOST_COARSE = 300  # charts that a coarse grid shows well enough
+_MOST_SEARCHED = 768  # charts; the work of a search grows with the square of their number
+_MOST_COARSE = 300  # charts that a coarse grid represents well enough
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Budget:
-    """Steps of work for each stage of each trial of a search; some 2 ns each."""
+    """Steps of work for each stage of each trial of a search, at about 2 ns each."""
 
     trials: int
     orders: int
@@ -50,30 +50,30 @@ _BUDGETS = {
     "good": _Budget(trials=1, orders=150_000_000, squeeze=120_000_000, settle=120_000_000),
     "best": _Budget(trials=8, orders=1_200_000_000, squeeze=800_000_000, settle=800_000_000),
 }
-# From so many texels, and so many charts beside the first, all of it is spent: with fewer there is
-# less to win.
+# The whole budget is spent from this many texels, and this many charts besides the first, on; with
+# fewer there is less to gain.
 _WHOLE_BUDGET = 1024 * 1024
-_LEAST_SHARE = 0.5  # for however few texels
+_LEAST_SHARE = 0.5  # of the budget, however few the texels
 _MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
-_MOST_TILES = 1000  # of all groups; each keeps a grid of its cells
-_MOST_TILES_TOLD = 1000  # looked at to say how many would do
+_MOST_TILES = 1000  # of all groups together; each has a grid of cells in memory
+_MOST_TILES_TOLD = 1000  # tried in order to say how many would be enough
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Packing:
-    """Charts in their places.
+    """Packed charts.
 
     Attributes
     ----------
     uvs : (T, 2) float64
         Texture coordinates; those of tile k lie in the unit square moved right by k % 10 and up by
-        k // 10, so that they are UDIM 1001 + k.
+        k // 10, which is UDIM tile 1001 + k.
     texels_per_unit : float
-        Texels along a length of 1 of the coordinates that came in.
+        Texels per unit of the input coordinates.
     fill : float
-        Area of the charts as a share of the tiles that are used.
+        Area of the charts as a share of the used tiles.
     tiles : (C,) int32
         Tile of each chart.
     n_tiles : int
@@ -101,12 +101,12 @@ def pack_charts(
     density: float | None = None,
     threads: int | None = None,
 ) -> Packing:
-    """Turn, scale and move charts so that they fill a texture, or several.
+    """Rotate, scale and move charts so that they fill one or several textures.
 
     Parameters
     ----------
     uvs : (T, 2) float64
-        Coordinates of each chart about its own origin, all in one unit of length.
+        Coordinates of each chart about its own origin, all in the same unit of length.
     faces : (F, 3) int32
         Indices into `uvs`; the three lie in one chart.
     chart_ids : (T,) int32
@@ -114,21 +114,22 @@ def pack_charts(
     size : (int, int)
         Texels in a row, and rows.
     padding : int
-        Texels that may be padded around each chart: of two texels that different charts touch, the
-        centers lie more than `2 * padding` apart, and at least `padding` texels lie between a
-        texel that a chart touches and the border.
+        Texels of padding around each chart: the centers of texels that different charts touch are
+        more than `2 * padding` apart, and at least `padding` texels lie between a texel that a
+        chart touches and the border.
     name : str
-        What an error calls the mesh.
+        Name of the mesh in error messages.
     effort : str
         `fast`: charts are placed one after another. `good` and `best` then search for denser
-        packings, in seconds and in tens of seconds, where there are no more than some hundred
-        charts on one tile.
+        packings, for seconds or tens of seconds, if there are at most some hundred charts on one
+        tile.
     tiles : int
-        Textures that charts may be spread over; for each group, where there are groups.
+        Number of textures that charts may be spread over; with groups, for each group.
     tile_groups : (C,) int32, optional
-        Group of each chart, from 0: group g has the tiles from g * tiles on for itself.
+        Group of each chart, from 0: group g has `tiles` tiles of its own, from g * tiles on.
     density : float, optional
-        Texels a unit; charts take as few tiles as that leads to. None: as many as fit.
+        Texels per unit; charts then take as few tiles as possible. None: the largest density that
+        fits.
     threads
         None for every processor. The packing is the same for any number.
 
@@ -140,8 +141,8 @@ def pack_charts(
     Raises
     ------
     UnwrapError
-        There are too many charts for so few texels, with so much padding; or they do not fit at
-        the density asked for.
+        There are too many charts for the size and padding, or they do not fit at the requested
+        density.
     """
     n_charts = int(chart_ids.max()) + 1
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
@@ -171,12 +172,12 @@ def pack_charts(
 
 
 def check_tiles(n_groups: int, tiles: int, name: str) -> None:
-    """Raise `UnwrapError` where groups with tiles of their own want more than there may be."""
+    """Raise `UnwrapError` if groups with tiles of their own need too many tiles."""
     wanted = n_groups * tiles
     if wanted > _MOST_TILES:
         raise UnwrapError(
-            f"{name}: {wanted:,} tiles are wanted, {tiles:,} for each of {n_groups:,} groups, and "
-            f"{_MOST_TILES:,} are the most; take fewer tiles, or let groups share them"
+            f"{name}: {tiles:,} tiles for each of {n_groups:,} groups are {wanted:,} tiles, more "
+            f"than {_MOST_TILES:,}; use fewer tiles, or let groups share them"
         )
 
 
@@ -199,7 +200,7 @@ def _packed(found: Settled, bins: Bins, size: tuple[int, int], padding: int) -> 
 def _searched(
     bins: Bins, size: tuple[int, int], padding: int, effort: str, threads: int | None
 ) -> Settled:
-    """Return the densest of the packing that was found and those that searches lead to."""
+    """Return the densest packing of the one found so far and the results of searches."""
     budget, charts, found = _BUDGETS[effort], bins.charts, bins.found
     texels, others = size[0] * size[1], charts.n_charts - 1
     share = min(max(texels / _WHOLE_BUDGET, _LEAST_SHARE), 1.0)
@@ -222,12 +223,12 @@ def _searched(
             results[trial] = settled(charts, layout, bins.grid, most_work=work, seed=trial)
 
     run_bands(search, budget.trials, band=1, threads=threads)
-    # The first of equally dense ones, whatever the order in which they were done.
+    # The first of equally dense packings, in whatever order they were finished.
     return max([found, *filter(None, results)], key=lambda result: result.scale)
 
 
 def _most_cells(size: tuple[int, int], n_charts: int) -> int:
-    """Cells along the longer side of the grid: enough to show the charts."""
+    """Cells along the longer side of the grid: enough to represent the charts."""
     side = math.sqrt(size[0] * size[1] / n_charts)
     finest = max(int(side / _CELLS_A_CHART), 1)
     return max(_MOST_CELLS, max(size) // finest) if n_charts > _MANY_CHARTS else _MOST_CELLS
@@ -240,31 +241,31 @@ def _does_not_fit(bins: Bins, size: tuple[int, int], padding: int, name: str) ->
         room = f"{bins.n_tiles} tiles of {room}"
     return (
         f"{name}: {bins.charts.n_charts} charts do not fit into {room} with "
-        f"a padding of {padding}; take a larger size or less padding"
+        f"a padding of {padding}; use a larger size or less padding"
     )
 
 
 def _does_not_fit_at(
     bins: Bins, density: float, size: tuple[int, int], padding: int, name: str
 ) -> str:
-    """Say why the charts do not fit at a density, and what would do."""
+    """Say why the charts do not fit at a density, and what to do."""
     scale = density / bins.grid.cell
     for group in np.unique(bins.groups):
         needed = bins.tiles_needed(scale, int(group), _MOST_TILES_TOLD)
         if needed is None:
             longest = float(bins.lengths.max()) * density
             return (
-                f"{name}: at {density:g} texels a unit a chart is {longest:.0f} texels long, more "
-                f"than {size[0]} x {size[1]} have room for with a padding of {padding}; take a "
+                f"{name}: at {density:g} texels per unit a chart is {longest:.0f} texels long and "
+                f"does not fit into {size[0]} x {size[1]} with a padding of {padding}; use a "
                 f"size of {math.ceil(longest) + 2 * padding + 2} or more, or a lower texel density"
             )
         if needed > bins.n_tiles:
             enough = density * math.sqrt(bins.n_tiles / needed)
             few = needed <= _MOST_TILES_TOLD
             return (
-                f"{name}: at {density:g} texels a unit the charts need "
+                f"{name}: at {density:g} texels per unit the charts need "
                 f"{needed if few else f'more than {_MOST_TILES_TOLD}'} tiles of "
-                f"{size[0]} x {size[1]}, not {bins.n_tiles}; allow as many (tiles), or take a "
+                f"{size[0]} x {size[1]}, not {bins.n_tiles}; allow more with tiles, or use a "
                 f"larger size or a texel density of about {enough:.3g}"
             )
     raise AssertionError("they fit")

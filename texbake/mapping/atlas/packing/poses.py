@@ -12,20 +12,20 @@ from texbake.mapping.atlas.packing.bitmaps import Bitmaps, rasterize_charts
 from texbake.mapping.kernels.chart_bitmaps import least_box_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
-_STEPS_A_FACE = 30  # of work, to rasterize it
-_BOX_ANGLES = 90  # tried for the least bounding box, one degree apart
+_STEPS_A_FACE = 30  # steps of work to rasterize a face
+_BOX_ANGLES = 90  # angles tried for the least bounding box, one degree apart
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Poses:
-    """Charts, each turned by K angles of its own.
+    """Charts, each rotated by K angles of its own.
 
     Attributes
     ----------
     uvs : (T, K, 2) float64
         Coordinates in each pose.
     corners : (F, 3, K, 2) float64
-        Coordinates of the corners of faces.
+        Coordinates of the faces' corners.
     chart_ids : (T,) int32
     face_charts : (F,) int32
     low, extents : (C, K, 2) float64
@@ -43,7 +43,7 @@ class Poses:
     def turned(
         cls, uvs: FloatArray, faces: IntArray, chart_ids: IntArray, angles: FloatArray
     ) -> Poses:
-        """Poses of charts turned counter-clockwise by `angles` (C, K), in radians."""
+        """Poses of charts rotated counter-clockwise by `angles` (C, K), in radians."""
         cos, sin = np.cos(angles)[chart_ids], np.sin(angles)[chart_ids]
         x, y = uvs[:, :1], uvs[:, 1:]
         posed = np.stack([x * cos - y * sin, x * sin + y * cos], axis=2)
@@ -61,17 +61,17 @@ class Poses:
 
     @property
     def work(self) -> int:
-        """Steps that it takes to rasterize them."""
+        """Steps of work to rasterize them."""
         return self.corners.size // 6 * _STEPS_A_FACE
 
     def bitmaps(self, scale: float, margin: float) -> Bitmaps:
-        """Cells touched at a scale, in cells a unit, by charts that are `margin` cells larger."""
+        """Bitmaps at a scale, in cells per unit, of charts enlarged by `margin` cells."""
         return rasterize_charts(
             self.corners, self.face_charts, self.low, self.extents, scale=scale, margin=margin
         )
 
     def placed_uvs(self, bitmaps: Bitmaps, scale: float, places: IntArray) -> FloatArray:
-        """(T, 2) float64: coordinates in cells of the grid, of charts put at `places` (C, 4)."""
+        """(T, 2) float64: coordinates, in cells of the grid, of charts at `places` (C, 4)."""
         corner, pose, turns = (places[self.chart_ids][:, part] for part in (slice(2), 2, 3))
         shifts = bitmaps.shifts[self.chart_ids, pose]
         x, y = (self.uvs[np.arange(len(pose)), pose] * scale + shifts).T
@@ -85,7 +85,7 @@ class Poses:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outlines:
-    """Charts to be packed, in the pose that all angles count from."""
+    """Charts to be packed, in the pose that all angles are relative to."""
 
     uvs: FloatArray
     faces: IntArray
@@ -99,7 +99,7 @@ class Outlines:
         return np.asarray(np.bincount(charts, areas, minlength=self.n_charts), dtype=np.float64)
 
     def upright(self, angles: FloatArray) -> Outlines:
-        """Turn each chart by an angle (C,) for good."""
+        """Rotate each chart permanently by an angle (C,)."""
         return replace(self, uvs=self.turned(angles[:, None]).uvs[:, 0])
 
     def turned(self, angles: FloatArray) -> Poses:
@@ -108,9 +108,9 @@ class Outlines:
 
 
 def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
-    """(C,) float64: radians to turn each chart by for the least area of its bounding box.
+    """(C,) float64: rotation of each chart, in radians, with the least area of the bounding box.
 
-    One of 90 angles; the first of several that are equally good.
+    It is one of 90 angles, the first of equally good ones.
     """
     order = np.argsort(chart_ids, kind="stable")
     n_charts = int(chart_ids.max()) + 1

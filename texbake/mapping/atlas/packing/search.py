@@ -1,14 +1,14 @@
-"""Layouts searched on a coarse grid: orders of charts are tried, and the best layout is squeezed.
+"""Dense layouts searched on a coarse grid: many orders of charts are tried, the best is squeezed.
 
-1. Charts are placed one after another, in an order that is changed step by step; a change stays if
-   the charts end no higher than some changes ago. Whenever they fit, they grow.
-2. The grid is made smaller, a row or a column at a time, and charts that then overlap are moved
-   apart, until that fails.
+1. Charts are placed one after another, in an order that changes step by step. A change is kept if
+   the charts end no higher than they did some changes ago. Whenever they fit, they grow.
+2. The grid shrinks by a row or a column at a time, and overlapping charts are moved apart, until
+   that fails.
 
-Time is measured in steps of the work, so that a result does not depend on the machine.
+Time is measured in steps of work, so that the result does not depend on the machine.
 
 Based on: Edmund K. Burke, Yuri Bykov, "The late acceptance hill-climbing heuristic", European
-Journal of Operational Research 258, 2017 (which changes of an order stay).
+Journal of Operational Research 258, 2017 (which changes of the order are kept).
 """
 
 from __future__ import annotations
@@ -24,16 +24,15 @@ from texbake.mapping.atlas.packing.poses import Outlines, Poses
 from texbake.mapping.atlas.packing.settle import Layout, Search, pair_weights, separate
 from texbake.mesh.mesh import FloatArray, IntArray
 
-_COARSE_CELLS = 256  # a side of the coarse grid, where it is square
-_N_POSES = 8  # in a quarter turn, on the coarse grid
+_COARSE_CELLS = 256  # along each side of a square coarse grid
+_N_POSES = 8  # per quarter turn, on the coarse grid
 _TURNS = 4
-_HISTORY = 20  # changes of an order that a later one is held against
+_HISTORY = 20  # number of changes after which a score is compared again
 _FIRST_FILL = 0.45
 _NOISE = 0.15
-# Steps that a placing of all charts takes beside what the charts themselves take: of few charts it
-# is nearly all.
+# Fixed cost of placing all charts, in steps: for few charts it is nearly all of the cost.
 _PLACING_STEPS = 50_000
-_LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.03  # of the area, when charts fit
+_LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.03  # factors of the area when charts fit
 
 _SQUEEZE = Search(samples=40, radius=24, step=8, patience=300, work=400_000_000)
 
@@ -47,11 +46,11 @@ def searched_layout(
     squeeze_work: int,
     seed: int,
 ) -> Layout | None:
-    """Search for a dense layout on a coarse grid; None where there is none."""
+    """Search for a dense layout on a coarse grid; None if there is none."""
     cell = math.sqrt(size[0] * size[1]) / _COARSE_CELLS
-    # Charts are made larger by half of what must lie between two of them, so that they may touch:
-    # on average 2 padding + 1 texels from outline to outline, if texels that both touch are that
-    # far apart. To the border they need not keep that half, so the grid is as much larger.
+    # Charts are enlarged by half the distance that two of them must keep, so that they may touch:
+    # on average 2 padding + 1 texels from outline to outline. They need not keep that half from
+    # the border, so that the grid is enlarged as well.
     width, height = (max(int((length + 1) / cell), 1) for length in size)
     turns = np.arange(_N_POSES) * (math.pi / 2.0 / _N_POSES)
     poses = charts.turned(np.repeat(turns[None], charts.n_charts, axis=0))
@@ -74,7 +73,7 @@ def searched_layout(
 
 
 class _Strip:
-    """Charts placed in a strip as wide as the grid and higher, at one scale after another."""
+    """Charts placed in a strip as wide as the grid but higher, at any number of scales."""
 
     def __init__(
         self, poses: Poses, areas: FloatArray, size: tuple[int, int], margin: float
@@ -89,26 +88,26 @@ class _Strip:
         self.rescale(math.sqrt(_FIRST_FILL * size[0] * size[1] / areas.sum()))
 
     def rescale(self, scale: float) -> None:
-        """Make bitmaps of the charts at a scale, in cells a unit."""
+        """Make bitmaps of the charts at a scale, in cells per unit."""
         self.scale = scale
         self.bitmaps = self.poses.bitmaps(scale, self.margin)
         self.work += self.poses.work
 
     def place(self, order: IntArray) -> tuple[float, float, Placed]:
-        """Place all charts; return a score to be lowered, the height, and the places."""
+        """Place all charts; return the score (lower is better), the height and the places."""
         placed = place_charts(self.bitmaps, order, self._grid)
         self.work += placed.work + _PLACING_STEPS
         if placed.n_missing:
             return math.inf, math.inf, placed
         top = float(placed.tops.max())
-        # Of two equally high, the one with less far up is likelier to become lower.
+        # Of two equally high layouts, the one with less area far up is likelier to become lower.
         return top + float(self._shares @ placed.tops), top, placed
 
 
 def _searched_order(
     strip: _Strip, most_work: int, seed: int
 ) -> tuple[float, Bitmaps, Placed] | None:
-    """Largest scale at which some order of the charts fits, its bitmaps and places; None: none."""
+    """Scale, bitmaps and places at the largest scale that fits in some order; None if none does."""
     random = np.random.default_rng(seed)
     sizes = strip.poses.extents[:, 0].sum(axis=1)
     noise = random.uniform(-_NOISE, _NOISE, len(sizes)) if seed > 0 else 0.0
@@ -138,7 +137,7 @@ def _searched_order(
 
 
 def _changed(order: IntArray, random: np.random.Generator) -> IntArray:
-    """Swap two charts of an order, or move one, mostly not far."""
+    """Swap two charts of an order, or move one, mostly a short way."""
     n = len(order)
     i = int(random.integers(n))
     j = min(max(i + round(random.normal() * max(2.0, n / 6.0)), 0), n - 1)
@@ -157,7 +156,7 @@ def _squeezed(
     most_work: int,
     seed: int,
 ) -> tuple[IntArray, int, int]:
-    """Places on the smallest grid, of about the same proportions, that charts are moved into."""
+    """Places on the smallest grid of about the same proportions that the charts fit into."""
     random = np.random.default_rng(seed)
     best, work, n_failed = (places, *size), 0, 0
     trial = 0
@@ -186,7 +185,7 @@ def _squeezed(
 
 
 def _fitted_in(shapes: Shapes, places: IntArray, size: tuple[int, int]) -> tuple[IntArray, bool]:
-    """Move charts inside a grid, turned where they are too long; whether all can be."""
+    """Move charts inside a grid, rotated if too long; also return whether all fit."""
     ids = np.arange(len(places))
     fitting: npt.NDArray[np.bool_] = np.all(shapes.boxes <= np.array(size), axis=2)
     places = places.copy()
@@ -197,7 +196,7 @@ def _fitted_in(shapes: Shapes, places: IntArray, size: tuple[int, int]) -> tuple
 
 
 def _swapped(shapes: Shapes, places: IntArray, random: np.random.Generator) -> IntArray:
-    """Let two of the larger charts trade places, where moving one at a time has led nowhere."""
+    """Swap two of the larger charts, after moving one at a time has failed."""
     n = len(places)
     if n < 2:
         return places

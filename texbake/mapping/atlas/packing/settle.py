@@ -14,34 +14,34 @@ from texbake.mapping.kernels.guided_local_search import (
 )
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# Texels that a chart is taken to reach beyond its edge: half a unit of the 1/256 texel that
-# rasterizers snap to. Also more than float32 loses of a coordinate in a file.
+# Texels by which charts are enlarged: half of the 1/256 texel that rasterizers snap to, which is
+# also more than a float32 file loses of a coordinate.
 SNAP_MARGIN = 1.0 / 512.0
 
-_ANGLES = np.radians([0.0, 1.5, -1.5, 5.0, -5.0])  # that charts may turn by at each scale
-_STEP, _LEAST_STEP = 0.004, 0.001  # of the scale, when charts grow
-_FIRST_STEP = 0.008  # of the scale, as long as they must shrink
+_ANGLES = np.radians([0.0, 1.5, -1.5, 5.0, -5.0])  # rotations to try at each scale
+_STEP, _LEAST_STEP = 0.004, 0.001  # relative steps of the scale while charts grow
+_FIRST_STEP = 0.008  # relative step of the scale while charts must shrink
 _MOST_SHRINKS = 40
 
-_BASE_WEIGHT = 2048.0  # of a cell that overlaps; fractions of it are counted, in integers
+_BASE_WEIGHT = 2048.0  # of an overlapping cell; weights are integer fractions of it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """How long and how far charts look for places.
+    """How long and how far charts search for places.
 
     Attributes
     ----------
     samples : int
-        Places that a move looks at before it follows the best ones downhill.
+        Places that a move samples before it follows the best ones downhill.
     radius : int
-        Cells by which most moves go at most.
+        Farthest that most moves go, in cells.
     step : int
-        Cells of the first steps downhill.
+        First step downhill, in cells.
     patience : int
-        Sweeps over the charts without progress before it is given up.
+        Sweeps over the charts without progress after which the search ends.
     work : int
-        Steps after which it is given up: a measure of time that is the same on every machine.
+        Steps after which the search ends: a measure of time that is the same on every machine.
     """
 
     samples: int
@@ -55,9 +55,9 @@ _SEARCH = Search(samples=24, radius=12, step=4, patience=80, work=300_000_000)
 
 
 def pair_weights(areas: FloatArray) -> IntArray:
-    """(C, C) int32: what a cell of overlap costs each two charts, by their areas in cells.
+    """(C, C) int32: cost of one overlapping cell for each pair of charts, by their areas in cells.
 
-    More where a chart is small, which has few cells to lose but as far to go.
+    It is higher for small charts, which have fewer cells but as far to move.
     """
     sides = np.sqrt(np.minimum.outer(areas, areas) + 1.0)
     return np.asarray(np.clip(_BASE_WEIGHT / sides, 8.0, 2048.0), dtype=np.int32)
@@ -72,7 +72,7 @@ def separate(
     search: Search,
     seed: int,
 ) -> tuple[IntArray, int, int]:
-    """Move charts until none touches what is out of bounds for it.
+    """Move charts until they keep their distance from each other.
 
     Parameters
     ----------
@@ -80,21 +80,21 @@ def separate(
     places : (C, 3) int32
         Column, row and orientation of each chart, inside the grid.
     weights : (C, C) int32
-        As from `pair_weights`.
+        From `pair_weights`.
     size : (int, int)
         Columns and rows of the grid.
     search : Search
     seed : int
-        Of the random samples.
+        Seed of the random samples.
 
     Returns
     -------
     places : (C, 3) int32
-        Those of least overlap that were found.
+        The places of least overlap that were found.
     overlap : int
         Cells in which charts overlap there; 0 if they are apart.
     work : int
-        Steps taken.
+        Steps of work.
     """
     n_charts = len(places)
     best_places = places.copy()
@@ -118,16 +118,16 @@ def separate(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
-    """Where charts lie, roughly.
+    """Approximate positions of charts.
 
     Attributes
     ----------
     angles : (C,) float64
-        Radians that each chart is turned by.
+        Rotation of each chart in radians.
     centers : (C, 2) float64
-        Middle of its bounding box, as a share of the width and height between the borders.
+        Center of its bounding box, as a share of the width and height between the borders.
     scale : float
-        Texels a unit.
+        Texels per unit.
     """
 
     angles: FloatArray
@@ -137,7 +137,7 @@ class Layout:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Settled:
-    """Charts in their exact places on the cells of a grid, at a scale in cells a unit."""
+    """Charts at exact places on the cells of a grid, at a scale in cells per unit."""
 
     poses: Poses
     bitmaps: Bitmaps
@@ -149,7 +149,7 @@ class Settled:
         return self.poses.placed_uvs(self.bitmaps, self.scale, self.places)
 
     def layout(self, grid: Grid, angles: FloatArray) -> Layout:
-        """Forget the cells; `angles` (C, K) are those of the poses."""
+        """The layout without its cells; `angles` (C, K) are those of the poses."""
         charts = np.arange(len(self.places))
         pose, turns = self.places[:, 2], self.places[:, 3]
         boxes = self.bitmaps.boxes[charts, pose]
@@ -164,9 +164,9 @@ class Settled:
 def settled(
     charts: Outlines, layout: Layout, grid: Grid, *, most_work: int, seed: int
 ) -> Settled | None:
-    """Put charts in exact places close to those of a layout, as large as that goes.
+    """Move charts to exact places close to those of a layout, at the largest scale that works.
 
-    None where they cannot be moved apart at nearly the layout's scale.
+    None if they cannot be moved apart near the layout's scale.
     """
     areas = charts.areas()
     best: Settled | None = None
@@ -205,9 +205,9 @@ def _moved_apart(
     scale: float,
     seed: int,
 ) -> tuple[Settled | None, int, int]:
-    """Separate charts near their centers at a scale; return places, their overlap and the work.
+    """Separate charts near their centers at a scale; return places, overlap and work.
 
-    None where a chart is larger than the grid.
+    The places are None if a chart is larger than the grid.
     """
     poses = charts.turned(angles)
     work = poses.work
