@@ -52,7 +52,7 @@ def test_a_time_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
     [
         (["--max-error", "0.5"], "bounds nothing of normal"),
         (["--max-error", "small"], "is not an error"),
-        (["--time-budget", "later"], "is no time"),
+        (["--time-budget", "later"], "is not a duration"),
         (["--samples", "4", "--max-error", "1deg"], "leave nothing to choose"),
         (["--samples", "some"], "samples: some is not one of"),
     ],

@@ -60,7 +60,7 @@ def test_turns_take_an_error(mesh: str, tmp_path: Path) -> None:
     ("words", "told"),
     [
         (["--max-error", "0.5deg"], "is not an error of a picture"),
-        (["--time-budget", "later"], "is no time"),
+        (["--time-budget", "later"], "is not a duration"),
         (["--max-error", "0.01", "--supersampling", "4"], "leaves --max-error nothing to choose"),
         (["--time-budget", "9s", "--edges", "supersample"], "leaves --time-budget nothing"),
         (["--time-budget", "9s", "--filter", "nearest,ewa"], "is of one picture"),

@@ -27,7 +27,7 @@ def test_an_error_and_a_time_are_passed_on():
         ({"samples": 4, "max_error": "1deg"}, "leave nothing to choose"),
         ({"samples": "some"}, "samples: some"),
         ({"max_error": "small"}, "is not an error"),
-        ({"time_budget": "later"}, "is no time"),
+        ({"time_budget": "later"}, "is not a duration"),
     ],
 )
 def test_what_cannot_be_is_told_before_the_work(options, told):

@@ -3,11 +3,16 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 from texbake.mapping.atlas.packing.bins import place_charts
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid, Shapes, shapes_of
+from texbake.mapping.atlas.packing.bitmaps import (
+    Bitmaps,
+    PackingGrid,
+    Shapes,
+    shapes_of,
+)
 from texbake.mapping.atlas.packing.poses import Poses, least_box_angles
-from texbake.mapping.atlas.packing.settle import Search, pair_weights, separate
+from texbake.mapping.atlas.packing.settle import SearchLimits, pair_weights, separate
 
-SEARCH = Search(samples=20, radius=8, step=4, patience=100, work=100_000_000)
+SEARCH = SearchLimits(samples=20, radius=8, step=4, patience=100, work=100_000_000)
 
 
 def random_bitmaps(seed: int, n_charts: int) -> Bitmaps:
@@ -38,7 +43,7 @@ def stamped(mask: np.ndarray, place: np.ndarray, shape: tuple[int, int]) -> np.n
 @pytest.mark.parametrize("padding", [0, 1, 3])
 def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
     bitmaps = random_bitmaps(padding, 30)
-    grid = Grid.over((90, 120), padding, most_cells=200)
+    grid = PackingGrid.over((90, 120), padding, most_cells=200)
     placed = place_charts(bitmaps, np.arange(30, dtype=np.int32), grid, hurry=hurry)
     assert placed.n_missing == 0
     reach = len(grid.half_widths) // 2
@@ -55,7 +60,7 @@ def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
 
 def test_charts_without_a_place_are_left_out() -> None:
     bitmaps = random_bitmaps(1, 30)
-    grid = Grid.over((24, 24), 0, most_cells=200)
+    grid = PackingGrid.over((24, 24), 0, most_cells=200)
     order = np.arange(30, dtype=np.int32)
     placed = place_charts(bitmaps, order, grid, all_or_nothing=False)
     found = placed.places[:, 0] >= 0
@@ -65,7 +70,7 @@ def test_charts_without_a_place_are_left_out() -> None:
 
 def test_shapes_are_the_cells_of_turned_bitmaps_and_what_is_near_them() -> None:
     bitmaps = random_bitmaps(2, 6)
-    grid = Grid.over((64, 64), 2, most_cells=64)
+    grid = PackingGrid.over((64, 64), 2, most_cells=64)
     shapes = shapes_of(bitmaps, grid.half_widths, turns=4)
     reach = len(grid.half_widths) // 2
     near = np.array([np.abs(np.arange(2 * reach + 1) - reach) <= half for half in grid.half_widths])
@@ -101,7 +106,7 @@ def overlap_of(shapes: Shapes, places: np.ndarray, size: tuple[int, int]) -> int
 @pytest.mark.parametrize("padding", [0, 2])
 def test_charts_on_one_heap_are_moved_apart(padding: int) -> None:
     bitmaps = random_bitmaps(3, 16)
-    half_widths = Grid.over((64, 64), padding, most_cells=64).half_widths
+    half_widths = PackingGrid.over((64, 64), padding, most_cells=64).half_widths
     shapes = shapes_of(bitmaps, half_widths, turns=4)
     places = np.full((16, 3), 20, dtype=np.int32)
     places[:, 2] = 0

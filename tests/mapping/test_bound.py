@@ -10,7 +10,7 @@ import pytest
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import flatten
-from texbake.mapping.atlas.joining.bound import bounded_charts
+from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -63,7 +63,7 @@ def test_every_chart_of_a_cap_holds_the_bound(max_stretch: float) -> None:
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
     assert flat.l2 > 1.02
-    charts = bounded_charts(
+    charts = bound_charts(
         mesh.positions, mesh.faces, one_chart(mesh, flat.uvs), max_stretch=max_stretch
     )
     # Rounding of sums over 900 faces.
@@ -77,7 +77,7 @@ def test_a_tighter_bound_takes_more_charts() -> None:
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
     counts = [
-        bounded_charts(
+        bound_charts(
             mesh.positions, mesh.faces, one_chart(mesh, flat.uvs), max_stretch=bound
         ).n_charts
         for bound in (1.1, 1.02, 1.002, 1.0002)
@@ -90,7 +90,7 @@ def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart() -> None:
     mesh = cap(0.8)
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
-    charts = bounded_charts(
+    charts = bound_charts(
         mesh.positions, mesh.faces, one_chart(mesh, flat.uvs), max_stretch=1.0 + 1e-7
     )
     assert worst(checked(mesh, charts)) <= 1.0 + 1.1e-7
@@ -103,16 +103,14 @@ def test_charts_that_hold_the_bound_stay_as_they_are() -> None:
     mesh = plane(4, 4)
     assert mesh.uvs is not None
     charts = one_chart(mesh, np.array(mesh.uvs))
-    assert bounded_charts(mesh.positions, mesh.faces, charts, max_stretch=1.01) is charts
+    assert bound_charts(mesh.positions, mesh.faces, charts, max_stretch=1.01) is charts
 
 
 def test_a_bad_layout_is_relaxed_and_not_cut() -> None:
     mesh = plane(6, 6)
     assert mesh.uvs is not None
     squeezed = np.array(mesh.uvs) ** 2
-    charts = bounded_charts(
-        mesh.positions, mesh.faces, one_chart(mesh, squeezed), max_stretch=1.0001
-    )
+    charts = bound_charts(mesh.positions, mesh.faces, one_chart(mesh, squeezed), max_stretch=1.0001)
     assert charts.n_charts == 1
     assert worst(checked(mesh, charts)) <= 1.0001
 
@@ -120,7 +118,7 @@ def test_a_bad_layout_is_relaxed_and_not_cut() -> None:
 def test_a_mirrored_chart_is_laid_out_anew() -> None:
     mesh = plane(3, 3)
     assert mesh.uvs is not None
-    charts = bounded_charts(
+    charts = bound_charts(
         mesh.positions, mesh.faces, one_chart(mesh, mesh.uvs[:, ::-1].copy()), max_stretch=1.01
     )
     assert worst(checked(mesh, charts)) <= 1.01
@@ -131,7 +129,7 @@ def test_a_face_too_thin_to_lay_flat_is_told() -> None:
     positions = np.concatenate([square.positions, [[0.5, -1e-300, 0.0]]])
     mesh = Mesh(positions=positions, faces=np.concatenate([square.faces, [[0, 4, 1]]]))
     uvs = np.concatenate([positions[:4, :2] * [1.0, 3.0], [[0.5, -0.5]]])
-    charts = bounded_charts(mesh.positions, mesh.faces, one_chart(mesh, uvs), max_stretch=1.01)
+    charts = bound_charts(mesh.positions, mesh.faces, one_chart(mesh, uvs), max_stretch=1.01)
     assert len(charts.notes) <= 1
     assert all("too thin" in note for note in charts.notes)
     assert np.isfinite(charts.uvs).all()
@@ -145,7 +143,7 @@ def test_faces_without_a_chart_stay_without() -> None:
     faces[5] = faces[5, 0]
     uvs = np.array(mesh.uvs) ** 2
     charts = replace(one_chart(mesh, uvs, faces), n_ignored=1)
-    bounded = bounded_charts(mesh.positions, mesh.faces, charts, max_stretch=1.001)
+    bounded = bound_charts(mesh.positions, mesh.faces, charts, max_stretch=1.001)
     assert len(set(bounded.faces[5].tolist())) == 1
     assert bounded.n_ignored == 1
 
@@ -156,7 +154,7 @@ def test_the_same_bytes_for_any_number_of_threads() -> None:
     assert flat is not None
     charts = one_chart(mesh, flat.uvs)
     results = [
-        bounded_charts(mesh.positions, mesh.faces, charts, max_stretch=1.003, threads=threads)
+        bound_charts(mesh.positions, mesh.faces, charts, max_stretch=1.003, threads=threads)
         for threads in (1, 2, 3)
     ]
     for result in results[1:]:

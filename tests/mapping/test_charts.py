@@ -6,7 +6,7 @@ import pytest
 from texbake import unwrap, unwrap_with_report
 from texbake.errors import UvError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.atlas.charts import kept_charts
+from texbake.mapping.atlas.charts import existing_charts
 from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.seams import chart_ids
@@ -49,7 +49,7 @@ def test_mirrored_charts_stay_mirrored() -> None:
 
 def test_charts_are_in_model_units() -> None:
     mesh = plane(3, 2)
-    charts = kept_charts(mesh.replace(positions=2.0 * mesh.positions), (512, 512))
+    charts = existing_charts(mesh.replace(positions=2.0 * mesh.positions), (512, 512))
     assert np.abs(signed_areas(charts.uvs[charts.faces])).sum() == pytest.approx(4.0)
 
 

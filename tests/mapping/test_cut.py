@@ -11,7 +11,7 @@ from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting import cut, xatlas_charts
-from texbake.mapping.atlas.cutting.cut import cut_charts, snapped_points
+from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import chart_ids
@@ -58,7 +58,7 @@ def test_place_changes_nothing_but_what_positions_lose(direction: tuple[float, .
     mesh = grid_sphere(24, 48)
     moved = mesh.replace(positions=mesh.positions + 2e6 * np.array(direction))
     # A point may fall into the next cell of the grid.
-    assert np.abs(snapped_points(moved) - snapped_points(mesh)).max() <= 2.0**-20
+    assert np.abs(snap_points(moved) - snap_points(mesh)).max() <= 2.0**-20
     whole, cut = cut_charts(mesh), cut_charts(moved)
     assert np.array_equal(cut.faces, whole.faces)
     assert np.abs(cut.uvs - whole.uvs).max() < 4.0 * 2.0**-20

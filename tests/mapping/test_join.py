@@ -11,7 +11,7 @@ import pytest
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import flatten
-from texbake.mapping.atlas.joining.join import joined_charts
+from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.piece import hull_area
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlapping_faces
@@ -86,7 +86,7 @@ def test_the_sides_of_a_cube_unfold_into_one_chart() -> None:
     mesh = cube()
     for labels in (np.repeat(np.arange(6), 2), np.arange(12)):
         charts = charts_by(labels, mesh.positions, mesh.faces)
-        joined = joined_charts(
+        joined = join_charts(
             mesh.positions, mesh.faces, charts, most_l2=1.0001, most_share=1.0, most_waste=math.inf
         )
         check(mesh.positions, mesh.faces, joined)
@@ -99,7 +99,7 @@ def test_the_strips_of_a_tube_unroll_once() -> None:
     labels = (np.arange(len(faces)) // 2 % 32 // 4).astype(np.int32)
     charts = charts_by(labels, points, faces)
     assert charts.n_charts == 8
-    joined = joined_charts(points, faces, charts, most_l2=1.0001, most_share=1.0)
+    joined = join_charts(points, faces, charts, most_l2=1.0001, most_share=1.0)
     check(points, faces, joined)
     assert joined.n_charts == 1
     assert l2_of(points, faces, joined) == pytest.approx(1.0, abs=1e-6)
@@ -110,7 +110,7 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
     mesh = icosphere(3)
     charts = charts_by(octants(mesh), mesh.positions, mesh.faces)
     before = l2_of(mesh.positions, mesh.faces, charts)
-    joined = joined_charts(mesh.positions, mesh.faces, charts, most_l2=most_l2, most_share=0.3)
+    joined = join_charts(mesh.positions, mesh.faces, charts, most_l2=most_l2, most_share=0.3)
     check(mesh.positions, mesh.faces, joined)
     # Rounding of sums over 1,280 faces.
     assert l2_of(mesh.positions, mesh.faces, joined) <= max(before, most_l2) + 1e-12
@@ -119,7 +119,7 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
 
 
 def joined_in_any_shape(mesh: Mesh, charts: Charts, **bounds: float) -> Charts:
-    return joined_charts(
+    return join_charts(
         mesh.positions, mesh.faces, charts, most_share=1.0, most_waste=math.inf, **bounds
     )
 
@@ -143,7 +143,7 @@ def test_a_chart_keeps_its_own_bound() -> None:
 def test_no_chart_takes_more_than_its_share() -> None:
     mesh = plane(8, 8)
     charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = joined_charts(mesh.positions, mesh.faces, charts, most_l2=1.01, most_share=0.25)
+    joined = join_charts(mesh.positions, mesh.faces, charts, most_l2=1.01, most_share=0.25)
     check(mesh.positions, mesh.faces, joined)
     areas = np.bincount(
         joined.chart_ids[joined.faces[:, 0]], surface_areas(mesh.positions[mesh.faces])
@@ -161,7 +161,7 @@ def test_a_snake_is_cut_into_compact_charts() -> None:
     outside &= ~((centers[:, 0] > 1.0 - 2.0 / n) & (np.abs(centers[:, 1] - 0.5) < 1.0 / n))
     faces = grid.faces[outside]
     charts = charts_by(np.zeros(len(faces), dtype=np.int32), grid.positions, faces)
-    joined = joined_charts(
+    joined = join_charts(
         grid.positions, faces, charts, most_l2=1.01, most_share=1.0, most_waste=0.3
     )
     check(grid.positions, faces, joined)
@@ -176,7 +176,7 @@ def test_no_chart_crosses_regions() -> None:
     centers = mesh.positions[mesh.faces].mean(axis=1)
     regions = (centers[:, 0] > 0.5).astype(np.int32)
     charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = joined_charts(
+    joined = join_charts(
         mesh.positions, mesh.faces, charts, most_l2=1.01, most_share=1.0, regions=regions
     )
     check(mesh.positions, mesh.faces, joined)
@@ -190,7 +190,7 @@ def test_vertices_that_a_file_repeats_do_not_keep_charts_apart() -> None:
     points = mesh.positions[mesh.faces].reshape(-1, 3)
     faces = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
     charts = charts_by(np.arange(len(faces)), points, faces)
-    joined = joined_charts(points, faces, charts, most_l2=1.01, most_share=1.0)
+    joined = join_charts(points, faces, charts, most_l2=1.01, most_share=1.0)
     check(points, faces, joined)
     assert joined.n_charts == 1
     assert len(joined.uvs) == 25
@@ -215,7 +215,7 @@ def fan(n_faces: int, flipped: Callable[[int], bool] = lambda _: False) -> Mesh:
 )
 def test_only_two_faces_of_one_winding_are_joined(mesh: Mesh, n_charts: int) -> None:
     charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = joined_charts(
+    joined = join_charts(
         mesh.positions, mesh.faces, charts, most_l2=1.5, most_share=1.0, most_waste=math.inf
     )
     check(mesh.positions, mesh.faces, joined)
@@ -238,7 +238,7 @@ def test_faces_without_a_chart_stay_without() -> None:
         n_mirrored=0,
         n_split=0,
     )
-    joined = joined_charts(mesh.positions, mesh.faces, thinned, most_l2=1.1, most_share=1.0)
+    joined = join_charts(mesh.positions, mesh.faces, thinned, most_l2=1.1, most_share=1.0)
     assert len(set(joined.faces[3].tolist())) == 1
     assert joined.faces[3, 0] == joined.faces[0, 1]
     assert joined.n_ignored == 1
@@ -252,7 +252,7 @@ def test_the_same_bytes_for_any_number_of_threads() -> None:
     charts = charts_by(labels, mesh.positions, mesh.faces)
     assert charts.n_charts == 24
     results = [
-        joined_charts(
+        join_charts(
             mesh.positions, mesh.faces, charts, most_l2=1.03, most_share=0.3, threads=threads
         )
         for threads in (1, 2, 3)

@@ -4,7 +4,7 @@ import pytest
 from texbake.mapping.atlas.cutting.parts import (
     Part,
     connected_parts,
-    divided_parts,
+    divide_parts,
     face_batches,
     split_parts,
 )
@@ -21,7 +21,7 @@ def opposite_of(faces: IntArray) -> IntArray:
 def divided(mesh: Mesh, part_faces: int) -> tuple[IntArray, IntArray]:
     faces = weld_rows(mesh.positions)[mesh.faces]
     opposite = opposite_of(faces)
-    labels = divided_parts(
+    labels = divide_parts(
         mesh.positions,
         faces,
         opposite,

@@ -5,7 +5,7 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.repair import mended_charts
+from texbake.mapping.atlas.cutting.repair import repair_charts
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
@@ -13,9 +13,9 @@ from texbake.mesh.shapes import plane
 NO_CHART = 2**32 - 1
 
 
-def mended(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts | None:
+def repaired(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts | None:
     """Mend coordinates that every vertex of a mesh has one of."""
-    return mended_charts(
+    return repair_charts(
         mesh.positions[mesh.faces],
         mesh.faces.astype(np.uint32),
         np.asarray(uvs, dtype=np.float32),
@@ -37,7 +37,7 @@ def test_a_linear_map_of_a_flat_chart_is_undone(
     mesh = plane(4, 3)
     assert mesh.uvs is not None
     matrix = np.array([[a, shear], [0.0, b]]) @ np.diag([-1.0 if mirror else 1.0, 1.0])
-    charts = mended(mesh, mesh.uvs @ matrix.T + offset, np.zeros(mesh.n_vertices))
+    charts = repaired(mesh, mesh.uvs @ matrix.T + offset, np.zeros(mesh.n_vertices))
     assert charts is not None
     flat, space = (
         np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
@@ -56,7 +56,7 @@ def test_every_chart_gets_its_own_map() -> None:
     both = np.concatenate([square.faces, square.faces + 4])
     mesh = Mesh(positions=np.concatenate([square.positions, square.positions * 0.5]), faces=both)
     uvs = np.concatenate([square.uvs * [3.0, 1.0], square.uvs * [-1.0, 7.0]])
-    charts = mended(mesh, uvs, np.repeat([5, 3], 4))
+    charts = repaired(mesh, uvs, np.repeat([5, 3], 4))
     assert charts is not None
     assert charts.n_charts == 2
     assert charts.n_mirrored == 1
@@ -65,7 +65,7 @@ def test_every_chart_gets_its_own_map() -> None:
 
 
 def test_no_chart_at_all() -> None:
-    assert mended(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
+    assert repaired(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
 
 
 def test_a_folded_face_is_laid_out_for_itself() -> None:
@@ -73,7 +73,7 @@ def test_a_folded_face_is_laid_out_for_itself() -> None:
     assert mesh.uvs is not None
     uvs = mesh.uvs.copy()
     uvs[0] = uvs[5] + (uvs[5] - uvs[0]) * 0.3  # the corner, beyond the diagonal
-    charts = mended(mesh, uvs, np.zeros(mesh.n_vertices))
+    charts = repaired(mesh, uvs, np.zeros(mesh.n_vertices))
     assert charts is not None
     corners = charts.uvs[charts.faces]
     assert (signed_areas(corners) > 0.0).all()
@@ -91,7 +91,7 @@ def test_a_chart_that_lies_on_itself_is_taken_apart() -> None:
     assert square.uvs is not None
     positions = np.concatenate([square.positions, square.positions + np.array([0, 0, 1.0])])
     faces = np.concatenate([square.faces, square.faces + 4])
-    charts = mended(
+    charts = repaired(
         Mesh(positions=positions, faces=faces), np.tile(square.uvs, (2, 1)), np.zeros(8)
     )
     assert charts is not None
@@ -106,7 +106,7 @@ def test_a_mirrored_sliver_becomes_a_point() -> None:
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, -width, 0]],
         faces=[[0, 1, 2], [0, 3, 1]],
     )
-    charts = mended(mesh, [[0, 0], [1, 0], [0, 1], [0.5, width]], np.zeros(4))
+    charts = repaired(mesh, [[0, 0], [1, 0], [0, 1], [0.5, width]], np.zeros(4))
     assert charts is not None
     assert (charts.n_charts, charts.n_ignored, charts.n_split) == (1, 1, 0)
     assert len(set(charts.faces[1].tolist())) == 1

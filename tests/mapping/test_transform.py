@@ -8,12 +8,12 @@ from texbake.errors import OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.transform import WARPS
 from texbake.mapping.transform import (
-    at_density,
     bulge,
     power,
-    transformed,
+    scale_to_density,
+    transform_uvs,
     twirl,
-    warped,
+    warp_uvs,
 )
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
@@ -22,7 +22,7 @@ POINTS = np.random.default_rng(5).random((40, 3, 2)) * 3 - 1
 
 
 def test_nothing_asked_for_changes_no_bit() -> None:
-    assert np.array_equal(transformed(POINTS, UnwrapOptions()), POINTS)
+    assert np.array_equal(transform_uvs(POINTS, UnwrapOptions()), POINTS)
 
 
 @pytest.mark.parametrize(
@@ -41,11 +41,11 @@ def test_nothing_asked_for_changes_no_bit() -> None:
 )
 def test_each_step_and_their_order(changes: dict[str, object], expected: object) -> None:
     point = np.array([[0.25, 0.5]])
-    assert transformed(point, UnwrapOptions(**changes)).tolist() == [list(expected)]  # type: ignore[arg-type, call-overload]
+    assert transform_uvs(point, UnwrapOptions(**changes)).tolist() == [list(expected)]  # type: ignore[arg-type, call-overload]
 
 
 def test_a_rotation_keeps_lengths_and_turns_counter_clockwise() -> None:
-    turned = transformed(np.array([[1.5, 0.5]]), UnwrapOptions(rotate=30.0))
+    turned = transform_uvs(np.array([[1.5, 0.5]]), UnwrapOptions(rotate=30.0))
     assert turned == pytest.approx(np.array([[0.5 + np.sqrt(0.75), 1.0]]), abs=1e-15)
 
 
@@ -60,7 +60,7 @@ def test_the_mesh_has_the_texel_density_asked_for(size: object, method: str) -> 
 def test_no_area_has_no_density() -> None:
     line = Mesh(positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0]], faces=[[0, 1, 2]])
     with pytest.raises(UvError, match="no area"):
-        at_density(line, np.zeros((1, 3, 2)), UnwrapOptions(texel_density=1.0))
+        scale_to_density(line, np.zeros((1, 3, 2)), UnwrapOptions(texel_density=1.0))
 
 
 def test_an_offset_is_added_last() -> None:
@@ -111,8 +111,8 @@ def test_a_power_works_within_each_tile() -> None:
 
 def test_names_have_strengths() -> None:
     for name, strength in WARPS.items():
-        assert np.array_equal(warped(GRID, name), warped(GRID, (name, strength)))
-        assert not np.array_equal(warped(GRID, name), GRID)
+        assert np.array_equal(warp_uvs(GRID, name), warp_uvs(GRID, (name, strength)))
+        assert not np.array_equal(warp_uvs(GRID, name), GRID)
 
 
 def test_a_function_is_called_with_a_copy() -> None:
@@ -122,7 +122,7 @@ def test_a_function_is_called_with_a_copy() -> None:
         points += 1.0
         return points
 
-    assert np.array_equal(warped(GRID, shifted), before + 1.0)
+    assert np.array_equal(warp_uvs(GRID, shifted), before + 1.0)
     assert np.array_equal(GRID, before)
 
 
@@ -137,4 +137,4 @@ def test_a_function_is_called_with_a_copy() -> None:
 )
 def test_a_function_that_returns_something_else_is_one_error(function, message) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(OptionError, match=message):
-        warped(GRID, function)
+        warp_uvs(GRID, function)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from texbake.mapping.atlas.cutting import workers
-from texbake.mapping.atlas.cutting.workers import Failure, Request, ask_workers
+from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
 
 # A worker that answers with its process id and what it was sent, or does what that says.
 SCRIPT = """
@@ -22,7 +22,7 @@ while head := requests.read(8):
 
 def asked(
     folder: Path, bodies: list[str], *, timeout: float = 60.0, threads: int = 1
-) -> list[tuple[int, str] | Failure]:
+) -> list[tuple[int, str] | WorkerFailure]:
     script = folder / "worker.py"
     script.write_text(SCRIPT)
 
@@ -31,7 +31,8 @@ def asked(
         return int(number), body.decode()
 
     requests = [
-        Request(body=body.encode, read=read, timeout=timeout, most_bytes=1000) for body in bodies
+        WorkerRequest(body=body.encode, read=read, timeout=timeout, most_bytes=1000)
+        for body in bodies
     ]
     return ask_workers(script, requests, threads=threads)
 
@@ -56,7 +57,7 @@ def test_no_request_is_no_worker(tmp_path: Path) -> None:
 
 def test_a_worker_that_crashes_is_replaced(tmp_path: Path) -> None:
     first, crash, last = asked(tmp_path, ["", "print('oh', file=sys.stderr); os._exit(7)", ""])
-    assert crash == Failure("crashed (exit code 7, oh)", 7)
+    assert crash == WorkerFailure("crashed (exit code 7, oh)", 7)
     assert isinstance(first, tuple) and isinstance(last, tuple)
     assert first[0] != last[0]
 
@@ -69,15 +70,15 @@ def test_a_worker_that_talks_much_to_stderr_does_not_hang(tmp_path: Path) -> Non
 def test_a_worker_that_hangs_is_killed_and_replaced(tmp_path: Path) -> None:
     start = time.perf_counter()
     hang, after = asked(tmp_path, ["time.sleep(100)", ""], timeout=1.0)
-    assert hang == Failure("took longer than 1 s")
+    assert hang == WorkerFailure("took longer than 1 s")
     assert isinstance(after, tuple)
     assert time.perf_counter() - start < 20.0
 
 
 def test_hanging_is_not_waited_for_again_and_again(tmp_path: Path) -> None:
     answers = asked(tmp_path, ["time.sleep(100)"] * 20, timeout=0.5)
-    slow = [Failure("took longer than 0.5 s")] * 3
-    assert answers == slow + [Failure("took too long on others")] * 17
+    slow = [WorkerFailure("took longer than 0.5 s")] * 3
+    assert answers == slow + [WorkerFailure("took too long on others")] * 17
 
 
 @pytest.mark.parametrize(
@@ -89,7 +90,7 @@ def test_hanging_is_not_waited_for_again_and_again(tmp_path: Path) -> None:
 )
 def test_what_makes_no_sense_is_no_answer(tmp_path: Path, garbage: str) -> None:
     nonsense, after = asked(tmp_path, [garbage, ""])
-    assert nonsense == Failure("gave an invalid answer")
+    assert nonsense == WorkerFailure("gave an invalid answer")
     assert isinstance(after, tuple)
 
 
@@ -114,8 +115,8 @@ def test_an_error_in_this_process_leaves_no_worker(
     monkeypatch.setattr(workers._Worker, "__init__", noted)
     script = tmp_path / "worker.py"
     script.write_text(SCRIPT)
-    slow = Request(body=lambda: b"time.sleep(100)", read=bytes, timeout=99.0, most_bytes=9)
-    wrong = Request(body=lambda: b"", read=lambda answer: 1 / 0, timeout=99.0, most_bytes=99)
+    slow = WorkerRequest(body=lambda: b"time.sleep(100)", read=bytes, timeout=99.0, most_bytes=9)
+    wrong = WorkerRequest(body=lambda: b"", read=lambda answer: 1 / 0, timeout=99.0, most_bytes=99)
     with pytest.raises(ZeroDivisionError):
         ask_workers(script, [slow, wrong], threads=2)
     assert len(started) == 2

@@ -16,7 +16,12 @@ import numpy.typing as npt
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.finding import Finding
 from texbake.errors import UvError
-from texbake.mapping.layout_view import BACKGROUND, INK, Window, linear
+from texbake.mapping.layout_view import (
+    BACKGROUND,
+    INK,
+    LayoutWindow,
+    linear,
+)
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.text import text_coverage
@@ -54,7 +59,7 @@ def draw_findings(report: CheckReport, size: int) -> Picture:
             "make some with: texbake unwrap"
         )
     shape = _shape(report, size)
-    window = Window.around(mesh.corner_uvs(), shape)
+    window = LayoutWindow.around(mesh.corner_uvs(), shape)
     owners = _pixel_owners(mesh, window, report.options.threads)
     base = _pale_layout(owners, chart_ids(mesh))
     pixels = window.pixels(mesh.corner_uvs())
@@ -125,7 +130,7 @@ def _pale_layout(owners: IntArray, charts: IntArray) -> Picture:
     return np.repeat(gray[:, :, None], 3, axis=2)
 
 
-def _pixel_owners(mesh: Mesh, window: Window, threads: int | None) -> IntArray:
+def _pixel_owners(mesh: Mesh, window: LayoutWindow, threads: int | None) -> IntArray:
     """Face at each sample of the picture's pixels, `NO_FACE` for none."""
     assert mesh.uvs is not None
     low, high = np.array(window.low), np.array(window.high)

@@ -23,7 +23,7 @@ from texbake.mapping.layout_view import (
     OUTLINE_DARKNESS,
     OUTLINE_PX,
     SEAM_DARKNESS,
-    Window,
+    LayoutWindow,
     edge_darkness,
     face_colors,
     heat_color,
@@ -36,7 +36,7 @@ from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.text import text_coverage
 
-Picture = npt.NDArray[np.float32]
+LayoutPixels = npt.NDArray[np.float32]
 
 _BAND = 128  # rows drawn by one thread at a time
 _TILE_PX = 1.0
@@ -51,7 +51,7 @@ def draw_layout(
     *,
     heat: bool = False,
     threads: int | None = None,
-) -> Picture:
+) -> LayoutPixels:
     """Draw the texture coordinates of a mesh.
 
     The picture shows the unit square and whatever lies outside it. If there are several tiles,
@@ -82,7 +82,7 @@ def draw_layout(
     """
     mesh = as_mesh(mesh)
     uvs = measurable_uvs(mesh)
-    window = Window.around(uvs, size)
+    window = LayoutWindow.around(uvs, size)
     pixels = np.ascontiguousarray(window.pixels(uvs))
     colors = linear(face_colors(mesh, chart_ids(mesh), size, heat))
     seams = seam_edges(mesh)
@@ -114,7 +114,7 @@ def draw_layout(
     return np.concatenate([picture, _legend(window.width)]) if heat else picture
 
 
-def _tile_borders(window: Window) -> FloatArray:
+def _tile_borders(window: LayoutWindow) -> FloatArray:
     """(N, 2, 2) float64: ends of the borders of tiles, in pixels; none for a single tile."""
     if window.tile_side < _LEAST_TILE_PX:
         return np.zeros((0, 2, 2))
@@ -133,7 +133,7 @@ def _inked(lines: FloatArray, width: float, top: int, shape: tuple[int, int]) ->
     return np.asarray(bits.sum(axis=2)[:, :, None] / SAMPLES**2)
 
 
-def _write_tile_names(picture: Picture, window: Window) -> None:
+def _write_tile_names(picture: LayoutPixels, window: LayoutWindow) -> None:
     """Draw the name of each tile into its lower left corner."""
     if window.tile_side < _LEAST_NUMBERED_PX:
         return
@@ -148,7 +148,7 @@ def _write_tile_names(picture: Picture, window: Window) -> None:
         _stamp(picture, ink, left + margin, top + margin)
 
 
-def _legend(width: int) -> Picture:
+def _legend(width: int) -> LayoutPixels:
     """Scale of stretch for below the picture: a bar, with figures under it and words beside it."""
     size = legend_size(width)
     strip = np.empty((3 * size, width, 3), dtype=np.float32)
@@ -173,7 +173,7 @@ def _legend(width: int) -> Picture:
 
 
 def _stamp(
-    picture: Picture, ink: Picture, left: int, top: int, color: FloatArray | None = None
+    picture: LayoutPixels, ink: LayoutPixels, left: int, top: int, color: FloatArray | None = None
 ) -> None:
     """Blend ink into a picture, clipped to it; dark unless a color is given."""
     height, width = picture.shape[:2]

@@ -30,7 +30,7 @@ from texbake.mapping.layout_view import (
     OUTLINE_DARKNESS,
     OUTLINE_PX,
     SEAM_DARKNESS,
-    Window,
+    LayoutWindow,
     edge_darkness,
     face_colors,
     heat_color,
@@ -71,7 +71,7 @@ def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool
     """
     mesh = as_mesh(mesh)
     uvs = measurable_uvs(mesh)
-    window = Window.around(uvs, size)
+    window = LayoutWindow.around(uvs, size)
     # Faces without area may lie far outside the window.
     pixels = np.clip(window.pixels(uvs), -_FARTHEST_PX, _FARTHEST_PX)
     points = np.rint(pixels * _UNITS).astype(np.int64)
@@ -214,7 +214,7 @@ def _data(walks: Iterable[Points], end: str) -> str:
     return "".join(parts)
 
 
-def _tiles(window: Window) -> Iterator[str]:
+def _tiles(window: LayoutWindow) -> Iterator[str]:
     """Border and name of each tile if there are several."""
     size = max(10.0, min(window.tile_side / 10.0, 48.0))
     for tile in window.tiles():
@@ -228,7 +228,7 @@ def _tiles(window: Window) -> Iterator[str]:
             yield _text(tile.name, x / _UNITS + size / 3.0, bottom / _UNITS - size / 3.0, size)
 
 
-def _scale(window: Window) -> Iterator[str]:
+def _scale(window: LayoutWindow) -> Iterator[str]:
     """Scale of stretch, as `draw_layout` puts it below the picture."""
     size, top = legend_size(window.width), window.height
     left, right = 7.0 * size, window.width - 7.0 * size

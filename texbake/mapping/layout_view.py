@@ -57,7 +57,7 @@ class Tile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Window:
+class LayoutWindow:
     """The part of texture space that a picture shows, and the size of the picture.
 
     Attributes
@@ -74,7 +74,7 @@ class Window:
     height: int
 
     @classmethod
-    def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> Window:
+    def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> LayoutWindow:
         """Window that contains the unit square, every face with area, and the tiles they lie in.
 
         Parameters

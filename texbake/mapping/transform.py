@@ -22,7 +22,7 @@ _MIDDLE = 0.5
 _RADIUS = 0.5
 
 
-def transformed(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
+def transform_uvs(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
     """Apply the warp, the flip, the rotation and the scale, in this order.
 
     Parameters
@@ -38,7 +38,7 @@ def transformed(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
     """
     flat = coordinates.reshape(-1, 2)
     if options.warp is not None:
-        flat = warped(flat, options.warp)
+        flat = warp_uvs(flat, options.warp)
     for axis, letter in enumerate("st"):
         if options.flip is not None and letter in options.flip:
             flat = np.where(np.arange(2) == axis, 1.0 - flat, flat)
@@ -49,7 +49,7 @@ def transformed(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
     return flat.reshape(coordinates.shape)
 
 
-def at_density(mesh: Mesh, corners: FloatArray, options: UnwrapOptions) -> FloatArray:
+def scale_to_density(mesh: Mesh, corners: FloatArray, options: UnwrapOptions) -> FloatArray:
     """Scale coordinates so that the mesh as a whole has the requested texel density.
 
     Parameters
@@ -93,7 +93,7 @@ def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
     return np.stack([cos * x - sin * y + 0.5, sin * x + cos * y + 0.5], axis=1)
 
 
-def warped(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction) -> FloatArray:
+def warp_uvs(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction) -> FloatArray:
     """Apply a warp, given by name, by name and strength, or as a function.
 
     Parameters

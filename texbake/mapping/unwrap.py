@@ -25,7 +25,7 @@ from texbake.mapping.corner_uvs import (
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import METHOD_OPTIONS, UnwrapOptions
 from texbake.mapping.options.transform import TransformOptions
-from texbake.mapping.transform import at_density, transformed
+from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, StageRecord, Stages
@@ -218,7 +218,7 @@ def _mapped_by_atlas(
         }
         mapped.append(
             _Mapped(
-                corners=transformed(atlas.corners, options),
+                corners=transform_uvs(atlas.corners, options),
                 tallies={name: count for name, count in tallies.items() if count},
                 notes=charts.notes,
             )
@@ -232,7 +232,7 @@ def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
     projected: Projected = getattr(import_module(f"texbake.mapping.classical.{name}"), name)(
         part, options
     )
-    corners = at_density(part, transformed(projected.corners, options), options)
+    corners = scale_to_density(part, transform_uvs(projected.corners, options), options)
     return _Mapped(corners=corners, tallies=dict(projected.tallies))
 
 

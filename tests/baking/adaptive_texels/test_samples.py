@@ -271,8 +271,8 @@ def test_holes_stay_holes():
         ({"samples": 4}, "leave nothing to choose"),
         ({"samples": "many"}, "not one of"),
         ({"keep_hits": True}, "keep_hits"),
-        ({"time_budget": "soon"}, "is no time"),
-        ({"time_budget": 0}, "is no time"),
+        ({"time_budget": "soon"}, "is not a duration"),
+        ({"time_budget": 0}, "is not a duration"),
     ],
 )
 def test_wrong_options_are_one_clear_error(changes, words):

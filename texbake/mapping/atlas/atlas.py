@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.mapping.atlas.charts import Charts, kept_charts
-from texbake.mapping.atlas.cutting.cut import cut_charts, snapped_points
-from texbake.mapping.atlas.flattening.relax import relaxed_charts
-from texbake.mapping.atlas.joining.bound import bounded_charts
-from texbake.mapping.atlas.joining.join import joined_charts
+from texbake.mapping.atlas.charts import Charts, existing_charts
+from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
+from texbake.mapping.atlas.flattening.relax import relax_charts
+from texbake.mapping.atlas.joining.bound import bound_charts
+from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.packing.pack import check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch
@@ -26,7 +26,7 @@ from texbake.progress import Stages
 _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
 _BEST_STRETCH = 1.09
-# Limit of the work of joining, as `joined_charts` counts it; only large noisy scans and meshes with
+# Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
 # hundreds of charts reach it.
 _JOIN_WORK = {"good": 300, "best": 1000}
 
@@ -98,8 +98,8 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     """Make the charts of one mesh, in model units."""
     regions = mesh.face_groups if options.by_group else None
     if options.keep:
-        return kept_charts(mesh, (options.width_px, options.height_px), regions=regions)
-    points = snapped_points(mesh)
+        return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
+    points = snap_points(mesh)
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
             mesh,
@@ -114,7 +114,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
         charts = _improved(points, mesh, charts, options, regions, stages, threads)
     if options.max_stretch is not None:
         with stages.stage("bound stretch"):
-            charts = bounded_charts(
+            charts = bound_charts(
                 points, mesh.faces, charts, max_stretch=options.max_stretch, threads=threads
             )
     longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
@@ -133,12 +133,12 @@ def _improved(
     """Relax charts, and join them as far as the stretch of the mesh allows."""
     as_cut = _stretch(points, mesh, charts)
     with stages.stage("relax charts"):
-        charts = relaxed_charts(points, mesh.faces, charts, threads=threads)
+        charts = relax_charts(points, mesh.faces, charts, threads=threads)
     allowed = _BEST_STRETCH
     if options.quality == "good":
         allowed = min(1.0 + _GOOD_ROOM * (as_cut - 1.0), _GOOD_STRETCH)
     with stages.stage("join charts"):
-        return joined_charts(
+        return join_charts(
             points,
             mesh.faces,
             charts,

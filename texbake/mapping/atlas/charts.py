@@ -58,7 +58,7 @@ class Charts:
         return np.asarray((self.faces != self.faces[:, :1]).any(axis=1))
 
 
-def gathered_charts(
+def gather_charts(
     mesh_faces: IntArray, pieces: Sequence[tuple[IntArray, Charts]], notes: tuple[str, ...] = ()
 ) -> Charts:
     """Combine the charts of parts of a mesh.
@@ -103,7 +103,9 @@ def _with_anchors(
     return all_faces.astype(np.int32)
 
 
-def kept_charts(mesh: Mesh, size: tuple[int, int], *, regions: IntArray | None = None) -> Charts:
+def existing_charts(
+    mesh: Mesh, size: tuple[int, int], *, regions: IntArray | None = None
+) -> Charts:
     """Take the texture coordinates of a mesh as its charts, with their shapes and relative sizes.
 
     Parameters

@@ -13,11 +13,11 @@ from importlib.util import find_spec
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.atlas.charts import Charts, gathered_charts
+from texbake.mapping.atlas.charts import Charts, gather_charts
 from texbake.mapping.atlas.cutting.disks import disk_charts
 from texbake.mapping.atlas.cutting.parts import (
     connected_parts,
-    divided_parts,
+    divide_parts,
     face_batches,
     split_parts,
 )
@@ -87,7 +87,7 @@ def cut_charts(
         Non-manifold edges, duplicate and degenerate faces are allowed. A degenerate face gets one
         coordinate for its three corners, if possible of a chart that it touches.
     points : (V, 3) float64, optional
-        The points of `snapped_points`; None to compute them.
+        The points of `snap_points`; None to compute them.
     quality : str
         `fast`, `good` or `best`: how large charts get, and how much they may stretch.
     timeout : float, optional
@@ -114,7 +114,7 @@ def cut_charts(
     """
     if find_spec("xatlas") is None:
         raise DependencyError("xatlas: it is not installed; install it with: pip install xatlas")
-    points = snapped_points(mesh) if points is None else points
+    points = snap_points(mesh) if points is None else points
     pieces: list[tuple[IntArray, Charts]] = []
     if mesh.n_faces <= _SMALL_MESH and (regions is None or (regions == regions[0]).all()):
         batches = [np.arange(mesh.n_faces, dtype=np.int32)]
@@ -131,7 +131,7 @@ def cut_charts(
     )
     if not pieces + more:
         raise UnwrapError(_why_nothing(mesh))
-    return gathered_charts(mesh.faces, pieces + more, notes)
+    return gather_charts(mesh.faces, pieces + more, notes)
 
 
 def _laid_flat(
@@ -145,7 +145,7 @@ def _laid_flat(
     """Charts of the parts that are disks, and batches of the other faces."""
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
     opposite = opposite_half_edges(corners, solid=solid, regions=regions)
-    labels = divided_parts(
+    labels = divide_parts(
         points,
         corners,
         opposite,
@@ -172,7 +172,7 @@ def _laid_flat(
     return pieces, batches
 
 
-def snapped_points(mesh: Mesh) -> FloatArray:
+def snap_points(mesh: Mesh) -> FloatArray:
     """(V, 3) float64: positions in the unit cube about the origin, on a grid of 2^-20.
 
     The longest side of the bounding box is 1. Meshes that differ only in scale or position have

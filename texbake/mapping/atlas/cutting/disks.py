@@ -16,8 +16,8 @@ import numpy as np
 
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.parts import Part, divided_parts, split_parts
-from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, mended_charts
+from texbake.mapping.atlas.cutting.parts import Part, divide_parts, split_parts
+from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, repair_charts
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import merged_labels, next_half_edges
@@ -127,7 +127,7 @@ def disk_charts(
 
 def _charts_of(points: FloatArray, corners: IntArray, disks: Sequence[Disk]) -> Charts | None:
     sizes = [len(disk.uvs) for disk in disks]
-    return mended_charts(
+    return repair_charts(
         points[np.concatenate([corners[disk.face_ids] for disk in disks])],
         offset_joined([(disk.faces, size) for disk, size in zip(disks, sizes, strict=True)]),
         np.concatenate([disk.uvs for disk in disks]),
@@ -215,7 +215,7 @@ def _halves(points: FloatArray, corners: IntArray, part: Part) -> list[_Attempt]
         return []
     whole = np.zeros(n_faces, dtype=np.int32)
     for n_parts in (2, 4, 8):  # if a second part does not grow, several smaller ones may
-        labels = divided_parts(
+        labels = divide_parts(
             points,
             corners[part.face_ids],
             part.opposite,

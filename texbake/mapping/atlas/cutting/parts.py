@@ -65,7 +65,7 @@ class Part:
     opposite: IntArray
 
 
-def divided_parts(
+def divide_parts(
     points: FloatArray,
     faces: IntArray,
     opposite: IntArray,
@@ -252,7 +252,7 @@ def face_batches(
         Faces of each batch, ascending.
     """
     pieces = connected_parts(part.opposite)
-    labels = divided_parts(
+    labels = divide_parts(
         points,
         corners[part.face_ids],
         part.opposite,

@@ -42,7 +42,7 @@ _MOST_SLIVER_STRETCH = 4.0
 OVERLAP_DEPTH = 0.5 / GRID_CELLS
 
 
-def mended_charts(
+def repair_charts(
     corners: FloatArray,
     faces: npt.NDArray[np.integer[Any]],
     uvs: npt.NDArray[np.floating[Any]],

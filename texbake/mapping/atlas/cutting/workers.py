@@ -33,7 +33,7 @@ _POLL_SECONDS = 0.1  # between checks for results; some systems do not interrupt
 
 
 @dataclass(frozen=True, kw_only=True)
-class Request(Generic[Result]):
+class WorkerRequest(Generic[Result]):
     """A request to a worker.
 
     Attributes
@@ -56,7 +56,7 @@ class Request(Generic[Result]):
 
 
 @dataclass(frozen=True)
-class Failure:
+class WorkerFailure:
     """Why a request has no result.
 
     Attributes
@@ -73,18 +73,18 @@ class Failure:
 
 def ask_workers(
     script: Path,
-    requests: Sequence[Request[Result]],
+    requests: Sequence[WorkerRequest[Result]],
     *,
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
-) -> list[Result | Failure]:
+) -> list[Result | WorkerFailure]:
     """Send requests to workers and collect their results.
 
     Parameters
     ----------
     script : Path
         Script that a worker runs.
-    requests : sequence of Request
+    requests : sequence of WorkerRequest
         Sent in this order; slow ones should come first.
     threads : int, optional
         Largest number of workers; None for one per processor.
@@ -120,8 +120,8 @@ def ask_workers(
 class _Crew(Generic[Result]):
     """The workers for one list of requests, and the results."""
 
-    def __init__(self, script: Path, requests: Sequence[Request[Result]]) -> None:
-        self.results: dict[int, Result | Failure] = {}
+    def __init__(self, script: Path, requests: Sequence[WorkerRequest[Result]]) -> None:
+        self.results: dict[int, Result | WorkerFailure] = {}
         self._script, self._requests = script, requests
         self._numbers = iter(range(len(requests)))
         self._workers: set[_Worker] = set()
@@ -136,7 +136,7 @@ class _Crew(Generic[Result]):
             while (number := self._next_number()) is not None:
                 worker = worker or self._new_worker()
                 result = self._result(worker, self._requests[number])
-                if isinstance(result, Failure):
+                if isinstance(result, WorkerFailure):
                     self._bury(worker)
                     worker = None
                 self.results[number] = result
@@ -162,17 +162,17 @@ class _Crew(Generic[Result]):
                 worker.process.kill()
             return worker
 
-    def _result(self, worker: _Worker, request: Request[Result]) -> Result | Failure:
+    def _result(self, worker: _Worker, request: WorkerRequest[Result]) -> Result | WorkerFailure:
         if self._n_timeouts >= _MOST_TIMEOUTS:
-            return Failure("took too long on others")
+            return WorkerFailure("took too long on others")
         answer = worker.ask(request)
-        if isinstance(answer, Failure):
+        if isinstance(answer, WorkerFailure):
             self._n_timeouts += worker.timed_out
             return answer
         try:
             return request.read(answer)
         except ValueError:
-            return Failure("gave an invalid answer")
+            return WorkerFailure("gave an invalid answer")
 
     def _bury(self, worker: _Worker | None) -> None:
         if worker is not None:
@@ -202,7 +202,7 @@ class _Worker:
         assert self.process.stdin is not None and self.process.stdout is not None
         self._requests, self._answers = self.process.stdin, self.process.stdout
 
-    def ask(self, request: Request[Result]) -> bytes | Failure:
+    def ask(self, request: WorkerRequest[Result]) -> bytes | WorkerFailure:
         """Send one request and wait for its answer."""
         timer = threading.Timer(request.timeout, self._expire)
         timer.start()
@@ -213,7 +213,7 @@ class _Worker:
             head = self._answers.read(8)
             n_bytes = int.from_bytes(head, "little")
             if n_bytes > request.most_bytes:
-                return Failure("gave an invalid answer")
+                return WorkerFailure("gave an invalid answer")
             answer = self._answers.read(n_bytes)
         except OSError:  # the worker closed its end
             head, n_bytes, answer = b"", 0, b""
@@ -222,7 +222,7 @@ class _Worker:
         if len(head) == 8 and len(answer) == n_bytes:
             return answer
         if self.timed_out:
-            return Failure(f"took longer than {request.timeout:g} s")
+            return WorkerFailure(f"took longer than {request.timeout:g} s")
         return self._crash()
 
     def end(self) -> None:
@@ -238,7 +238,7 @@ class _Worker:
         self.timed_out = True
         self.process.kill()
 
-    def _crash(self) -> Failure:
+    def _crash(self) -> WorkerFailure:
         # A process that closed its pipes may still be ending; one that hangs is killed.
         with suppress(subprocess.TimeoutExpired):
             self.process.wait(1.0)
@@ -247,4 +247,4 @@ class _Worker:
         said = self._messages.read().decode(errors="replace").strip().splitlines()
         reasons = [] if exit_code is None else [f"exit code {exit_code}"]
         reasons += said[-1:]
-        return Failure(f"crashed ({', '.join(reasons)})" if reasons else "crashed", exit_code)
+        return WorkerFailure(f"crashed ({', '.join(reasons)})" if reasons else "crashed", exit_code)

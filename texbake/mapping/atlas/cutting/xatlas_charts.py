@@ -23,8 +23,8 @@ import numpy.typing as npt
 from texbake.errors import DependencyError
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.repair import NO_CHART, mended_charts
-from texbake.mapping.atlas.cutting.workers import Failure, Request, ask_workers
+from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
+from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
 from texbake.mapping.kernels.face_graph import grow_kernel
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -120,11 +120,11 @@ class _Part:
             faces=indices.reshape(-1, 3).astype(np.int32),
         )
 
-    def request(self, timeout: float | None) -> Request[Charts | None]:
+    def request(self, timeout: float | None) -> WorkerRequest[Charts | None]:
         """The request to a worker for this batch."""
         if timeout is None:
             timeout = _SECONDS_TO_START + _SECONDS_A_FACE * len(self.faces)
-        return Request(
+        return WorkerRequest(
             body=self._body, read=self._read, timeout=timeout, most_bytes=16 + 48 * len(self.faces)
         )
 
@@ -133,7 +133,7 @@ class _Part:
         faces, uvs, chart_ids = plain_charts(self.points, self.faces)
         empty = surface_areas(self.points[self.faces]) == 0.0
         chart_ids[faces[empty]] = NO_CHART
-        return mended_charts(self.points[self.faces], faces, uvs, chart_ids)
+        return repair_charts(self.points[self.faces], faces, uvs, chart_ids)
 
     def _body(self) -> bytes:
         counts = np.array([len(self.points), len(self.faces)], dtype=np.uint64)
@@ -155,24 +155,24 @@ class _Part:
         of_corners = chart_ids[faces]
         if (of_corners != of_corners[:, :1]).any():
             raise ValueError("a face in two charts")
-        return mended_charts(self.points[self.faces], faces, uvs, chart_ids)
+        return repair_charts(self.points[self.faces], faces, uvs, chart_ids)
 
 
 def _with_plain_charts(
-    parts: Sequence[_Part], answers: Sequence[Charts | Failure | None]
+    parts: Sequence[_Part], answers: Sequence[Charts | WorkerFailure | None]
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
     """Charts of each batch, by normals where xatlas failed, and notes on the failures."""
     pieces = []
     failed: dict[str, list[int]] = {}
     for part, answer in zip(parts, answers, strict=True):
-        if isinstance(answer, Failure) and answer.exit_code == _DOES_NOT_LOAD:
+        if isinstance(answer, WorkerFailure) and answer.exit_code == _DOES_NOT_LOAD:
             raise DependencyError(f"xatlas: it does not load; {answer.reason}")
         charts = answer if isinstance(answer, Charts) else part.plain_charts()
         if charts is None:
             continue
         pieces.append((part.face_ids, charts))
         if not isinstance(answer, Charts):
-            reason = answer.reason if isinstance(answer, Failure) else "found no charts"
+            reason = answer.reason if isinstance(answer, WorkerFailure) else "found no charts"
             failed.setdefault(reason, []).append(len(part.faces))
     notes = []
     for reason, sizes in failed.items():

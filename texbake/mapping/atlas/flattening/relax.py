@@ -18,7 +18,7 @@ from texbake.parallel import run_bands
 _ACCURACY = 1e-5  # at which `flatten` stops
 
 
-def relaxed_charts(
+def relax_charts(
     points: FloatArray, mesh_faces: IntArray, charts: Charts, *, threads: int | None = None
 ) -> Charts:
     """Give each chart the layout of least symmetric Dirichlet energy near its own.

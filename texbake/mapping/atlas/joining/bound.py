@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.joining.join import joined_charts
-from texbake.mapping.atlas.joining.piece import Piece, relaxed_piece
+from texbake.mapping.atlas.joining.join import join_charts
+from texbake.mapping.atlas.joining.piece import ChartPiece, relax_piece
 from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -31,7 +31,7 @@ _FULL_ITERATIONS = 40
 _MOST_NAMED = 4
 
 
-def bounded_charts(
+def bound_charts(
     points: FloatArray,
     mesh_faces: IntArray,
     charts: Charts,
@@ -66,7 +66,7 @@ def bounded_charts(
     pieces = pieces_of(points, mesh_faces, charts, opposite)
     if all(piece.l2 <= max_stretch for piece in pieces):
         return charts
-    held: list[list[Piece]] = [[] for _ in pieces]
+    held: list[list[ChartPiece]] = [[] for _ in pieces]
 
     def hold(start: int, stop: int) -> None:
         for index in range(start, stop):
@@ -77,7 +77,7 @@ def bounded_charts(
     origins = np.zeros(len(mesh_faces), dtype=np.int32)
     for index, piece in enumerate(pieces):
         origins[piece.face_ids] = index
-    bounded = joined_charts(
+    bounded = join_charts(
         points,
         mesh_faces,
         cut,
@@ -92,9 +92,9 @@ def bounded_charts(
     return replace(bounded, notes=(*bounded.notes, *_notes(missed, bounded, max_stretch)))
 
 
-def _held(piece: Piece, opposite: IntArray, max_stretch: float) -> list[Piece]:
+def _held(piece: ChartPiece, opposite: IntArray, max_stretch: float) -> list[ChartPiece]:
     """Parts of a piece that meet the bound or are single faces."""
-    parts: list[Piece] = []
+    parts: list[ChartPiece] = []
     left = [piece]
     while left:
         piece = left.pop()
@@ -107,15 +107,15 @@ def _held(piece: Piece, opposite: IntArray, max_stretch: float) -> list[Piece]:
     return parts
 
 
-def _relaxed(piece: Piece, n_iterations: int) -> Piece:
+def _relaxed(piece: ChartPiece, n_iterations: int) -> ChartPiece:
     """Return a piece with a better layout, or unchanged."""
-    relaxed = relaxed_piece(piece, n_iterations=n_iterations)
+    relaxed = relax_piece(piece, n_iterations=n_iterations)
     return relaxed if relaxed is not None and relaxed.l2 < piece.l2 else piece
 
 
-def _halves(piece: Piece, opposite: IntArray) -> list[Piece]:
+def _halves(piece: ChartPiece, opposite: IntArray) -> list[ChartPiece]:
     """Cut a piece of two faces or more along the line that leaves the least stretch."""
-    best: list[Piece] = []
+    best: list[ChartPiece] = []
     least = np.inf
     for sides in _lines(piece):
         parts = parts_of(piece, sides, opposite)
@@ -126,7 +126,7 @@ def _halves(piece: Piece, opposite: IntArray) -> list[Piece]:
     return best
 
 
-def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
+def _lines(piece: ChartPiece) -> list[npt.NDArray[np.bool_]]:
     """Four ways to divide the faces of a piece by a line, as (m,) sides; no side is empty."""
     corners, uvs = piece.points[piece.faces], piece.uvs[piece.faces]
     areas, centers = surface_areas(corners), uvs.mean(axis=1)
@@ -148,7 +148,7 @@ def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
     return lines
 
 
-def _notes(missed: list[Piece], charts: Charts, max_stretch: float) -> tuple[str, ...]:
+def _notes(missed: list[ChartPiece], charts: Charts, max_stretch: float) -> tuple[str, ...]:
     """Notes on the charts that miss the bound, and why."""
     notes = [
         f"chart {charts.chart_ids[charts.faces[piece.face_ids[0], 0]]} (face {piece.face_ids[0]}) "

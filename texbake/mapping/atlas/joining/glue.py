@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.atlas.joining.piece import Piece, hull_area
+from texbake.mapping.atlas.joining.piece import ChartPiece, hull_area
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
@@ -50,7 +50,7 @@ class Contact:
         return float(self.lengths.sum())
 
 
-def contact_of(one: Piece, other: Piece, opposite: IntArray) -> Contact | None:
+def contact_of(one: ChartPiece, other: ChartPiece, opposite: IntArray) -> Contact | None:
     """Find where two pieces meet; None if they do not."""
     across = opposite[one.border]
     slots = np.minimum(np.searchsorted(other.border, across), len(other.border) - 1)
@@ -100,7 +100,7 @@ def _chained(
     return chosen, np.array(paths, dtype=np.int32), has_previous[chosen]
 
 
-def ways_to_glue(contact: Contact) -> list[npt.NDArray[np.int64]]:
+def gluing_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
     """Choices of half-edges to glue along a contact, the longest first.
 
     They are: all half-edges; the longest path; and the longest stretch of a path that passes no
@@ -118,7 +118,9 @@ def ways_to_glue(contact: Contact) -> list[npt.NDArray[np.int64]]:
     return ways
 
 
-def glued(one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64]) -> Piece:
+def glued(
+    one: ChartPiece, other: ChartPiece, contact: Contact, way: npt.NDArray[np.int64]
+) -> ChartPiece:
     """Glue two pieces along some half-edges of their contact.
 
     `other` is rotated and moved to fit the border of `one` best; glued vertices lie in the middle.
@@ -137,7 +139,7 @@ def glued(one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64]
     border, ends = _open_border(one, other, contact, way, labels)
     face_ids = np.concatenate([one.face_ids, other.face_ids])
     order = np.argsort(face_ids)
-    return Piece(
+    return ChartPiece(
         face_ids=face_ids[order],
         faces=labels[np.concatenate([one.faces, other.faces + np.int32(n_one)])[order]],
         points=points,
@@ -154,7 +156,11 @@ def glued(one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64]
 
 
 def _open_border(
-    one: Piece, other: Piece, contact: Contact, way: npt.NDArray[np.int64], labels: IntArray
+    one: ChartPiece,
+    other: ChartPiece,
+    contact: Contact,
+    way: npt.NDArray[np.int64],
+    labels: IntArray,
 ) -> tuple[IntArray, IntArray]:
     """Border of the glued piece, and the ends of its half-edges.
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.merger import Allowance, Merger, find_merger, relaxed_merger
-from texbake.mapping.atlas.joining.piece import Piece
+from texbake.mapping.atlas.joining.piece import ChartPiece
 from texbake.mapping.atlas.joining.pieces import charts_of, compact_parts, pieces_of
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -41,7 +41,7 @@ _LEAST_FACES = 8
 _LEAST_CUT = 0.01
 
 
-def joined_charts(
+def join_charts(
     points: FloatArray,
     mesh_faces: IntArray,
     charts: Charts,
@@ -136,7 +136,7 @@ class _Joining:
 
     def __init__(
         self,
-        pieces: list[Piece],
+        pieces: list[ChartPiece],
         opposite: IntArray,
         allowed: Allowance,
         threads: int | None,
@@ -260,7 +260,7 @@ class _Joining:
         owners = np.unique(self._owners[across[across >= 0] // 3])
         return [int(owner) for owner in owners if owner != index]
 
-    def _join(self, candidate: _Candidate, piece: Piece) -> None:
+    def _join(self, candidate: _Candidate, piece: ChartPiece) -> None:
         """Replace two pieces by their union, whose candidates start with the costs of the two."""
         index = self._next_index
         self._next_index += 1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from texbake.mapping.atlas.joining.glue import contact_of, glued, ways_to_glue
-from texbake.mapping.atlas.joining.piece import Piece, relaxed_piece
+from texbake.mapping.atlas.joining.glue import contact_of, glued, gluing_choices
+from texbake.mapping.atlas.joining.piece import ChartPiece, relax_piece
 from texbake.mesh.mesh import IntArray
 
 # Cost of a merger that makes nothing worse; of these, the one that glues most of a border is first.
@@ -45,7 +45,7 @@ class Allowance:
             and merger.piece.l2 <= self.chart_l2
         )
 
-    def has_place(self, one: Piece, other: Piece) -> bool:
+    def has_place(self, one: ChartPiece, other: ChartPiece) -> bool:
         """Whether two pieces are small enough to be joined."""
         whole, lesser = one.area + other.area, min(one.area, other.area)
         return whole <= self.chart_area or lesser <= _NEXT_TO_NOTHING * self.chart_area
@@ -57,7 +57,7 @@ class Merger:
 
     Attributes
     ----------
-    piece : Piece
+    piece : ChartPiece
         The joined piece.
     excess, waste : float
         What it adds to the sum of the two; see `Allowance`.
@@ -65,7 +65,7 @@ class Merger:
         Length along which they are glued, as a share of the shorter border.
     """
 
-    piece: Piece
+    piece: ChartPiece
     excess: float
     waste: float
     share: float
@@ -78,13 +78,13 @@ class Merger:
 
 
 def find_merger(
-    one: Piece, other: Piece, opposite: IntArray, *, scale: Allowance, n_iterations: int
+    one: ChartPiece, other: ChartPiece, opposite: IntArray, *, scale: Allowance, n_iterations: int
 ) -> Merger | None:
     """Flatten two pieces as one, in each way that they can be glued; return the cheapest.
 
     Parameters
     ----------
-    one, other : Piece
+    one, other : ChartPiece
     opposite : (3 F,) int32
         From `opposite_half_edges`.
     scale : Allowance
@@ -104,7 +104,7 @@ def find_merger(
         return None
     shorter = min(float(one.border_lengths.sum()), float(other.border_lengths.sum()))
     best = None
-    for way in ways_to_glue(contact):
+    for way in gluing_choices(contact):
         union = glued(one, other, contact, way)
         length = float(contact.lengths[way].sum())
         if length == 0.0 or not union.is_disk:
@@ -118,13 +118,15 @@ def find_merger(
     return best
 
 
-def relaxed_merger(merger: Merger, one: Piece, other: Piece, *, n_iterations: int) -> Merger | None:
+def relaxed_merger(
+    merger: Merger, one: ChartPiece, other: ChartPiece, *, n_iterations: int
+) -> Merger | None:
     """Improve the layout of a merger; None if it then has flips or overlaps."""
-    piece = relaxed_piece(merger.piece, n_iterations=n_iterations)
+    piece = relax_piece(merger.piece, n_iterations=n_iterations)
     return None if piece is None else _merger(piece, one, other, merger.share)
 
 
-def _merger(piece: Piece, one: Piece, other: Piece, share: float) -> Merger:
+def _merger(piece: ChartPiece, one: ChartPiece, other: ChartPiece, share: float) -> Merger:
     return Merger(
         piece=piece,
         excess=piece.excess - one.excess - other.excess,

@@ -16,7 +16,7 @@ _DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Piece:
+class ChartPiece:
     """A connected chart of m faces and n vertices, each with a single fan of faces.
 
     Attributes
@@ -79,12 +79,12 @@ class Piece:
         return n_loops > 0 and len(self.points) - n_edges + len(self.faces) + n_loops == 2
 
 
-def relaxed_piece(piece: Piece, *, n_iterations: int) -> Piece | None:
+def relax_piece(piece: ChartPiece, *, n_iterations: int) -> ChartPiece | None:
     """Flatten a piece with less distortion, starting from its coordinates if they have no flips.
 
     Returns
     -------
-    Piece or None
+    ChartPiece or None
         None if no layout without flips and overlaps was found.
     """
     for keep_apart in (False, True):

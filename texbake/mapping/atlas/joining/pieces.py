@@ -15,7 +15,7 @@ import numpy.typing as npt
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import measured
-from texbake.mapping.atlas.joining.piece import Piece, hull_area
+from texbake.mapping.atlas.joining.piece import ChartPiece, hull_area
 from texbake.mapping.seams import merged_labels, next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
@@ -29,7 +29,7 @@ _LEAST_SAVED = 0.05
 
 def pieces_of(
     points: FloatArray, mesh_faces: IntArray, charts: Charts, opposite: IntArray
-) -> list[Piece]:
+) -> list[ChartPiece]:
     """Turn charts into pieces, one for each connected part, in the order of their first faces.
 
     Parameters
@@ -58,7 +58,9 @@ def pieces_of(
     )
 
 
-def parts_of(piece: Piece, sides: npt.NDArray[np.bool_], opposite: IntArray) -> list[Piece]:
+def parts_of(
+    piece: ChartPiece, sides: npt.NDArray[np.bool_], opposite: IntArray
+) -> list[ChartPiece]:
     """Cut a piece between faces of different `sides` (m,); coordinates do not change."""
     half_edges = (3 * piece.face_ids[:, None] + np.arange(3, dtype=np.int32)).ravel()
     half_edges = np.setdiff1d(half_edges, piece.border, assume_unique=True)
@@ -74,12 +76,12 @@ def parts_of(piece: Piece, sides: npt.NDArray[np.bool_], opposite: IntArray) -> 
     )
 
 
-def charts_of(pieces: Sequence[Piece], charts: Charts) -> Charts:
+def charts_of(pieces: Sequence[ChartPiece], charts: Charts) -> Charts:
     """Turn pieces back into charts, each with its area in space and about its own origin.
 
     Parameters
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of ChartPiece
         Together they contain each face with a chart once. Charts are numbered by first faces.
     charts : Charts
         The charts that they were made from, for everything else.
@@ -114,7 +116,7 @@ def _connected(
     corner_uvs: FloatArray,
     half_edges: IntArray,
     across: IntArray,
-) -> list[Piece]:
+) -> list[ChartPiece]:
     """Make a piece of each connected part of some faces.
 
     Parameters
@@ -148,14 +150,14 @@ def _piece(
     corner_uvs: FloatArray,
     vertices: IntArray,
     is_border: npt.NDArray[np.bool_],
-) -> Piece:
+) -> ChartPiece:
     """Renumber the vertices of one piece, and measure it."""
     _, first, flat = np.unique(vertices, return_index=True, return_inverse=True)
     faces: IntArray = flat.reshape(-1, 3).astype(np.int32)
     points, uvs = corners.reshape(-1, 3)[first], corner_uvs.reshape(-1, 2)[first]
     rows, columns = np.nonzero(is_border)
     layout = measured(points, faces, uvs)
-    return Piece(
+    return ChartPiece(
         face_ids=face_ids,
         faces=faces,
         points=points,
@@ -179,7 +181,7 @@ def _corner_angles(corners: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(sines, (forward * backward).sum(axis=2)))
 
 
-def _settled(piece: Piece) -> FloatArray:
+def _settled(piece: ChartPiece) -> FloatArray:
     """Coordinates of a piece about their mean, scaled to its area in space."""
     flat = float(signed_areas(piece.uvs[piece.faces]).sum())
     scale = np.sqrt(piece.area / flat) if flat > 0.0 else 1.0
@@ -187,15 +189,15 @@ def _settled(piece: Piece) -> FloatArray:
 
 
 def compact_parts(
-    piece: Piece, opposite: IntArray, *, most_waste: float, least_area: float
-) -> list[Piece]:
+    piece: ChartPiece, opposite: IntArray, *, most_waste: float, least_area: float
+) -> list[ChartPiece]:
     """Cut a spread-out piece until its parts leave little of their convex hulls empty.
 
     Each cut is the best of a few straight lines. Better shapes can be joined from compact parts.
 
     Parameters
     ----------
-    piece : Piece
+    piece : ChartPiece
     opposite : (3 F,) int32
         From `opposite_half_edges`.
     most_waste : float
@@ -205,13 +207,13 @@ def compact_parts(
 
     Returns
     -------
-    list of Piece
+    list of ChartPiece
         The parts, with the coordinates of the piece.
     """
     parts, left = [], [piece]
     while left:
         piece = left.pop()
-        best: list[Piece] = []
+        best: list[ChartPiece] = []
         if piece.waste > most_waste * piece.area and piece.area > least_area:
             least = piece.waste - _LEAST_SAVED * piece.area
             for sides in _lines(piece):
@@ -226,7 +228,7 @@ def compact_parts(
     return parts
 
 
-def _lines(piece: Piece) -> list[npt.NDArray[np.bool_]]:
+def _lines(piece: ChartPiece) -> list[npt.NDArray[np.bool_]]:
     """Ways to divide the faces of a piece by a line, as (m,) sides."""
     centers = piece.uvs[piece.faces].mean(axis=1)
     angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines
 from texbake.mapping.atlas.packing.settle import SNAP_MARGIN, Settled
 from texbake.mapping.kernels.bottom_left import place_kernel
@@ -52,7 +52,7 @@ class Bins:
     tiles: IntArray
     room_above: float
 
-    def __init__(self, charts: Outlines, grid: Grid, groups: IntArray, n_tiles: int) -> None:
+    def __init__(self, charts: Outlines, grid: PackingGrid, groups: IntArray, n_tiles: int) -> None:
         self.charts, self.grid, self.groups, self.n_tiles = charts, grid, groups, n_tiles
         self.hurry = sum(charts.n_charts > many for many in _MANY_CHARTS)
         n_poses = min(max(_MOST_POSED // charts.n_charts, 1), _MOST_POSES)
@@ -216,7 +216,7 @@ class Placed:
 def place_charts(
     bitmaps: Bitmaps,
     order: IntArray,
-    grid: Grid,
+    grid: PackingGrid,
     *,
     all_or_nothing: bool = True,
     hurry: int = 0,
@@ -228,7 +228,7 @@ def place_charts(
     bitmaps : Bitmaps
     order : (N,) int32
         Charts in the order in which they are placed; not necessarily all.
-    grid : Grid
+    grid : PackingGrid
     all_or_nothing : bool
         Stop at the first chart that finds no place; otherwise skip it and continue.
     hurry : int

@@ -15,7 +15,7 @@ LongArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class PackingGrid:
     """The cells of a texture inside its borders, and how far apart charts are kept on them.
 
     Attributes
@@ -35,7 +35,7 @@ class Grid:
     half_widths: IntArray
 
     @classmethod
-    def over(cls, size: tuple[int, int], padding: int, *, most_cells: int) -> Grid:
+    def over(cls, size: tuple[int, int], padding: int, *, most_cells: int) -> PackingGrid:
         """Grid of a texture, at most `most_cells` cells wide and high.
 
         The lower left corner of its first cell is `padding` texels from both borders.

@@ -20,10 +20,10 @@ import numpy as np
 from texbake.errors import UnwrapError
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
-from texbake.mapping.atlas.packing.bitmaps import Grid
+from texbake.mapping.atlas.packing.bitmaps import PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines, least_box_angles
-from texbake.mapping.atlas.packing.search import searched_layout
-from texbake.mapping.atlas.packing.settle import Layout, Settled, settled
+from texbake.mapping.atlas.packing.search import search_layout
+from texbake.mapping.atlas.packing.settle import RoughLayout, Settled, settle_layout
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
@@ -147,7 +147,7 @@ def pack_charts(
     n_charts = int(chart_ids.max()) + 1
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
     charts = charts.upright(least_box_angles(uvs, chart_ids))
-    grid = Grid.over(size, padding, most_cells=_most_cells(size, n_charts))
+    grid = PackingGrid.over(size, padding, most_cells=_most_cells(size, n_charts))
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
     check_tiles(int(groups.max()) + 1, tiles, name)
     bins = Bins(charts, grid, groups, tiles)
@@ -208,9 +208,9 @@ def _searched(
     results: list[Settled | None] = [None] * budget.trials
 
     def search(trial: int, _: int) -> None:
-        layout: Layout | None = found.layout(bins.grid, bins.angles)
+        layout: RoughLayout | None = found.layout(bins.grid, bins.angles)
         if charts.n_charts <= _MOST_COARSE:
-            layout = searched_layout(
+            layout = search_layout(
                 charts,
                 size,
                 padding,
@@ -220,7 +220,7 @@ def _searched(
             )
         if layout is not None:
             work = int(budget.settle * share)
-            results[trial] = settled(charts, layout, bins.grid, most_work=work, seed=trial)
+            results[trial] = settle_layout(charts, layout, bins.grid, most_work=work, seed=trial)
 
     run_bands(search, budget.trials, band=1, threads=threads)
     # The first of equally dense packings, in whatever order they were finished.

@@ -19,9 +19,19 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.atlas.packing.bins import Placed, place_charts
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid, Shapes, shapes_of
+from texbake.mapping.atlas.packing.bitmaps import (
+    Bitmaps,
+    PackingGrid,
+    Shapes,
+    shapes_of,
+)
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
-from texbake.mapping.atlas.packing.settle import Layout, Search, pair_weights, separate
+from texbake.mapping.atlas.packing.settle import (
+    RoughLayout,
+    SearchLimits,
+    pair_weights,
+    separate,
+)
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _COARSE_CELLS = 256  # along each side of a square coarse grid
@@ -34,10 +44,10 @@ _NOISE = 0.15
 _PLACING_STEPS = 50_000
 _LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.03  # factors of the area when charts fit
 
-_SQUEEZE = Search(samples=40, radius=24, step=8, patience=300, work=400_000_000)
+_SQUEEZE = SearchLimits(samples=40, radius=24, step=8, patience=300, work=400_000_000)
 
 
-def searched_layout(
+def search_layout(
     charts: Outlines,
     size: tuple[int, int],
     padding: int,
@@ -45,7 +55,7 @@ def searched_layout(
     orders_work: int,
     squeeze_work: int,
     seed: int,
-) -> Layout | None:
+) -> RoughLayout | None:
     """Search for a dense layout on a coarse grid; None if there is none."""
     cell = math.sqrt(size[0] * size[1]) / _COARSE_CELLS
     # Charts are enlarged by half the distance that two of them must keep, so that they may touch:
@@ -65,7 +75,7 @@ def searched_layout(
     weights = pair_weights(strip.areas * scale**2)
     places, across, up = _squeezed(shapes, places, weights, (width, height), squeeze_work, seed)
     boxes = shapes.boxes[np.arange(charts.n_charts), places[:, 2]]
-    return Layout(
+    return RoughLayout(
         angles=turns[places[:, 2] // _TURNS] + places[:, 2] % _TURNS * (math.pi / 2.0),
         centers=(places[:, :2] + boxes / 2.0) / [across, up],
         scale=scale * min(width / across, height / up) * cell,
@@ -81,7 +91,7 @@ class _Strip:
         self.poses, self.areas, self.margin = poses, areas, margin
         self.width, self.height = size
         self.work = 0
-        self._grid = Grid(
+        self._grid = PackingGrid(
             width=size[0], height=2 * size[1], cell=1, half_widths=np.zeros(1, dtype=np.int32)
         )
         self._shares = areas / areas.sum() / size[1]

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Grid, Shapes, shapes_of
+from texbake.mapping.atlas.packing.bitmaps import (
+    Bitmaps,
+    PackingGrid,
+    Shapes,
+    shapes_of,
+)
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
 from texbake.mapping.kernels.guided_local_search import (
     separate_kernel,
@@ -27,7 +32,7 @@ _BASE_WEIGHT = 2048.0  # of an overlapping cell; weights are integer fractions o
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class SearchLimits:
     """How long and how far charts search for places.
 
     Attributes
@@ -51,7 +56,7 @@ class Search:
     work: int
 
 
-_SEARCH = Search(samples=24, radius=12, step=4, patience=80, work=300_000_000)
+_SEARCH = SearchLimits(samples=24, radius=12, step=4, patience=80, work=300_000_000)
 
 
 def pair_weights(areas: FloatArray) -> IntArray:
@@ -69,7 +74,7 @@ def separate(
     weights: IntArray,
     *,
     size: tuple[int, int],
-    search: Search,
+    search: SearchLimits,
     seed: int,
 ) -> tuple[IntArray, int, int]:
     """Move charts until they keep their distance from each other.
@@ -83,7 +88,7 @@ def separate(
         From `pair_weights`.
     size : (int, int)
         Columns and rows of the grid.
-    search : Search
+    search : SearchLimits
     seed : int
         Seed of the random samples.
 
@@ -117,7 +122,7 @@ def separate(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Layout:
+class RoughLayout:
     """Approximate positions of charts.
 
     Attributes
@@ -148,21 +153,21 @@ class Settled:
         """(T, 2) float64: coordinates in cells."""
         return self.poses.placed_uvs(self.bitmaps, self.scale, self.places)
 
-    def layout(self, grid: Grid, angles: FloatArray) -> Layout:
+    def layout(self, grid: PackingGrid, angles: FloatArray) -> RoughLayout:
         """The layout without its cells; `angles` (C, K) are those of the poses."""
         charts = np.arange(len(self.places))
         pose, turns = self.places[:, 2], self.places[:, 3]
         boxes = self.bitmaps.boxes[charts, pose]
         boxes = np.where(turns[:, None] % 2 == 0, boxes, boxes[:, ::-1])
-        return Layout(
+        return RoughLayout(
             angles=angles[charts, pose] + turns * (math.pi / 2.0),
             centers=(self.places[:, :2] + boxes / 2.0) / [grid.width, grid.height],
             scale=self.scale * grid.cell,
         )
 
 
-def settled(
-    charts: Outlines, layout: Layout, grid: Grid, *, most_work: int, seed: int
+def settle_layout(
+    charts: Outlines, layout: RoughLayout, grid: PackingGrid, *, most_work: int, seed: int
 ) -> Settled | None:
     """Move charts to exact places close to those of a layout, at the largest scale that works.
 
@@ -201,7 +206,7 @@ def _moved_apart(
     angles: FloatArray,
     centers: FloatArray,
     areas: FloatArray,
-    grid: Grid,
+    grid: PackingGrid,
     scale: float,
     seed: int,
 ) -> tuple[Settled | None, int, int]:
