@@ -1,6 +1,6 @@
 """The pages of the reference that are made from the program itself.
 
-    python docs/reference.py           # write docs/reference/{commands,pipeline,scenes,checks}.md
+    python docs/reference.py    # write docs/reference/{commands,pipeline,scenes,checks,python}.md
 
 Commands, steps, keys, ranges and defaults are read from the schema of options, so that no page says
 anything else than the program does. Of scenes.md only the tables are made; its text is written by
@@ -9,6 +9,7 @@ hand.
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,6 +19,7 @@ import click
 from texbake_cli.lazy import COMMANDS
 from texbake_cli.main import texbake as commands
 
+import texbake as texbake_package
 from texbake.building.schema import pipeline_schema
 from texbake.building.steps import STEP_KINDS
 from texbake.checks.kinds import KINDS
@@ -222,6 +224,43 @@ def _range(said: Mapping[str, Any]) -> str:
     return f", {' and '.join(words)}" if words else ""
 
 
+_ROOM_TITLES = {
+    "": "Errors and schema",
+    "mesh": "Meshes",
+    "mapping": "Texture coordinates",
+    "texture": "Textures and images",
+    "sampling": "Adaptive samples",
+    "baking": "Baking",
+    "rendering": "Pictures",
+    "checks": "Checks",
+    "pages": "Pages",
+    "jobs": "Jobs: from files to files",
+    "building": "Builds",
+    "study": "The study",
+}
+
+
+def python_page() -> str:
+    """Write a page that lists every public name; mkdocstrings fills in the docstrings."""
+    stub = ast.parse((Path(texbake_package.__file__).parent / "__init__.pyi").read_text("utf-8"))
+    names: dict[str, list[str]] = {}
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            room, dot, _ = node.module.partition(".")
+            names.setdefault(room if dot else "", []).extend(alias.name for alias in node.names)
+    parts = [
+        "# Python",
+        _MADE,
+        "`import texbake` takes a few milliseconds; each name is loaded when it is first used. A "
+        "function that takes a mesh takes a `Mesh`, a `trimesh.Trimesh` or the path of a file.",
+    ]
+    for room, title in _ROOM_TITLES.items():
+        if room in names:
+            parts += [f"## {title}", *(f"::: texbake.{name}" for name in sorted(names[room]))]
+    assert set(names) <= set(_ROOM_TITLES), set(names) - set(_ROOM_TITLES)
+    return "\n\n".join(parts) + "\n"
+
+
 def pages() -> dict[Path, str]:
     """Every page that is made, by its file."""
     scenes = REFERENCE / "scenes.md"
@@ -230,6 +269,7 @@ def pages() -> dict[Path, str]:
         REFERENCE / "pipeline.md": pipeline_page(),
         scenes: scenes_page(scenes.read_text(encoding="utf-8")),
         REFERENCE / "checks.md": checks_page(),
+        REFERENCE / "python.md": python_page(),
     }
 
 

@@ -17,6 +17,7 @@ DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS))
 try:
     import commands
+    import reference
 finally:
     sys.path.remove(str(DOCS))
 
@@ -155,3 +156,8 @@ def test_tutorials_show_pictures_that_their_commands_draw():
                 for line in commands.commands_of(page)
                 for word in line
             )
+
+
+@pytest.mark.parametrize("page", reference.pages(), ids=name_of)
+def test_the_reference_is_what_the_program_says(page):
+    assert page.read_text("utf-8") == reference.pages()[page], "run: python docs/reference.py"
