@@ -96,11 +96,11 @@ def test_every_scene_is_studied(scene_case):
     bench.close()
 
 
-def test_what_is_not_seen_is_one_clear_error(case_named, in_cells):
+def test_what_does_not_show_is_one_clear_error(case_named, in_cells):
     """A strip of 1 by 1e6 falls between the pixels, so that no picture of it has an error."""
     mesh = in_cells(case_named("strip of 1 by 1e6"))
     options = texbake.StudyOptions(
         knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1
     )
-    with pytest.raises(texbake.MeshError, match=r"nothing of .* is seen"):
+    with pytest.raises(texbake.MeshError, match=r"nothing of .* shows"):
         texbake.run_study(mesh, mesh, options=options)
