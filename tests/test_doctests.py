@@ -27,5 +27,5 @@ def test_examples_of_docstrings(name):
 
 def test_most_rooms_have_examples():
     assert {name.split(".")[1] for name in modules_with_examples() if "." in name} >= {
-        "bake", "mapping", "mesh", "texture",
+        "baking", "mapping", "mesh", "texture",
     }  # fmt: skip

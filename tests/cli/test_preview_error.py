@@ -1,4 +1,4 @@
-"""Asking for an error or a time of a picture, and of the whole job, on the command line."""
+"""Errors and time budgets of a picture, and of the whole job, on the command line."""
 
 import json
 from pathlib import Path
@@ -25,18 +25,18 @@ def preview(mesh: str, tmp_path: Path, *words: str):
     return CliRunner().invoke(texbake, line)
 
 
-def test_an_error_is_asked_for_and_told(mesh: str, tmp_path: Path) -> None:
+def test_a_bound_is_given_and_reported(mesh: str, tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     result = preview(mesh, tmp_path, "--max-error", "2/255", "--report", str(report))
     assert result.exit_code == 0, result.output
     assert "error of color" in result.output
-    told = json.loads(report.read_text())
-    assert told["sampling"]["max_error"] == "2/255"
-    assert sum(told["sampling"]["sample_percents"].values()) == pytest.approx(100)
-    assert "passes" in told and "budget" not in told
+    words_shown = json.loads(report.read_text())
+    assert words_shown["sampling"]["max_error"] == "2/255"
+    assert sum(words_shown["sampling"]["sample_percents"].values()) == pytest.approx(100)
+    assert "passes" in words_shown and "budget" not in words_shown
 
 
-def test_a_time_is_asked_for_and_told(mesh: str, tmp_path: Path) -> None:
+def test_a_time_budget_is_given_and_reported(mesh: str, tmp_path: Path) -> None:
     result = preview(mesh, tmp_path, "--time-budget", "5min", "--explain", "json")
     assert result.exit_code == 0, result.output
     assert "max-error 0.5/255" in result.output
@@ -57,24 +57,24 @@ def test_turns_take_an_error(mesh: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "words_shown"),
     [
         (["--max-error", "0.5deg"], "is not an error of a picture"),
         (["--time-budget", "later"], "is not a duration"),
         (["--max-error", "0.01", "--supersampling", "4"], "leaves --max-error nothing to choose"),
         (["--time-budget", "9s", "--edges", "supersample"], "leaves --time-budget nothing"),
-        (["--time-budget", "9s", "--filter", "nearest,ewa"], "is of one picture"),
-        (["--time-budget", "9s", "--view", "turntable:3"], "is of one picture"),
+        (["--time-budget", "9s", "--filter", "nearest,ewa"], "is for one picture"),
+        (["--time-budget", "9s", "--view", "turntable:3"], "is for one picture"),
         (["--max-error", "0.01", "--buffer", "depth"], "which has no error"),
         (["--max-error", "0.01", "--interpolation", "scanline"], "give one of the two"),
     ],
 )
-def test_wrong_asking_is_wrong_usage(
-    mesh: str, tmp_path: Path, words: list[str], told: str
+def test_wrong_options_are_wrong_usage(
+    mesh: str, tmp_path: Path, words: list[str], words_shown: str
 ) -> None:
     result = preview(mesh, tmp_path, *words)
     assert result.exit_code == 2
-    assert told in " ".join(result.output.split())
+    assert words_shown in " ".join(result.output.split())
     assert not (tmp_path / "cube.png").exists()
 
 
@@ -83,17 +83,17 @@ def test_the_whole_job_takes_what_a_bake_takes(
 ) -> None:
     high = tmp_path / "ball.ply"
     write_mesh(icosphere(1), high)
-    asked = []
+    given = []
 
-    def run(mesh: object, folder: object, options: RunOptions, **_: object) -> None:
-        asked.append(options)
+    def run_files(*arguments: object, **_: object) -> None:
+        given.extend(item for item in arguments if isinstance(item, RunOptions))
         raise MeshError("enough is known")
 
-    monkeypatch.setattr(package, "run", run)
+    monkeypatch.setattr(package, "run_files", run_files)
     line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]
     for words in ["--samples", "adaptive"], ["--max-error", "1deg"], ["--time-budget", "9s"], []:
         assert "enough is known" in CliRunner().invoke(texbake, [*line, *words]).output
-    bakes = [options.bake_options() for options in asked]
+    bakes = [options.bake_options() for options in given]
     assert [(b.samples, b.max_error, b.time_budget) for b in bakes] == [
         ("adaptive", None, None), (1, "1deg", None), (1, None, "9s"), (4, None, None),
     ]  # fmt: skip
