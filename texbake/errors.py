@@ -50,7 +50,7 @@ class FileFormatError(FileError, ValueError):
 
 
 class MeshError(TexbakeError, ValueError):
-    """A mesh is not one: not finite, an index out of range, arrays that do not fit together."""
+    """A mesh is not sound: not finite, an index out of range, arrays that do not fit together."""
 
 
 class UvError(MeshError):

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written beside their place, then renamed; and their folders."""
+"""Writing files whole or not at all: beside their place, then renamed. Folders for them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
     # Not the target's own name: some writers take only names that are UTF-8.
     temporary = target.with_name(f".texbake-{secrets.token_hex(6)}{target.suffix}")
     try:
-        # Made here, so that an unwritable folder is found before the work and not after it.
+        # Created first, so that an unwritable folder is noticed before the work and not after it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))
         yield temporary
         temporary.replace(target)
@@ -56,7 +56,7 @@ def _mode_for(target: Path) -> int:
 def check_writable(path: PathLike) -> None:
     """Raise `FileError` now if a file at `path` could not be written later.
 
-    Long work calls this first, so that an hour is not spent on a result that has no place to go.
+    Long work calls this first, so that an hour is not spent on a result that cannot be written.
     """
     target = _target_of(path)
     if not os.access(target.parent, os.W_OK):
@@ -64,24 +64,24 @@ def check_writable(path: PathLike) -> None:
 
 
 def _target_of(path: PathLike) -> Path:
-    """Return the file that a path stands for, through links; its folder is there."""
+    """Return the file that a path leads to through links; its folder exists."""
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
     if target.is_symlink():
-        raise FileError(f"{path}: its links lead in a circle; give another name")
+        raise FileError(f"{path}: its links form a circle; give another name")
     if target.exists() and not target.is_file():
         # Renaming over a device such as /dev/full would take it from the whole machine.
         raise FileError(f"{path}: it is a device or a pipe; give the name of a file")
     if not target.parent.is_dir():
-        raise FileError(f"{path}: there is no folder {target.parent}; make it first")
+        raise FileError(f"{path}: there is no folder {target.parent}; create it first")
     return target
 
 
 def check_folder(folder: PathLike) -> None:
     """Raise `FileError` now if files could not be put into `folder` later.
 
-    It need not be there yet, if it can be made.
+    The folder need not exist yet, if it can be created.
     """
     there = Path(os.path.realpath(folder))
     while not there.exists():
@@ -93,12 +93,12 @@ def check_folder(folder: PathLike) -> None:
 
 
 def make_folder(folder: PathLike) -> Path:
-    """Make a folder, and those that it is in, where they are missing; return its path.
+    """Create a folder and its missing parents, and return its path.
 
     Raises
     ------
     FileError
-        It cannot be made, or a file has its name.
+        It cannot be created, or a file has its name.
     """
     path = Path(folder)
     try:

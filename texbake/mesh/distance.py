@@ -5,7 +5,7 @@ surfaces", Computer Graphics Forum 17(2), 1998 (sampling one surface, closest po
 the worse of both ways); Martin Roberts, "The unreasonable effectiveness of quasirandom sequences",
 2018 (the points within a face).
 
-Departs from Metro in taking samples in equal steps of area, one a step, so that no face is
+Departs from Metro in taking one sample in each of many equal steps of area, so that no face is
 forgotten and each sample represents the same area.
 """
 

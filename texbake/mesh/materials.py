@@ -1,4 +1,4 @@
-"""Materials of a mesh, as far as a transfer of their base color needs them."""
+"""Materials of a mesh: their base colors, as far as baking them needs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class BaseColor:
     image : bytes, optional
         The content of an image file; sRGB.
     image_name : str
-        What messages call it.
+        Its name in messages.
     wrap : str
         What lies outside the unit square: `repeat`, `mirror` or `clamp`.
     placing : ((a, b, c), (d, e, f))
@@ -52,7 +52,7 @@ class Materials:
         Index into `names`.
     names : tuple of str
     base_colors : tuple of BaseColor or None
-        One a material; None where the file says nothing of it.
+        One for each material; None where the file gives none.
 
     Raises
     ------

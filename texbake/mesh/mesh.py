@@ -22,7 +22,7 @@ IntArray = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mesh:
-    """Triangles in space, with whatever a file says of their texture coordinates and normals.
+    """Triangles in space, with the texture coordinates, normals and groups that they have.
 
     Arrays are converted to the types below and made read-only; a float64 or int32 array that is
     already contiguous is shared, not copied.
@@ -44,13 +44,13 @@ class Mesh:
     tangents : (F, 3, 4) float32, optional
         Corner tangents that came with the file; w is the bitangent sign.
     colors : (V, 3) or (V, 4) float32, optional
-        Vertex colors in [0, 1], as the file has them.
+        Vertex colors in [0, 1], as they stand in the file.
     face_groups : (F,) int32, optional
         Index into `group_names` of each face.
     group_names : tuple of str
         Names of the groups (OBJ groups and objects, glTF primitives).
     name : str
-        What messages call the mesh: the name of its file.
+        The name in messages: that of its file.
 
     Raises
     ------

@@ -161,7 +161,7 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
     Parameters
     ----------
     n_triangles
-        How many triangles, about: 20 f² for the nearest whole f.
+        Approximate number of triangles: 20 f² for the nearest whole f.
 
     Returns
     -------

@@ -23,7 +23,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """The edges of a mesh, each once, with the faces at it counted.
+    """The edges of a mesh, each once, with the number of its faces.
 
     A face with the same vertex at two corners has no boundary and takes part in no edge.
 

@@ -1,12 +1,12 @@
 """Writing binary glTF 2.0: one primitive a group, with tangents and textures, ready for a renderer.
 
-Corners become vertices of a GPU stream: those of a group that agree, bit for bit, in all attributes
-are one vertex. Triangles keep their order, but in a compressed file, where neighbors follow one
-another. The format has no place for names of primitives, so each group is a mesh and a node of its
-name.
+Corners become vertices of a GPU stream: corners of a group whose attributes all agree, bit for bit,
+become one vertex. Triangles keep their order, except in a compressed file, where neighbors follow
+one another. The format has no place for names of primitives, so each group is a mesh and a node with
+its name.
 
-Levels of detail are nodes of their own, which stand in no scene: a reader that does not know
-MSFT_lod shows the finest alone.
+Levels of detail are nodes outside the scene: a reader that does not know MSFT_lod shows only the
+finest level.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021; Microsoft, "MSFT_lod",
 Khronos vendor extension, 2018.
@@ -72,13 +72,13 @@ def write_glb(
     name
         Of the mesh and the material; by default that of the file.
     levels
-        Coarser meshes that stand in for this one where it is small, the finest of them first.
+        Coarser meshes that replace this one where it is small in the picture, the finest first.
     coverages
-        Share of the picture's area from which on each level is shown, `mesh` first, and falling. By
-        default a quarter, and a quarter of that for each next one; the last is shown down to 0.
+        Least share of the picture's area at which each level is shown, falling, `mesh` first. By
+        default a quarter, and a quarter of that for each further level; the last goes down to 0.
     compress
-        Code vertices and triangles by EXT_meshopt_compression: no value changes, but triangles come
-        in another order. Readers without the extension do not open such a file.
+        Compress vertices and triangles by EXT_meshopt_compression: no value changes, but triangles
+        are reordered. Programs without the extension cannot open such a file.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def write_glb(
     FileFormatError
         A texture is damaged, or the file would pass the 4 GiB that the format allows.
     DependencyError
-        It is to be compressed, and meshoptimizer does not load.
+        `compress` is set, and meshoptimizer does not load.
     """
     textures = (normal_map, base_color, orm, emissive)
     has_textures = any(isinstance(texture, str | os.PathLike) for texture in textures)
@@ -126,7 +126,7 @@ def write_glb(
 
 
 def _coverages(n_levels: int, coverages: Sequence[float] | None) -> Sequence[float]:
-    """Share of the picture from which on each level is shown."""
+    """Least share of the picture at which each level is shown."""
     if coverages is None:
         return [*(_FINEST_COVERAGE / 4.0**number for number in range(n_levels - 1)), 0.0]
     falling = all(a > b for a, b in pairwise(coverages))

@@ -5,9 +5,9 @@ Based on:
     Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the extension
         KHR_texture_transform.
 
-What MTL leaves open is decided so: Kd is linear; where there is a `map_Kd`, it alone is the color,
-because programs that write one leave anything in Kd. Options of `map_Kd` are skipped, except for
-`-clamp`.
+MTL does not say how colors are meant. Here Kd is linear, and where there is a `map_Kd`, it alone is
+the color, because programs that write one leave arbitrary values in Kd. Options of `map_Kd` are
+skipped, except for `-clamp`.
 """
 
 from __future__ import annotations

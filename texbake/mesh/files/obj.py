@@ -3,16 +3,16 @@
 Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanced Visualizer
 manual; vertex colors ``v x y z r g b`` as MeshLab and ZBrush write them.
 
-What the format leaves open, or files do differently, is decided so:
+Where the format leaves a choice, or files differ, this holds:
 
 - A polygon is fanned out from its first corner. A face of fewer than three corners is an error.
-- A face belongs to its object and group, named ``object/group``, or the one name where only one is
+- A face belongs to its object and group, named ``object/group``, or by one name where only one is
   set or both are equal; a new ``o`` ends the group before it. The rest of the line is the name,
   with its spaces. Where a file has neither ``o`` nor ``g``, its materials are the groups. Faces
   before the first of these are of the group ``default``.
 - Corners without ``vt`` in a file whose other corners have one get one more coordinate at (0, 0),
-  so that such faces cover no area of the texture; those without ``vn`` get a zero normal, which
-  shades as if it were computed.
+  so that such faces cover no area of the texture; those without ``vn`` get a zero normal, in place
+  of which shading uses a computed one.
 - A fourth value of ``v`` is a weight and is dropped; a sixth and seventh make values 4 to 7 a
   color. Colors that are all whole numbers with one above 1 are taken to go up to 255. Vertices
   without a color in a file that has some are white.

@@ -2,8 +2,9 @@
 
 Based on: S. Levy, T. Munzner, M. Phillips, "Geomview Manual", section OFF, 1993.
 
-The first word names what each vertex has: [ST][C][N][4][n]OFF, for texture coordinates, colors,
-normals, a fourth coordinate, and n dimensions; the last two are refused. It may be missing.
+The first word says what each vertex has: [ST][C][N][4][n]OFF, for texture coordinates, colors,
+normals, a fourth coordinate, and n dimensions; files with the last two are refused. The word may be
+missing.
 Everything from ``#`` to the end of a line is a comment. Each vertex and each face has a line of its
 own; what follows the indices of a face, its color, is skipped. A polygon is fanned out from its
 first corner; one of fewer than three corners gives no triangle.

@@ -4,7 +4,7 @@ Based on: 3D Systems, "StereoLithography Interface Specification", 1988.
 
 STL has no vertices of its own, only corners of triangles. Corners at exactly one place, bit for bit
 (0.0 and -0.0 are one), become one vertex; triangles without area stay. The normals of the facets
-are not read: they say what the corners say.
+are not read, because they follow from the corners.
 """
 
 from __future__ import annotations

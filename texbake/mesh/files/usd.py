@@ -1,13 +1,13 @@
 """Reading USD: .usd, .usda, .usdc and .usdz.
 
-All meshes of the stage are joined into one, in world space, at the stage's first time. What the
-format leaves to the stage is brought to the one way that meshes have here:
+All meshes of the stage are joined into one, in world space, at the stage's first time. Differences
+between stages are removed:
 
 - A stage that is Z up is turned to Y up, as glTF is: (x, y, z) becomes (x, z, -y).
 - Lengths become meters where the stage says how many a unit has; else they stay as they are.
 - Left-handed meshes list their corners the other way round.
 
-Polygons are fanned out; a mesh that is to be subdivided stays the cage that it is. Each mesh is a
+Polygons are fanned out; a subdivision surface is read as its control mesh. Each mesh is a
 group of its name, and where it has subsets of faces, each of those; in a stage of several meshes
 subsets are named ``mesh/subset``. Prims that are invisible, inactive, or there for guides or as
 proxies are left out, and so are point instancers, curves and points.

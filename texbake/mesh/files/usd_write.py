@@ -1,7 +1,7 @@
 """Writing USD: one mesh with its groups as subsets, and a UsdPreviewSurface with its textures.
 
-A .usdz file holds the textures; .usda, .usdc and .usd files refer to them where they lie, by a path
-relative to their own folder. The stage is Y up, in meters.
+A .usdz file contains the textures; .usda, .usdc and .usd files refer to them by a path relative to
+their own folder. The stage is Y up, in meters.
 
 Positions are float32, which is what the format's points are; a mesh that is far from the origin for
 its size is moved there by its transform. Names that are no identifiers of USD are kept as display
