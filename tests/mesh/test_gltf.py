@@ -248,8 +248,8 @@ def test_base_color_may_be_a_factor(path):
 def test_maps_that_gltf_cannot_mean_are_errors(tmp_path, path):
     codes = np.full((4, 4, 3), 128, np.uint8)
     for facts, advice in (
-        ({CONVENTION: "directx"}, "--convention opengl"),
-        ({SPACE: "object"}, "--space tangent"),
+        ({CONVENTION: "directx"}, "`convention` opengl"),
+        ({SPACE: "object"}, "`space` tangent"),
     ):
         write_png(tmp_path / "n.png", codes, description=to_description(facts))
         with pytest.raises(OptionError, match=advice):

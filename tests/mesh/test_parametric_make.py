@@ -75,7 +75,7 @@ def test_it_faces_the_viewer():
     [
         (np.zeros((1, 1)), "1 x 1 pixels"),
         (np.zeros((1, 9)), "9 x 1 pixels"),
-        (np.zeros(4), "no image"),
+        (np.zeros(4), "is not an image"),
         (np.zeros((0, 0)), "0 x 0 pixels"),
         (
             [[0, np.nan], [np.inf, 0]],

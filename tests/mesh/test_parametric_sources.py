@@ -151,9 +151,9 @@ def without(text, number):
         ("# nothing\n", "it has no patches"),
         (b"2\n\0\1\2", "it is not a patch file; it holds binary data"),
         (b"\x89PNG\r\n\x1a\n", "it is not a patch file; it is not text"),
-        ("It was a dark and stormy night.\n", "line 1: 'It was a dark and st' is no number of"),
-        ("0\n", "line 1: '0' is no number of patches"),
-        ("-3\n", "line 1: '-3' is no number of patches"),
+        ("It was a dark and stormy night.\n", "line 1: 'It was a dark and st' is not a number of"),
+        ("0\n", "line 1: '0' is not a number of patches"),
+        ("-3\n", "line 1: '-3' is not a number of patches"),
         ("2\n", "it ends before patch 1 of 2"),
         # holes in indices
         (shared().replace(",16\n", "\n"), "line 2: patch 1 of 2 has 15 indices; it needs 16"),
@@ -169,7 +169,7 @@ def without(text, number):
         (shared().replace("\n1,2,", "\n-,2,"), "line 2: patch 1 has '-' for an index"),
         # holes in points
         ("\n".join(shared().splitlines()[:3]), "it ends before the number of points"),
-        (without(shared(), 4), "line 4: '0 0.125 0.25' is no number of points"),
+        (without(shared(), 4), "line 4: '0 0.125 0.25' is not a number of points"),
         (without(shared(), 20), "it has 27 of 28 points"),
         (shared() + "1,2,3\n", "line 33: it goes on after the last of 28 points"),
         (shared().replace("0,0.125,0.25", "0,0.125"), "line 5: it has 2 words; a point needs 3"),

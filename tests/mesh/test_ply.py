@@ -225,7 +225,7 @@ def test_no_faces(read, order):
 def test_broken_header(read, statement):
     content = ply("ascii", [("vertex", XYZ, POINTS), ("face", POLYGON, SQUARE)])
     content = content.replace(b"obj_info none", statement.encode())
-    with pytest.raises(FileFormatError, match=r"line 4: .*is no statement of a PLY header"):
+    with pytest.raises(FileFormatError, match=r"line 4: .*is not a statement of a PLY header"):
         read(content)
 
 

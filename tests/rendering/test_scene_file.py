@@ -375,8 +375,9 @@ def test_wrong_materials(folder, text, message):
     [
         ("name = 'x'", "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"),
         ("mesh = 'no.obj'", "mesh: {folder}/no.obj: there is no such file; check its name"),
-        ("mesh = 'gray.png'", "mesh: {folder}/gray.png: '.png' is no suffix of a mesh file; "
-         "the known ones are .obj, .ply, .stl, .off, .glb, .gltf, .usd, .usda, .usdc, .usdz"),
+        ("mesh = 'gray.png'", "mesh: {folder}/gray.png: '.png' is not the suffix of a mesh file; "
+         "give one of .obj, .ply, .stl, .off, .glb, .gltf, .usd, .usda, .usdc, .usdz, .dae, .zae, "
+         ".3mf, .3dxml, .xaml"),
         ("mesh = 'ball.obj'\nshape = 'cube'", "shape: the mesh says it already; give one of them"),
         ("mesh = 'ball.obj'\nradius = 2",
          "radius: it belongs to a shape, and this object has a mesh"),

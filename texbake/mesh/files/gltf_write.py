@@ -1,9 +1,9 @@
-"""Writing binary glTF 2.0: one primitive a group, with tangents and textures, ready for a renderer.
+"""Writing binary glTF 2.0: one primitive per group, with tangents and textures, ready for a renderer.
 
 Corners become vertices of a GPU stream: corners of a group whose attributes all agree, bit for bit,
 become one vertex. Triangles keep their order, except in a compressed file, where neighbors follow
-one another. The format has no place for names of primitives, so each group is a mesh and a node with
-its name.
+one another. The format has no place for names of primitives, so each group is a mesh and a node
+with its name.
 
 Levels of detail are nodes outside the scene: a reader that does not know MSFT_lod shows only the
 finest level.
