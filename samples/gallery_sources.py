@@ -324,7 +324,7 @@ def write_orange(scenes: Path) -> None:
         (0, -1, 0.05),
     ):
         eye = tuple(4.4 * np.array(direction) / np.linalg.norm(direction))
-        view = texbake.View(position=eye, target=(0.0, 0.0, 0.0), fov=30.0)
+        view = texbake.CameraView(position=eye, target=(0.0, 0.0, 0.0), fov=30.0)
         lamp = texbake.Light(kind="directional", direction=(-0.2, -0.35, -1.0), follows_camera=True,
                              intensity=0.45)  # fmt: skip
         sky = texbake.Ambient(color=(0.55, 0.55, 0.55))

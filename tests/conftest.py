@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent / "raycast"))  # for embreex_oracle
+# For embreex_oracle and displaced_mesh.
+sys.path[:0] = [str(Path(__file__).parent / room) for room in ("raycast", "rendering")]
 
 
 @pytest.fixture(scope="session")

@@ -237,9 +237,9 @@ from .rendering.scene.material import (
 )
 from .rendering.scene.read import read_scene as read_scene
 from .rendering.scene.scene import (
+    CameraView as CameraView,
     Scene as Scene,
     SceneObject as SceneObject,
-    View as View,
 )
 from .rendering.scene.textures import (
     ImageTexture as ImageTexture,

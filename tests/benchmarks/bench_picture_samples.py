@@ -26,7 +26,7 @@ from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
 from texbake.rendering.draw import laid_out, prepare
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.scene.view import camera_of
+from texbake.rendering.scene.scene import camera_of
 from texbake.texture.encoding import encode_srgb
 
 SCENES = Path(__file__).parents[2] / "samples" / "scenes"

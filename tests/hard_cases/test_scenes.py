@@ -91,7 +91,7 @@ def test_what_lies_a_thousandth_in_front_hides_what_is_behind(distance):
     red, green = (
         Material(shading="unlit", base_color=color) for color in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     )
-    view = texbake.View(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3)
+    view = texbake.CameraView(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3)
     made = scene(
         SceneObject(mesh=far, material=green), SceneObject(mesh=near, material=red), view=view
     )

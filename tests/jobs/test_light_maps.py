@@ -20,9 +20,9 @@ from texbake.rendering.scene.lights import (
     Shadow,
 )
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.placing import transform_matrix
-from texbake.rendering.scene.scene import Scene, SceneObject, View
+from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import read_image
 
 SIZE = 128
@@ -116,7 +116,7 @@ def test_ambient_light_is_that_of_the_side_a_normal_points_to() -> None:
     assert ball.values[0].mean(axis=0) == pytest.approx([0.3, 0.4, 0.5], abs=0.01)
 
 
-VIEW = View(position=(3, 4, 5), target=(0, 0.4, 0), fov=45.0)
+VIEW = CameraView(position=(3, 4, 5), target=(0, 0.4, 0), fov=45.0)
 LAMPS = {
     "sun": Light(direction=(-0.5, -1.0, -0.4), shadow=SHADOW),
     "spot": Light(

@@ -24,7 +24,6 @@ from texbake.rendering.scene.material import (
     Reflection,
     Refraction,
 )
-from texbake.rendering.scene.placing import transform_matrix
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import (
     FILTERS,
@@ -32,6 +31,7 @@ from texbake.rendering.scene.textures import (
     ImageTexture,
     ProcedureTexture,
 )
+from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import Image, write_image
 
 SMALL = RenderOptions(width=32, height=24, supersampling=2)
@@ -317,7 +317,7 @@ def test_a_cycle_of_mirrors_around_a_camera_ends():
         lambda bad: Material(opacity=bad),
         lambda bad: Material(emission=(0.0, bad, 0.0)),
         lambda bad: Reflection(strength=bad),
-        lambda bad: Refraction(index=bad),
+        lambda bad: Refraction(ior=bad),
         lambda bad: NormalMap(texture=ImageTexture(image=TEXELS), strength=bad),
         lambda bad: ImageTexture(image=TEXELS, factor=bad),
         lambda bad: ImageTexture(image=TEXELS, scale=(1.0, bad)),
@@ -338,7 +338,7 @@ def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: Refraction(index=0.0), "index: 0.0 is not above 0"),
+        (lambda: Refraction(ior=0.0), "ior: 0.0 is not above 0"),
         (lambda: Refraction(environment="sky"), "environment: 'sky' is not one of"),
         (lambda: Reflection(size=0), "size: 0 texels"),
         (lambda: NormalMap(texture=ImageTexture(image=TEXELS), space="uv"), "space: 'uv'"),

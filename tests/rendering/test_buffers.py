@@ -16,10 +16,9 @@ from texbake.rendering.scene.lights import (
     Lighting,
 )
 from texbake.rendering.scene.material import Material, NormalMap
-from texbake.rendering.scene.placing import transform_matrix
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.view import camera_of
+from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.encoding import encode_srgb
 
 # Codes from 0 to 1: float32 light, encoded.

@@ -6,7 +6,7 @@ import pytest
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effects.fog import left_after
+from texbake.rendering.kernels.lighting import left_after
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Environment, Fog, Lighting
 from texbake.rendering.scene.material import Material

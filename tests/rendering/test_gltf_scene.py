@@ -10,10 +10,9 @@ import pytest
 
 from texbake.errors import FileError, FileFormatError, MeshError
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.placing import placed
 from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.scene import camera_of, placed
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.view import camera_of
 from texbake.texture.image import Image, write_image
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")

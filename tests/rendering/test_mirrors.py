@@ -10,8 +10,8 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Environment, Light, Lighting
 from texbake.rendering.scene.material import Material, Reflection, Refraction
-from texbake.rendering.scene.placing import transform_matrix
 from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.transforms import transform_matrix
 
 COLORS = np.array([(1, 0, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (0, 0, 1), (1, 1, 0)], np.float32)
 SIX = Environment(faces=tuple(np.broadcast_to(c, (4, 4, 3)).copy() for c in COLORS))
@@ -84,7 +84,7 @@ def test_a_mirror_sphere_sees_six_colored_faces_in_their_places(rotate):
 def test_glass_bends_by_snell_and_mirrors_what_it_keeps_inside(wall):
     # From outside: sin t = sin i / n. The color tells the face that the bent ray meets.
     for index in 1.0, 1.5, 2.4:
-        material = flat((0.0,) * 3, refraction=Refraction(index=index))
+        material = flat((0.0,) * 3, refraction=Refraction(ior=index))
         found = wall.light(material, Lighting(environment=SIX))
         across = -wall.to_eye[..., :2] / index
         bent = np.concatenate([across, -np.sqrt(1 - (across**2).sum(-1, keepdims=True))], -1)
@@ -99,7 +99,7 @@ def test_total_reflection_from_inside():
     options = RenderOptions(width=100, height=100, supersampling=1, back_faces="show")
     eye = np.array((0.0, 0.0, 0.9))
     camera = Camera.looking_at(eye, (1, 0, 0.9), fov=math.radians(120), near=1e-3)
-    material = flat((0.0,) * 3, refraction=Refraction(index=index))
+    material = flat((0.0,) * 3, refraction=Refraction(ior=index))
     scene = Scene(
         objects=(SceneObject(mesh=icosphere(6), material=material),),
         lighting=Lighting(environment=replace(SIX, background=False)),

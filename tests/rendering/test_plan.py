@@ -142,7 +142,7 @@ CASES: dict[str, Case] = {
     "transparency": GLASS,
     "occlusion picture": DARK_CORNERS,
     "ambient occlusion": replace(
-        DARK_CORNERS, why="it has no ambient light that could be held back"
+        DARK_CORNERS, why="it has no ambient light to darken"
     ),
     "lights": Case(
         wanted=scene(lambert(), lighting=lit(SUN)),
@@ -156,7 +156,7 @@ CASES: dict[str, Case] = {
         unwanted=scene(lambert(), lighting=lit(LAMP)),
     ),
     "environment": SURROUNDED,
-    "background": replace(SURROUNDED, why="its environment is not to be seen"),
+    "background": replace(SURROUNDED, why="its environment is not shown as the background"),
     "irradiance": SURROUNDED,
     "environment light": SURROUNDED,
     "prefiltered environment": Case(
@@ -542,7 +542,7 @@ def test_no_environment_is_rendered_without_a_reflector_in_view():
     # A lone mirror has nothing to show.
     frame, entered = entered_by(scene(mirror))
     assert reasons(frame.plan, "rendered environment") == [
-        "there is nothing else that it could show"
+        "the scene has no other object to show"
     ]
 
 

@@ -27,7 +27,7 @@ def test_the_example_is_read(tmp_path):
 
 
 def test_extensions_on_the_page_are_those_that_are_shown():
-    from texbake.rendering.scene.gltf.read import SHOWN
+    from texbake.rendering.scene.gltf import SHOWN
 
     row = next(line for line in section("glTF").splitlines() if line.startswith("| extensions"))
     assert set(re.findall(r"[A-Z]{3,4}_\w+", row)) == set(SHOWN) - {"KHR_xmp_json_ld"}

@@ -427,7 +427,7 @@ def test_a_file_that_is_no_scene(tmp_path):
         read_scene(tmp_path / "none.toml")
     path = tmp_path / "scene.yaml"
     path.write_text("a: 1")
-    with pytest.raises(FileFormatError, match=r"'\.yaml' is no suffix of a scene file"):
+    with pytest.raises(FileFormatError, match=r"'\.yaml' is not a suffix of scene files"):
         read_scene(path)
     path = tmp_path / "scene.toml"
     path.write_bytes(b"\xff\xfe\x00")

@@ -43,9 +43,8 @@ from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
-from texbake.rendering.scene.placing import placed
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.scene import Scene, placed
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import write_image
 from texbake.texture.image_formats import check_image_format

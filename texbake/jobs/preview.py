@@ -38,10 +38,8 @@ from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import Scene
-from texbake.rendering.scene.studio_room import STUDIO_ROOM
-from texbake.rendering.scene.view import camera_of, turntable_cameras
-from texbake.rendering.studio import STUDIO, studio_scene
+from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
+from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
 from texbake.texture.image import FloatImage, write_image
 
 # Texels along one side of the room that metals reflect if a file has no environment.

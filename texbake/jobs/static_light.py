@@ -20,8 +20,8 @@ from texbake.mesh.normals import face_normals, shading_normals
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.effects.ambient import add_ambient
-from texbake.rendering.effects.light_profile import Slide, slide_colors, slide_of
 from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
+from texbake.rendering.effects.projectors import Slide, slide_colors, slide_of
 from texbake.rendering.effects.shading_models import add_lambert
 from texbake.rendering.fragments import Floats
 from texbake.rendering.raster.world import joined

@@ -58,7 +58,7 @@ class Camera:
         """Return a camera that has the common bounding sphere of the meshes in its picture.
 
         The sphere stands about the center of the joint bounding box. A mesh without any extent is
-        looked at as though it had the radius 1.
+        framed as though its radius were 1.
 
         Parameters
         ----------
@@ -189,9 +189,9 @@ def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[floa
         if point.shape != (3,) or not np.isfinite(point).all():
             raise OptionError(f"{name}: {point.tolist()} is not three finite numbers")
     # Nearer than rounding of the coordinates themselves, there is no direction between them.
-    reach = max(float(np.abs(place).max()), float(np.abs(goal).max()))
+    largest = max(float(np.abs(place).max()), float(np.abs(goal).max()))
     back = _unit(place / 2 - goal / 2)
-    if back is None or float(np.abs(place / 2 - goal / 2).max()) <= _ROUNDING * reach:
+    if back is None or float(np.abs(place / 2 - goal / 2).max()) <= _ROUNDING * largest:
         raise OptionError("position: it is that of the target; move one of them")
     upward_unit = _unit(upward)
     if upward_unit is None:

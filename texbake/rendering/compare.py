@@ -1,10 +1,10 @@
-"""How close a light mesh with its maps comes to the dense mesh, in figures and pictures.
+"""How close a low-poly mesh with its maps comes to the high-poly mesh, in figures and pictures.
 
 Both are rendered by one camera. Angles are between their shading normals in world space, as the
-pixels see them, so that the figures count differences of shape too, as do those of the bare light
-mesh, which they are to be held against. Where a pixel sees only one of the meshes, or past the
-outline of one a part of the other that lies much deeper, there is nothing to compare: such pixels
-are left out of the angles and counted on their own.
+pixels see them, so that the figures count differences of shape too, as do those of the bare low-
+poly mesh, with which they are to be compared. Where a pixel sees only one of the meshes, or past
+the outline of one a part of the other that lies much deeper, there is nothing to compare: such
+pixels are left out of the angles and counted on their own.
 
 Based on: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
 structural similarity", IEEE TIP 13(4), 2004, for SSIM.
@@ -33,12 +33,12 @@ from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage
 
-# Directions of the figures where none are asked for: all around, from above and below in turn,
-# starting from the asked view's azimuth.
+# Directions of the figures where the caller gives none: all around, from above and below in turn,
+# starting from the azimuth of the view.
 _N_VIEWS = 6
 _ELEVATION = 25.0
 # Share of the diagonal by which depths may differ at a pixel that sees the same part of both
-# meshes: several times what light meshes of a few hundred triangles leave the dense surface by.
+# meshes: several times the distance of low-poly meshes of a few hundred triangles.
 _SAME_PART = 0.02
 # A displaced mesh is cut once for all views, into at most about twice the pixels of a picture.
 _MOST_PIECES = 2_000_000
@@ -46,7 +46,7 @@ _MOST_PIECES = 2_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Closeness:
-    """How close one mesh comes to the dense mesh.
+    """How close one mesh comes to the high-poly mesh.
 
     Attributes
     ----------
@@ -55,8 +55,8 @@ class Closeness:
         sees the same part of both meshes: depths no more than 2 % of the diagonal of their joint
         bounding box apart. NaN where there is none.
     psnr_db : float
-        Of the shaded picture of the asked view, sRGB-coded, over the pixels that either mesh
-        touches; infinite where they are equal.
+        Of the shaded picture of the view in the options, sRGB-coded, over the pixels that either
+        mesh touches; infinite where they are equal.
     ssim : float
         Mean structural similarity of the same pixels.
     silhouette_mismatch : float
@@ -77,16 +77,16 @@ class Closeness:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """Figures and pictures of a dense mesh, the bare light mesh, and the light mesh with its maps.
+    """Figures and pictures of a high-poly mesh, and of a low-poly mesh without and with its maps.
 
     Attributes
     ----------
     mapped, bare : Closeness
-        Of the light mesh with and without its maps.
+        Of the low-poly mesh with and without its maps.
     views : tuple of (azimuth, elevation)
         Directions, in degrees, of the angles and the silhouettes.
     high_frame, bare_frame, mapped_frame : Frame
-        Pictures of the asked view.
+        Pictures of the view in the options.
     angles_deg : (H, W) float32
         Angle between the normals of `high_frame` and `mapped_frame`; NaN where they do not see
         the same part.
@@ -136,14 +136,14 @@ def compare(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> Comparison:
-    """Render a dense mesh, a light mesh and the light mesh with its maps, and compare them.
+    """Render a high-poly mesh and a low-poly mesh without and with its maps, and compare them.
 
     Parameters
     ----------
     high, low
         In one frame.
     normal_map, displacement, albedo
-        Of the light mesh; see `texbake.rendering.render.render`. Only the first two make a
+        Of the low-poly mesh; see `texbake.rendering.render.render`. Only the first two make a
         difference between the bare and the mapped mesh; all three meshes are shaded with the
         albedo of the options, the mapped one with its own if it has one.
     options
@@ -166,7 +166,7 @@ def compare(
     options = options or RenderOptions()
     views = _around(options) if views is None else tuple(views)
     if not views:
-        raise OptionError("views: there is none; give at least one azimuth and elevation")
+        raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
     maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     # Every sample is shaded, so that detail finer than a pixel counts with all of it.
@@ -193,12 +193,12 @@ def compare(
     errors: tuple[list[_Errors], list[_Errors]] = ([], [])
     with stages.stage("angles", total=len(views), unit="views") as advance:
         for view in views:
-            # One sample a pixel: its center.
-            dense, *lights = draw_all(
+            # One sample per pixel: its center.
+            high_frame, *low_frames = draw_all(
                 replace(options, view=(*view, options.distance), supersampling=1)
             )
-            for found, light in zip(errors, lights, strict=True):
-                found.append(_errors(dense, light, depth_tolerance))
+            for found, low_frame in zip(errors, low_frames, strict=True):
+                found.append(_errors(high_frame, low_frame, depth_tolerance))
             advance(1)
     with stages.stage("similarity"):
         bare, mapped = (

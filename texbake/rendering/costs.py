@@ -11,7 +11,10 @@ from dataclasses import dataclass, field
 
 @dataclass
 class PassCost:
-    """What a pass took: seconds of all threads together, bytes that it keeps, and for how many."""
+    """What a pass took: seconds of all threads together and bytes that it keeps.
+
+    `skipped` says why it was not run after all.
+    """
 
     seconds: float = 0.0
     n_bytes: int = 0
@@ -40,7 +43,7 @@ class Costs:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Count the time of a block, without that of blocks within it, which is theirs."""
+        """Count the time of a block, without that of the timed blocks within it."""
         inner = getattr(self._running, "seconds", 0.0)
         self._running.seconds = 0.0
         start = time.perf_counter()

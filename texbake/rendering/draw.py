@@ -1,11 +1,11 @@
-"""A scene to a picture: the passes of its plan, in their order.
+"""Drawing: a scene becomes a picture by the passes of its plan, in their order.
 
-    Scene ─ compile ─► Plan ─ surfaces ─► World ─ rasterize ─► Visibility ─ fragments ─► shade ─►
-    ─► sums of pixels ─► Frame
+    Scene ─ compile ─► Plan ─ surfaces ─► DrawnScene ─ rasterize ─► VisibleScene ─ fragments ─►
+    ─► shade ─► sums of pixels ─► Frame
 
 `prepare` keeps what does not depend on the camera, so that `draw` can be called for many of them.
-What is computed at all is said by the plan (`texbake.rendering.plan`); how, by the effects
-(`texbake.rendering.effects`). Here is only the order.
+The plan (`texbake.rendering.plan`) says what is computed at all, and the effects
+(`texbake.rendering.effects`) how. This module holds only the order.
 """
 
 from __future__ import annotations
@@ -24,17 +24,15 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState, Results, Target
 from texbake.rendering.effects import EFFECTS
-from texbake.rendering.effects.displacement import DISPLACED_OBJECTS
-from texbake.rendering.effects.placing import PLACED_OBJECTS
+from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
 from texbake.rendering.effects.transparency import PEELED_LAYERS
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.passes import find_visible, shaded_fragments
 from texbake.rendering.plan import compile_plan
 from texbake.rendering.raster.world import World, joined
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.scene.scene import Scene
-from texbake.rendering.seen import find_visible
-from texbake.rendering.shaded import shaded_fragments
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
 
@@ -47,8 +45,7 @@ _PIXELS = 1 << 15
 class SceneCache:
     """What has been computed of a scene so far that does not depend on the camera.
 
-    The one thing here that changes: pictures of the scene add to it what they are the first to
-    need.
+    The only thing here that changes: each picture of the scene adds what it is the first to need.
     """
 
     results: Results = field(default_factory=Results)
@@ -63,7 +60,7 @@ class Prepared:
     options: RenderOptions
     effects: Sequence[Effect] = EFFECTS
     threads: int | None = None
-    cache: SceneCache = field(default_factory=SceneCache)
+    loaded: SceneCache = field(default_factory=SceneCache)
 
 
 def prepare(
@@ -73,7 +70,7 @@ def prepare(
     effects: Sequence[Effect] = EFFECTS,
     threads: int | None = None,
 ) -> Prepared:
-    """Make a scene ready to be drawn from any side; what it needs is computed when it first does.
+    """Prepare a scene to be drawn from any camera; results are computed when first needed.
 
     Parameters
     ----------
@@ -107,7 +104,7 @@ def draw(
     """Draw a scene from one camera.
 
     Every pixel has as many samples as `RenderOptions.supersampling` says;
-    `texbake.rendering.render` draws with as many as each needs, where that is asked for.
+    `texbake.rendering.render` draws with as many as each needs, where the options say so.
 
     Parameters
     ----------
@@ -149,7 +146,7 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> Frame:
 def laid_out(
     prepared: Prepared, request: RenderRequest, stages: Stages, *, all_objects: bool = False
 ) -> RenderState:
-    """Compute all that comes before shading: what its samples see, and what effects need.
+    """Compute all that comes before shading: what samples see, and the results of effects.
 
     Parameters
     ----------
@@ -160,7 +157,7 @@ def laid_out(
     state = RenderState(
         request=request,
         plan=compile_plan(request, prepared.effects),
-        results=prepared.cache.results,
+        results=prepared.loaded.results,
         costs=Costs(),
         threads=prepared.threads,
         draw_others=_draw_others(prepared, request),
@@ -182,7 +179,7 @@ def laid_out(
 def _run(
     state: RenderState, prepared: Prepared, passes: Sequence[Pass], seen: Collection[int] | None
 ) -> RenderState:
-    """Compute what passes need once a scene and once a picture; for objects only where seen."""
+    """Run `load` and `prepare` of passes; for objects only where they are visible."""
     for item in passes:
         effect = item.effect
         for target in item.targets:
@@ -193,14 +190,14 @@ def _run(
             if why is not None:
                 state.costs.skip(effect.name, why)
                 continue
-            with state.costs.timed(effect.name), _told_of(state, effect, target):
+            with state.costs.timed(effect.name), _reported_for(state, effect, target):
                 state = _computed(state, prepared, effect, target)
     return state
 
 
 @contextmanager
-def _told_of(state: RenderState, effect: Effect, target: Target) -> Iterator[None]:
-    """Tell errors of what a scene's file names as errors of that file, with the object."""
+def _reported_for(state: RenderState, effect: Effect, target: Target) -> Iterator[None]:
+    """Report errors in what a scene's file names as errors of that file, with the object."""
     try:
         yield
     except (OptionError, MeshError) as error:
@@ -218,7 +215,7 @@ def _computed(
     """Return the state with what an effect loads and prepares for a target."""
     loaded = None
     if effect.load is not None:
-        cache = prepared.cache
+        cache = prepared.loaded
         if not cache.results.has(effect.load, target):
             loaded = effect.load.compute(state, target)
             cache.results = cache.results.including(effect.load, target, loaded)
@@ -234,7 +231,7 @@ def _computed(
 
 
 def _n_bytes(value: Any) -> int:
-    """Memory of a result: of an array, of what tells its `n_bytes`, or of the parts of a tuple."""
+    """Memory of a result: of an array, of an object with `n_bytes`, or of the parts of a tuple."""
     if isinstance(value, np.ndarray):
         return value.nbytes
     if isinstance(value, tuple | list):
@@ -250,11 +247,11 @@ def _drawn_scene(state: RenderState, prepared: Prepared) -> DrawnScene:
         for index in range(len(state.scene.objects))
     )
     displaced = state.plan.has("displacement")
-    world = None if displaced else prepared.cache.world
+    world = None if displaced else prepared.loaded.world
     if world is None:
         world = joined([(item.positions, item.faces) for item in objects])
     if not displaced:
-        prepared.cache.world = world
+        prepared.loaded.world = world
     return DrawnScene(objects, world)
 
 
@@ -295,12 +292,12 @@ def behind_surfaces(state: RenderState) -> FloatImage | None:
 def _draw_others(
     prepared: Prepared, request: RenderRequest
 ) -> Callable[[Scene, Sequence[Camera], RenderOptions], list[FloatImage]]:
-    """How a picture has others drawn, of the same objects: an environment for one of them."""
+    """Return a function that draws other pictures of the same objects, such as an environment."""
 
     def draw_others(
         scene: Scene, cameras: Sequence[Camera], options: RenderOptions
     ) -> list[FloatImage]:
-        other = replace(prepared, scene=scene, options=options, cache=SceneCache())
+        other = replace(prepared, scene=scene, options=options, loaded=SceneCache())
         # What is known of objects and light is known in these pictures too.
         _share(prepared, other)
         colors = [
@@ -316,9 +313,9 @@ def _draw_others(
 
 
 def _share(source: Prepared, destination: Prepared) -> None:
-    """Hand on what has been computed, but for what one object shows of the others."""
+    """Share what has been computed, except what one object shows of the others."""
     own = [effect.load for effect in source.effects if effect.of_the_others and effect.load]
-    shared = source.cache.results.without(own)
-    destination.cache.results = destination.cache.results.or_those_of(shared)
-    if destination.cache.world is None:
-        destination.cache.world = source.cache.world
+    shared = source.loaded.results.without(own)
+    destination.loaded.results = destination.loaded.results.or_those_of(shared)
+    if destination.loaded.world is None:
+        destination.loaded.world = source.loaded.world

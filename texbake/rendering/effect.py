@@ -41,14 +41,14 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True)
 class Call:
-    """Something that asks for an effect.
+    """One reason why an effect is needed.
 
     Attributes
     ----------
     target : int, optional
         Index of the object or light that it is for; None: the whole picture.
     by : str
-        What asks: `object "vase"`, `light "key"`, `the scene`.
+        What needs it: `object "vase"`, `light "key"`, `the scene`.
     why : str
         In a few words: `its material has a normal map`.
     """
@@ -60,7 +60,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Something that would ask for an effect, did anything come of it."""
+    """A reason for an effect that would have no result here, and why not."""
 
     by: str
     why: str
@@ -134,7 +134,7 @@ class Effect:
         Why it is not in a plan that nothing called it for: `no material has a normal map`.
     needs : callable, optional
         (request, target) to the names of effects that must come before it, for the same target
-        (those of the picture are asked for with None, whatever the target).
+        (for effects of the picture with the target None).
     load, prepare : Result, optional
         See the module.
     shade, dim : callable, optional
@@ -210,7 +210,7 @@ class Plan:
     left_out: tuple[LeftOut, ...]
 
     def has(self, name: str, target: Target = None) -> bool:
-        """Whether an effect is called for: for this target, or at all where that is None."""
+        """Whether an effect is called for: by this target, or by any where that is None."""
         return any(
             item.name == name and (target is None or target in item.targets) for item in self.passes
         )
@@ -226,7 +226,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class DrawnScene:
-    """Objects where they stand, displaced; and all their triangles together."""
+    """Objects in world space, displaced, and all their triangles together."""
 
     objects: tuple[DrawnObject, ...]
     world: World

@@ -9,19 +9,17 @@ constant costs nothing; `row_of` is how kernels read both.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.rendering.kernels.interpolation import move_to_base
+from texbake.rendering.kernels.lighting import BRIGHTEST
 from texbake.rendering.scene.material import Material
 
 Floats = npt.NDArray[np.float32]
-# Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
-BRIGHTEST = 1e30
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,24 +64,11 @@ class DrawnObject:
     def on_base(
         self, faces: IntArray, weights: FloatArray, changes: npt.NDArray[np.float32]
     ) -> tuple[IntArray, FloatArray, npt.NDArray[np.float32]]:
-        """Faces, weights and their changes of places on drawn triangles, told on `mesh`."""
+        """Return places on drawn triangles, and their changes, as faces and weights of `mesh`."""
         assert self.base_faces is not None and self.base_weights is not None
         base_weights, base_changes = np.empty_like(weights), np.empty_like(changes)
-        _on_base_kernel(faces, weights, changes, self.base_weights, base_weights, base_changes)
+        move_to_base(faces, weights, changes, self.base_weights, base_weights, base_changes)
         return self.base_faces[faces], base_weights, base_changes
-
-
-@kernel
-def _on_base_kernel(faces, weights, changes, corners, weights_out, changes_out):  # type: ignore[no-untyped-def]
-    for i in range(len(faces)):
-        piece = corners[faces[i]]
-        for k in range(2):
-            along = np.float64(piece[1, k] - piece[0, k])
-            up = np.float64(piece[2, k] - piece[0, k])
-            weights_out[i, k] = piece[0, k] + weights[i, 0] * along + weights[i, 1] * up
-            if len(changes) > 0:
-                changes_out[i, k] = changes[i, 0] * along + changes[i, 1] * up
-                changes_out[i, 2 + k] = changes[i, 2] * along + changes[i, 3] * up
 
 
 @dataclass(kw_only=True, eq=False)
@@ -193,34 +178,8 @@ class Fragments:
         return self.slots
 
 
-@kernel
-def row_of(values, i):  # type: ignore[no-untyped-def]
-    """Row of fragment i in values that have a row for each or one for all."""
-    return i if len(values) > 1 else 0
-
-
-@kernel
-def row_dot(a, i, b, j):  # type: ignore[no-untyped-def]
-    """Scalar product of row i of one list of vectors and row j of another."""
-    return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
-
-
 def one_row(value: float | tuple[float, ...], channels: int) -> Floats:
     """(1, channels) float32: a constant as a row for all fragments, at most `BRIGHTEST`."""
     row = np.empty((1, channels), np.float32)
     row[0] = np.clip(value, -BRIGHTEST, BRIGHTEST)
     return row
-
-
-@kernel
-def keep_finite(light):  # type: ignore[no-untyped-def]
-    """Bound light (n, 3) in place by `BRIGHTEST`; what is no number becomes 0.
-
-    Products of numbers that float32 just holds are not finite, nor is the shadow of such a light.
-    """
-    for i in range(len(light)):
-        for k in range(light.shape[1]):
-            if math.isnan(light[i, k]):
-                light[i, k] = 0.0
-            else:
-                light[i, k] = min(max(light[i, k], -BRIGHTEST), BRIGHTEST)

@@ -1,4 +1,4 @@
-"""Maps, from files, images or arrays, to what shading takes."""
+"""Maps for shading, from files, images or arrays."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def heights_from(
 def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
     """(H, W, 3) float32: linear colors of a texture; gray ones are spread over all channels.
 
-    `color` tells whether integer codes are sRGB. What is not finite becomes 0.
+    `color`: whether integer codes are sRGB. What is not finite becomes 0.
     """
     pixels, name = _pixels_of(source, color=color)
     if pixels.ndim == 3 and pixels.shape[2] in (1, 2):
@@ -121,7 +121,7 @@ def data_from(source: MapSource, *, color: bool = False) -> FloatImage:
 
 
 def channel_of(source: MapSource, channel: int, *, color: bool = False) -> FloatImage:
-    """(H, W, 1) float32: one channel of a map; the last of them stands for those it lacks."""
+    """(H, W, 1) float32: one channel of a map; the last of them in place of those it lacks."""
     pixels, name = _pixels_of(source, color=color)
     image = _channels(pixels, name, 1, cut=False)
     channel = min(channel, image.shape[2] - 1)

@@ -17,12 +17,12 @@ from texbake.rendering.request import RenderRequest
 
 # Parts of every picture, which nothing has to call for, in the order in which they are run.
 EVERY_PICTURE = {
-    "rasterizing": "finds what each sample sees",
+    "rasterizing": "finds the nearest triangle at each sample",
     "fragments": "makes one fragment for each triangle in a pixel",
     "pixels": "averages fragments",
 }
-# Most reasons that one row of the table tells.
-_TOLD = 2
+# Most reasons that one row of the table shows.
+_MOST_REASONS = 2
 
 
 def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
@@ -31,7 +31,7 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
     Parameters
     ----------
     request
-        The scene and how it is looked at.
+        The scene, the options and the camera.
     effects
         All that there are, each after those it needs.
 
@@ -86,7 +86,7 @@ def _left_out(
 
 @dataclass(frozen=True)
 class PlanRow:
-    """One pass as a person reads it; milliseconds and bytes are None before it is run.
+    """One pass, as the table shows it; milliseconds and bytes are None before it is run.
 
     `milliseconds` are those of all threads together.
     """
@@ -100,7 +100,7 @@ class PlanRow:
 
 
 def plan_rows(plan: Plan, costs: Costs | None = None) -> list[PlanRow]:
-    """Passes of a plan, in order, with what they took where that is known."""
+    """Return the passes of a plan in order, with their costs where they have run."""
     rows = [_row(name, does, ("every picture",), costs) for name, does in EVERY_PICTURE.items()]
     moving = [item for item in plan.passes if item.effect.moves_surface]
     others = [item for item in plan.passes if not item.effect.moves_surface]
@@ -121,7 +121,7 @@ def _row(name: str, does: str, reasons: tuple[str, ...], costs: Costs | None) ->
 
 
 def _reasons(calls: Iterable[Call]) -> list[str]:
-    """Why a pass is there, each reason once with all who have it; own reasons before others'."""
+    """Return the reasons for a pass, each once with all that have it."""
     askers: dict[str, list[str]] = {}
     for call in calls:
         askers.setdefault(call.why, []).append(call.by)
@@ -130,7 +130,7 @@ def _reasons(calls: Iterable[Call]) -> list[str]:
 
 def _some(names: list[str]) -> str:
     names = list(dict.fromkeys(names))
-    if len(names) <= _TOLD:
+    if len(names) <= _MOST_REASONS:
         return ", ".join(names)
     return f"{names[0]} and {len(names) - 1} others"
 
@@ -138,16 +138,16 @@ def _some(names: list[str]) -> str:
 def plan_table(
     plan: Plan, costs: Costs | None = None
 ) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
-    """Rows of strings: of the passes, with a row of heads; and of what was left out and why."""
+    """Return the table of passes, with a header row, and what was left out with the reasons."""
     head: tuple[str, ...] = ("pass", "called for by")
     if costs is not None:
         head = (*head, "ms", "kB")
     rows: list[tuple[str, ...]] = [head]
     for row in plan_rows(plan, costs):
-        told = "; ".join(row.called_for_by[:_TOLD])
-        if len(row.called_for_by) > _TOLD:
-            told += "; ..."
-        cells = (row.name, (row.skipped and f"not run: {row.skipped}") or told)
+        reasons = "; ".join(row.called_for_by[:_MOST_REASONS])
+        if len(row.called_for_by) > _MOST_REASONS:
+            reasons += "; ..."
+        cells = (row.name, (row.skipped and f"not run: {row.skipped}") or reasons)
         if row.milliseconds is not None and row.n_bytes is not None:
             cells = (*cells, f"{row.milliseconds:,.1f}", f"{row.n_bytes / 1000:,.0f}")  # type: ignore[assignment]
         rows.append(cells)

@@ -12,8 +12,7 @@ from texbake.rendering.effect import Plan
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
-from texbake.rendering.scene.scene import Scene
-from texbake.rendering.scene.view import camera_of
+from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.rendering.studio import studio_scene
 
 

@@ -1,4 +1,4 @@
-"""What effects may ask about a scene before anything of it is computed."""
+"""What is to be drawn: a scene, its options and the camera, and what they imply."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class RenderRequest:
 
     @cached_property
     def _image_opacities(self) -> dict[int, ImageTexture | None]:
-        """What has been asked before: telling whether a file has a fourth channel opens it."""
+        """Answers so far: finding whether a file has a fourth channel opens it."""
         return {}
 
     def filter_of(self, texture: ImageTexture) -> str:

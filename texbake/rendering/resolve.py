@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import Fragments
+from texbake.rendering.kernels.pixels import add_fragments, find_nearest, finish_pixels
 from texbake.rendering.raster.world import VisibilityBuffer
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
@@ -42,7 +42,7 @@ class Frame:
     costs : Costs
         What that took.
     sampling : SamplingReport, optional
-        What adaptive samples reached, where they were asked for.
+        What adaptive samples reached, where the options ask for them.
     budget : TimeBudget, optional
         What a time budget was turned into, where there was one.
     """
@@ -87,7 +87,7 @@ class Frame:
         side = len(self._visibility.face_ids) // self.height
         face_ids = np.full((self.height, self.width), -1, np.int32)
         depths = np.full((self.height, self.width), np.inf, np.float32)
-        _nearest_kernel(
+        find_nearest(
             self._visibility.face_ids, self._visibility.depths, side, self._near, face_ids, depths
         )
         return face_ids, depths
@@ -122,23 +122,9 @@ class Frame:
         )
 
 
-@kernel
-def _nearest_kernel(face_ids, depths, side, near, ids_out, depths_out):  # type: ignore[no-untyped-def]
-    for row in range(ids_out.shape[0]):
-        for column in range(ids_out.shape[1]):
-            nearest = np.float32(0.0)
-            for j in range(row * side, (row + 1) * side):
-                for i in range(column * side, (column + 1) * side):
-                    if depths[j, i] > nearest:
-                        nearest = depths[j, i]
-                        ids_out[row, column] = face_ids[j, i]
-            if nearest > 0.0:
-                depths_out[row, column] = near / nearest
-
-
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """What pixels have gathered so far, over their samples.
+    """Sums over the samples of each pixel so far.
 
     Attributes
     ----------
@@ -176,7 +162,7 @@ class Sums:
         """Add opaque fragments to their pixels."""
         keeps_normals = len(self.normals) > 0 and fragments.normals is not None
         normals = fragments.normals if keeps_normals else _NO_ROWS
-        _add_kernel(
+        add_fragments(
             fragments.pixels, fragments.counts, fragments.light, normals,
             self.color.reshape(-1, 4), self.coverage.reshape(-1), self.normals.reshape(-1, 3),
         )  # fmt: skip
@@ -196,7 +182,7 @@ class Sums:
             layer = np.ascontiguousarray(behind.reshape(1, 1, 3) if behind.ndim == 1 else behind)
 
         def work(start: int, stop: int) -> None:
-            _finish_kernel(
+            finish_pixels(
                 self.color, self.coverage, self.normals, float(self.n_samples), layer,
                 behind is not None, start, stop,
             )  # fmt: skip
@@ -206,41 +192,3 @@ class Sums:
 
 
 _NO_ROWS = np.empty((0, 3), np.float32)
-
-
-@kernel
-def _add_kernel(pixels, counts, light, normals, color, coverage, normal_sums):  # type: ignore[no-untyped-def]
-    for i in range(len(pixels)):
-        pixel, count = pixels[i], counts[i]
-        for k in range(3):
-            color[pixel, k] += count * light[i, k]
-        color[pixel, 3] += count
-        coverage[pixel] += count
-        if len(normals) > 0:
-            for k in range(3):
-                normal_sums[pixel, k] += count * normals[i, k]
-
-
-@kernel
-def _finish_kernel(color, coverage, normals, n_samples, behind, opaque, start, stop):  # type: ignore[no-untyped-def]
-    for row in range(start, stop):
-        for column in range(color.shape[1]):
-            coverage[row, column] /= n_samples
-            hiding = min(np.float64(color[row, column, 3]), n_samples)
-            j = row if behind.shape[0] > 1 else 0
-            i = column if behind.shape[1] > 1 else 0
-            for k in range(3):
-                light = np.float64(color[row, column, k])
-                if opaque:
-                    light = (light + (n_samples - hiding) * behind[j, i, k]) / n_samples
-                elif hiding > 0.0:
-                    # The color stays that of the surface, however little there is of it.
-                    light /= hiding
-                color[row, column, k] = light
-            color[row, column, 3] = 1.0 if opaque else hiding / n_samples
-            if len(normals) > 0:
-                x, y, z = normals[row, column]
-                length = np.sqrt(x * x + y * y + z * z)
-                if length > 0.0:
-                    for k in range(3):
-                        normals[row, column, k] /= length

@@ -1,9 +1,13 @@
-"""The light of a preview that names none: a key light, a fill, a rim, and a dim hemisphere.
+"""The studio: the lamps of a preview that names none, and a room for surfaces that mirror.
 
-The lamps hang on the camera, so that a mesh is lit alike from every side that it is seen from.
+The lamps are a key light, a fill and a rim, with a dim hemisphere. They hang on the camera, so that
+a mesh is lit alike from every side that it is seen from. The room is an environment without a file:
+gray, with three soft lamps.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.maps import MapSource
@@ -12,6 +16,7 @@ from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material, NormalMap
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
+from texbake.texture.cube_map import CubeMap, texel_directions
 from texbake.texture.encoding import decode_srgb
 
 # Name, direction that the light goes as (right, up, back) of the camera, and radiance.
@@ -20,6 +25,7 @@ _LAMPS = (
     ("fill", (-0.80, -0.10, -0.45), (0.22, 0.25, 0.30)),
     ("rim", (-0.35, -0.55, 0.80), (0.45, 0.47, 0.50)),
 )
+
 STUDIO = Lighting(
     lights=tuple(
         Light(name=name, direction=direction, color=color, follows_camera=True)
@@ -27,7 +33,8 @@ STUDIO = Lighting(
     ),
     ambient=Ambient(color=(0.16, 0.17, 0.19), ground=(0.06, 0.055, 0.05)),
 )
-# Neither glossy nor dull, so that form is told by shade and highlight alike.
+
+# Neither glossy nor dull, so that shade and highlight both show the form.
 _ROUGHNESS = 0.5
 
 
@@ -75,3 +82,46 @@ def studio_scene(
         lighting=STUDIO,
         name=mesh.name,
     )
+
+
+STUDIO_ROOM = "studio"
+
+# Radiance of the room at its top, at the height of the eye and at its bottom.
+_TOP, _MIDDLE, _BOTTOM = 0.55, 0.32, 0.14
+
+# Lamps: azimuth from +z toward +x and elevation of the middle in degrees, half width and half
+# height as tangents, radiance.
+_ROOM_LAMPS = (
+    (40.0, 45.0, 0.45, 0.45, (7.0, 6.8, 6.5)),
+    (-75.0, 15.0, 0.25, 0.70, (2.6, 2.8, 3.2)),
+    (170.0, 35.0, 0.70, 0.20, (3.5, 3.4, 3.3)),
+)
+
+# Share of a lamp's half width over which it fades at its rim.
+_RIM = 0.08
+
+
+def studio_room(size: int = 256) -> CubeMap:
+    """Cube map of a room, +y up, the strongest lamp in front on the right.
+
+    Parameters
+    ----------
+    size
+        Texels along one side of a face.
+    """
+    directions = texel_directions(size).astype(np.float64)
+    up = directions[..., 1]
+    level = np.where(up > 0.0, _MIDDLE + (_TOP - _MIDDLE) * up, _MIDDLE + (_BOTTOM - _MIDDLE) * -up)
+    light = np.repeat(level[..., None], 3, axis=-1)
+    for azimuth, elevation, wide, tall, radiance in _ROOM_LAMPS:
+        a, e = np.radians(azimuth), np.radians(elevation)
+        middle = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+        right = np.array([np.cos(a), 0.0, -np.sin(a)])
+        ahead = directions @ middle
+        away = np.where(ahead > 0.0, ahead, np.inf)
+        x = np.abs(directions @ right) / away / wide
+        y = np.abs(directions @ np.cross(middle, right)) / away / tall
+        shown = np.where(ahead > 0.0, np.maximum(x, y), np.inf)
+        share = np.clip((1.0 - shown) / _RIM + 0.5, 0.0, 1.0)
+        light += share[..., None] * (np.array(radiance) - light)
+    return CubeMap(light.astype(np.float32))

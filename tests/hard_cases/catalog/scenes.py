@@ -89,7 +89,7 @@ def _sky() -> Environment:
 
 def _inside_glass(index: float) -> Callable[[], Scene]:
     def make() -> Scene:
-        glass = _ball(refraction=Refraction(index=index), double_sided=True)
+        glass = _ball(refraction=Refraction(ior=index), double_sided=True)
         return scene(glass, environment=_sky(), view=looking((0.0, 0.0, 0.9), (0.0, 0.2, 0.0)))
 
     return make

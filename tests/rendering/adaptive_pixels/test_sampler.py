@@ -21,9 +21,8 @@ from texbake.rendering.scene.lights import (
     Lighting,
 )
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ProcedureTexture
-from texbake.rendering.scene.view import camera_of
 
 OPTIONS = RenderOptions(width=48, height=32, supersampling=4, max_error=0.01)
 LAMP = Light(name="lamp", direction=(1.0, -1.0, -1.0))

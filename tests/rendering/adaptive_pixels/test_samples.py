@@ -13,7 +13,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render, render_scene
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, View
+from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 from texbake.rendering.scene.textures import ProcedureTexture
 from texbake.texture.encoding import encode_srgb
 
@@ -40,7 +40,7 @@ def half_plane(angle):
     mesh = Mesh(positions=corners, faces=np.array([[0, 2, 1], [0, 1, 2]]))
     return Scene(
         objects=(SceneObject(mesh=mesh, material=WHITE),),
-        view=View(position=(0.0, 0.0, 3.0), target=(0.0, 0.0, 0.0), fov=40.0),
+        view=CameraView(position=(0.0, 0.0, 3.0), target=(0.0, 0.0, 0.0), fov=40.0),
     )
 
 
@@ -154,7 +154,7 @@ def test_without_background_color_is_not_multiplied_by_opacity():
 def test_what_is_even_is_sampled_once():
     plain = Scene(
         objects=(SceneObject(mesh=cube(), material=WHITE),),
-        view=View(position=(0.0, 0.0, 1.2), target=(0.0, 0.0, 0.0), fov=30.0),
+        view=CameraView(position=(0.0, 0.0, 1.2), target=(0.0, 0.0, 0.0), fov=30.0),
     )
     frame = render_scene(plain, OPTIONS)
     assert (frame.color == 1.0).all()

@@ -28,10 +28,9 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import behind_surfaces
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.transparency import PEELED_LAYERS, put_behind
+from texbake.rendering.passes import find_visible, shaded_objects
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows
 from texbake.rendering.raster.world import VisibilityBuffer
-from texbake.rendering.seen import find_visible
-from texbake.rendering.shaded import shaded_objects
 
 BoolArray = npt.NDArray[np.bool_]
 

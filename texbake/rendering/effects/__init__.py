@@ -1,17 +1,21 @@
-"""Everything that a picture can need, one module an effect, in the order in which it is computed.
+"""The list of all effects, in the order in which they are computed.
 
-An effect stands after those that it needs. A new one is a module with an `Effect`, and a place in
-this list.
+To add an effect, write its functions and one `Effect` (`texbake.rendering.effect`) in the module of
+its subject here, or in a new one, and put it into `EFFECTS` after the effects that it needs.
 """
 
 from __future__ import annotations
 
 from texbake.rendering.effect import Effect
-from texbake.rendering.effects.ambient import AMBIENT, EMISSION, LIGHT_MAP
-from texbake.rendering.effects.ambient_occlusion import AMBIENT_OCCLUSION, OCCLUSION_PICTURE
+from texbake.rendering.effects.ambient import (
+    AMBIENT,
+    AMBIENT_OCCLUSION,
+    EMISSION,
+    LIGHT_MAP,
+    OCCLUSION_PICTURE,
+)
 from texbake.rendering.effects.buffers import BUFFER
 from texbake.rendering.effects.bump import BUMP_MAP, EMBOSS
-from texbake.rendering.effects.displacement import DISPLACEMENT
 from texbake.rendering.effects.environment import (
     BACKGROUND,
     ENVIRONMENT,
@@ -21,28 +25,26 @@ from texbake.rendering.effects.environment import (
 )
 from texbake.rendering.effects.fog import FOG, FOG_BEHIND
 from texbake.rendering.effects.images import IMAGES, MIP_MAPS
-from texbake.rendering.effects.light_profile import LIGHT_PROFILES
 from texbake.rendering.effects.lights import LIGHTS
 from texbake.rendering.effects.mirrors import REFLECTION, REFRACTION, RENDERED_ENVIRONMENT
-from texbake.rendering.effects.normal_map import NORMAL_MAP, TANGENTS
-from texbake.rendering.effects.normals import NORMALS, VERTEX_NORMALS
+from texbake.rendering.effects.normals import NORMAL_MAP, NORMALS, TANGENTS, VERTEX_NORMALS
 from texbake.rendering.effects.parallax import PARALLAX
-from texbake.rendering.effects.placing import PLACING
-from texbake.rendering.effects.projected_texture import PROJECTED_TEXTURES
+from texbake.rendering.effects.points import (
+    DERIVATIVES,
+    POSITIONS,
+    TEXTURE_COORDINATES,
+    VIEW_DIRECTIONS,
+)
+from texbake.rendering.effects.projectors import LIGHT_PROFILES, PROJECTED_TEXTURES
 from texbake.rendering.effects.shading_models import (
     BLINN_PHONG,
     LAMBERT,
     METALLIC_ROUGHNESS,
     UNLIT,
 )
-from texbake.rendering.effects.shadow_map import SHADOW_MAPS, SHADOWS
+from texbake.rendering.effects.shadows import SHADOW_MAPS, SHADOWS
 from texbake.rendering.effects.slots import PROCEDURES, SLOTS
-from texbake.rendering.effects.surface_points import (
-    DERIVATIVES,
-    POSITIONS,
-    TEXTURE_COORDINATES,
-    VIEW_DIRECTIONS,
-)
+from texbake.rendering.effects.surfaces import DISPLACEMENT, PLACING
 from texbake.rendering.effects.transparency import LAYERS, TRANSPARENCY
 
 EFFECTS: tuple[Effect, ...] = (

@@ -1,55 +1,141 @@
-"""Light that comes from everywhere, from the surface itself, or from a light map.
+"""Ambient light, ambient occlusion, emission and light maps.
 
-Three effects. Ambient light is the base color times the light from above and below, weighted by how
-far the normal points up; times the base color for metals too, which stand for what they reflect.
-Emission adds its slot. A light map adds its slot times the color that a surface scatters.
+Ambient light is the base color times the light from above and below, weighted by how far the normal
+points up; times the base color for metals too, in place of what they would reflect. Emission adds
+its slot. A light map adds its slot times the color that a surface scatters.
+
+Ambient occlusion is two effects: a picture of how much of the light from everywhere the surfaces
+nearby hold back, from the depths that the camera sees; and its share for each fragment, by which
+ambient and environment light are multiplied. The algorithm is described in
+`texbake.rendering.kernels.occlusion`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.kernels import kernel
-from texbake.rendering.effect import Call, Effect, RenderState, Target
-from texbake.rendering.effects.shading_models import normals_effect
-from texbake.rendering.fragments import (
-    Floats,
-    Fragments,
-    one_row,
-    row_of,
+from texbake.parallel import run_bands
+from texbake.rendering.effect import (
+    Call,
+    Effect,
+    Refusal,
+    RenderState,
+    Result,
+    Target,
+    only_when_needed,
 )
+from texbake.rendering.effects.shading_models import normals_effect
+from texbake.rendering.fragments import Floats, Fragments, one_row
+from texbake.rendering.kernels.lighting import reflect_ambient
+from texbake.rendering.kernels.occlusion import find_arriving_shares, find_places, smooth_shares
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Ambient
+from texbake.texture.image import FloatImage
+
+# Radius where none is given, in half the diagonal of what the picture is of.
+_RADIUS = 0.2
+
+# Rows of pixels a band.
+_ROWS = 16
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
+def _occlusion_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    lighting = request.scene.lighting
+    if lighting.occlusion is None:
+        return
+    lit_by_all = (
+        any(lighting.ambient.color)
+        or any(lighting.ambient.ground or ())
+        or (lighting.environment is not None and lighting.environment.lighting)
+    )
+    if not lit_by_all:
+        yield Refusal("the scene", "it has no ambient light to darken")
+    elif lighting.occlusion.strength == 0.0:
+        yield Refusal("the scene", "its strength is 0")
+    else:
+        for index in request.lit:
+            yield Call(index, request.name(index), "the scene has ambient occlusion")
+
+
+def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
+    """(H, W) float32: share of light from everywhere that arrives at each pixel's surface."""
+    occlusion = state.scene.lighting.occlusion
+    assert occlusion is not None
+    visibility, world, camera = state.visible.visibility, state.world, state.camera
+    height, width = state.options.height, state.options.width
+    side = state.options.supersampling
+    places, normals = np.zeros((height, width, 3)), np.zeros((height, width, 3))
+    rough = np.ones((height, width), np.float32)
+    smooth = np.empty((height, width), np.float32)
+    rays = camera.view_rays(width, height)
+    radius = occlusion.radius
+    if radius is None:
+        extent = world.positions.max(axis=0) - world.positions.min(axis=0)
+        radius = _RADIUS * 0.5 * float(np.linalg.norm(extent)) or 1.0
+    n_slices = max(2, round(math.sqrt(occlusion.samples / 2.0)))
+    n_steps = max(1, math.ceil(occlusion.samples / (2 * n_slices)))
+    per_unit = 0.5 * height / math.tan(camera.fov / 2.0)
+
+    def locate(start: int, stop: int) -> None:
+        find_places(
+            visibility.face_ids, visibility.depths, side, camera.near, world.positions,
+            world.faces, rays, places, normals, start, stop,
+        )  # fmt: skip
+
+    def gather(start: int, stop: int) -> None:
+        find_arriving_shares(
+            places, normals, camera.axes[0], camera.axes[1], per_unit, float(radius), n_slices,
+            n_steps, rough, start, stop,
+        )  # fmt: skip
+
+    def blur(start: int, stop: int) -> None:
+        smooth_shares(rough, places, normals, float(radius), smooth, start, stop)
+
+    for work in locate, gather, blur:
+        run_bands(work, height, band=_ROWS, threads=state.threads)
+    return np.float32(1.0) - np.float32(occlusion.strength) * (np.float32(1.0) - smooth)
+
+
+def _hold_back(fragments: Fragments, state: RenderState) -> None:
+    fragments.ambient_share = state.of(OCCLUSION_SHARES).ravel()[fragments.pixels]
+
+
+OCCLUSION_SHARES = Result(_find_occlusion)
+
+OCCLUSION_PICTURE = Effect(
+    name="occlusion picture",
+    does="computes ambient occlusion from depths",
+    of="picture",
+    called_for=only_when_needed,
+    left_out="the scene has no ambient occlusion",
+    prepare=OCCLUSION_SHARES,
+)
+
+AMBIENT_OCCLUSION = Effect(
+    name="ambient occlusion",
+    does="darkens ambient light near other surfaces",
+    called_for=_occlusion_called_for,
+    left_out="the scene has no ambient occlusion",
+    needs=lambda request, target: ("occlusion picture",),
+    shade=_hold_back,
+)
+
+
+def _ambient_called_for(request: RenderRequest) -> Iterator[Call]:
     ambient = request.scene.lighting.ambient
     if any(ambient.color) or any(ambient.ground or ()):
         for index in request.lit:
             yield Call(index, request.name(index), "the scene has ambient light")
 
 
-def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
+def _ambient_needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
     yield "slots"
     if request.scene.lighting.ambient.ground is not None:
         yield normals_effect(request, target)
-
-
-@kernel
-def _ambient_kernel(normals, up, sky, ground, base, share, out):  # type: ignore[no-untyped-def]
-    for i in range(len(out)):
-        b, s = row_of(base, i), row_of(share, i)
-        above = 1.0
-        if len(normals) > 0:
-            above = 0.5 + 0.5 * (
-                normals[i, 0] * up[0] + normals[i, 1] * up[1] + normals[i, 2] * up[2]
-            )
-        for k in range(3):
-            light = above * sky[0, k] + (1.0 - above) * ground[0, k]
-            out[i, k] += share[s] * light * base[b, k]
 
 
 def arriving_share(fragments: Fragments) -> Floats:
@@ -83,7 +169,7 @@ def add_ambient(
         Added to in place.
     """
     two_sided = ambient.ground is not None and normals is not None
-    _ambient_kernel(
+    reflect_ambient(
         normals if two_sided else np.empty((0, 3), np.float32),
         np.array([0.0, 1.0, 0.0] if up == "y" else [0.0, 0.0, 1.0]),
         one_row(ambient.color, 3),
@@ -94,7 +180,7 @@ def add_ambient(
     )
 
 
-def _shade(fragments: Fragments, state: RenderState) -> None:
+def _add_ambient(fragments: Fragments, state: RenderState) -> None:
     add_ambient(
         state.scene.lighting.ambient,
         state.options.up,
@@ -108,7 +194,7 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
 def _emission_called_for(request: RenderRequest) -> Iterator[Call]:
     for index in request.shaded:
         if request.material(index).emission is not None:
-            yield Call(index, request.name(index), "its material gives off light")
+            yield Call(index, request.name(index), "its material emits light")
 
 
 def _emit(fragments: Fragments, state: RenderState) -> None:
@@ -132,11 +218,11 @@ def _add_light_map(fragments: Fragments, state: RenderState) -> None:
 
 AMBIENT = Effect(
     name="ambient",
-    does="adds light from everywhere",
-    called_for=_called_for,
+    does="adds ambient light",
+    called_for=_ambient_called_for,
     left_out="the scene has no ambient light, or nothing that it falls on",
-    needs=_needs,
-    shade=_shade,
+    needs=_ambient_needs,
+    shade=_add_ambient,
 )
 
 LIGHT_MAP = Effect(
@@ -150,9 +236,9 @@ LIGHT_MAP = Effect(
 
 EMISSION = Effect(
     name="emission",
-    does="adds light of the surface itself",
+    does="adds light that surfaces emit",
     called_for=_emission_called_for,
-    left_out="no material in the picture gives off light",
+    left_out="no material in the picture emits light",
     needs=lambda request, target: ("slots",),
     shade=_emit,
 )

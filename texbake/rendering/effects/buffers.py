@@ -1,4 +1,4 @@
-"""The inside of the renderer as a picture: what it knows at each pixel before anything is lit.
+"""Buffers of the renderer as pictures: what it knows at each pixel before anything is lit.
 
 One effect, with a picture for each name of `texbake.rendering.options.BUFFERS`. Nothing is shaded
 for it. Colors are those of the file: a normal n is shown as the code (n + 1) / 2.
@@ -172,7 +172,7 @@ BUFFER_RANGES = Result(_prepare)
 
 BUFFER = Effect(
     name="buffer",
-    does="shows the inside of the renderer",
+    does="shows a buffer of the renderer",
     called_for=_called_for,
     left_out="the options ask for the picture itself",
     needs=_needs,

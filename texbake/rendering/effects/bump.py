@@ -8,8 +8,12 @@ of P'_u x P'_v with
 `exact` is that cross product. `blinn` leaves out d N_u and d N_v, small where the surface is bent
 little over a height of d, which gives (P_u x P_v) + d_u (N x P_v) - d_v (N x P_u). On a plane both
 are the same. N is the shading normal that was there before, of the mesh or of a normal map; a flat
-d leaves it as it is. d_u and d_v are central differences
-(`texbake.rendering.effects.bump_surface`).
+d leaves it as it is.
+
+d_u and d_v are central differences of the height, one texel apart, or one pixel where that is more:
+within a texel the height is linear, so that shorter steps would show the texels as facets. A
+procedure in space has no texture coordinates: there u and v are lengths along the triangle, and the
+step is a pixel.
 
 `emboss` leaves the normal alone. To the diffuse light of every lamp it adds, per unit of light,
 f(u + L_u, v + L_v) - f(u - L_u, v - L_v), where (L_u, L_v) is the way that the light takes along
@@ -21,36 +25,168 @@ Where a triangle has no area, in space or on the texture, nothing is tilted. See
 are hollows.
 
 Based on: Blinn, "Simulation of wrinkled surfaces", SIGGRAPH 1978; Schlag, "Fast embossing effects
-on raster image data", Graphics Gems IV, 1994.
+on raster image data", Graphics Gems IV, 1994; Mikkelsen, "Bump mapping unparametrized surfaces on
+the GPU", 2010, for slopes without texture coordinates.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from texbake.kernels import kernel
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.compose import transformed_normals
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
-from texbake.rendering.effects.bump_surface import (
-    bump_of,
-    bump_surface,
-    dot,
-    frame_at,
-    heights_at,
-    is_over_uvs,
-    kernel_arrays,
-    lookup_steps,
-    turned,
-)
+from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident, shining
-from texbake.rendering.effects.normals import finish_normal
+from texbake.rendering.effects.normals import MESH_NORMALS
+from texbake.rendering.effects.points import steps_along_surface, steps_along_texture
 from texbake.rendering.effects.shading_models import normals_effect
-from texbake.rendering.fragments import Fragments, row_dot, row_of
+from texbake.rendering.effects.slots import procedure_values
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.kernels.relief import (
+    add_embossed,
+    find_light_steps,
+    measure_pixel_steps,
+    tilt_normals,
+)
+from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.scene.material import BumpMap
 from texbake.rendering.scene.textures import ImageTexture
+
+_NAME = "bump_map.texture"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BumpSurface:
+    """A surface in its object's space, by corners of its faces once placed.
+
+    Attributes
+    ----------
+    positions, faces : (V, 3) float64, (F, 3) int32
+    normals, normal_faces : (N, 3) float64, (F, 3) int32
+    steps : (F, 4) float64
+        Growth of the weights for one more u, then v.
+    to_object, to_world : (3, 3) float64
+        What takes normals there and back, up to their length.
+    directions_to_object : (3, 3) float64
+        What takes directions there.
+    """
+
+    positions: FloatArray
+    faces: IntArray
+    normals: FloatArray
+    normal_faces: IntArray
+    steps: FloatArray
+    to_object: FloatArray
+    to_world: FloatArray
+    directions_to_object: FloatArray
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that nothing else holds."""
+        return self.steps.nbytes
+
+
+def is_over_uvs(holder: BumpMap) -> bool:
+    """Whether d is a function of texture coordinates and not of the point in space."""
+    return isinstance(holder.texture, ImageTexture) or holder.texture.space == "uv"
+
+
+def bump_of(request: RenderRequest, target: Target) -> BumpMap:
+    """Return the bump map of an object that has one."""
+    assert target is not None
+    holder = request.material(target).bump_map
+    assert holder is not None
+    return holder
+
+
+def bump_surface(state: RenderState, target: Target) -> BumpSurface:
+    """Surface of an object with a bump map, for any camera."""
+    assert target is not None
+    item = state.scene.objects[target]
+    mesh = state.drawn(target).mesh
+    linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
+    inverse: FloatArray = np.asarray(np.linalg.inv(linear), np.float64)
+    normals, corners = state.of(MESH_NORMALS, target)
+    if item.transform is not None:
+        normals = transformed_normals(normals, inverse)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = normals / np.where(lengths > 0.0, lengths, 1.0)
+    points = item.mesh.positions
+    steps = (
+        steps_along_texture(mesh.corner_uvs())
+        if is_over_uvs(bump_of(state.request, target))
+        else steps_along_surface(points[mesh.faces])
+    )
+    return BumpSurface(
+        positions=read_only(points, np.float64),
+        faces=read_only(mesh.faces, np.int32),
+        normals=read_only(normals, np.float64),
+        normal_faces=read_only(corners, np.int32),
+        steps=read_only(steps, np.float64),
+        to_object=np.ascontiguousarray(linear.T),
+        to_world=np.ascontiguousarray(inverse.T),
+        directions_to_object=inverse,
+    )
+
+
+def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface) -> FloatArray:
+    """(n, 2) float64: how far apart d is looked up along u, and along v."""
+    holder = bump_of(state.request, fragments.target)
+    if not is_over_uvs(holder):
+        steps = np.empty((len(fragments), 2))
+        measure_pixel_steps(
+            surface.positions, surface.faces, fragments.faces, fragments.changes, steps
+        )
+        return steps
+    assert fragments.uv_changes is not None
+    pixels = np.abs(fragments.uv_changes.reshape(-1, 2, 2)).max(axis=1).astype(np.float64)
+    if not isinstance(holder.texture, ImageTexture):
+        return np.asarray(pixels)
+    image = image_of(state, fragments.target, _NAME)
+    turn = np.eye(2) if image.turn is None else image.turn
+    # Texels that one more u, and one more v, are.
+    scales = np.linalg.norm(turn * [[image.chain.width], [image.chain.height]], axis=0)
+    texels = np.divide(1.0, scales, out=np.zeros(2), where=scales > 0.0)
+    return np.asarray(np.maximum(pixels, texels))
+
+
+def heights_at(
+    fragments: Fragments, state: RenderState, surface: BumpSurface, shifts: FloatArray
+) -> FloatArray:
+    """(n,) float64: d some way (n or 1, 2) in (u, v) from fragments, in units of the object."""
+    holder = bump_of(state.request, fragments.target)
+    texture = holder.texture
+    if is_over_uvs(holder):
+        assert fragments.uvs is not None
+        moved = replace(fragments, uvs=fragments.uvs + shifts)
+    else:
+        along = np.einsum("ij,ijk->ik", shifts, surface.steps[fragments.faces].reshape(-1, 2, 2))
+        moved = replace(fragments, weights=fragments.weights + along)
+    values = (
+        look_up(moved, state, _NAME)
+        if isinstance(texture, ImageTexture)
+        else procedure_values(moved, texture, 1)
+    )
+    return np.asarray(values[:, 0] * np.float64(holder.height))
+
+
+def kernel_arrays(
+    fragments: Fragments, surface: BumpSurface
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return a surface and fragments on it as the kernels take them."""
+    return (
+        (
+            surface.positions, surface.faces, surface.normals, surface.normal_faces, surface.steps,
+            surface.to_object,
+        ),
+        (fragments.faces, fragments.weights, fragments.normals, fragments.back_facing),
+    )  # fmt: skip
 
 
 def _bump_called_for(request: RenderRequest) -> Iterator[Call]:
@@ -84,31 +220,6 @@ def _emboss_needs(request: RenderRequest, target: Target) -> Iterator[str]:
         yield "positions"
 
 
-@kernel
-def _bump_kernel(surface, fragments, to_world, heights, slopes, back, out):  # type: ignore[no-untyped-def]
-    frame, bumped = np.empty((5, 3)), np.empty(3)
-    shading, sides = fragments[2], fragments[3]
-    for i in range(len(slopes)):
-        area = frame_at(i, surface, fragments, frame)
-        if area == 0.0 or not math.isfinite(area):
-            for k in range(3):
-                out[i, k] = shading[i, k]
-            continue
-        for k in range(3):
-            frame[1, k] += slopes[i, 0] * frame[0, k] + heights[i] * frame[3, k]
-            frame[2, k] += slopes[i, 1] * frame[0, k] + heights[i] * frame[4, k]
-        u, v = frame[1], frame[2]
-        turned(
-            to_world,
-            u[1] * v[2] - u[2] * v[1],
-            u[2] * v[0] - u[0] * v[2],
-            u[0] * v[1] - u[1] * v[0],
-            bumped,
-        )
-        side = -1.0 if sides[i] != (area < 0.0) else 1.0
-        finish_normal(bumped[0], bumped[1], bumped[2], side, back, out[i])
-
-
 def _bump(fragments: Fragments, state: RenderState) -> None:
     surface = state.of(BUMP_SURFACES, fragments.target)
     steps = lookup_steps(fragments, state, surface)
@@ -123,7 +234,7 @@ def _bump(fragments: Fragments, state: RenderState) -> None:
     if bump_of(state.request, fragments.target).form == "exact":
         heights = heights_at(fragments, state, surface, np.zeros((1, 2)))
     normals = np.empty((len(fragments), 3), np.float32)
-    _bump_kernel(
+    tilt_normals(
         *kernel_arrays(fragments, surface), surface.to_world, heights, slopes,
         state.camera.axes[2], normals,
     )  # fmt: skip
@@ -133,39 +244,6 @@ def _bump(fragments: Fragments, state: RenderState) -> None:
 def _over(rises: FloatArray, steps: FloatArray) -> FloatArray:
     """Rises over steps; no slope where there is no step."""
     return np.divide(rises, steps, out=np.zeros_like(rises), where=steps > 0.0)
-
-
-@kernel
-def _light_steps_kernel(surface, fragments, directions, to_object, steps, shifts, lengths):  # type: ignore[no-untyped-def]
-    """Write the step (L_u, L_v) that the light takes, and how long it is for light along it."""
-    frame, light = np.empty((5, 3)), np.empty(3)
-    for i in range(len(steps)):
-        shifts[i, 0], shifts[i, 1], lengths[i] = 0.0, 0.0, 0.0
-        area = frame_at(i, surface, fragments, frame)
-        d = row_of(directions, i)
-        size = turned(to_object, directions[d, 0], directions[d, 1], directions[d, 2], light)
-        u, v = frame[1], frame[2]
-        uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
-        if area == 0.0 or not size > 0.0:
-            continue
-        along, up = dot(light, u) / size, dot(light, v) / size
-        x = -(along * vv - up * uv) / (uu * vv - uv * uv)
-        y = -(up * uu - along * uv) / (uu * vv - uv * uv)
-        longest = max(abs(x) / steps[i, 0], abs(y) / steps[i, 1])
-        if 0.0 < longest < np.inf:
-            lengths[i] = 0.5 / longest
-            shifts[i, 0], shifts[i, 1] = x * lengths[i], y * lengths[i]
-
-
-@kernel
-def _emboss_kernel(normals, directions, radiance, base, metalness, lifts, out):  # type: ignore[no-untyped-def]
-    for i in range(len(normals)):
-        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
-        facing = row_dot(normals, i, directions, d)
-        if facing > 0.0:
-            added = max(lifts[i], -facing) * (1.0 - metalness[row_of(metalness, i), 0])
-            for k in range(3):
-                out[i, k] += radiance[r, k] * base[b, k] * added
 
 
 _NO_METAL = np.zeros((1, 1), np.float32)
@@ -178,13 +256,13 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
     is_metal = fragments.drawn.material.shading == "metallic-roughness"
     for index in shining(state.request):
         light = incident(fragments, state, index)
-        _light_steps_kernel(
+        find_light_steps(
             *kernel_arrays(fragments, surface), light.directions, surface.directions_to_object,
             steps, shifts, lengths,
         )  # fmt: skip
         rise = heights_at(fragments, state, surface, shifts)
         rise -= heights_at(fragments, state, surface, -shifts)
-        _emboss_kernel(
+        add_embossed(
             fragments.normals, light.directions, light.radiance, fragments.values.base_color,
             fragments.values.metalness if is_metal else _NO_METAL, _over(rise, 2.0 * lengths),
             fragments.light,
@@ -192,6 +270,7 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
 
 
 BUMP_SURFACES = Result(bump_surface)
+
 EMBOSSED_SURFACES = Result(bump_surface)
 
 BUMP_MAP = Effect(

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import (
@@ -30,16 +29,12 @@ from texbake.rendering.effect import (
 )
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
-from texbake.rendering.fragments import (
-    Floats,
-    Fragments,
-    one_row,
-    row_of,
-)
+from texbake.rendering.fragments import Floats, Fragments, one_row
+from texbake.rendering.kernels.lighting import mirror_directions, reflect_environment
 from texbake.rendering.maps import colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Environment
-from texbake.rendering.scene.studio_room import STUDIO_ROOM, studio_room
+from texbake.rendering.studio import STUDIO_ROOM, studio_room
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
 from texbake.texture.cube_map import CubeChain, CubeMap
 from texbake.texture.image import FloatImage
@@ -47,7 +42,9 @@ from texbake.texture.prefilter import irradiance, specular_levels, split_sum_tab
 
 # Of the prefiltered environment: texels a side of its sharpest level, and how many levels.
 _SPECULAR_SIZE = 256
+
 _LEVELS = 6
+
 # Rows of pixels a band.
 _ROWS = 32
 
@@ -115,7 +112,7 @@ def _background_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
     elif request.scene.lighting.fog is not None and request.scene.lighting.fog.fades:
         yield Refusal("the scene", "its fog hides what lies infinitely far")
     elif not environment.background and request.depth == 0:  # mirrors show it all the same
-        yield Refusal("the scene", "its environment is not to be seen")
+        yield Refusal("the scene", "its environment is not shown as the background")
     else:
         yield Call(None, "the scene", "it has an environment")
 
@@ -170,56 +167,8 @@ def _load_levels(state: RenderState, target: Target) -> PlacedEnvironment:
     return PlacedEnvironment(chain, environment.turn)
 
 
-@kernel
-def mirrored_kernel(normals, to_eye, out):  # type: ignore[no-untyped-def]
-    """Write the directions that are seen by way of a mirror, 2 (N·V) N - V."""
-    for i in range(len(normals)):
-        along = 2.0 * (
-            normals[i, 0] * to_eye[i, 0]
-            + normals[i, 1] * to_eye[i, 1]
-            + normals[i, 2] * to_eye[i, 2]
-        )
-        for k in range(3):
-            out[i, k] = along * normals[i, k] - to_eye[i, k]
-
-
-@kernel
-def _light_kernel(  # type: ignore[no-untyped-def]
-    normals, to_eye, diffuse, mirrored, table, base, roughness, metalness, dielectric, share, out
-):
-    size = len(table)
-    for i in range(len(out)):
-        b, s = row_of(base, i), row_of(share, i)
-        metal = metalness[row_of(metalness, i), 0]
-        scale, bias = 0.0, 0.0
-        if len(mirrored) > 0:
-            toward_eye = 0.0
-            for k in range(3):
-                toward_eye += normals[i, k] * to_eye[i, k]
-            # Between the four texels about (n·v, roughness), whose centers lie at halves; past the
-            # last of them, at roughness 1, in a line with the two before.
-            x = min(max(abs(toward_eye) * size - 0.5, 0.0), size - 1.0)
-            y = max(roughness[row_of(roughness, i), 0] * size - 0.5, 0.0)
-            y = min(y, size - 0.5)
-            left, top = int(x), max(min(int(y), size - 2), 0)
-            right, below = min(left + 1, size - 1), min(top + 1, size - 1)
-            fx, fy = x - left, y - top
-            scale = (1.0 - fy) * (
-                (1.0 - fx) * table[top, left, 0] + fx * table[top, right, 0]
-            ) + fy * ((1.0 - fx) * table[below, left, 0] + fx * table[below, right, 0])
-            bias = (1.0 - fy) * (
-                (1.0 - fx) * table[top, left, 1] + fx * table[top, right, 1]
-            ) + fy * ((1.0 - fx) * table[below, left, 1] + fx * table[below, right, 1])
-        for k in range(3):
-            f0 = dielectric + (base[b, k] - dielectric) * metal
-            mirror = f0 * scale + bias
-            light = (1.0 - mirror) * (1.0 - metal) * base[b, k] * diffuse[i, k]
-            if len(mirrored) > 0:
-                light += mirror * mirrored[i, k]
-            out[i, k] += share[s] * light
-
-
 _ZERO = np.zeros((1, 1), np.float32)
+
 _NO_TABLE = np.zeros((1, 1, 2), np.float32)
 
 
@@ -235,14 +184,14 @@ def _light(fragments: Fragments, state: RenderState) -> None:
     if fragments.drawn.material.shading == "metallic-roughness":
         assert to_eye is not None
         directions = np.empty_like(normals)
-        mirrored_kernel(normals, to_eye, directions)
+        mirror_directions(normals, to_eye, directions)
         assert values.roughness is not None
         levels = np.broadcast_to(values.roughness[:, 0] * (_LEVELS - 1), len(normals))
         mirrored = state.of(PREFILTERED_MAP).look(
             directions, np.ascontiguousarray(levels, np.float32)
         )
         table = split_sum_table()
-    _light_kernel(
+    reflect_environment(
         normals, normals if to_eye is None else to_eye, diffuse, mirrored, table,
         values.base_color, _or_zero(values.roughness), _or_zero(values.metalness),
         head_on(fragments.drawn.material.ior), arriving_share(fragments), fragments.light,
@@ -253,7 +202,7 @@ ENVIRONMENT_MAP = Result(_load)
 
 ENVIRONMENT = Effect(
     name="environment",
-    does="makes a cube map of what lies around",
+    does="makes a cube map of the environment",
     of="picture",
     called_for=only_when_needed,
     left_out="the scene has no environment, or nothing shows it",
@@ -277,7 +226,7 @@ IRRADIANCE_MAP = Result(_load_irradiance)
 
 IRRADIANCE = Effect(
     name="irradiance",
-    does="gathers the environment's light by normal",
+    does="integrates the environment's light for each normal",
     of="picture",
     called_for=only_when_needed,
     left_out="no environment lights a surface in the picture",
@@ -289,7 +238,7 @@ PREFILTERED_MAP = Result(_load_levels)
 
 PREFILTERED_ENVIRONMENT = Effect(
     name="prefiltered environment",
-    does="blurs the environment by roughness",
+    does="blurs the environment for each roughness",
     of="picture",
     called_for=only_when_needed,
     left_out="no environment lights a metallic-roughness surface in the picture",

@@ -7,12 +7,10 @@ all surfaces has faded altogether, so that a scene with fog shows no environment
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.rendering.effect import (
     Call,
     Effect,
@@ -21,6 +19,7 @@ from texbake.rendering.effect import (
     Target,
 )
 from texbake.rendering.fragments import Fragments
+from texbake.rendering.kernels.lighting import fade_into_fog
 from texbake.rendering.request import RenderRequest
 from texbake.texture.image import FloatImage
 
@@ -38,32 +37,10 @@ def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
             yield Call(index, request.name(index), "the scene has fog")
 
 
-def left_after(distance: float, mode: int, density: float, start: float, end: float) -> float:
-    """Share of light that is left after a distance; `mode` is 0 linear, 1 exp, 2 exp2."""
-    if mode == 0:
-        return min(max((end - distance) / (end - start), 0.0), 1.0)
-    thickness = density * distance
-    return math.exp(-thickness if mode == 1 else -thickness * thickness)
-
-
-_left_after = kernel(left_after)
-
-
-@kernel
-def _fog_kernel(positions, eye, mode, density, start, end, color, out):  # type: ignore[no-untyped-def]
-    for i in range(len(out)):
-        squared = 0.0
-        for k in range(3):
-            squared += (positions[i, k] - eye[k]) ** 2
-        left = _left_after(math.sqrt(squared), mode, density, start, end)
-        for k in range(3):
-            out[i, k] = left * out[i, k] + (1.0 - left) * color[k]
-
-
 def _shade(fragments: Fragments, state: RenderState) -> None:
     fog = state.scene.lighting.fog
     assert fog is not None
-    _fog_kernel(
+    fade_into_fog(
         fragments.positions, state.camera.eye, _MODES[fog.mode], float(fog.density),
         float(fog.start), float(fog.end), np.array(fog.color, np.float64), fragments.light,
     )  # fmt: skip

@@ -1,7 +1,8 @@
-"""Images of materials: read once, and made smaller where a filter wants that.
+"""Images of materials: read once, with mip levels where a filter needs them.
 
-Two effects: reading, for every image that an object's shading looks up; mip levels, only for those
-whose filter is trilinear, EWA or the supersampled reference. `look_up` finds the values.
+Two effects: one reads every image that the shading of an object looks up; the other makes the mip
+levels of images whose filter is trilinear, EWA or the supersampled reference. `look_up` returns the
+values.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ Origin = tuple[Any, ...]
 
 @dataclass(frozen=True, eq=False)
 class LoadedImage:
-    """An image as it is looked up.
+    """An image, ready to be looked up.
 
     Attributes
     ----------
@@ -126,7 +127,7 @@ def _loaded(
     texture: ImageTexture,
     others: Iterable[Mapping[str, LoadedImage]],
 ) -> LoadedImage:
-    """Return an image; its texels are those of another of the same origin where there is one."""
+    """Return an image; it shares the texels of another image of the same origin."""
     origin = _origin(state, target, name, texture)
     alike = (image for images in others for image in images.values() if image.origin == origin)
     known = next(alike, None)
@@ -166,7 +167,7 @@ def placed_image(
     name: str,
     space: str = "",
 ) -> LoadedImage:
-    """Texels of a texture with how they are looked up; of level 0 alone.
+    """Return a texture with its texels and how they are looked up; only level 0.
 
     `uvs` are the coordinates that decide how it goes on outside the unit square where the texture
     does not say; `name` is what messages call it.
@@ -194,7 +195,7 @@ def placed_image(
 def _pixels(
     state: RenderState, target: int, name: str, texture: ImageTexture
 ) -> tuple[FloatImage, str, str]:
-    """Texels of an image, what they are, and of normals their space."""
+    """Return the texels of an image, their kind and, for normals, their space."""
     if name == "normal_map.texture":
         holder = state.request.material(target).normal_map
         assert holder is not None
@@ -242,7 +243,7 @@ def _mips_need(request: RenderRequest, target: Target) -> tuple[str, ...]:
 
 
 def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
-    """Return the images with all their levels."""
+    """Return the images that have mip levels, with all of them."""
     found: dict[str, LoadedImage] = {}
     for name, image in state.of(LOADED_IMAGES, target).items():
         if image.filter not in FILTERS_WITH_LEVELS:
@@ -261,7 +262,7 @@ def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
 
 
 def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImage:
-    """Return an image with its smaller levels."""
+    """Return an image with its mip levels."""
     chain = mip_chain(image.chain.level(0), kind=image.kind, wrap=image.wrap, threads=threads)
     return replace(image, chain=chain)
 
@@ -326,9 +327,9 @@ IMAGES_WITH_LEVELS = Result(_load_mips)
 
 MIP_MAPS = Effect(
     name="mip maps",
-    does="makes smaller levels of images",
+    does="makes mip levels of images",
     called_for=_mips_called_for,
-    left_out="no image is filtered over the pixel",
+    left_out="no image has a filter with mip levels",
     needs=_mips_need,
     load=IMAGES_WITH_LEVELS,
 )

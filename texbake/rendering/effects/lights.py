@@ -1,4 +1,4 @@
-"""Lights, as they reach fragments: directional, from a point, from a spot.
+"""Directional, point and spot lights, as they arrive at fragments.
 
 A light's color times its intensity is what a white surface that faces it reflects; at distance d
 from a point or spot light, 1 / d^decay of that. A spot is full inside its inner cone and fades to 0
@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import (
@@ -31,11 +30,10 @@ from texbake.rendering.fragments import (
     Incident,
     one_row,
 )
+from texbake.rendering.kernels.lighting import find_arriving_light
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 
-# Nearest that a point counts to be to a light, in model units; there its strength stays finite.
-_NEAREST = 1e-3
 # Sine of the angle between a light's direction and its up below which rounding would turn it.
 _PARALLEL = 1e-9
 
@@ -60,7 +58,7 @@ class PlacedLight:
     def axes(self) -> FloatArray:
         """(3, 3): rows right, up and back of a camera that looks where a light goes.
 
-        Where the light goes along its `up`, the axis of the world farthest from it stands for that.
+        Where the light goes along its `up`, the axis of the world farthest from it is up.
         """
         upward = self.up
         right = np.cross(upward, -self.direction)
@@ -126,32 +124,6 @@ def in_world(light: Light, camera: Camera) -> Light:
     )
 
 
-@kernel
-def _arrive_kernel(  # type: ignore[no-untyped-def]
-    points, normals, position, axis, inner, outer, decay, color, directions, radiance
-):
-    for i in range(len(points)):
-        x, y, z = (
-            position[0] - points[i, 0], position[1] - points[i, 1], position[2] - points[i, 2]
-        )  # fmt: skip
-        distance = math.sqrt(x * x + y * y + z * z)
-        if 0.0 < distance < np.inf:
-            x, y, z = x / distance, y / distance, z / distance
-        else:
-            x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
-        directions[i, 0], directions[i, 1], directions[i, 2] = x, y, z
-        strength = max(distance, _NEAREST) ** -decay
-        if outer > -1.0:
-            cosine = -(x * axis[0] + y * axis[1] + z * axis[2])
-            if cosine <= outer:
-                strength = 0.0
-            elif cosine < inner:
-                t = (cosine - outer) / (inner - outer)
-                strength *= t * t * (3.0 - 2.0 * t)
-        for k in range(3):
-            radiance[i, k] = strength * color[0, k]
-
-
 def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> Incident:
     """Light of one lamp at points, with nothing in its way.
 
@@ -173,7 +145,7 @@ def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> 
         return Incident(directions=one_row(tuple(-light.direction), 3), radiance=light.radiance)
     n = len(normals)
     found = Incident(directions=np.empty((n, 3), np.float32), radiance=np.empty((n, 3), np.float32))
-    _arrive_kernel(
+    find_arriving_light(
         points, normals, light.position, light.direction, *light.cosines, light.decay,
         light.radiance, found.directions, found.radiance,
     )  # fmt: skip
@@ -204,7 +176,7 @@ PLACED_LIGHTS = Result(_prepare)
 
 LIGHTS = Effect(
     name="lights",
-    does="places lights",
+    does="places lights in world space",
     of="light",
     called_for=_called_for,
     left_out="the scene has no lights",

@@ -24,7 +24,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import (
     Call,
@@ -34,15 +33,16 @@ from texbake.rendering.effect import (
     Result,
     Target,
 )
-from texbake.rendering.effects.environment import (
-    ENVIRONMENT_MAP,
-    PlacedEnvironment,
-    mirrored_kernel,
-)
+from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
 from texbake.rendering.effects.lights import in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
-from texbake.rendering.fragments import Floats, Fragments, row_of
+from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.kernels.lighting import (
+    mirror_directions,
+    mix_in_environment,
+    refract_directions,
+)
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
@@ -53,7 +53,7 @@ _NEAR = 1e-3
 
 
 def _mirrors(material: Material) -> Iterator[tuple[str, Reflection | Refraction]]:
-    """What of a material shows an environment."""
+    """Yield the reflection and the refraction of a material, where it has them."""
     for name in "reflection", "refraction":
         mirror = getattr(material, name)
         if mirror is not None:
@@ -93,7 +93,7 @@ def _rendered_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
             if request.depth > request.options.bounces:
                 yield Refusal(request.name(index), f"{request.depth} reflections are enough")
             elif len(request.scene.objects) == 1:
-                yield Refusal(request.name(index), "there is nothing else that it could show")
+                yield Refusal(request.name(index), "the scene has no other object to show")
             else:
                 yield Call(index, request.name(index), f"its {name} is of the scene around it")
 
@@ -147,45 +147,13 @@ def _environment(
     return found or state.get(ENVIRONMENT_MAP)
 
 
-@kernel
-def _refracted_kernel(normals, to_eye, back_facing, index, out):  # type: ignore[no-untyped-def]
-    for i in range(len(normals)):
-        # From outside into the material, or from inside out of it where its back is seen.
-        eta = index if back_facing[i] else 1.0 / index
-        cosine = 0.0
-        for k in range(3):
-            cosine += normals[i, k] * to_eye[i, k]
-        inside = 1.0 - eta * eta * (1.0 - cosine * cosine)
-        for k in range(3):
-            if inside < 0.0:  # total reflection
-                out[i, k] = 2.0 * cosine * normals[i, k] - to_eye[i, k]
-            else:
-                out[i, k] = -eta * to_eye[i, k] + (eta * cosine - math.sqrt(inside)) * normals[i, k]
-
-
-@kernel
-def _mix_kernel(normals, to_eye, strength, seen, fresnel, out):  # type: ignore[no-untyped-def]
-    for i in range(len(out)):
-        s = row_of(strength, i)
-        grazing = 0.0
-        if fresnel:
-            cosine = 0.0
-            for k in range(3):
-                cosine += normals[i, k] * to_eye[i, k]
-            grazing = (1.0 - min(abs(cosine), 1.0)) ** 5
-        for k in range(3):
-            share = min(max(strength[s, k], 0.0), 1.0)
-            share += (1.0 - share) * grazing
-            out[i, k] += share * (seen[i, k] - out[i, k])
-
-
 def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats) -> None:
     """Replace a share of the light by what the environment shows."""
     mirror = getattr(fragments.drawn.material, name)
     environment = _environment(fragments, state, mirror)
     strength = slot_values(fragments, state, f"{name}.strength", mirror.strength, 3)
     seen = np.zeros_like(directions) if environment is None else environment.look(directions)
-    _mix_kernel(
+    mix_in_environment(
         fragments.normals, fragments.to_eye, strength, seen, getattr(mirror, "fresnel", False),
         fragments.light,
     )  # fmt: skip
@@ -194,7 +162,7 @@ def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats
 def _reflect(fragments: Fragments, state: RenderState) -> None:
     assert fragments.normals is not None and fragments.to_eye is not None
     directions = np.empty_like(fragments.normals)
-    mirrored_kernel(fragments.normals, fragments.to_eye, directions)
+    mirror_directions(fragments.normals, fragments.to_eye, directions)
     _mix(fragments, state, "reflection", directions)
 
 
@@ -203,8 +171,8 @@ def _refract(fragments: Fragments, state: RenderState) -> None:
     directions = np.empty_like(fragments.normals)
     refraction = fragments.drawn.material.refraction
     assert refraction is not None
-    _refracted_kernel(
-        fragments.normals, fragments.to_eye, fragments.back_facing, float(refraction.index),
+    refract_directions(
+        fragments.normals, fragments.to_eye, fragments.back_facing, float(refraction.ior),
         directions,
     )  # fmt: skip
     _mix(fragments, state, "refraction", directions)
@@ -216,7 +184,7 @@ RENDERED_ENVIRONMENTS = Result(_prepare)
 
 RENDERED_ENVIRONMENT = Effect(
     name="rendered environment",
-    does="takes six pictures of what lies around an object",
+    does="renders a cube map of the scene around an object",
     called_for=_rendered_called_for,
     left_out="no material in the picture reflects or refracts the scene around it",
     load=FIXED_ENVIRONMENTS,
@@ -226,7 +194,7 @@ RENDERED_ENVIRONMENT = Effect(
 
 REFRACTION = Effect(
     name="refraction",
-    does="shows what lies behind glass",
+    does="adds what is seen through glass",
     called_for=_called_for("refraction"),
     left_out="no material in the picture refracts",
     needs=_needs("refraction"),
@@ -235,7 +203,7 @@ REFRACTION = Effect(
 
 REFLECTION = Effect(
     name="reflection",
-    does="shows what lies before a mirror",
+    does="adds what a mirror reflects",
     called_for=_called_for("reflection"),
     left_out="no material in the picture reflects",
     needs=_needs("reflection"),

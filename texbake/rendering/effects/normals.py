@@ -1,20 +1,27 @@
-"""Shading normals: those of the mesh, interpolated; none for what no light falls on.
+"""Shading normals: those of the mesh, or those that a normal map has in their place.
 
-Two effects: the normals of vertices, once a scene; and one unit vector a fragment, on the side that
-is seen. A fragment without a normal, as on a face without area, gets the direction against the
-view.
+Four effects: the normals of vertices and MikkTSpace tangents, once a scene; the interpolated normal
+of each fragment, on the side that is seen; and the normal of a map. Objects that no light falls on
+need none of them. A fragment without a normal, as on a face without area, gets the direction
+against the view.
+
+In tangent space the normal is x T + y B + z N, with tangent and normal interpolated over the
+triangle without renormalizing and B = w cross(N, T), normalized once at the end: what the bake
+inverts. Tangents are those of the file, else MikkTSpace's, and made only for such a map.
+
+Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
+from texbake.mesh.tangents import corner_tangents
 from texbake.rendering.effect import (
     Call,
     Effect,
@@ -23,45 +30,29 @@ from texbake.rendering.effect import (
     Target,
     only_when_needed,
 )
+from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.kernels.interpolation import (
+    bend_normals,
+    interpolate_normals,
+    turn_normals,
+)
+from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
 
 
-def _load(state: RenderState, target: Target) -> tuple[FloatArray, IntArray]:
+def _load_normals(state: RenderState, target: Target) -> tuple[FloatArray, IntArray]:
     assert target is not None
     normals, corners = shading_normals(state.drawn(target).mesh, threads=state.threads)
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
+def _normals_called_for(request: RenderRequest) -> Iterator[Call]:
     if "normals" in request.keep:
         for index in request.shaded:
             if request.material(index).normal_map is None:
                 yield Call(index, "the caller", "the frame keeps normals")
-
-
-@kernel
-def finish_normal(x, y, z, side, view, out):  # type: ignore[no-untyped-def]
-    """Write a vector as a unit normal on the side seen; without length, against the view."""
-    squared = x * x + y * y + z * z
-    if 0.0 < squared < np.inf:
-        scale = side / math.sqrt(squared)
-        out[0], out[1], out[2] = x * scale, y * scale, z * scale
-    else:
-        out[0], out[1], out[2] = view[0], view[1], view[2]
-
-
-@kernel
-def _interpolate_kernel(normals, corners, faces, weights, back_facing, back, out):  # type: ignore[no-untyped-def]
-    for i in range(len(faces)):
-        a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
-        weight1, weight2 = weights[i, 0], weights[i, 1]
-        weight0 = 1.0 - weight1 - weight2
-        x = weight0 * normals[a, 0] + weight1 * normals[b, 0] + weight2 * normals[c, 0]
-        y = weight0 * normals[a, 1] + weight1 * normals[b, 1] + weight2 * normals[c, 1]
-        z = weight0 * normals[a, 2] + weight1 * normals[b, 2] + weight2 * normals[c, 2]
-        finish_normal(x, y, z, -1.0 if back_facing[i] else 1.0, back, out[i])
 
 
 def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
@@ -74,31 +65,97 @@ def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
         normals, corners = state.of(MESH_NORMALS, fragments.target)
         faces, weights = fragments.faces, fragments.weights
     out = np.empty((len(fragments), 3), np.float32)
-    _interpolate_kernel(
+    interpolate_normals(
         normals, corners, faces, weights, fragments.back_facing, state.camera.axes[2], out
     )
     return out
 
 
-def _shade(fragments: Fragments, state: RenderState) -> None:
+def _interpolate(fragments: Fragments, state: RenderState) -> None:
     fragments.normals = interpolated_normals(fragments, state)
 
 
-MESH_NORMALS = Result(_load)
+MESH_NORMALS = Result(_load_normals)
 
 VERTEX_NORMALS = Effect(
     name="vertex normals",
-    does="finds the normals of vertices",
+    does="computes vertex normals",
     called_for=only_when_needed,
-    left_out="nothing in the picture has a side that light could fall on",
+    left_out="nothing in the picture needs normals",
     load=MESH_NORMALS,
 )
 
 NORMALS = Effect(
     name="normals",
     does="interpolates normals",
-    called_for=_called_for,
+    called_for=_normals_called_for,
     left_out="no object in the picture is lit by the normals of its mesh",
     needs=lambda request, target: ("vertex normals",),
-    shade=_shade,
+    shade=_interpolate,
+)
+
+
+def _map_called_for(request: RenderRequest) -> Iterator[Call]:
+    shaded = request.shaded if "normals" in request.keep else request.lit
+    for index in shaded:
+        if request.material(index).normal_map is not None:
+            yield Call(index, request.name(index), "its material has a normal map")
+
+
+def _map_needs(request: RenderRequest, target: Target) -> Iterator[str]:
+    assert target is not None
+    yield "images"
+    holder = request.material(target).normal_map
+    assert holder is not None
+    if (holder.space or normal_space(holder.texture.image)) == "tangent":
+        yield from ("vertex normals", "tangents")
+
+
+def _load_tangents(state: RenderState, target: Target) -> npt.NDArray[np.float32]:
+    assert target is not None
+    mesh = state.drawn(target).mesh
+    tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
+    return read_only(tangents, np.float32)
+
+
+def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
+    target = fragments.target
+    texels = look_up(fragments, state, "normal_map.texture")
+    fragments.normals = np.empty((len(fragments), 3), np.float32)
+    space = image_of(state, target, "normal_map.texture").space
+    holder = fragments.drawn.material.normal_map
+    assert holder is not None
+    if space == "tangent":
+        normals, corners = state.of(MESH_NORMALS, target)
+        bend_normals(
+            normals, corners, state.of(MESH_TANGENTS, target), fragments.faces,
+            fragments.weights, texels, float(holder.strength), fragments.back_facing,
+            state.camera.axes[2], fragments.normals,
+        )  # fmt: skip
+        return
+    inverse = fragments.drawn.object_from_world
+    matrix = np.eye(3)
+    if space == "object" and inverse is not None:
+        matrix = np.ascontiguousarray(inverse[:3, :3].T)
+    turn_normals(texels, matrix, fragments.back_facing, state.camera.axes[2], fragments.normals)
+
+
+MESH_TANGENTS = Result(_load_tangents)
+
+TANGENTS = Effect(
+    name="tangents",
+    does="computes MikkTSpace tangents",
+    called_for=only_when_needed,
+    left_out="no map in the picture is in tangent space",
+    needs=lambda request, target: ("vertex normals", "texture coordinates"),
+    load=MESH_TANGENTS,
+)
+
+NORMAL_MAP = Effect(
+    name="normal map",
+    does="takes normals from an image",
+    called_for=_map_called_for,
+    left_out="no lit material in the picture has a normal map",
+    needs=_map_needs,
+    shade=_look_up_normals,
 )

@@ -2,7 +2,7 @@
 
 White is the surface itself and black lies `depth` below it. The ray goes straight on below the
 surface, in the plane across its normal, until it is no higher than the map there. It is followed in
-even steps, one a texel that it crosses but no more than `layers` in all, so that the more slanted
+even steps, one per texel that it crosses but no more than `layers` in all, so that the more slanted
 the view is, the more there are. Between the last step above the map and the first below it, where
 it meets is found by the rule of false position (Illinois), which is exact where the map is linear.
 
@@ -17,36 +17,30 @@ square that is as large as what one unit square of the texture covers there.
 
 Based on: Policarpo, Oliveira, Comba, "Real-time relief mapping on arbitrary polygonal surfaces",
 I3D 2005; Tatarchuk, "Dynamic parallax occlusion mapping with approximate soft shadows", I3D 2006.
-Departs from them in that steps are told by texels, and that the ray is turned into texture space by
-the triangle's own derivatives, which tangents only stand for.
+Departs from them in that steps are counted in texels, and that the ray is turned into texture space
+by the derivatives of the triangle itself, which tangents only approximate.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
+from texbake.rendering.effects.points import steps_along_texture
 from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.kernels.relief import follow_rays
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
-from texbake.rendering.surface_steps import steps_along_texture
-from texbake.texture.interpolation import bilinear_cell, interpolate_cell, wrap_to_unit
 from texbake.texture.lookup import wrap_code
 from texbake.texture.sample import mip_levels
 
 _NAME = "parallax.texture"
-# Most rounds of false position, and how near to the map is on it, as share of the depth: 1/16 of a
-# step of an image of 16 bits.
-_REFINEMENTS = 8
-_CLOSE = 2.0**-20
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +127,7 @@ def _shares(
         found = mip_levels(changes, chain.width, chain.height, threads=1)
         levels = np.clip(np.nan_to_num(found, nan=0.0), 0, chain.n_levels - 1).astype(np.int64)
     shares = np.empty(len(starts))
-    _follow_kernel(
+    follow_rays(
         chain.texels, chain.offsets, chain.sizes, wrap_code(image.wrap), image.border[0],
         image.factor[0], np.ascontiguousarray(starts), np.ascontiguousarray(steps), levels, layers,
         shares,
@@ -141,65 +135,11 @@ def _shares(
     return shares
 
 
-@kernel
-def _above(texels, level, outside, ray, share):  # type: ignore[no-untyped-def]
-    """How far the ray is above the map, at some share of its way down from 1 to 0."""
-    first, width, height, wrap = level
-    border, factor = outside
-    u, v = wrap_to_unit(ray[0] + share * ray[2], wrap), wrap_to_unit(ray[1] + share * ray[3], wrap)
-    cell, x, y = bilinear_cell(u, v, width, height, wrap, first)
-    return 1.0 - share - np.float64(factor * interpolate_cell(texels, cell, x, y, 0, border))
-
-
-@kernel
-def _met(texels, level, outside, ray, near, above, far, below):  # type: ignore[no-untyped-def]
-    """Share at which the ray meets the map, between a place above it and one below."""
-    share, side = far, 0
-    for _ in range(_REFINEMENTS):
-        share = near + (far - near) * above / (above - below)
-        there = _above(texels, level, outside, ray, share)
-        if abs(there) <= _CLOSE:
-            break
-        # The end that stays a second time counts half, or it would stay for good.
-        if there > 0.0:
-            near, above = share, there
-            below *= 0.5 if side > 0 else 1.0
-            side = 1
-        else:
-            far, below = share, there
-            above *= 0.5 if side < 0 else 1.0
-            side = -1
-    return share
-
-
-@kernel
-def _follow_kernel(  # type: ignore[no-untyped-def]
-    texels, offsets, sizes, wrap, border, factor, starts, steps, levels, layers, shares
-):
-    outside = (border, factor)
-    for i in range(len(starts)):
-        height, width = sizes[levels[i], 0], sizes[levels[i], 1]
-        level = (offsets[levels[i]], width, height, wrap)
-        ray = (starts[i, 0], starts[i, 1], steps[i, 0], steps[i, 1])
-        last = 1.0 / max(math.hypot(ray[2], ray[3]), 1.0)
-        crossed = math.hypot(last * ray[2] * width, last * ray[3] * height)
-        n = max(min(math.ceil(crossed), layers), 1)
-        near, far, k = 0.0, 0.0, 0
-        above = below = _above(texels, level, outside, ray, 0.0)
-        while below > 0.0 and k < n:
-            k += 1
-            near, above, far = far, below, last * k / n
-            below = _above(texels, level, outside, ray, far)
-        if k > 0 and below < 0.0:
-            far = _met(texels, level, outside, ray, near, above, far, below)
-        shares[i] = far
-
-
 TEXTURE_SLOPES = Result(_load)
 
 PARALLAX = Effect(
     name="parallax",
-    does="moves texture coordinates to where the eye meets heights",
+    does="moves texture coordinates to where the view ray meets the heights",
     called_for=_called_for,
     left_out="no material in the picture has a parallax map",
     needs=lambda request, target: ("images", "view directions", "vertex normals"),

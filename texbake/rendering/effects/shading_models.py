@@ -19,25 +19,19 @@ microfacet-based BRDFs", JCGT 3(2), 2014.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.lights import incident, shining
-from texbake.rendering.fragments import (
-    Floats,
-    Fragments,
-    Incident,
-    row_dot,
-    row_of,
+from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.kernels.lighting import (
+    reflect_blinn_phong,
+    reflect_lambert,
+    reflect_metallic,
 )
 from texbake.rendering.request import RenderRequest
-
-# Roughness below this gives highlights narrower than a float32 normal can tell.
-LEAST_ALPHA = 1e-3
 
 
 def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
@@ -63,75 +57,6 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
         yield "positions"
 
 
-@kernel
-def _lambert_kernel(normals, directions, radiance, base, out):  # type: ignore[no-untyped-def]
-    for i in range(len(normals)):
-        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
-        facing = row_dot(normals, i, directions, d)
-        if facing > 0.0:
-            for k in range(3):
-                out[i, k] += radiance[r, k] * base[b, k] * facing
-
-
-@kernel
-def _blinn_phong_kernel(  # type: ignore[no-untyped-def]
-    normals, directions, radiance, to_eye, base, specular, exponent, gloss, out
-):
-    for i in range(len(normals)):
-        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
-        s, e, g = row_of(specular, i), row_of(exponent, i), row_of(gloss, i)
-        facing, halfway, squared = 0.0, 0.0, 0.0
-        for k in range(3):
-            half = directions[d, k] + to_eye[i, k]
-            facing += normals[i, k] * directions[d, k]
-            halfway += normals[i, k] * half
-            squared += half * half
-        if facing <= 0.0:
-            continue
-        shine = 0.0
-        if halfway > 0.0:
-            shine = gloss[g, 0] * (halfway / math.sqrt(squared)) ** exponent[e, 0]
-        for k in range(3):
-            out[i, k] += radiance[r, k] * (base[b, k] * facing + specular[s, k] * shine)
-
-
-@kernel
-def _metallic_kernel(  # type: ignore[no-untyped-def]
-    normals, directions, radiance, to_eye, base, roughness, metalness, dielectric, out
-):
-    for i in range(len(normals)):
-        d, r, b = row_of(directions, i), row_of(radiance, i), row_of(base, i)
-        facing, toward_eye, halfway, squared = 0.0, 0.0, 0.0, 0.0
-        for k in range(3):
-            half = directions[d, k] + to_eye[i, k]
-            facing += normals[i, k] * directions[d, k]
-            toward_eye += normals[i, k] * to_eye[i, k]
-            halfway += normals[i, k] * half
-            squared += half * half
-        if facing <= 0.0:
-            continue
-        alpha = max(roughness[row_of(roughness, i), 0] ** 2, LEAST_ALPHA)
-        metal = metalness[row_of(metalness, i), 0]
-        toward_eye = max(abs(toward_eye), 1e-4)  # seen edge-on at the least, as after rounding
-        length = math.sqrt(squared)
-        halfway = min(max(halfway / length, 0.0), 1.0) if length > 0.0 else 0.0
-        a2 = alpha * alpha
-        spread = halfway * halfway * (a2 - 1.0) + 1.0
-        # pi D V, with V's denominator that of both directions together.
-        shine = (
-            a2 / (spread * spread) * 0.5
-            / (facing * math.sqrt(toward_eye * toward_eye * (1.0 - a2) + a2)
-               + toward_eye * math.sqrt(facing * facing * (1.0 - a2) + a2))
-        )  # fmt: skip
-        # V·H = |L + V| / 2 for unit vectors.
-        grazing = (1.0 - min(0.5 * length, 1.0)) ** 5
-        for k in range(3):
-            f0 = dielectric + (base[b, k] - dielectric) * metal
-            fresnel = f0 + (1.0 - f0) * grazing
-            diffuse = (1.0 - fresnel) * (1.0 - metal) * base[b, k]
-            out[i, k] += radiance[r, k] * facing * (diffuse + shine * fresnel)
-
-
 def head_on(ior: float) -> float:
     """Share of light that a surface of this index of refraction mirrors head on; 1 for index 0."""
     return ((ior - 1.0) / (ior + 1.0)) ** 2
@@ -142,7 +67,7 @@ _ONE = np.ones((1, 1), np.float32)
 
 def add_lambert(normals: Floats, arriving: Incident, base: Floats, light: Floats) -> None:
     """Add a lamp's light, as a dull surface scatters it, to the light (n, 3) that leaves points."""
-    _lambert_kernel(normals, arriving.directions, arriving.radiance, base, light)
+    reflect_lambert(normals, arriving.directions, arriving.radiance, base, light)
 
 
 def _lambert(fragments: Fragments, light: Incident) -> None:
@@ -152,7 +77,7 @@ def _lambert(fragments: Fragments, light: Incident) -> None:
 
 def _blinn_phong(fragments: Fragments, light: Incident) -> None:
     values = fragments.values
-    _blinn_phong_kernel(
+    reflect_blinn_phong(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
         values.base_color, values.specular, values.exponent,
         _ONE if values.gloss is None else values.gloss, fragments.light,
@@ -161,7 +86,7 @@ def _blinn_phong(fragments: Fragments, light: Incident) -> None:
 
 def _metallic(fragments: Fragments, light: Incident) -> None:
     values = fragments.values
-    _metallic_kernel(
+    reflect_metallic(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
         values.base_color, values.roughness, values.metalness,
         head_on(fragments.drawn.material.ior), fragments.light,

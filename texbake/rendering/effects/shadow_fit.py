@@ -1,10 +1,10 @@
-"""What a light's shadow map has to hold: who casts, who is seen to receive, how it looks at them.
+"""The view of a light's shadow map: which objects cast, which visible ones receive, what it covers.
 
 A light looks at the scene as a camera does: a directional one along parallel lines, a spot in
 perspective, a point light through the six faces of a cube, and so a spot too wide for one picture.
 The view of a directional light is as large as what casters may cover of all that the picture shows
-of receivers, and no larger. Which object may shade which is told by their boxes; one that is flat,
-as a ground is, shades nothing on its own side, and so not itself either.
+of receivers, and no larger. Which object may shade which is decided by their bounding boxes; a flat
+one, such as a ground, shades nothing on its own side, and so not itself either.
 
 Based on: Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978; Lauritzen, Salvi,
 Lefohn, "Sample distribution shadow maps", I3D 2011, for the fit to what is seen.
@@ -17,13 +17,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
-from texbake.rendering.raster.world import object_of
+from texbake.rendering.kernels.projection import find_seen_bounds
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import SceneObject
 from texbake.texture.cube_map import cube_face_axes
@@ -31,15 +30,20 @@ from texbake.texture.cube_map import cube_face_axes
 # A spot wider than this, in degrees, looks through the faces of a cube: one picture of it would
 # have texels at its rim four times as fine as in its middle, and ever more beyond.
 WIDEST = 120.0
+
 # The near plane in units of the farthest caster's distance. Reversed depth is as precise anywhere.
 _NEAR = 2.0**-20
+
 # Of a distance from the eye: what a float32 depth leaves uncertain, four times.
 _DEPTH_ROUNDING = 2.0**-22
+
 # Of the largest coordinate: what transforming a flat box leaves of its flatness, many times.
 _FLATNESS = 2.0**-44
+
 _ROWS = 64
 
 Box = FloatArray
+
 Pair = tuple[int, int]
 
 
@@ -138,8 +142,8 @@ def margin_of(size: int, radius: float) -> int:
 def perspective_views(light: Light, placed: PlacedLight, casters: Sequence[Box]) -> FloatArray:
     """(1 or 6, 4, 4): clip space from world space, of a spot or a point light."""
     assert light.shadow is not None
-    reach = max(float(np.linalg.norm(c - placed.position, axis=1).max()) for c in casters)
-    near = _NEAR * reach if reach > 0.0 else 1.0
+    farthest = max(float(np.linalg.norm(c - placed.position, axis=1).max()) for c in casters)
+    near = _NEAR * farthest if farthest > 0.0 else 1.0
     size = light.shadow.size
     widened = size / (size - 2.0 * margin_of(size, light.shadow.filter_radius))
     if light.kind == "spot" and light.angle <= WIDEST:
@@ -210,36 +214,6 @@ def parallel_view(
     return in_axes @ turn, (int(counts[1]), int(counts[0]))
 
 
-@kernel
-def _bounds_kernel(  # type: ignore[no-untyped-def]
-    face_ids, depths, rays, eye, near, starts, receives, axes, rounding, first, stop, bounds
-):
-    owner = 0
-    for row in range(first, stop):
-        for column in range(face_ids.shape[1]):
-            face = face_ids[row, column]
-            if face < 0:
-                continue
-            if not starts[owner] <= face < starts[owner + 1]:
-                owner = object_of(face, starts)
-            if not receives[owner]:
-                continue
-            distance = near / depths[row, column]
-            x, y = column + 0.5, row + 0.5
-            squared = 0.0
-            for k in range(3):
-                ray = rays[0, k] + x * rays[1, k] + y * rays[2, k]
-                squared += ray * ray
-            room = rounding * distance * math.sqrt(squared)
-            for k in range(3):
-                at = 0.0
-                for j in range(3):
-                    ray = rays[0, j] + x * rays[1, j] + y * rays[2, j]
-                    at += axes[k, j] * (eye[j] + distance * ray)
-                bounds[owner, 0, k] = min(bounds[owner, 0, k], at - room)
-                bounds[owner, 1, k] = max(bounds[owner, 1, k], at + room)
-
-
 def seen_bounds(
     state: RenderState, placed: PlacedLight, receivers: Sequence[int]
 ) -> dict[int, FloatArray]:
@@ -258,7 +232,7 @@ def seen_bounds(
     eye = np.ascontiguousarray(state.camera.eye, np.float64)
 
     def work(start: int, stop: int) -> None:
-        _bounds_kernel(
+        find_seen_bounds(
             visibility.face_ids, visibility.depths, rays, eye, float(state.camera.near),
             state.world.starts, receives, placed.axes, _DEPTH_ROUNDING, start, stop,
             bounds[start // _ROWS],

@@ -1,4 +1,4 @@
-"""What the slots of a material hold at each fragment: constants, images, procedures.
+"""The values of a material's slots at each fragment: constants, images, procedures.
 
 A constant is one row for all fragments. A procedure is evaluated where the fragment lies, in the
 object's space, the world's or on the texture; with a ramp of colors its value is looked up there.
@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
+from texbake.rendering.kernels.interpolation import find_scaled_points
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
 from texbake.texture.lookup import ramp_lookup
@@ -91,31 +91,11 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
     matrix = np.eye(4) if texture.space == "world" or inverse is None else inverse
     points = np.empty((len(fragments), 3))
     widths = np.empty((len(fragments) if wanted else 0, 3), np.float32)
-    _points_kernel(
+    find_scaled_points(
         mesh.positions, mesh.faces, np.ascontiguousarray(scale[:, None] * matrix[:3]),
         fragments.faces, fragments.weights, fragments.changes, points, widths,
     )  # fmt: skip
     return points, widths if wanted else None
-
-
-@kernel
-def _points_kernel(positions, corners, matrix, faces, weights, changes, out, widths):  # type: ignore[no-untyped-def]
-    places, known = np.empty((3, 3)), np.int32(-1)  # neighbors mostly lie on the same face
-    for i in range(len(faces)):
-        if faces[i] != known:
-            known = faces[i]
-            for corner in range(3):
-                p = positions[corners[known, corner]]
-                for k in range(3):
-                    row = matrix[k]
-                    places[corner, k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]
-        for k in range(3):
-            along, up = places[1, k] - places[0, k], places[2, k] - places[0, k]
-            out[i, k] = places[0, k] + weights[i, 0] * along + weights[i, 1] * up
-            if len(widths) > 0:
-                right = abs(changes[i, 0] * along + changes[i, 1] * up)
-                down = abs(changes[i, 2] * along + changes[i, 3] * up)
-                widths[i, k] = max(right, down)
 
 
 def vertex_colors(fragments: Fragments) -> Floats:
@@ -147,7 +127,7 @@ def _procedures_need(request: RenderRequest, target: Target) -> Iterator[str]:
 
 PROCEDURES = Effect(
     name="procedures",
-    does="computes textures by formula",
+    does="computes procedural textures",
     called_for=_procedures_called_for,
     left_out="no material in the picture has a procedure",
     needs=_procedures_need,
@@ -155,7 +135,7 @@ PROCEDURES = Effect(
 
 SLOTS = Effect(
     name="slots",
-    does="finds what materials hold at fragments",
+    does="looks up the slots of materials",
     called_for=_called_for,
     left_out="nothing is shaded",
     needs=_needs,

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import IntArray
 from texbake.rendering.effect import (
     Call,
@@ -34,6 +33,7 @@ from texbake.rendering.effect import (
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.kernels.pixels import put_layer_behind, sum_samples
 from texbake.rendering.raster.fragments import FragmentRows
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SKIP, VisibilityBuffer
@@ -90,7 +90,7 @@ class Layers:
                 opaque=layer is self.opaque,
             )  # fmt: skip
         with state.costs.timed("pixels"):
-            _sum_kernel(
+            sum_samples(
                 light, passed, normals, seen, rows[0], side,
                 sums.color, sums.coverage, sums.normals,
             )  # fmt: skip
@@ -128,7 +128,7 @@ def put_behind(
             if opaque
             else np.concatenate([opacity_of(fragments, state) for fragments in shaded])
         )
-        _over_kernel(
+        put_layer_behind(
             of_samples,
             np.concatenate([fragments.light for fragments in shaded]),
             opacity,
@@ -138,7 +138,7 @@ def put_behind(
 
 
 def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
-    """(n,) float32: share of what lies behind that each fragment hides.
+    """(n,) float32: opacity of each fragment, the share that it hides of what lies behind.
 
     The product of the opacity slot, of the base color's image and of vertex colors.
     """
@@ -168,39 +168,6 @@ def _normals_of(shaded: list[Fragments], wanted: bool) -> Floats:
             for fragments in shaded
         ]
     )
-
-
-@kernel
-def _over_kernel(of_samples, colors, opacity, directions, light, passed, normals, seen):  # type: ignore[no-untyped-def]
-    """Put a layer behind those before it."""
-    for j in range(of_samples.shape[0]):
-        for i in range(of_samples.shape[1]):
-            fragment = of_samples[j, i]
-            if fragment < 0:
-                continue
-            share = passed[j, i] * opacity[fragment]
-            if share > 0.0:
-                seen[j, i] = True
-            for k in range(3):
-                light[j, i, k] += share * colors[fragment, k]
-                if len(directions) > 0:
-                    normals[j, i, k] += share * directions[fragment, k]
-            passed[j, i] *= np.float32(1.0) - opacity[fragment]
-
-
-@kernel
-def _sum_kernel(light, passed, normals, seen, first_row, side, color, coverage, normal_sums):  # type: ignore[no-untyped-def]
-    for j in range(light.shape[0]):
-        row = first_row + j // side
-        for i in range(light.shape[1]):
-            column = i // side
-            for k in range(3):
-                color[row, column, k] += light[j, i, k]
-                if len(normals) > 0:
-                    normal_sums[row, column, k] += normals[j, i, k]
-            color[row, column, 3] += np.float32(1.0) - passed[j, i]
-            if seen[j, i]:
-                coverage[row, column] += np.float32(1.0)
 
 
 def _peel(state: RenderState, target: Target) -> Layers:
@@ -245,7 +212,7 @@ LAYERS = Effect(
 
 TRANSPARENCY = Effect(
     name="transparency",
-    does="lets light through surfaces, in order",
+    does="blends transparent surfaces in order of depth",
     called_for=_called_for,
     left_out="nothing in the picture is transparent",
     needs=lambda request, target: ("layers", "slots"),

@@ -29,7 +29,7 @@ def _check_color(name: str, color: Rgb) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Shadow:
-    """A shadow map: `size` texels a side (of each cube face for a point light).
+    """A shadow map with `size` texels per side (of each cube face for a point light).
 
     `filter_radius` is that of percentage-closer filtering, in texels; 0 compares one texel.
     """

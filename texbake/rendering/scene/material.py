@@ -46,7 +46,7 @@ def check_constant(name: str, slot: Slot | None) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NormalMap:
-    """Normals instead of the mesh's own.
+    """Normals in place of those of the mesh.
 
     `space` and `convention` are those that the file's metadata names where they are None, else
     tangent space, +Y up. `strength` scales x and y of tangent-space normals, as glTF does.
@@ -186,12 +186,12 @@ class Reflection:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refraction:
-    """Light seen through the surface, bent once after Snell; total reflection mirrors it."""
+    """Light seen through the surface, bent once by Snell's law; total reflection mirrors it."""
 
     strength: Annotated[
         Slot, Option("Share of light that comes through: a number, color, image or procedure.")
     ] = 1.0
-    index: Annotated[float, Option("Index of refraction.")] = 1.5
+    ior: Annotated[float, Option("Index of refraction.")] = 1.5
     environment: Annotated[
         str, Option("What is seen: the scene's environment, or its objects (rendered).")
     ] = "scene"
@@ -200,8 +200,8 @@ class Refraction:
     def __post_init__(self) -> None:
         check_constant("strength", self.strength)
         _check_environment(self.environment, self.size)
-        if not 0.0 < self.index < math.inf:
-            raise OptionError(f"index: {self.index} is not above 0; that of glass is 1.5")
+        if not 0.0 < self.ior < math.inf:
+            raise OptionError(f"ior: {self.ior} is not above 0; that of glass is 1.5")
 
 
 def _check_environment(environment: str, size: int) -> None:

@@ -19,8 +19,8 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
     Parameters
     ----------
     path
-        A `.toml` file, whose keys `docs/scenes.md` lists; or a `.glb` or `.gltf` file, as
-        `texbake.rendering.scene.gltf.read.read_gltf_scene` says.
+        A `.toml` file, whose keys `docs/reference/scenes.md` lists; or a `.glb` or `.gltf` file, as
+        `texbake.rendering.scene.gltf.read_gltf_scene` says.
     progress
         Told of the stages.
 
@@ -40,7 +40,7 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
     suffix = Path(path).suffix.lower()
     if suffix not in SCENE_SUFFIXES:
         raise FileFormatError(
-            f"{path}: {suffix!r} is no suffix of a scene file; "
+            f"{path}: {suffix!r} is not a suffix of scene files; "
             f"the known ones are {', '.join(SCENE_SUFFIXES)}"
         )
     data = map_file(path)
@@ -49,6 +49,6 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
         from texbake.rendering.scene.file.parse import parse_scene
 
         return parse_scene(path, data.tobytes(), progress=progress)
-    from texbake.rendering.scene.gltf.read import read_gltf_scene
+    from texbake.rendering.scene.gltf import read_gltf_scene
 
     return read_gltf_scene(path, progress=progress)

@@ -1,4 +1,8 @@
-"""A scene: what `texbake preview SCENE.toml` reads and `render_scene` draws."""
+"""A scene: what `texbake preview SCENE.toml` reads and `render_scene` draws; and its cameras.
+
+A transform that mirrors an object turns its faces and tangents as `texbake.mesh.compose` says, so
+that an object and its mirror image both show their outside, with the same relief.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from texbake.errors import OptionError
+from texbake.mesh.compose import transformed
 from texbake.mesh.mesh import FloatArray, Mesh, frozen
+from texbake.rendering.camera import Camera, axes_toward
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Lighting, Vector
 from texbake.rendering.scene.material import Material
@@ -23,7 +29,7 @@ _SINGULAR = 1e-13
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class CameraView:
     """Where the camera stands.
 
     Either `position` and `target`, or (both None) `angles` about the middle of all objects, as far
@@ -63,7 +69,7 @@ class View:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneObject:
-    """A mesh somewhere, with a material."""
+    """A mesh with a transform and a material."""
 
     mesh: Annotated[Mesh, Option("Mesh in its own space.")]
     material: Annotated[Material, Option("Material of the object.")] = field(
@@ -94,7 +100,7 @@ class Scene:
     objects : tuple of SceneObject
         At least one.
     lighting : Lighting
-    view : View, optional
+    view : CameraView, optional
         None: as `RenderOptions` has it.
     name : str
         What messages call it: the name of its file.
@@ -108,7 +114,7 @@ class Scene:
 
     objects: tuple[SceneObject, ...]
     lighting: Lighting = field(default_factory=Lighting)
-    view: View | None = None
+    view: CameraView | None = None
     name: str = "scene"
     render: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -141,3 +147,124 @@ def checked_transform(transform: FloatArray, name: str) -> FloatArray:
     if not sizes[2] > _SINGULAR * sizes[0]:
         raise OptionError(f"{name}: it is singular and flattens the object; stretch none by 0")
     return frozen(matrix)
+
+
+def placed(item: SceneObject) -> Mesh:
+    """Mesh of an object in world space: the same one where it has no transform."""
+    return item.mesh if item.transform is None else transformed(item.mesh, item.transform)
+
+
+def outline(item: SceneObject) -> Mesh:
+    """Return only faces and positions of an object in world space, for framing."""
+    if item.transform is None:
+        return item.mesh
+    linear, translation = item.transform[:3, :3], item.transform[:3, 3]
+    return Mesh(
+        positions=item.mesh.positions @ linear.T + translation,
+        faces=item.mesh.faces,
+        name=item.mesh.name,
+    )
+
+
+UP_AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+# The near plane of a camera that stands somewhere, in the smaller of its distance to the target and
+# the scene's radius.
+_NEAR = 1e-3
+
+
+def camera_of(scene: Scene, options: RenderOptions) -> Camera:
+    """Return the camera of a scene's view.
+
+    Parameters
+    ----------
+    scene
+        A view with a `position` stands there. One with `angles` looks at the middle of all visible
+        objects (before displacement), as far away as `Camera.framing` does. What the view leaves
+        open, and all of it where there is none, is as `options` says.
+    options
+        `view`, `up`, `fov` and the picture's shape.
+
+    Raises
+    ------
+    OptionError
+        The camera stands on its target, looks along its up direction, or has no field of view.
+    MeshError
+        The scene is beyond what float64 can square.
+    """
+    view = scene.view or CameraView()
+    fov = options.fov if view.fov is None else view.fov
+    if view.position is None or view.target is None:
+        angles = view.angles if view.angles is not None else options.view
+        return Camera.framing(*_outlines(scene), options=replace(options, view=angles, fov=fov))
+    near = view.near
+    if near is None:
+        _, radius = Camera.sphere_around(*_outlines(scene))
+        near = _NEAR * min(radius, math.dist(view.position, view.target) or radius)
+    return Camera.looking_at(
+        view.position,
+        view.target,
+        up=_up_of(view, options),
+        fov=math.radians(fov),
+        near=near,
+    )
+
+
+def check_view(scene: Scene) -> None:
+    """Raise `OptionError` where the scene's own options and view make no camera."""
+    view = scene.view
+    if view is not None and view.position is not None and view.target is not None:
+        axes_toward(view.position, view.target, _up_of(view, scene.options()))
+
+
+def _up_of(view: CameraView, options: RenderOptions) -> Vector:
+    return UP_AXES[options.up] if view.up is None else view.up
+
+
+def turntable_cameras(scene: Scene, options: RenderOptions, n_views: int) -> list[Camera]:
+    """Cameras that go once around a scene, as though it stood on a turntable.
+
+    Parameters
+    ----------
+    scene, options
+        As for `camera_of`, which is the first of them.
+    n_views
+        How many; each stands 1 / n_views of a turn further counter-clockwise, seen from above,
+        about the axis through the scene's middle along `options.up`.
+
+    Raises
+    ------
+    OptionError
+        There is to be no camera at all; or as `camera_of`.
+    """
+    if n_views < 1:
+        raise OptionError(f"turntable: {n_views} views are none; give 1 or more")
+    first = camera_of(scene, options)
+    center, _ = Camera.sphere_around(*_outlines(scene))
+    axis = np.array(UP_AXES[options.up])
+    cameras = [first]
+    for i in range(1, n_views):
+        turn = _turn_about(axis, 2.0 * math.pi * i / n_views)
+        cameras.append(
+            Camera(
+                eye=center + turn @ (first.eye - center),
+                axes=first.axes @ turn.T,
+                fov=first.fov,
+                near=first.near,
+            )
+        )
+    return cameras
+
+
+def _turn_about(axis: FloatArray, angle: float) -> FloatArray:
+    """(3, 3): turn about a unit axis, counter-clockwise seen from where it points to."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    along = np.outer(axis, axis)
+    return np.asarray(math.cos(angle) * (np.eye(3) - along) + math.sin(angle) * cross + along)
+
+
+def _outlines(scene: Scene) -> list[Mesh]:
+    """Visible objects in world space; all of them where none is."""
+    seen = [item for item in scene.objects if item.visible]
+    return [outline(item) for item in seen or scene.objects]

@@ -14,9 +14,8 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.view import camera_of
 from texbake.study.case import Case
 from texbake.study.knob import (
     Bench,

@@ -22,7 +22,7 @@ from texbake.rendering.scene.lights import (
     Light,
     Shadow,
 )
-from texbake.rendering.scene.studio_room import STUDIO_ROOM
+from texbake.rendering.studio import STUDIO_ROOM
 
 # Keys that only some kinds of light read.
 _READ_BY = {

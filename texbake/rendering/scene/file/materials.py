@@ -44,8 +44,8 @@ from texbake.rendering.scene.material import (
     Reflection,
     Refraction,
 )
-from texbake.rendering.scene.projecting import picture_aspect, projector_matrix
 from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.transforms import picture_aspect, projector_matrix
 
 NormalMapTable = table(
     NormalMap,

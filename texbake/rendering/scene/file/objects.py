@@ -38,10 +38,10 @@ from texbake.rendering.scene.file.values import (
     choice,
     numbers,
 )
-from texbake.rendering.scene.gltf.read import read_gltf_scene
+from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.placing import transform_matrix
 from texbake.rendering.scene.scene import SceneObject, checked_transform
+from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import read_image
 
 # Shapes beside the parametric ones, and the keys that they take.

@@ -17,8 +17,7 @@ from texbake.rendering.scene.file.objects import ObjectMaker
 from texbake.rendering.scene.file.schema import SceneTable
 from texbake.rendering.scene.file.values import Place
 from texbake.rendering.scene.lights import Ambient, Lighting
-from texbake.rendering.scene.scene import Scene
-from texbake.rendering.scene.view import check_view
+from texbake.rendering.scene.scene import Scene, check_view
 
 
 def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = None) -> Scene:

@@ -46,7 +46,7 @@ from texbake.rendering.scene.file.tables import (
 )
 from texbake.rendering.scene.file.textures import ImageTable, ProcedureTable
 from texbake.rendering.scene.file.values import COLOR, Text, color_of, is_number
-from texbake.rendering.scene.scene import View
+from texbake.rendering.scene.scene import CameraView
 from texbake.schema import JsonSchema, option
 from texbake.texture.encoding import encode_srgb
 
@@ -62,8 +62,8 @@ def _angles(value: Any) -> tuple[float, ...]:
     return tuple(map(float, value))
 
 
-def _view(view: tuple[float, ...] | None = None, **given: Any) -> View:
-    return View(angles=view, **given)  # type: ignore[arg-type]
+def _view(view: tuple[float, ...] | None = None, **given: Any) -> CameraView:
+    return CameraView(angles=view, **given)  # type: ignore[arg-type]
 
 
 def _background(value: Any) -> tuple[float, ...] | None:
@@ -80,7 +80,7 @@ def _checked_render(**given: Any) -> dict[str, Any]:
 
 _ANGLES = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
 CameraTable = table(
-    View,
+    CameraView,
     name="Camera",
     without=("angles",),
     more={

@@ -7,9 +7,16 @@ from texbake.errors import OptionError
 from texbake.mesh.shapes import cube, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.placing import outline, placed, transform_matrix
-from texbake.rendering.scene.scene import Scene, SceneObject, View
-from texbake.rendering.scene.view import camera_of, turntable_cameras
+from texbake.rendering.scene.scene import (
+    CameraView,
+    Scene,
+    SceneObject,
+    camera_of,
+    outline,
+    placed,
+    turntable_cameras,
+)
+from texbake.rendering.scene.transforms import transform_matrix
 
 OPTIONS = RenderOptions(width=640, height=360)
 
@@ -72,7 +79,7 @@ def test_small_and_large_transforms_are_not_singular():
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_a_view_of_angles_frames_what_is_placed(up):
     options = RenderOptions(width=640, height=360, up=up)
-    camera = camera_of(scene(View(angles=(40, 10), fov=50)), options)
+    camera = camera_of(scene(CameraView(angles=(40, 10), fov=50)), options)
     meshes = [placed(item) for item in scene().objects]
     framed = Camera.framing(
         *meshes, options=RenderOptions(width=640, height=360, up=up, view=(40, 10), fov=50)
@@ -99,7 +106,7 @@ def test_objects_that_are_not_seen_are_not_framed():
 @pytest.mark.parametrize("position", [(4, 3, 5), (-1, -2, 0.1), (0, 0, 1e9), (1e-9, 0, 0)])
 def test_a_camera_at_a_position_has_its_target_in_the_middle(position):
     target = (0, 0, 0.0)
-    camera = camera_of(scene(View(position=position, target=target)), OPTIONS)
+    camera = camera_of(scene(CameraView(position=position, target=target)), OPTIONS)
     np.testing.assert_allclose(camera.axes @ camera.axes.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(camera.axes) == pytest.approx(1.0)
     clip = camera.clip_from_world(16 / 9) @ [*target, 1]
@@ -113,8 +120,8 @@ def test_a_camera_at_a_position_has_its_target_in_the_middle(position):
 
 
 def test_up_is_as_the_view_says_else_as_the_options():
-    view = View(position=(5, 0, 0), target=(0, 0, 0))
-    tilted = View(position=(5, 0, 0), target=(0, 0, 0), up=(0, 2, 2))
+    view = CameraView(position=(5, 0, 0), target=(0, 0, 0))
+    tilted = CameraView(position=(5, 0, 0), target=(0, 0, 0), up=(0, 2, 2))
     options = RenderOptions(up="z")
     np.testing.assert_array_equal(camera_of(scene(view), OPTIONS).axes[1], [0, 1, 0])
     np.testing.assert_array_equal(camera_of(scene(view), options).axes[1], [0, 0, 1])
@@ -143,10 +150,10 @@ def test_what_is_no_camera(eye, target, changes, message):
 
 
 def test_a_turn_by_angles_is_a_turn_of_the_azimuth():
-    cameras = turntable_cameras(scene(View(angles=(30, 20))), OPTIONS, 5)
+    cameras = turntable_cameras(scene(CameraView(angles=(30, 20))), OPTIONS, 5)
     assert len(cameras) == 5
     for i, camera in enumerate(cameras):
-        stepped = camera_of(scene(View(angles=(30 + 72 * i, 20))), OPTIONS)
+        stepped = camera_of(scene(CameraView(angles=(30 + 72 * i, 20))), OPTIONS)
         np.testing.assert_allclose(camera.eye, stepped.eye, atol=1e-12)
         np.testing.assert_allclose(camera.axes, stepped.axes, atol=1e-14)
         assert (camera.fov, camera.near) == (stepped.fov, stepped.near)
@@ -155,7 +162,7 @@ def test_a_turn_by_angles_is_a_turn_of_the_azimuth():
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_a_turn_of_a_position_goes_around_the_middle(up):
     options = RenderOptions(up=up)
-    view = View(position=(9, 4, 7), target=(3, 1, 0), up=(0.1, 1, 0.2))
+    view = CameraView(position=(9, 4, 7), target=(3, 1, 0), up=(0.1, 1, 0.2))
     cameras = turntable_cameras(scene(view), options, 4)
     center, _ = Camera.sphere_around(*(placed(item) for item in scene().objects))
     axis = {"y": 1, "z": 2}[up]

@@ -1,22 +1,47 @@
-"""Shadow maps: what lights see first, and with it what they do not reach.
+"""Shadow maps: how they are made, and how the light of a lamp is dimmed by them.
 
-A map is rasterized for each light that asks for shadows, unless none of them can fall on anything
-seen. It keeps, for each texel, the depth and the triangle that the light sees at its center; in
-which view, `texbake.rendering.effects.shadow_fit` says. The light of a point is dimmed by the
-share of
-its surroundings in the map that lies in shadow (`texbake.rendering.effects.shadow_filter`).
+A map is rasterized for each light that casts shadows, unless no shadow can fall on anything in the
+picture. Each texel holds the depth and the triangle that the light sees at its center.
+`texbake.rendering.effects.shadow_fit` chooses the view. Surfaces that are partly opaque cast the
+shadow of opaque ones.
 
-What is opaque in part casts the shadow of what is opaque.
+The light at a point is multiplied by the share of a square of texels around it in which nothing
+lies between the light and the point's surface (percentage-closer filtering). Whether something
+does is decided without a constant that would have to be tuned. A point's depth holds at the point
+alone; over the filter's footprint the surface gets nearer and farther with its slope. So
 
-Based on: Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978.
+1. the plane of the point's triangle is continued to the center of the texel, and only what lies
+   before that plane, by more than rounding, can shade;
+2. the plane of the triangle seen there is continued back to the point, and it must lie before that
+   too. Of two surfaces that meet between the point and the texel one passes neither test: at a
+   ridge the first leaves it out, in a groove the second. Nothing meets the point's surface, though,
+   where no texel about it sees that;
+3. where the triangle is one of the point's own object, the surface may go up and down between the
+   two, on triangles smaller than a texel, as steeply as the steeper of them does on either axis;
+   only what is nearer than that cannot be the same piece of surface.
+
+In clip space depth z/w is linear in x/w and y/w on any plane, so all that is a multiplication by
+the slope, which comes from the plane and not from differences of neighbors. The only other bias is
+what rounding leaves: a corner is moved by at most half a step of the rasterizer's grid on either
+axis, which the slope turns into depth, and depth is kept in float32.
+
+Based on: Reeves, Salesin, Cook, "Rendering antialiased shadows with depth maps", SIGGRAPH 1987, for
+the filter, here over an exact square in place of random samples; Isidoro, "Shadow mapping:
+GPU-based tips and techniques", GDC 2006, for the receiver's plane; Dou, Yan, Kerzner, Dai, Wyman,
+"Adaptive depth bias for shadow maps", I3D 2014, for the center of the texel as the place where
+planes are compared; Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978, for the
+maps. The second and third test are our own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import (
     Call,
     Effect,
@@ -25,8 +50,7 @@ from texbake.rendering.effect import (
     Result,
     Target,
 )
-from texbake.rendering.effects.lights import PLACED_LIGHTS, placed_light, shining
-from texbake.rendering.effects.shadow_filter import ShadowMap, lit_radiance
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, placed_light, shining
 from texbake.rendering.effects.shadow_fit import (
     Box,
     Pair,
@@ -37,11 +61,75 @@ from texbake.rendering.effects.shadow_fit import (
     seen_bounds,
     shading_pairs,
 )
-from texbake.rendering.fragments import Fragments, Incident
+from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.kernels.projection import dim_by_shadow
 from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.world import SHOW_BACK, SKIP
+from texbake.rendering.raster.world import SHOW_BACK, SKIP, World
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMap:
+    """What a light sees, in one view or through six faces of a cube.
+
+    Attributes
+    ----------
+    views, inverses : (V, 4, 4) float64
+        Clip space from world space, and back.
+    depths : (V, H, W) float32
+        z / w, greater is nearer to the light; 0 where it sees nothing.
+    face_ids : (V, H, W) int32
+        Triangle of the world; -1 where it sees nothing.
+    radius : float
+        Of the filter, in texels.
+    """
+
+    views: FloatArray
+    inverses: FloatArray
+    depths: npt.NDArray[np.float32]
+    face_ids: IntArray
+    radius: float
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that it takes."""
+        return self.depths.nbytes + self.face_ids.nbytes
+
+
+def lit_radiance(
+    shadow: ShadowMap,
+    light: PlacedLight,
+    world: World,
+    points: FloatArray,
+    normals: Floats,
+    faces: IntArray,
+    incident: Incident,
+    *,
+    own: tuple[int, int],
+) -> Floats:
+    """(n, 3) float32: the light of one lamp that reaches points past what casts shadows.
+
+    Parameters
+    ----------
+    shadow, light, world
+        The map of a light, and what it was made of.
+    points, normals : (n, 3)
+        Of the surface, which light falls on where its normal faces the light.
+    faces : (n,) int32
+        Triangle of the world that each point lies on.
+    incident
+        What would arrive without shadows.
+    own
+        First face of the object that all these points belong to, and the first after it.
+    """
+    out = np.empty((len(points), 3), np.float32)
+    dim_by_shadow(
+        points, normals, faces, own, (world.positions, world.faces), shadow.views,
+        (shadow.depths, shadow.face_ids, shadow.inverses, light.kind != "directional"),
+        light.position, shadow.radius, incident.directions, incident.radiance, out,
+    )  # fmt: skip
+    return out
 
 
 def _pairs(
@@ -49,7 +137,7 @@ def _pairs(
 ) -> list[Pair] | str:
     """Pairs of what may cast and what may receive shadows of a light, or why there are none.
 
-    With a picture it is known which objects are seen, and how far displaced ones reach.
+    With a state it is known which objects are visible, and how large displaced ones are.
     """
     objects = request.scene.objects
     casters = [i for i, item in enumerate(objects) if item.casts_shadows]
@@ -156,7 +244,7 @@ LIGHT_SHADOWS = Result(_prepare)
 
 SHADOW_MAPS = Effect(
     name="shadow maps",
-    does="finds what lights see first",
+    does="renders the depths that lights see",
     of="light",
     called_for=_called_for,
     left_out="no light casts shadows",
@@ -169,7 +257,7 @@ SHADOW_MAPS = Effect(
 # How maps are looked up is what `dim` does; what it needs is of the objects that receive.
 SHADOWS = Effect(
     name="shadows",
-    does="tells what lies in shadow",
+    does="looks up shadow maps",
     called_for=_shadows_called_for,
     left_out="no shadow falls on anything in the picture",
     needs=lambda request, target: ("positions",),

@@ -1,7 +1,10 @@
-"""Slide projectors: matrices that take points of the world to places of a picture.
+"""Matrices that put objects into the world, and slide projectors' pictures onto them.
+
+A transform scales first, then turns about x, y and z in that order, then moves. A projector takes
+points of the world to places of its picture.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
-texture mapping", SIGGRAPH 1992.
+texture mapping", SIGGRAPH 1992, for projectors.
 """
 
 from __future__ import annotations
@@ -16,6 +19,50 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.scene.lights import Vector
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import Image, read_header
+
+
+def transform_matrix(
+    *,
+    translate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    scale: float | tuple[float, float, float] = 1.0,
+) -> FloatArray:
+    """(4, 4) float64 that scales, turns about x, y and z in that order, and moves.
+
+    Parameters
+    ----------
+    translate
+        In world units.
+    rotate
+        Degrees, counter-clockwise seen from where the axis points to. Quarter turns are exact.
+    scale
+        Along the object's own axes; negative to mirror.
+
+    Examples
+    --------
+    >>> transform_matrix(rotate=(0, 90, 0), translate=(0, 5, 0)) @ [1, 0, 0, 1]
+    array([ 0.,  5., -1.,  1.])
+    """
+    linear = np.diag(np.broadcast_to(np.asarray(scale, np.float64), 3))
+    for axis, angle in enumerate(rotate):
+        cosine, sine = _cos_sin(angle)
+        turn = np.eye(3)
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        turn[first, first] = turn[second, second] = cosine
+        turn[first, second], turn[second, first] = -sine, sine
+        linear = turn @ linear
+    matrix = np.eye(4)
+    matrix[:3, :3] = linear
+    matrix[:3, 3] = translate
+    return matrix
+
+
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    quarters, rest = divmod(degrees, 90.0)
+    if rest == 0.0:
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters) % 4]
+    return math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+
 
 # Clip coordinates, from -w to w, to s and t, from 0 to q; r and q are the depth.
 _PICTURE_FROM_CLIP = np.array(

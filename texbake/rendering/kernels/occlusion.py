@@ -1,7 +1,4 @@
-"""Ambient occlusion: how much of the light from everywhere the surfaces nearby hold back.
-
-Two effects: a picture of it, from the depths that the camera sees; and its share for each fragment,
-which ambient and environment light are multiplied by.
+"""Ambient occlusion in screen space: the share of light from everywhere that reaches each pixel.
 
 At each pixel the hemisphere about the surface's normal is cut into slices that run across the
 screen. In each slice the highest point within the radius is looked for on either side; what is left
@@ -11,62 +8,27 @@ surface takes out again. Only what the camera sees can hide light.
 
 Based on: Jimenez, Wu, Pesce and Jarabo, "Practical real-time strategies for accurate indirect
 occlusion", 2016. Departs from it in that normals are those of the triangles, so that a flat surface
-is never shaded by itself.
+never shades itself.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.parallel import run_bands
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
-    only_when_needed,
-)
-from texbake.rendering.fragments import Fragments
-from texbake.rendering.request import RenderRequest
-from texbake.texture.image import FloatImage
 
-# Radius where none is given, in half the diagonal of what the picture is of.
-_RADIUS = 0.2
 # Side of the pattern of turns, and of the mean that takes it out.
-_PATTERN = 4
+PATTERN = 4
+
 # Least angle, as a sine, that a point must rise above the surface to hide any light: float32 depths
 # put the points of a flat surface seen at a slant that far off it.
-_FLAT = 1e-3
-# Rows of pixels a band.
-_ROWS = 16
-
-
-def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    lighting = request.scene.lighting
-    if lighting.occlusion is None:
-        return
-    lit_by_all = (
-        any(lighting.ambient.color)
-        or any(lighting.ambient.ground or ())
-        or (lighting.environment is not None and lighting.environment.lighting)
-    )
-    if not lit_by_all:
-        yield Refusal("the scene", "it has no ambient light that could be held back")
-    elif lighting.occlusion.strength == 0.0:
-        yield Refusal("the scene", "its strength is 0")
-    else:
-        for index in request.lit:
-            yield Call(index, request.name(index), "the scene asks for ambient occlusion")
+FLAT = 1e-3
 
 
 @kernel
-def _places_kernel(  # type: ignore[no-untyped-def]
+def find_places(  # type: ignore[no-untyped-def]
     face_ids, depths, side, near, positions, faces, rays, places, normals, start, stop
 ):
     """Place about the eye and normal of the nearest surface in each pixel; 0 for none."""
@@ -104,7 +66,7 @@ def _places_kernel(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, normal, to_eye):  # type: ignore[no-untyped-def]
+def horizon_of(places, row, column, dx, dy, n_steps, reach, offset, radius, normal, to_eye):  # type: ignore[no-untyped-def]
     """Cosine to the eye's direction of the highest point on one side of a pixel; -1 for none."""
     highest = -1.0
     here = places[row, column]
@@ -129,7 +91,7 @@ def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, normal
         if not 0.0 < squared < radius * radius:
             continue
         distance = math.sqrt(squared)
-        if above <= _FLAT * distance:
+        if above <= FLAT * distance:
             continue
         # Fades out toward the radius, so that nothing jumps there.
         share = min(1.0, 2.0 * (1.0 - distance / radius))
@@ -138,7 +100,7 @@ def _horizon(places, row, column, dx, dy, n_steps, reach, offset, radius, normal
 
 
 @kernel
-def _arc(horizon, tilt):  # type: ignore[no-untyped-def]
+def arc_light(horizon, tilt):  # type: ignore[no-untyped-def]
     """Light between the eye's direction and a horizon, weighted by the cosine to the normal."""
     return 0.25 * (
         -math.cos(2.0 * horizon - tilt) + math.cos(tilt) + 2.0 * horizon * math.sin(tilt)
@@ -146,9 +108,10 @@ def _arc(horizon, tilt):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _occlusion_kernel(  # type: ignore[no-untyped-def]
+def find_arriving_shares(  # type: ignore[no-untyped-def]
     places, normals, right, up, pixels_per_unit, radius, n_slices, n_steps, out, start, stop
 ):
+    """Write the share of light from everywhere that arrives at each pixel."""
     to_eye = np.empty(3)
     for row in range(start, stop):
         for column in range(places.shape[1]):
@@ -159,12 +122,12 @@ def _occlusion_kernel(  # type: ignore[no-untyped-def]
             for k in range(3):
                 to_eye[k] = -place[k] / distance
             reach = min(radius * pixels_per_unit / distance, 0.5 * places.shape[1])
-            turn = (row % _PATTERN) * _PATTERN + column % _PATTERN
+            turn = (row % PATTERN) * PATTERN + column % PATTERN
             offset = 0.25 + 0.75 * ((turn * 5) % 16) / 16.0
             arriving, total = 0.0, 0.0
             for s in range(n_slices):
                 angle = math.pi * (s + ((turn * 7) % 16) / 16.0) / n_slices
-                arriving_here, all_here = _slice(
+                arriving_here, all_here = slice_light(
                     places, row, column, math.cos(angle), math.sin(angle), right, up, normal,
                     to_eye, n_steps, reach, offset, radius,
                 )  # fmt: skip
@@ -175,7 +138,7 @@ def _occlusion_kernel(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _slice(  # type: ignore[no-untyped-def]
+def slice_light(  # type: ignore[no-untyped-def]
     places, row, column, cosine, sine, right, up, normal, to_eye, n_steps, reach, offset, radius
 ):
     """Light that reaches a pixel within one slice through the eye's direction, and all there is."""
@@ -194,10 +157,10 @@ def _slice(  # type: ignore[no-untyped-def]
     if projected < 1e-6:  # the slice lies in the surface
         return 0.0, 0.0
     tilt = math.atan2(across, toward)
-    ahead = _horizon(
+    ahead = horizon_of(
         places, row, column, cosine, sine, n_steps, reach, offset, radius, normal, to_eye
     )
-    behind = _horizon(
+    behind = horizon_of(
         places, row, column, -cosine, -sine, n_steps, reach, offset, radius, normal, to_eye
     )
     # Horizons as angles from the eye's direction, at least that of the surface itself.
@@ -205,13 +168,13 @@ def _slice(  # type: ignore[no-untyped-def]
     first = min(math.acos(min(max(ahead, -1.0), 1.0)), most)
     second = max(-math.acos(min(max(behind, -1.0), 1.0)), least)
     return (
-        projected * (_arc(first, tilt) + _arc(second, tilt)),
-        projected * (_arc(most, tilt) + _arc(least, tilt)),
+        projected * (arc_light(first, tilt) + arc_light(second, tilt)),
+        projected * (arc_light(most, tilt) + arc_light(least, tilt)),
     )
 
 
 @kernel
-def _smooth_kernel(rough, places, normals, radius, out, start, stop):  # type: ignore[no-untyped-def]
+def smooth_shares(rough, places, normals, radius, out, start, stop):  # type: ignore[no-untyped-def]
     """Mean over the pattern's pixels that lie on the same surface."""
     for row in range(start, stop):
         for column in range(rough.shape[1]):
@@ -228,67 +191,3 @@ def _smooth_kernel(rough, places, normals, radius, out, start, stop):  # type: i
                         total += rough[j, i]
                         weight += 1.0
             out[row, column] = total / weight if weight > 0.0 else 1.0
-
-
-def _prepare(state: RenderState, target: Target) -> FloatImage:
-    """(H, W) float32: share of light from everywhere that arrives at each pixel's surface."""
-    occlusion = state.scene.lighting.occlusion
-    assert occlusion is not None
-    visibility, world, camera = state.visible.visibility, state.world, state.camera
-    height, width = state.options.height, state.options.width
-    side = state.options.supersampling
-    places, normals = np.zeros((height, width, 3)), np.zeros((height, width, 3))
-    rough = np.ones((height, width), np.float32)
-    smooth = np.empty((height, width), np.float32)
-    rays = camera.view_rays(width, height)
-    radius = occlusion.radius
-    if radius is None:
-        extent = world.positions.max(axis=0) - world.positions.min(axis=0)
-        radius = _RADIUS * 0.5 * float(np.linalg.norm(extent)) or 1.0
-    n_slices = max(2, round(math.sqrt(occlusion.samples / 2.0)))
-    n_steps = max(1, math.ceil(occlusion.samples / (2 * n_slices)))
-    per_unit = 0.5 * height / math.tan(camera.fov / 2.0)
-
-    def locate(start: int, stop: int) -> None:
-        _places_kernel(
-            visibility.face_ids, visibility.depths, side, camera.near, world.positions,
-            world.faces, rays, places, normals, start, stop,
-        )  # fmt: skip
-
-    def gather(start: int, stop: int) -> None:
-        _occlusion_kernel(
-            places, normals, camera.axes[0], camera.axes[1], per_unit, float(radius), n_slices,
-            n_steps, rough, start, stop,
-        )  # fmt: skip
-
-    def blur(start: int, stop: int) -> None:
-        _smooth_kernel(rough, places, normals, float(radius), smooth, start, stop)
-
-    for work in locate, gather, blur:
-        run_bands(work, height, band=_ROWS, threads=state.threads)
-    return np.float32(1.0) - np.float32(occlusion.strength) * (np.float32(1.0) - smooth)
-
-
-def _shade(fragments: Fragments, state: RenderState) -> None:
-    fragments.ambient_share = state.of(OCCLUSION_SHARES).ravel()[fragments.pixels]
-
-
-OCCLUSION_SHARES = Result(_prepare)
-
-OCCLUSION_PICTURE = Effect(
-    name="occlusion picture",
-    does="finds what nearby surfaces hide, from depths",
-    of="picture",
-    called_for=only_when_needed,
-    left_out="the scene asks for no ambient occlusion",
-    prepare=OCCLUSION_SHARES,
-)
-
-AMBIENT_OCCLUSION = Effect(
-    name="ambient occlusion",
-    does="holds ambient light back near other surfaces",
-    called_for=_called_for,
-    left_out="the scene asks for no ambient occlusion",
-    needs=lambda request, target: ("occlusion picture",),
-    shade=_shade,
-)

@@ -9,8 +9,8 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import (
+    BaseSurface,
     Displaced,
-    Surface,
     displaced,
     texel_lengths,
 )
@@ -57,7 +57,7 @@ def displace(
         return texel_lengths(now.pieces, texels, seen) / edge_texels
 
     result = displaced(
-        Surface(
+        BaseSurface(
             points=mesh.positions,
             faces=mesh.faces,
             normals=smooth_normals(mesh, threads=threads),

@@ -1,12 +1,12 @@
-"""Displacement that moves the surface itself, and with it the silhouette.
+"""The surfaces of a picture: every mesh in world space, displaced where its material says so.
 
-The surface is cut as finely as the picture shows it (`texbake.rendering.displaced`): edges are
-halved
-until they are at most `edge_px` pixels long (`texbake.rendering.edge_lengths`), or no longer than a
-texel of the map, or there are `max_triangles` pieces.
+Displacement moves the surface itself, and with it the silhouette. The surface is subdivided as
+finely as the picture shows it (`texbake.rendering.displaced`): edges are halved until they are at
+most `edge_px` pixels long, or no longer than a texel of the map, or there are `max_triangles`
+triangles.
 
-A map is looked up with its texture's filter. One that reads smaller levels reads those for half of
-`edge_px`, which is how small pieces get; a procedure fades out what is finer than that.
+A map is looked up with the filter of its texture. A filter with mip levels reads those for half of
+`edge_px`, the size of the smallest triangles; a procedure fades out finer detail.
 
 Based on: Cook, "Shade trees", SIGGRAPH 1984; Cook, Carpenter, Catmull, "The Reyes image rendering
 architecture", SIGGRAPH 1987, for dicing by size on the screen.
@@ -25,8 +25,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
-from texbake.rendering.displaced import Surface, displaced
-from texbake.rendering.edge_lengths import EdgeView, MapView
+from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, displaced
 from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import (
     LoadedImage,
@@ -34,15 +33,46 @@ from texbake.rendering.effects.images import (
     placed_image,
     with_levels,
 )
-from texbake.rendering.effects.placing import PLACED_OBJECTS
+from texbake.rendering.effects.points import steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Displacement
+from texbake.rendering.scene.scene import placed
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture, ProcedureTexture
-from texbake.rendering.surface_steps import steps_along_surface
 from texbake.rendering.tessellation import Places
+
+
+def _placing_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in range(len(request.scene.objects)):
+        yield Call(index, request.name(index), "it is in the scene")
+
+
+def _place(state: RenderState, target: Target) -> DrawnObject:
+    assert target is not None
+    item = state.scene.objects[target]
+    mesh = placed(item)
+    inverse = None if item.transform is None else np.linalg.inv(item.transform)
+    return DrawnObject(
+        mesh=mesh,
+        material=item.material,
+        positions=mesh.positions,
+        faces=mesh.faces,
+        object_from_world=None if inverse is None else np.asarray(inverse, np.float64),
+    )
+
+
+PLACED_OBJECTS = Result(_place)
+
+PLACING = Effect(
+    name="placing",
+    does="transforms meshes to world space",
+    called_for=_placing_called_for,
+    left_out="the scene has no object",
+    load=PLACED_OBJECTS,
+    moves_surface=True,
+)
 
 # Normals (N, 3), their indices (F, 3) and tangents (F, 3, 4) in the object's space.
 Frames = tuple[FloatArray, IntArray, Floats]
@@ -59,7 +89,7 @@ class Relief:
     ----------
     drawn : DrawnObject
         Before displacement.
-    surface : Surface
+    surface : BaseSurface
     holder : Displacement
     image : LoadedImage, optional
         None for a procedure.
@@ -69,18 +99,18 @@ class Relief:
         How weights grow along the surface, where the lookup is filtered.
     frames : tuple, optional
         Of a map of vectors in tangent space.
-    reach : float
+    farthest : float
         Bound on how far a point is moved, in world space.
     """
 
     drawn: DrawnObject
-    surface: Surface
+    surface: BaseSurface
     holder: Displacement
     image: LoadedImage | None
     texels: FloatArray | None
     steps: FloatArray | None
     frames: Frames | None
-    reach: float
+    farthest: float
 
     @property
     def n_bytes(self) -> int:
@@ -90,14 +120,14 @@ class Relief:
         return own + (0 if self.image is None else self.image.n_bytes)
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
+def _displacement_called_for(request: RenderRequest) -> Iterator[Call]:
     for index, item in enumerate(request.scene.objects):
         if item.material.displacement is not None:
             yield Call(index, request.name(index), "its material has a displacement map")
 
 
-def _load(state: RenderState, target: Target) -> Relief | DrawnObject:
-    """Return what a picture cuts and moves; or that done already where it is cut alike for all."""
+def _load_relief(state: RenderState, target: Target) -> Relief | DrawnObject:
+    """Return what each picture displaces; or the result, where it is the same for all."""
     assert target is not None
     relief = _relief(state, target)
     return relief if relief.holder.edge_px is not None else _cut(state, target, relief, MapView())
@@ -118,7 +148,7 @@ def _relief(state: RenderState, target: int) -> Relief:
             frames = _frames_of(item.mesh, linear)
     else:
         filtered = state.request.wants_footprint(holder.texture)
-    surface = Surface(
+    surface = BaseSurface(
         points=drawn.positions,
         faces=drawn.faces,
         normals=smooth_normals(item.mesh, threads=state.threads),
@@ -132,7 +162,7 @@ def _relief(state: RenderState, target: int) -> Relief:
         texels=texels,
         steps=steps_along_surface(drawn.positions[drawn.faces]) if filtered else None,
         frames=frames,
-        reach=_farthest(holder, image, frames is not None) * float(np.linalg.norm(linear, 2)),
+        farthest=_farthest(holder, image, frames is not None) * float(np.linalg.norm(linear, 2)),
     )
 
 
@@ -187,23 +217,23 @@ def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
 
 
 def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
-    """Heights that values of a procedure, from 0 to 1, stand for."""
+    """Return the heights of values of a procedure, which are from 0 to 1."""
     return (values - (holder.mid or 0.0)) * (1.0 if holder.height is None else holder.height)
 
 
-def _prepare(state: RenderState, target: Target) -> DrawnObject:
+def _displace(state: RenderState, target: Target) -> DrawnObject:
     assert target is not None
     known = state.of(RELIEFS, target)
     if isinstance(known, DrawnObject):
         return known
     edge_px = known.holder.edge_px
     assert edge_px is not None
-    view = EdgeView(state.camera, state.options, edge_px, known.reach)
+    view = EdgeView(state.camera, state.options, edge_px, known.farthest)
     return _cut(state, target, known, view)
 
 
 def _cut(state: RenderState, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
-    """Cut a surface where its edges are too long, and move it."""
+    """Subdivide a surface where its edges are too long, and displace it."""
 
     def moves(places: Places, points: FloatArray) -> FloatArray:
         values = np.empty((len(places.vertices), 3 if relief.holder.vector else 1))
@@ -299,14 +329,14 @@ def _from_tangent_space(
     return np.asarray(x * tangent + y * bitangent + z * normal)
 
 
-RELIEFS = Result(_load)
+RELIEFS = Result(_load_relief)
 
-DISPLACED_OBJECTS = Result(_prepare)
+DISPLACED_OBJECTS = Result(_displace)
 
 DISPLACEMENT = Effect(
     name="displacement",
-    does="cuts surfaces finely and moves them",
-    called_for=_called_for,
+    does="subdivides surfaces and displaces them",
+    called_for=_displacement_called_for,
     left_out="no material has a displacement map",
     load=RELIEFS,
     prepare=DISPLACED_OBJECTS,

@@ -10,68 +10,80 @@ neighboring pixels.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from texbake.kernels import kernel
+from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, RenderState, Result, Target, only_when_needed
 from texbake.rendering.fragments import Fragments
+from texbake.rendering.kernels.interpolation import (
+    find_view_directions,
+    interpolate_positions,
+    interpolate_uvs,
+)
 
 
-@kernel
-def _positions_kernel(points, corners, faces, weights, out):  # type: ignore[no-untyped-def]
-    for i in range(len(faces)):
-        a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
-        weight1, weight2 = weights[i, 0], weights[i, 1]
-        for k in range(3):
-            # From the first corner: exact where weights are 0, whatever the size of coordinates.
-            out[i, k] = (
-                points[a, k]
-                + weight1 * (points[b, k] - points[a, k])
-                + weight2 * (points[c, k] - points[a, k])
-            )
+def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
+    """Growth of the weights for one more u, then for one more v.
+
+    Parameters
+    ----------
+    corner_uvs : (F, 3, 2) float64
+
+    Returns
+    -------
+    (F, 4) float64
+        Of triangles without area on the texture, where (u, v) do not differ, all 0.
+    """
+    along, up = corner_uvs[:, 1] - corner_uvs[:, 0], corner_uvs[:, 2] - corner_uvs[:, 0]
+    area = along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0]
+    inverse = np.stack([up[:, 1], -along[:, 1], -up[:, 0], along[:, 0]], axis=1)
+    return _divided(inverse, area)
+
+
+def steps_along_surface(corners: FloatArray) -> FloatArray:
+    """Growth of the weights for one unit along the first edge, then for one across it.
+
+    Parameters
+    ----------
+    corners : (F, 3, 3) float64
+        Positions.
+
+    Returns
+    -------
+    (F, 4) float64
+        Across is counter-clockwise seen from the front. Of triangles without area all 0.
+    """
+    along, up = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    area = np.linalg.norm(np.cross(along, up), axis=1)
+    shift = np.einsum("ij,ij->i", along, up)
+    # In the plane of the triangle its corners are (0, 0), (length, 0), (shift, area) / length.
+    first = _divided(np.stack([np.ones_like(length), np.zeros_like(length)], axis=1), length)
+    second = _divided(np.stack([-shift, length * length], axis=1), area * length)
+    steps = np.concatenate([first, second], axis=1)
+    return np.where((area > 0.0)[:, None], steps, 0.0)
+
+
+def _divided(rows: FloatArray, by: FloatArray) -> FloatArray:
+    """Rows over numbers; 0 where that is beyond float64."""
+    with np.errstate(all="ignore"):
+        quotients = rows / by[:, None]
+    return np.where(np.isfinite(quotients).all(axis=1, keepdims=True), quotients, 0.0)
 
 
 def _find_positions(fragments: Fragments, state: RenderState) -> None:
     drawn = fragments.drawn
     fragments.positions = np.empty((len(fragments), 3))
-    _positions_kernel(
+    interpolate_positions(
         drawn.positions, drawn.faces, fragments.drawn_faces, fragments.drawn_weights,
         fragments.positions,
     )  # fmt: skip
 
 
-@kernel
-def _to_eye_kernel(places, rays, out):  # type: ignore[no-untyped-def]
-    for i in range(len(places)):
-        squared = 0.0
-        for k in range(3):
-            ray = rays[0, k] + places[i, 0] * rays[1, k] + places[i, 1] * rays[2, k]
-            out[i, k] = -ray
-            squared += ray * ray
-        scale = 1.0 / math.sqrt(squared)
-        for k in range(3):
-            out[i, k] *= scale
-
-
 def _find_view(fragments: Fragments, state: RenderState) -> None:
     rays = state.camera.view_rays(state.options.width, state.options.height)
     fragments.to_eye = np.empty((len(fragments), 3), np.float32)
-    _to_eye_kernel(fragments.places, rays, fragments.to_eye)
-
-
-@kernel
-def _uvs_kernel(uvs, corners, faces, weights, changes, out, changes_out):  # type: ignore[no-untyped-def]
-    for i in range(len(faces)):
-        a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
-        weight1, weight2 = weights[i, 0], weights[i, 1]
-        for k in range(2):
-            along, up = uvs[b, k] - uvs[a, k], uvs[c, k] - uvs[a, k]
-            out[i, k] = uvs[a, k] + weight1 * along + weight2 * up
-            if len(changes_out) > 0:
-                changes_out[i, k] = changes[i, 0] * along + changes[i, 1] * up
-                changes_out[i, 2 + k] = changes[i, 2] * along + changes[i, 3] * up
+    find_view_directions(fragments.places, rays, fragments.to_eye)
 
 
 def _find_uvs(fragments: Fragments, state: RenderState) -> None:
@@ -80,7 +92,7 @@ def _find_uvs(fragments: Fragments, state: RenderState) -> None:
     wanted = state.plan.has("derivatives", fragments.target)
     fragments.uvs = np.empty((len(fragments), 2))
     fragments.uv_changes = np.empty((len(fragments) if wanted else 0, 4), np.float32)
-    _uvs_kernel(
+    interpolate_uvs(
         mesh.uvs, mesh.uv_faces, fragments.faces, fragments.weights, fragments.changes,
         fragments.uvs, fragments.uv_changes,
     )  # fmt: skip
@@ -103,7 +115,7 @@ VIEW_DIRECTIONS = Effect(
     name="view directions",
     does="finds the direction from fragments to the eye",
     called_for=only_when_needed,
-    left_out="nothing looks different from another side",
+    left_out="nothing depends on the direction of view",
     shade=_find_view,
 )
 
@@ -119,7 +131,7 @@ _REQUIRED_UVS = Result(_require_uvs)
 
 TEXTURE_COORDINATES = Effect(
     name="texture coordinates",
-    does="interpolates (u, v)",
+    does="interpolates texture coordinates",
     called_for=only_when_needed,
     left_out="nothing is looked up at (u, v)",
     load=_REQUIRED_UVS,

@@ -1,6 +1,6 @@
 import numpy as np
 
-from texbake.rendering.surface_steps import steps_along_surface, steps_along_texture
+from texbake.rendering.effects.points import steps_along_surface, steps_along_texture
 
 
 def test_one_step_along_the_texture_is_one_unit_of_it():

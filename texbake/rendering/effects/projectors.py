@@ -1,0 +1,290 @@
+"""Pictures projected onto surfaces: slides in spots, and slide projectors.
+
+The slide of a spot (a light profile) is the square around its outer cone, upright along the light's
+`up`; its light is multiplied by the picture. A projected texture takes the place of the base color,
+by its own opacity times its strength, one after another; nothing hides a surface from its
+projector. Behind a projector and outside the unit square of its picture it has no effect.
+
+A slide projector's matrix takes a point P of the world to s, t and q, each linear in P; the picture
+is looked up at (s/q, t/q). From one pixel to the next P moves by dP in the plane of its triangle,
+and by the rule of quotients the coordinate by
+
+    d(s/q) = (ds - (s/q) dq) / q
+
+with ds and dq the same linear functions of dP alone. dP is exact too: the ray of the next pixel,
+r + dr, meets the plane with normal n at P + t dr - t (n·dr) / (n·r) r, to first order, where P lies
+t times r before the eye.
+
+Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
+texture mapping", SIGGRAPH 1992. Departs from it in that the derivatives are taken per point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.effect import (
+    Call,
+    Effect,
+    Refusal,
+    RenderState,
+    Result,
+    Target,
+)
+from texbake.rendering.effects.images import (
+    LoadedImage,
+    image_values,
+    placed_image,
+    with_levels,
+)
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining
+from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.kernels.projection import find_pixel_steps, project_points
+from texbake.rendering.maps import colors_and_opacity_from, colors_from
+from texbake.rendering.request import RenderRequest
+from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.material import ProjectedTexture
+from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
+from texbake.rendering.scene.transforms import projector_matrix
+from texbake.texture.image import FloatImage
+
+_NO_STEPS = np.empty((0, 2, 3))
+
+
+def load_slide(
+    texture: ImageTexture,
+    pixels: FloatImage,
+    *,
+    filter_name: str,
+    name: str,
+    threads: int | None = None,
+) -> LoadedImage:
+    """Texels of a slide, with smaller levels where its filter has a footprint."""
+    image = placed_image(
+        texture, pixels, kind="color", filter_name=filter_name, uvs=None, name=name
+    )
+    return with_levels(image, threads=threads) if filter_name in FILTERS_WITH_FOOTPRINT else image
+
+
+def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
+    """(n, 2, 3) float64: how far points move in the world for one pixel to the right, and down.
+
+    Not finite where a triangle is seen exactly edge-on.
+    """
+    drawn = fragments.drawn
+    steps = np.empty((len(fragments), 2, 3))
+    find_pixel_steps(
+        fragments.positions, drawn.positions, drawn.faces, fragments.drawn_faces, fragments.places,
+        state.camera.view_rays(state.options.width, state.options.height),
+        np.ascontiguousarray(state.camera.eye), steps,
+    )  # fmt: skip
+    return steps
+
+
+def thrown(
+    image: LoadedImage, matrix: FloatArray, points: FloatArray, steps: FloatArray | None = None
+) -> tuple[Floats, Floats]:
+    """Look a picture up where a projector throws it onto points.
+
+    Parameters
+    ----------
+    image
+        By `load_slide`.
+    matrix : (4, 4) float64
+        World space to (s, t, r, q).
+    points : (n, 3) float64
+        World space.
+    steps : (n, 2, 3) float64, optional
+        By `pixel_steps`; None for points that are not those of pixels, which get level 0 of the
+        picture, bilinear at the least.
+
+    Returns
+    -------
+    values : (n, C) float32
+        Anything where the coverage is 0.
+    coverage : (n,) float32
+        Share of the pixel inside the unit square, 0 behind the projector (q <= 0). Without steps 0
+        or 1.
+    """
+    n = len(points)
+    filtered = steps is not None and image.filter in FILTERS_WITH_FOOTPRINT
+    places, coverage = np.empty((n, 2)), np.empty(n, np.float32)
+    changes = np.zeros((n, 4), np.float32)
+    project_points(
+        points, steps if filtered else _NO_STEPS, np.ascontiguousarray(matrix, np.float64),
+        places, changes, coverage,
+    )  # fmt: skip
+    needs_changes = image.filter in FILTERS_WITH_FOOTPRINT
+    return image_values(image, places, changes if needs_changes else None), coverage
+
+
+@dataclass(frozen=True, eq=False)
+class Slide:
+    """The picture in a spot; `matrix` (4, 4) takes world space to (s, t, r, q)."""
+
+    image: LoadedImage
+    matrix: FloatArray
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of its texels."""
+        return self.image.n_bytes
+
+
+def _slides_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+    for index, light in enumerate(request.scene.lighting.lights):
+        if light.profile is None:
+            continue
+        name = f'light "{light.name}"'
+        if light.kind != "spot":
+            yield Refusal(name, f"only a spot holds a slide, and it is {light.kind}")
+        elif index not in shining(request):
+            yield Refusal(name, "it is dark")
+        elif not request.lit:
+            yield Refusal(name, "no object in the picture is lit")
+        else:
+            yield Call(index, name, "it has a slide")
+
+
+def _load_slide(state: RenderState, target: Target) -> LoadedImage:
+    assert target is not None
+    light = state.lights[target]
+    assert light.profile is not None
+    return _image_of(light, state.request.filter_of(light.profile), state.threads)
+
+
+def _image_of(light: Light, filter_name: str, threads: int | None) -> LoadedImage:
+    assert light.profile is not None
+    pixels = colors_from(light.profile.image, color=light.profile.color is not False)
+    name = f"{light.name}.profile"
+    return load_slide(light.profile, pixels, filter_name=filter_name, name=name, threads=threads)
+
+
+def slide_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None) -> Slide:
+    """Return the slide of a spot that stands somewhere; its image is read where it is not given."""
+    if image is None:
+        image = _image_of(light, "bilinear", None)
+    place, ahead = placed.position, placed.position + placed.direction
+    matrix = projector_matrix(
+        position=(place[0], place[1], place[2]),
+        target=(ahead[0], ahead[1], ahead[2]),
+        up=tuple(placed.axes[1]),
+        fov=light.angle,
+    )
+    return Slide(image, matrix)
+
+
+def slide_colors(slide: Slide, points: FloatArray, steps: FloatArray | None = None) -> Floats:
+    """(n, 3) float32: what the light that reaches points is multiplied by.
+
+    `steps` are those of `texbake.rendering.effects.projectors.pixel_steps`, where they are pixels'.
+    """
+    colors, coverage = thrown(slide.image, slide.matrix, points, steps)
+    return colors * coverage[:, None]
+
+
+def _place_slide(state: RenderState, target: Target) -> Slide:
+    assert target is not None
+    light, placed = state.lights[target], state.of(PLACED_LIGHTS, target)
+    return slide_of(light, placed, state.of(SLIDE_IMAGES, target))
+
+
+def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+    slide = state.of(SLIDES, index)
+    assert fragments.positions is not None
+    steps = None
+    if slide.image.filter in FILTERS_WITH_FOOTPRINT:
+        steps = pixel_steps(fragments, state)
+    incident.radiance = incident.radiance * slide_colors(slide, fragments.positions, steps)
+
+
+SLIDE_IMAGES = Result(_load_slide)
+
+SLIDES = Result(_place_slide)
+
+LIGHT_PROFILES = Effect(
+    name="light profiles",
+    does="puts slides into spots",
+    of="light",
+    called_for=_slides_called_for,
+    left_out="no light has a slide",
+    needs=lambda request, target: ("lights",),
+    load=SLIDE_IMAGES,
+    prepare=SLIDES,
+    dim=_dim,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ThrownPicture:
+    """A picture as it is looked up: four channels, colors times opacity and opacity."""
+
+    image: LoadedImage
+    matrix: FloatArray
+    strength: float
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of its texels."""
+        return self.image.n_bytes
+
+
+def _projected_called_for(request: RenderRequest) -> Iterator[Call]:
+    for index in request.shaded:
+        if request.material(index).projected:
+            yield Call(index, request.name(index), "a picture is projected onto it")
+
+
+def _load_projected(state: RenderState, target: Target) -> list[ThrownPicture]:
+    assert target is not None
+    material = state.request.material(target)
+    return [_thrown_picture(state, item, i) for i, item in enumerate(material.projected)]
+
+
+def _thrown_picture(state: RenderState, item: ProjectedTexture, place: int) -> ThrownPicture:
+    texture = item.texture
+    colors, opacity = colors_and_opacity_from(texture.image, color=texture.color is not False)
+    if opacity is None:
+        opacity = np.ones_like(colors[..., :1])
+    factor = np.broadcast_to(np.asarray(texture.factor, np.float32), 3)
+    # Times the opacity before they are filtered, or what is clear would color what is not.
+    texels = np.concatenate([colors * factor * opacity, opacity], axis=2)
+    image = load_slide(
+        replace(texture, factor=1.0, border=(0.0,)),
+        texels,
+        filter_name=state.request.filter_of(texture),
+        name=f"projected[{place}].texture",
+        threads=state.threads,
+    )
+    return ThrownPicture(image, np.asarray(item.matrix, np.float64), item.strength)
+
+
+def _throw(fragments: Fragments, state: RenderState) -> None:
+    base = fragments.values.base_color
+    pictures = state.of(THROWN_PICTURES, fragments.target)
+    steps = None
+    if any(item.image.filter in FILTERS_WITH_FOOTPRINT for item in pictures):
+        steps = pixel_steps(fragments, state)
+    assert fragments.positions is not None
+    for item in pictures:
+        values, coverage = thrown(item.image, item.matrix, fragments.positions, steps)
+        share = (item.strength * coverage)[:, None]
+        base = base * (1.0 - share * values[:, 3:]) + share * values[:, :3]
+    fragments.slots = replace(fragments.values, base_color=np.ascontiguousarray(base, np.float32))
+
+
+THROWN_PICTURES = Result(_load_projected)
+
+PROJECTED_TEXTURES = Effect(
+    name="projected textures",
+    does="projects pictures onto surfaces",
+    called_for=_projected_called_for,
+    left_out="nothing in the picture has a projected texture",
+    needs=lambda request, target: ("slots", "positions"),
+    load=THROWN_PICTURES,
+    shade=_throw,
+)

@@ -1,0 +1,165 @@
+"""The two passes of every picture: rasterizing what is visible, and shading its fragments."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.parallel import run_bands
+from texbake.rendering.effect import RenderState, VisibleScene
+from texbake.rendering.fragments import Fragments
+from texbake.rendering.kernels.lighting import keep_finite
+from texbake.rendering.kernels.pixels import mark_seen_objects
+from texbake.rendering.raster.fragments import FragmentRows, fragment_rows, weights_at
+from texbake.rendering.raster.rasterize import rasterize
+from texbake.rendering.raster.scanline import rasterize_scanlines
+from texbake.rendering.raster.world import (
+    CULL_BACK,
+    SHOW_BACK,
+    SKIP,
+    VisibilityBuffer,
+    World,
+)
+
+# Rows of samples a band.
+_ROWS = 64
+
+
+def find_visible(state: RenderState) -> VisibleScene:
+    """Rasterize opaque objects, and find which objects some sample sees."""
+    side = state.options.supersampling
+    width, height = state.options.width * side, state.options.height * side
+    matrix = state.camera.clip_from_world(width / height)
+    layers = state.plan.has("transparency")
+    with state.costs.timed("rasterizing"):
+        modes = object_modes(state)
+        clear = [layers and state.plan.has("transparency", i) for i in range(len(modes))]
+        opaque = np.where(clear, np.uint8(SKIP), modes)
+        weights = None
+        if state.options.interpolation == "scanline":
+            visibility, weights = rasterize_scanlines(
+                state.world, matrix, width, height, modes=opaque
+            )
+        else:
+            visibility = rasterize(
+                state.world, matrix, width, height, modes=opaque, threads=state.threads
+            )
+        seen = seen_objects(visibility, state.world, threads=state.threads)
+    state.costs.add("rasterizing", 0.0, visibility.n_bytes)
+    return VisibleScene(
+        visibility=visibility,
+        modes=modes,
+        objects=seen | {i for i in state.request.in_view if clear[i]},
+        scanline_weights=weights,
+    )
+
+
+def object_modes(state: RenderState) -> npt.NDArray[np.uint8]:
+    """(O,) uint8: what is drawn of each object, by the options and its material."""
+    modes = np.full(len(state.scene.objects), SKIP, np.uint8)
+    for index in state.request.in_view:
+        double_sided = state.request.material(index).double_sided
+        if double_sided is None:
+            double_sided = state.options.back_faces == "show"
+        modes[index] = SHOW_BACK if double_sided else CULL_BACK
+    return modes
+
+
+def seen_objects(
+    visibility: VisibilityBuffer, world: World, *, threads: int | None = None
+) -> frozenset[int]:
+    """Objects that some sample sees."""
+    seen = np.zeros(world.n_objects, np.bool_)
+
+    def work(start: int, stop: int) -> None:
+        mark_seen_objects(visibility.face_ids, world.starts, seen, start, stop)
+
+    run_bands(work, len(visibility.face_ids), band=_ROWS, threads=threads)
+    return frozenset(np.flatnonzero(seen).tolist())
+
+
+def shaded_fragments(
+    state: RenderState,
+    visibility: VisibilityBuffer,
+    rows: tuple[int, int],
+    *,
+    wants_samples: bool = False,
+) -> tuple[FragmentRows, list[Fragments]]:
+    """Fragments of some rows of pixels, shaded, object after object."""
+    with state.costs.timed("fragments"):
+        found = fragment_rows(
+            visibility.face_ids,
+            state.world,
+            rows,
+            side=state.options.supersampling,
+            merges=state.options.edges == "multisample"
+            and state.options.interpolation != "scanline",
+            wants_samples=wants_samples,
+        )
+    return found, shaded_objects(state, visibility, found)
+
+
+def shaded_objects(
+    state: RenderState, visibility: VisibilityBuffer | None, found: FragmentRows
+) -> list[Fragments]:
+    """Shade fragments, object after object; `visibility` is the buffer they come from, if any."""
+    shaded = []
+    for target in range(state.world.n_objects):
+        first, stop = found.starts[target : target + 2]
+        if first == stop:
+            continue
+        with state.costs.timed("fragments"):
+            fragments = _fragments_of(state, visibility, found, target, slice(first, stop))
+        for effect in state.plan.for_target(target):
+            if effect.shade is not None:
+                with state.costs.timed(effect.name):
+                    effect.shade(fragments, state)
+        keep_finite(fragments.light)
+        shaded.append(fragments)
+    return shaded
+
+
+def _fragments_of(
+    state: RenderState,
+    visibility: VisibilityBuffer | None,
+    found: FragmentRows,
+    target: int,
+    span: slice,
+) -> Fragments:
+    drawn = state.drawn(target)
+    world, options = state.world, state.options
+    faces, places = found.faces[span], found.places[span]
+    weights, back_facing, changes = weights_at(
+        world,
+        state.camera.clip_from_world(options.width / options.height),
+        options.width,
+        options.height,
+        faces,
+        places,
+        affine=options.interpolation == "affine",
+        wants_changes=state.plan.has("derivatives", target),
+    )
+    stepped = state.visible.scanline_weights
+    if stepped is not None and visibility is state.visible.visibility:
+        columns, rows = (places.T * np.float32(options.supersampling)).astype(np.int64)
+        weights = stepped[rows, columns]
+    own = faces - np.int32(world.starts[target])
+    base = (
+        (own, weights, changes)
+        if drawn.base_faces is None
+        else drawn.on_base(own, weights, changes)
+    )
+    return Fragments(
+        target=target,
+        drawn=drawn,
+        drawn_faces=own,
+        drawn_weights=weights,
+        faces=base[0],
+        weights=base[1],
+        changes=base[2],
+        places=places,
+        pixels=found.pixels[span],
+        counts=found.counts[span],
+        back_facing=back_facing,
+        light=np.zeros((len(faces), 3), np.float32),
+    )

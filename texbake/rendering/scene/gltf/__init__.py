@@ -1,1 +1,0 @@
-"""Scenes of glTF files: what their materials, lights and cameras are here."""
