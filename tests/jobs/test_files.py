@@ -1,0 +1,85 @@
+"""Jobs from files to files: what they write, what they return, and what they refuse."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import texbake
+from texbake import BakeOptions, OptionError
+from texbake.mesh.shapes import uv_sphere
+
+OPTIONS = BakeOptions(maps=("normal", "displacement"), size=32, padding=1, samples=1)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a mesh that has texture coordinates and one that has none."""
+    monkeypatch.chdir(tmp_path)
+    texbake.write_mesh(uv_sphere(8, 16), "ball.obj")
+    texbake.write_mesh(uv_sphere(8, 16).replace(uvs=None, uv_faces=None), "bare.ply")
+    return tmp_path
+
+
+def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
+    done = texbake.bake_files("ball.obj", "ball.obj", "maps", OPTIONS, report="bake.json")
+    assert done.files == (Path("maps/normal.png"), Path("maps/displacement.png"), Path("bake.json"))
+    assert all(path.is_file() for path in done.files)
+    mesh = texbake.read_mesh("ball.obj")
+    texbake.bake(mesh, mesh, OPTIONS).maps["normal"].write("expected.png")
+    assert Path("expected.png").read_bytes() == Path("maps/normal.png").read_bytes()
+    assert done.maps["normal"].bits == 16
+    assert [stage.name for stage in done.report.stages][:1] == ["read meshes"]
+
+
+def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) -> None:
+    done = texbake.bake_files("ball.obj", "ball.obj", {"normal": "n.tga"}, OPTIONS, hits="h.npz")
+    assert set(done.maps) == {"normal"} and done.files == (Path("n.tga"), Path("h.npz"))
+    again = texbake.remap_files("h.npz", "again", format="tga")
+    assert Path("again/normal.tga").read_bytes() == Path("n.tga").read_bytes()
+    assert again.files == (Path("again/normal.tga"),)
+
+
+def test_meshes_one_after_another(folder: Path) -> None:
+    low = texbake.simplify_file("bare.ply", "low.obj", 60, report="low.json")
+    assert low.report.n_faces <= 60 and low.files == (Path("low.obj"), Path("low.json"))
+    fine, coarse = texbake.simplify_levels("bare.ply", [(100, "a.obj"), (60, "b.obj")])
+    assert fine.report.n_faces > coarse.report.n_faces
+    assert Path("b.obj").read_bytes() == Path("low.obj").read_bytes()
+    mapped = texbake.unwrap_files("low.obj", "mapped.obj", layout="layout.svg")
+    assert mapped.files == (Path("mapped.obj"), Path("layout.svg"))
+    assert texbake.info_file("mapped.obj", uv_size=64).distortion is not None
+    assert texbake.info_file("low.obj").distortion is None
+
+
+def test_a_repair_counts_what_it_changed(folder: Path) -> None:
+    ball = uv_sphere(4, 8)
+    twice = texbake.Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))
+    texbake.write_mesh(twice, "twice.ply")
+    done = texbake.repair_file("twice.ply", "once.ply")
+    assert done.report.counts["duplicate faces"] == ball.n_faces
+    assert texbake.read_mesh("once.ply").n_faces == done.report.n_faces == ball.n_faces
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        lambda: texbake.bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
+        lambda: texbake.bake_files("ball.obj", "ball.obj", "m", OPTIONS, report="ball.obj"),
+        lambda: texbake.simplify_file("ball.obj", "a.obj", 60, report="ball.obj"),
+        lambda: texbake.cage_file("ball.obj", "bare.ply", "bare.ply"),
+        lambda: texbake.unwrap_files("ball.obj", "a.obj", checker="c.png", layout="c.png"),
+        lambda: texbake.compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),
+        lambda: texbake.preview_files("ball.obj", "p.png", report="ball.obj"),
+        lambda: texbake.check_mesh_files("ball.obj", sides="s.png", layout="s.png"),
+    ],
+)
+def test_no_output_replaces_an_input_or_another_output(
+    folder: Path, job: Callable[[], object]
+) -> None:
+    before = Path("ball.obj").read_bytes()
+    with pytest.raises(OptionError, match=r"it is also an input|two outputs have this name"):
+        job()
+    assert Path("ball.obj").read_bytes() == before
+    assert sorted(path.name for path in folder.iterdir()) == ["ball.obj", "bare.ply"]
