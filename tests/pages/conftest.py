@@ -22,7 +22,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakeResult
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
-from texbake.pages.bake_page import write_bake_page
+from texbake.pages.asset_page import write_bake_page
 
 TIMEOUT = 60.0  # seconds for any answer; the first picture on SwiftShader takes about two
 FLAGS = (

@@ -14,8 +14,7 @@ from texbake.baking.result import BakeResult
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.pages import viewer
-from texbake.pages.asset_page import AssetPage, write_asset_page
-from texbake.pages.bake_page import write_bake_page
+from texbake.pages.asset_page import AssetPage, write_asset_page, write_bake_page
 from texbake.rendering.panels import colored_angles
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import write_image
@@ -42,7 +41,7 @@ def differing(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (np.abs(a.astype(int) - b) > 12).any(axis=2)
 
 
-def bare_canvas(browser) -> np.ndarray:
+def canvas_alone(browser) -> np.ndarray:
     """The view without what lies over it."""
     browser.value(
         "for (const part of document.querySelectorAll('#view .tag, #view .divider'))"
@@ -56,7 +55,7 @@ def bare_canvas(browser) -> np.ndarray:
 def test_it_draws_and_asks_for_nothing(browser, page, width: int, dark: bool) -> None:
     browser.open(page, width=width, dark=dark)
     browser.wait(f"{READY} && {MAPS_READY}")
-    drawn = differing(bare_canvas(browser), BACKGROUND)
+    drawn = differing(canvas_alone(browser), BACKGROUND)
     assert 0.08 < drawn.mean() < 0.9  # a sphere, neither nothing nor everything
     middle = drawn[drawn.shape[0] // 2, drawn.shape[1] // 2]
     assert middle and not drawn[20, 20]  # past the round corner
@@ -69,11 +68,11 @@ def test_it_draws_and_asks_for_nothing(browser, page, width: int, dark: bool) ->
 
 
 def test_the_slider_moves_the_border_between_the_meshes(opened) -> None:
-    opened.set("[name=left][value=bare]", True)
+    opened.set("[name=left][value=low]", True)
     pictures = {}
     for share in 0, 500, 1000:
         opened.set("[name=wipe]", share)
-        pictures[share] = bare_canvas(opened)
+        pictures[share] = canvas_alone(opened)
     half = pictures[0].shape[1] // 2
     assert differing(pictures[0], pictures[1000]).mean() > 0.03
     # In the middle each side is just what it is when it has all of the view.
@@ -97,9 +96,9 @@ def test_the_border_can_be_dragged(opened) -> None:
     assert moved == pytest.approx(500 + 1000 * 150 / wide, abs=3)
 
 
-def test_light_surface_triangles_and_misses_show(opened) -> None:
+def test_lighting_surface_wireframe_and_misses_show(opened) -> None:
     opened.set("[name=wipe]", 0)
-    last = bare_canvas(opened)
+    last = canvas_alone(opened)
     for control, value in (
         ("[name=light]", 90),
         ("[name=wire]", True),
@@ -109,7 +108,7 @@ def test_light_surface_triangles_and_misses_show(opened) -> None:
         ("[name=up]", "z"),
     ):
         opened.set(control, value)
-        shown = bare_canvas(opened)
+        shown = canvas_alone(opened)
         assert differing(shown, last).mean() > 0.002, control
         last = shown
     assert (differing(last, [255, 31, 61]).mean() < 1.0) and opened.complaints() == []
@@ -117,13 +116,13 @@ def test_light_surface_triangles_and_misses_show(opened) -> None:
 
 def test_the_view_answers_to_the_keyboard_and_goes_back(opened) -> None:
     opened.value("document.querySelector('#view canvas').focus()")
-    first = bare_canvas(opened)
+    first = canvas_alone(opened)
     for key in "ArrowRight", "ArrowUp", "+":
-        before = bare_canvas(opened)
+        before = canvas_alone(opened)
         opened.press(key)
-        assert differing(bare_canvas(opened), before).any(), key
+        assert differing(canvas_alone(opened), before).any(), key
     opened.press("Home")
-    assert not differing(bare_canvas(opened), first).any()
+    assert not differing(canvas_alone(opened), first).any()
 
 
 def test_every_control_has_a_name_and_is_reached(opened) -> None:
@@ -137,7 +136,7 @@ def test_every_control_has_a_name_and_is_reached(opened) -> None:
 
 
 def test_equal_meshes_have_no_error(browser, tmp_path) -> None:
-    """Every normal of the dense mesh comes back through tangents, map and texture."""
+    """Every normal of the high-poly mesh comes back through tangents, map and texture."""
     mesh = uv_sphere(24, 32)
     result = bake(mesh, mesh, BakeOptions(size=256, maps=("normal",)))
     write_asset_page(tmp_path / "same.html", page_of((mesh, mesh), result))
@@ -145,7 +144,7 @@ def test_equal_meshes_have_no_error(browser, tmp_path) -> None:
     browser.wait(READY)
     browser.set("[name=right][value=error]", True)
     browser.set("[name=wipe]", 0)
-    shown = bare_canvas(browser)
+    shown = canvas_alone(browser)
     seen = differing(shown, BACKGROUND)
     assert seen.mean() > 0.1
     # 8 bits leave 0.4 degrees at most; 1 degree and a half of the scale's 30 is hardly blue.
@@ -168,7 +167,7 @@ def test_the_error_is_the_angle(browser, tmp_path) -> None:
     browser.wait(READY)
     browser.set("[name=right][value=error]", True)
     browser.set("[name=wipe]", 0)
-    shown = bare_canvas(browser)
+    shown = canvas_alone(browser)
     middle = shown[shown.shape[0] // 2, shown.shape[1] // 2].astype(float)
     expected = encode_srgb(colored_angles(np.full((1, 1), 20.0, np.float32)))[0, 0] * 255.0
     # The scale has 24 colors, between which the page interpolates.
@@ -183,7 +182,7 @@ def test_green_down_and_green_up_look_the_same(browser, pair, tmp_path) -> None:
         browser.open(tmp_path / "c.html")
         browser.wait(READY)
         browser.set("[name=wipe]", 0)
-        shown.append(bare_canvas(browser))
+        shown.append(canvas_alone(browser))
     assert differing(*shown).mean() < 1e-3  # but for the rounding of 128 on the other side
 
 
@@ -195,7 +194,7 @@ def test_object_space_and_tangent_space_look_the_same(browser, pair, tmp_path) -
         browser.open(tmp_path / "s.html")
         browser.wait(READY)
         browser.set("[name=wipe]", 0)
-        shown.append(bare_canvas(browser))
+        shown.append(canvas_alone(browser))
     # Seams differ: tangents do not go on across them, and mip levels mix what lies beside a chart.
     assert differing(*shown).mean() < 0.01
 
@@ -270,7 +269,7 @@ def test_without_webgl_the_rest_is_there(browser, page) -> None:
         browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added["identifier"])
 
 
-def test_a_large_mesh_is_made_lighter_and_the_page_says_so(
+def test_a_large_mesh_is_simplified_and_the_page_says_so(
     browser, pair, monkeypatch: pytest.MonkeyPatch, tmp_path
 ) -> None:
     monkeypatch.setattr(viewer, "MOST_TRIANGLES", 500)
@@ -278,18 +277,18 @@ def test_a_large_mesh_is_made_lighter_and_the_page_says_so(
     write_asset_page(tmp_path / "l.html", AssetPage(high=high, low=low))
     browser.open(tmp_path / "l.html")
     browser.wait(READY)
-    shown = browser.value("texbake.mesh('mesh-dense').then(m => m.index.length / 3)")
+    shown = browser.value("texbake.mesh('mesh-high').then(m => m.index.length / 3)")
     assert 100 < shown <= 500
     text = browser.value("document.querySelector('#view').innerText")
-    assert f"The dense mesh is shown with {shown} of its {high.n_faces:,} triangles." in text
+    assert f"The high-poly mesh is shown with {shown} of its {high.n_faces:,} triangles." in text
 
 
 def test_names_cannot_break_the_page(browser, tmp_path) -> None:
     name = '</script><img src=x onerror="document.title=1">&".obj'
     mesh = plane(2, 2).replace(name=name)
-    bare = Mesh(positions=mesh.positions, faces=mesh.faces, name=name)
+    low = Mesh(positions=mesh.positions, faces=mesh.faces, name=name)
     write_asset_page(
-        tmp_path / "odd ü.html", AssetPage(high=mesh, low=bare, command=name, warnings=[name])
+        tmp_path / "odd ü.html", AssetPage(high=mesh, low=low, command=name, warnings=[name])
     )
     browser.open(tmp_path / "odd ü.html")
     browser.wait(READY)
@@ -310,7 +309,7 @@ def test_a_page_is_the_same_each_time(pair, baked, tmp_path) -> None:
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_real_pair(browser, data_dir, tmp_path_factory, width: int) -> None:
     from texbake.mesh.files import read_mesh
-    from texbake.pages.page_maps import page_options
+    from texbake.pages.asset_page import page_options
 
     folder = data_dir / "pairs" / "spot"
     high, low = read_mesh(folder / "high.obj"), read_mesh(folder / "low_uv.obj")
@@ -322,12 +321,12 @@ def test_a_real_pair(browser, data_dir, tmp_path_factory, width: int) -> None:
     browser.open(path, width=width)
     browser.wait(f"{READY} && {MAPS_READY}")
     browser.set("[name=wipe]", 0)
-    baked_view = bare_canvas(browser)
-    browser.set("[name=right][value=dense]", True)
-    dense_view = bare_canvas(browser)
-    browser.set("[name=right][value=bare]", True)
-    bare_view = bare_canvas(browser)
-    # The same light on all: the baked mesh looks more like the dense one than the bare one does.
-    off = [np.abs(dense_view.astype(int) - view).mean() for view in (baked_view, bare_view)]
+    baked_view = canvas_alone(browser)
+    browser.set("[name=right][value=high]", True)
+    high_view = canvas_alone(browser)
+    browser.set("[name=right][value=low]", True)
+    low_view = canvas_alone(browser)
+    # With equal lighting, the baked mesh looks more like the high-poly mesh than the low-poly one.
+    off = [np.abs(high_view.astype(int) - view).mean() for view in (baked_view, low_view)]
     assert off[0] < 0.6 * off[1]
     assert browser.complaints() == []

@@ -106,9 +106,9 @@ def test_a_mesh_far_from_the_origin_loses_nothing() -> None:
 
 def test_the_browser_unpacks_the_same(browser, page) -> None:
     text = page.read_text(encoding="utf-8")
-    packed = text.split('id="mesh-light">')[1].split("<")[0]
+    packed = text.split('id="mesh-low">')[1].split("<")[0]
     _, expected = unpack(packed)
     browser.open(page)
     for name, values in expected.items():
-        found = browser.value(f"texbake.mesh('mesh-light').then(m => Array.from(m.{name}))")
+        found = browser.value(f"texbake.mesh('mesh-low').then(m => Array.from(m.{name}))")
         assert found == values.ravel().tolist()

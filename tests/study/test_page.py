@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import DependencyError
+from texbake.pages.figures import duration, memory, number
 from texbake.pages.pictures import png_of
-from texbake.pages.words import duration, memory, number
 from texbake.study import plots
 from texbake.study.findings import findings
 from texbake.study.labels import place_labels

@@ -169,13 +169,13 @@ def _check_outputs(
 
 
 def _with_maps_of_page(options: BakeOptions) -> BakeOptions:
-    from texbake.pages.page_maps import page_options
+    from texbake.pages.asset_page import page_options
 
     return page_options(options)
 
 
 def _without_maps_of_page(baked: BakeResult, options: BakeOptions) -> BakeResult:
-    from texbake.pages.page_maps import as_asked
+    from texbake.pages.asset_page import as_asked
 
     return as_asked(baked, options)
 
@@ -189,7 +189,7 @@ def _write_page(
     command: str,
     progress: ProgressSink | None,
 ) -> None:
-    from texbake.pages.bake_page import write_bake_page
+    from texbake.pages.asset_page import write_bake_page
 
     write_bake_page(
         html,

@@ -1,12 +1,11 @@
-"""Pages for people: one HTML file each, which needs no network and asks for none.
+"""Pages for people: one HTML file each, which needs no network.
 
-- `bake_page.write_bake_page(path, high, low, baked, ...)`: one asset, from a bake with
-  `page_maps.page_options`; and `asset_page.write_asset_page(path, AssetPage(...))`, the same from
-  whatever is there, as `run` and `compare` call it. A view of the dense, the bare and the baked
-  light mesh with a slider between them, maps with zoom to the texel, the layout and missed rays
-  over them, distances, errors, times and the command.
-- `build_page.write_build_page(path, rows, *, title, command, seconds)`: all assets of a build, one
-  `build_page.BuildRow` each, sortable, with thumbnails that `build_page.thumbnail(picture)` makes.
+- `asset_page`: one asset. `write_bake_page` writes it for a bake that was made with `page_options`;
+  `write_asset_page` writes it from whatever an `AssetPage` holds, as `run` and `compare` do. It has
+  a 3D view of the high-poly, the low-poly and the baked mesh with a slider between two of them;
+  maps with zoom to the texel, under the UV layout and the missed rays; distances, errors, times and
+  the command.
+- `build_page`: all assets of a build in one sortable table, one `BuildRow` each, with thumbnails.
 
-Pages hold three.js as trimesh brings it; it is read from there when a page is written.
+The HTML is in `templates`, as Jinja templates; style sheets, scripts and three.js are in `assets`.
 """

@@ -1,72 +1,74 @@
-"""The page of one asset: what `bake`, `run` and `compare` write for `--html`."""
+"""The page of one asset: what `bake`, `run` and `compare` write as their `html` file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from html import escape
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakeResult, read_misses
-from texbake.baking.texels import (
-    NO_FACE,
-    SampleGrid,
-    rasterize_uv,
-    snap_uvs,
-)
+from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.files import PathLike
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.metadata import SPACE
+from texbake.pages.figures import duration, number
 from texbake.pages.histogram import histogram_svg
-from texbake.pages.map_pictures import MapPicture, baked_pictures, file_pictures
-from texbake.pages.sections import (
-    Rows,
-    command_box,
-    comparison_figures,
-    figure_table,
-    section,
-    stage_table,
-    tiles,
-    warning_list,
+from texbake.pages.page import as_json, asset, page_html, render, three_js, write_page
+from texbake.pages.pictures import (
+    MapPicture,
+    baked_pictures,
+    data_uri,
+    file_pictures,
+    miss_picture,
+    png_of,
 )
-from texbake.pages.shell import asset, page_html, write_page
-from texbake.pages.three_js import three_js
-from texbake.pages.viewer import Maps, View
-from texbake.pages.words import duration, number
-from texbake.progress import StageRecord
-from texbake.rendering.compare import Comparison
+from texbake.pages.viewer import angle_colors, view_data
+from texbake.progress import ProgressSink, StageRecord
+from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.maps import heights_from
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.panels import MAX_ANGLE_DEG
+from texbake.texture.image import Image
+
+Rows = Sequence[tuple[str, str]]
+
+# Maps that a page shows of any bake: the view needs normals, the histogram needs heights.
+PAGE_MAPS = ("normal", "displacement")
 
 _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
+_PICTURE_PX = 560
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssetPage:
-    """What a page tells of one asset.
+    """What a page shows of one asset.
 
     Attributes
     ----------
     high, low : Mesh
-        The dense and the light mesh; only one with texture coordinates has maps.
+        The high-poly and the low-poly mesh; only one with texture coordinates has maps.
     baked : BakeResult, optional
         The view shows its `normal` map, the histogram its `displacement` map.
     asked : tuple of str
-        Names of the maps that were asked for; of others the page says that they are its own.
+        Names of the maps that were requested; the page says that the others are its own.
     files : dict of str to path
-        In place of `baked`: maps as files, by `normal`, `displacement` and `albedo`.
+        Instead of `baked`: maps as files, by `normal`, `displacement` and `albedo`.
     misses : path, optional
-        In place of `baked`: its miss map as a file.
+        Instead of `baked`: its miss map as a file.
     comparison : Comparison, optional
     stages : list of StageRecord
     figures : rows of a label and a figure
         Everything that was measured; a row without a figure is a heading.
     warnings : list of str
     command : str
-        What made it, to paste; "" where there was none.
+        The command that made it, to paste; "" for none.
     picture : RenderOptions
-        Where the view starts from.
+        The camera that the view starts from.
     """
 
     high: Mesh
@@ -91,44 +93,138 @@ def write_asset_page(path: PathLike, page: AssetPage) -> None:
     path
         Replaced as a whole.
     page
-        What it tells. A dense mesh of more triangles than a page holds is made lighter for it, and
-        maps that take too many bytes are shown smaller; the page says so.
+        What it shows. A mesh with more triangles than a page holds is simplified for it, and maps
+        that take too many bytes are shown smaller; the page says so.
 
     Raises
     ------
-    DependencyError
-        trimesh, from which pages take three.js, is not as it is known here.
     FileError
-        A map cannot be read, or the page not written.
+        A map cannot be read, or the page cannot be written.
     """
     pictures = _pictures(page)
     missed = _missed(page)
     has_misses = missed is not None and bool(missed.any())
-    view = View(
-        page.high,
-        page.low,
-        pictures,
-        view=page.picture.view,
-        up=page.picture.up,
-        missed=has_misses,
-    )
-    data = dict(view.data)
-    body = [_header(page), view.html]
+    data, notes = view_data(page.high, page.low, pictures, page.picture, missed=has_misses)
     if pictures:
-        maps = Maps(pictures, missed)
-        data |= maps.data
-        body.append(maps.html)
-    body += [_errors(page), _distances(page), _measured(page), _command(page)]
-    write_page(
-        path,
-        page_html(
-            f"{page.low.name}: baked from {page.high.name}",
-            "".join(body),
-            styles=[asset("controls.css"), asset("asset.css")],
-            scripts=[three_js(), asset("page.js"), asset("view.js"), asset("maps.js")],
-            data=data,
-        ),
+        data["map-settings"] = as_json([picture.settings() for picture in pictures])
+    listed = {stage.name for stage in page.stages} | ({"total"} if page.stages else set())
+    body = render(
+        "asset.html",
+        high=page.high,
+        low=page.low,
+        tiles=_tiles(page),
+        warnings=page.warnings,
+        pictures=pictures,
+        missed=miss_picture(missed) if missed is not None and has_misses else "",
+        notes=notes,
+        colors=angle_colors(),
+        greatest=MAX_ANGLE_DEG,
+        stages=page.stages,
+        figures=[row for row in page.figures if row[0].strip() not in listed],
+        command=page.command,
+        **_comparison(page.comparison),
+        **_distances(page),
     )
+    html = page_html(
+        f"{page.low.name}: baked from {page.high.name}",
+        body,
+        styles=[asset("controls.css"), asset("asset.css")],
+        scripts=[three_js(), asset("page.js"), asset("view.js"), asset("maps.js")],
+        data=data,
+    )
+    write_page(path, html)
+
+
+def write_bake_page(
+    path: PathLike,
+    high: MeshLike,
+    low: MeshLike,
+    baked: BakeResult,
+    *,
+    asked: Sequence[str] | None = None,
+    stages: Sequence[StageRecord] | None = None,
+    warnings: Sequence[str] | None = None,
+    command: str = "",
+    up: str = RenderOptions.up,
+    progress: ProgressSink | None = None,
+) -> Comparison | None:
+    """Write the page of a bake; it needs no network.
+
+    Parameters
+    ----------
+    path
+        Replaced as a whole.
+    high, low
+        As they were baked.
+    baked
+        From a bake with `page_options`, so that there are normals for the view and heights for the
+        histogram, whatever maps were requested.
+    asked
+        Names of the maps that were requested; the page says that the others are its own. None for
+        all.
+    stages, warnings
+        None for those of the bake's report.
+    command
+        The command that made it, to paste.
+    up
+        Axis of the world that is up in the pictures: `y` or `z`.
+    progress
+        Receives the stages of the comparison.
+
+    Returns
+    -------
+    Comparison or None
+        Of the low-poly mesh with its normal map; None where none was baked.
+
+    Raises
+    ------
+    FileError
+        As `write_asset_page` does.
+    """
+    high, low = as_mesh(high), as_mesh(low)
+    report = baked.report
+    picture = RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX, up=up)
+    comparison = None
+    if "normal" in baked.maps:
+        colors = 0.5 * baked.maps["normal"].values + 0.5
+        comparison = compare(
+            high,
+            low,
+            normal_map=Image(colors, {SPACE: report.options.space}),
+            options=picture,
+            threads=report.options.threads,
+            progress=progress,
+        )
+    page = AssetPage(
+        high=high,
+        low=low,
+        baked=baked,
+        asked=tuple(baked.maps if asked is None else asked),
+        comparison=comparison,
+        stages=report.stages if stages is None else stages,
+        figures=report.table(),
+        warnings=report.warnings if warnings is None else warnings,
+        command=command,
+        picture=picture,
+    )
+    write_asset_page(path, page)
+    return comparison
+
+
+def page_options(options: BakeOptions) -> BakeOptions:
+    """Return options of a bake that also makes the maps of a page, and changes no other byte.
+
+    Adaptive sampling and a time budget depend on all maps, so there none is added.
+    """
+    if options.is_adaptive or options.time_budget is not None:
+        return options
+    return replace(options, maps=tuple(dict.fromkeys((*options.maps, *PAGE_MAPS))))
+
+
+def as_asked(baked: BakeResult, options: BakeOptions) -> BakeResult:
+    """Return the result of a bake with `page_options(options)` as one of a bake with `options`."""
+    maps = {name: made for name, made in baked.maps.items() if name in options.maps}
+    return replace(baked, maps=maps, report=replace(baked.report, options=options))
 
 
 def _pictures(page: AssetPage) -> list[MapPicture]:
@@ -142,20 +238,11 @@ def _pictures(page: AssetPage) -> list[MapPicture]:
     return baked_pictures(page.baked, notes)
 
 
-def _header(page: AssetPage) -> str:
-    return (
-        f"<header><h1>{escape(page.low.name)}</h1>\n"
-        f'<p class="faint">{page.low.n_faces:,} triangles that stand for the '
-        f"{page.high.n_faces:,} of {escape(page.high.name)}.</p>\n{tiles(_tiles(page))}"
-        f"{warning_list(page.warnings)}</header>\n"
-    )
-
-
 def _tiles(page: AssetPage) -> list[tuple[str, str]]:
     rows = []
     if page.comparison is not None:
         rows += [
-            ("normals off by, mean", f"{page.comparison.mapped.mean_deg:.2f}°"),
+            ("mean error of the normals", f"{page.comparison.mapped.mean_deg:.2f}°"),
             ("without maps", f"{page.comparison.bare.mean_deg:.2f}°"),
         ]
     if page.baked is not None:
@@ -163,35 +250,37 @@ def _tiles(page: AssetPage) -> list[tuple[str, str]]:
         median = report.distance_percentiles.get(50)
         rows += [
             ("texels missed", f"{report.miss_percent:.3f} %"),
-            ("surfaces apart, median", "–" if median is None else number(median)),
+            ("median distance", "–" if median is None else number(median)),
         ]
     if page.stages:
         rows.append(("time", duration(sum(stage.seconds for stage in page.stages))))
     return rows
 
 
-def _errors(page: AssetPage) -> str:
-    if page.comparison is None:
-        return ""
-    return section(
-        "Error map",
-        comparison_figures(page.comparison),
-        name="errors",
-        about="All by one camera. The last shows at each pixel the angle between the normals of "
-        "the dense mesh and of the light mesh with its maps; gray where they do not see the same "
-        "part.",
+def _comparison(comparison: Comparison | None) -> dict[str, Any]:
+    """Pictures of a comparison, each with its name and a note, and the map of its errors."""
+    if comparison is None:
+        return {"comparison": (), "errors": ""}
+    shown = (
+        (comparison.high_frame, "High-poly", ""),
+        (comparison.bare_frame, "Low-poly", f"mean error {comparison.bare.mean_deg:.2f}°"),
+        (comparison.mapped_frame, "Baked", f"mean error {comparison.mapped.mean_deg:.2f}°"),
     )
+    return {
+        "comparison": [(data_uri(png_of(frame.color)), name, note) for frame, name, note in shown],
+        "errors": data_uri(png_of(comparison.difference())),
+    }
 
 
 def _missed(page: AssetPage) -> npt.NDArray[np.bool_] | None:
-    """(H, W): texels that are covered and met nothing; None where that is not known."""
+    """(H, W): texels that are covered and whose rays missed; None where that is not known."""
     if page.baked is not None:
         return page.baked.missed
     return None if page.misses is None else read_misses(page.misses)
 
 
 def _heights(page: AssetPage) -> npt.NDArray[np.floating] | None:
-    """Heights of the texels that the light mesh covers, those that missed left out."""
+    """Heights of the texels that the low-poly mesh covers, without those that missed."""
     if page.baked is not None:
         baked = page.baked.maps.get("displacement")
         return None if baked is None else baked.values[..., 0][baked.has_data]
@@ -207,41 +296,16 @@ def _heights(page: AssetPage) -> npt.NDArray[np.floating] | None:
     return np.asarray(heights[covered])
 
 
-def _distances(page: AssetPage) -> str:
+def _distances(page: AssetPage) -> dict[str, Any]:
+    """The histogram of distances, and the greatest of them."""
     values = _heights(page)
-    if values is None:
-        return ""
-    svg = histogram_svg(
-        values, title="Histogram of distances", unit="model units; to the right is outwards"
-    )
-    if not svg:
-        return ""
-    diagonal = page.low.diagonal or 1.0
+    svg: Any = ""
+    if values is not None:
+        svg = histogram_svg(
+            values, title="Histogram of distances", unit="model units; outward to the right"
+        )
+    if values is None or not svg:
+        return {"histogram": "", "worst": 0.0, "worst_percent": 0.0}
     worst = float(np.abs(values).max())
-    return section(
-        "Distances",
-        svg,
-        name="distances",
-        about="How far the dense surface lies from the light one at each texel, along its smooth "
-        f"normals. 99.8 % are drawn; the greatest is {number(worst)}, "
-        f"{number(100.0 * worst / diagonal)} % of the diagonal of the light mesh.",
-    )
-
-
-def _measured(page: AssetPage) -> str:
-    times = section("Times", stage_table(page.stages), name="times") if page.stages else ""
-    told = {stage.name for stage in page.stages} | ({"total"} if page.stages else set())
-    figures = [row for row in page.figures if row[0].strip() not in told]
-    if not figures:
-        return times
-    return times + section(
-        "Figures", f'<div class="wide">{figure_table(figures)}</div>\n', name="figures"
-    )
-
-
-def _command(page: AssetPage) -> str:
-    if not page.command:
-        return ""
-    return section(
-        "Again", command_box(page.command), name="again", about="The command that made this page."
-    )
+    percent = 100.0 * worst / (page.low.diagonal or 1.0)
+    return {"histogram": svg, "worst": worst, "worst_percent": percent}

@@ -1,36 +1,35 @@
-"""The overview of a build: all assets in one table that sorts and filters at once.
+"""The overview of a build: all assets in one table that can be sorted and filtered.
 
-The table is plain HTML, so that it can be searched, printed and read without a script, which only
+The table is plain HTML: it can be searched, printed and read without a script. The script only
 sorts and filters its rows.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
 from texbake.files import PathLike
+from texbake.pages.figures import duration, number
+from texbake.pages.page import asset, page_html, render, write_page
 from texbake.pages.pictures import data_uri, picture_codes
-from texbake.pages.sections import command_box, section, tiles
-from texbake.pages.shell import asset, page_html, write_page
-from texbake.pages.words import duration, memory, number
 from texbake.texture.image import FloatImage
 
 STATUSES = ("built", "kept", "failed", "skipped")
 THUMBNAIL_PX = 96
-# Bytes of all thumbnails of a page together; beyond them assets have none, the good ones first.
+# Bytes of all thumbnails of a page together; beyond that, the best assets get none.
 MOST_THUMBNAIL_BYTES = 12_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BuildRow:
-    """What the overview tells of one asset; None where it is not known.
+    """One asset in the overview; None for what is not known.
 
     Attributes
     ----------
@@ -38,21 +37,21 @@ class BuildRow:
     status : str
         `built`, `kept` (nothing had changed), `failed` or `skipped`.
     message : str
-        Why it failed, or what to look at, in a sentence.
+        Why it failed, or what needs attention, in a sentence.
     page : str or None
         Its own page, as a path relative to the overview.
     thumbnail : bytes or None
         As `thumbnail` makes it.
     error_deg : float or None
-        Mean angle between the normals of the dense mesh and of the light one with its maps.
+        Mean angle between the normals of the high-poly mesh and of the low-poly mesh with its maps.
     miss_percent : float or None
         Missed texels, in percent of the covered ones.
     seconds : float or None
-        What its steps took, those that were kept left out.
+        Time of its steps, without those that were kept.
     n_faces : int or None
-        Triangles of the light mesh.
+        Triangles of the low-poly mesh.
     n_bytes : int or None
-        Of all files made.
+        Size of all files that were made.
     """
 
     name: str
@@ -68,12 +67,12 @@ class BuildRow:
 
 
 def thumbnail(picture: FloatImage | PathLike) -> bytes:
-    """Return a picture of an asset as the few bytes of a small JPEG file.
+    """Return a picture of an asset as a small JPEG file.
 
     Parameters
     ----------
     picture : (H, W, 3 or 4) float32, or path
-        Linear light, or an image file with colors. It is cut to a square about its middle.
+        A linear picture, or a color image file. It is cropped to the square in its center.
     """
     from PIL import Image
 
@@ -107,13 +106,13 @@ def write_build_page(
     path
         Replaced as a whole.
     rows
-        In the order in which the table shows them at first.
+        In the order that the table shows them in at first.
     title
         Name of the pipeline.
     command
-        What made it, to paste; "" where there was none.
+        The command that made it, to paste; "" for none.
     seconds
-        Of the whole build, by the clock.
+        Elapsed time of the whole build.
 
     Raises
     ------
@@ -122,23 +121,21 @@ def write_build_page(
     """
     rows = list(rows)
     shown = _with_thumbnails(rows)
-    lines = "".join(_line(row, row_has) for row, row_has in zip(rows, shown, strict=True))
-    count = f"{len(rows):,} asset{'' if len(rows) == 1 else 's'}"
-    body = (
-        f"<header><h1>{escape(title)}</h1>\n"
-        f'<p class="faint">{count}{_withheld(rows, shown)}</p>\n{tiles(_tiles(rows, seconds))}'
-        f"</header>\n{_TABLE.format(heads=_heads(), lines=lines, orders=_orders())}"
+    body = render(
+        "build.html",
+        title=title,
+        rows=[_shown(row, has) for row, has in zip(rows, shown, strict=True)],
+        withheld=sum(row.thumbnail is not None for row in rows) - sum(shown),
+        tiles=_tiles(rows, seconds),
+        columns=_COLUMNS,
+        command=command,
     )
-    if command:
-        body += section(
-            "Again", command_box(command), name="again", about="The command that made this page."
-        )
     styles = [asset("controls.css"), asset("build.css")]
     scripts = [asset("page.js"), asset("build.js")]
     write_page(path, page_html(title, body, styles=styles, scripts=scripts))
 
 
-# Name of a column, its heading, and whether the greatest comes first.
+# Name of a column, its heading, and whether its greatest value comes first.
 _COLUMNS = (
     ("name", "Asset", False),
     ("status", "Status", True),
@@ -148,57 +145,35 @@ _COLUMNS = (
     ("faces", "Triangles", True),
     ("size", "Size", True),
 )
-# Failures are what one looks for first.
+# Failures come first when the table is sorted by status.
 _RANKS = {"failed": 3, "skipped": 2, "built": 1, "kept": 0}
 
 
-def _heads() -> str:
-    return "".join(
-        f'<th scope="col" class="{name}"><button type="button" data-column="{name}" '
-        f'data-first="{"down" if falls else "up"}">{label}</button></th>'
-        for name, label, falls in _COLUMNS
-    )
-
-
-def _orders() -> str:
-    return "".join(
-        f'<option value="{name}">{label.lower()}</option>' for name, label, _ in _COLUMNS
-    )
-
-
-def _line(row: BuildRow, has_picture: bool) -> str:
-    picture = ""
-    if has_picture and row.thumbnail is not None:
-        uri = data_uri(row.thumbnail, "image/jpeg")
-        picture = f'<img src="{uri}" alt="" width="56" height="56" loading="lazy" decoding="async">'
-    name = escape(row.name)
-    if row.page is not None:
-        name = f'<a href="{escape(quote(Path(row.page).as_posix()))}">{name}</a>'
+def _shown(row: BuildRow, has_picture: bool) -> dict[str, Any]:
+    """Values of one row of the table."""
     status = row.status if row.status in STATUSES else "failed"
-    told = f'<p class="message">{escape(row.message)}</p>' if row.message else ""
-    cells = (
-        _cell("error", "Error", row.error_deg, lambda x: f"{x:.2f}°"),
-        _cell("misses", "Missed", row.miss_percent, lambda x: f"{number(x)} %"),
-        _cell("time", "Time", row.seconds, duration),
-        _cell("faces", "Triangles", row.n_faces, lambda x: f"{int(x):,}"),
-        _cell("size", "Size", row.n_bytes, lambda x: memory(int(x))),
-    )
-    return (
-        f'<tr class="{status}"><td class="name" data-key="{escape(row.name.casefold())}">'
-        f'<div class="named">{picture or "<i></i>"}<div><b>{name}</b>{told}</div></div></td>'
-        f'<td class="status" data-key="{_RANKS[status]}"><span>{status}</span></td>'
-        f"{''.join(cells)}</tr>\n"
-    )
+    has_picture = has_picture and row.thumbnail is not None
+    return {
+        "name": row.name,
+        "status": status,
+        "rank": _RANKS[status],
+        "message": row.message,
+        "page": "" if row.page is None else quote(Path(row.page).as_posix()),
+        "uri": data_uri(row.thumbnail or b"", "image/jpeg") if has_picture else "",
+        "error": _finite(row.error_deg),
+        "misses": _finite(row.miss_percent),
+        "time": _finite(row.seconds),
+        "faces": row.n_faces,
+        "size": row.n_bytes,
+    }
 
 
-def _cell(name: str, label: str, value: float | None, told: Callable[[float], str]) -> str:
-    if value is None or not np.isfinite(value):
-        return f'<td class="{name}" data-label="{label}">–</td>'
-    return f'<td class="{name}" data-label="{label}" data-key="{value:.9g}">{told(value)}</td>'
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
 
 
 def _with_thumbnails(rows: Sequence[BuildRow]) -> list[bool]:
-    """Which rows get their thumbnails: the worst first, as far as the bytes reach."""
+    """Which rows get their thumbnails: the worst first, up to the limit in bytes."""
     worst_first = sorted(
         range(len(rows)),
         key=lambda k: (-_RANKS.get(rows[k].status, 3), -(rows[k].error_deg or 0.0), k),
@@ -211,42 +186,16 @@ def _with_thumbnails(rows: Sequence[BuildRow]) -> list[bool]:
     return shown
 
 
-def _withheld(rows: Sequence[BuildRow], shown: Sequence[bool]) -> str:
-    n_left_out = sum(row.thumbnail is not None for row in rows) - sum(shown)
-    if n_left_out <= 0:
-        return "."
-    return f"; the pictures of the best {n_left_out:,} are left out to keep this page small."
-
-
 def _tiles(rows: Sequence[BuildRow], seconds: float | None) -> list[tuple[str, str]]:
     counts = [(status, sum(row.status == status for row in rows)) for status in STATUSES]
-    found = [(status, f"{n:,}") for status, n in counts if n or status in ("built", "failed")]
+    shown = [(status, f"{n:,}") for status, n in counts if n or status in ("built", "failed")]
     errors = [row.error_deg for row in rows if row.error_deg is not None]
     misses = [row.miss_percent for row in rows if row.miss_percent is not None]
     if errors:
-        found += [("median error", f"{float(np.median(errors)):.2f}°")]
-        found += [("greatest error", f"{max(errors):.2f}°")]
+        shown += [("median error", f"{float(np.median(errors)):.2f}°")]
+        shown += [("greatest error", f"{max(errors):.2f}°")]
     if misses:
-        found += [("most missed", f"{number(max(misses))} %")]
+        shown += [("most missed", f"{number(max(misses))} %")]
     if seconds is not None:
-        found += [("time", duration(seconds))]
-    return found
-
-
-_TABLE = """<section id="assets">
-<h2>Assets</h2>
-<div class="controls" role="search">
-<label>Find <input type="search" name="find" placeholder="name or message"></label>
-<label>Show <select name="shown"><option value="">all</option><option>built</option>\
-<option>kept</option><option>failed</option><option>skipped</option></select></label>
-<label class="order">Sort by <select name="order"><option value="">as built</option>{orders}\
-</select></label>
-<output class="count"></output>
-</div>
-<table>
-<thead><tr>{heads}</tr></thead>
-<tbody>
-{lines}</tbody>
-</table>
-</section>
-"""
+        shown += [("time", duration(seconds))]
+    return shown

@@ -1,8 +1,8 @@
-"""Meshes as short text inside a page, which the page's script unpacks.
+"""Meshes as compact text inside a page, which the script of the page unpacks.
 
 All values are whole numbers: points on a grid over the bounding box, directions on an octahedron,
 texture coordinates in steps of 2^-20. Each column is stored as differences from row to row, their
-bytes sorted by place, and deflated: 7 to 9 bytes a triangle. `unpack` in `assets/page.js` is the
+bytes grouped by place, and deflated: 7 to 9 bytes per triangle. `unpack` in `assets/page.js` is the
 other half.
 
 Based on: Cigolle et al., "A survey of efficient representations for independent unit vectors", JCGT
@@ -43,7 +43,7 @@ def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
     arrays
         Name to (N, K) int32.
     more
-        Values that go with them, as JSON has them.
+        Further values, stored as JSON.
     """
     head = {"arrays": {name: values.shape for name, values in arrays.items()}, **more}
     words = json.dumps(head, separators=(",", ":")).encode()
@@ -53,7 +53,7 @@ def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
 
 
 def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
-    """Pack what is needed to draw a mesh.
+    """Pack a mesh for drawing.
 
     `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, of a mesh with texture coordinates,
     `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1): bit k is

@@ -1,23 +1,36 @@
-"""Pictures as data inside a page."""
+"""Pictures and maps as data inside a page, with what the colors of a map mean."""
 
 from __future__ import annotations
 
 import base64
 import io
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.result import BakeResult
+from texbake.files import PathLike
+from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.encoding import encode_srgb, quantize_unsigned
+from texbake.texture.image import Image, read_image
+
+# Bytes of all maps of a page together; base64 makes them a third larger.
+MOST_BYTES = 7_500_000
+_SMALLEST = 256  # texels along a side, below which no map is made smaller
 
 
 def picture_codes(picture: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
-    """(H, W, 3) uint8: sRGB codes of a picture in linear light, without its opacity."""
+    """(H, W, 3) uint8: sRGB codes of a linear picture, without its alpha."""
     return np.asarray(quantize_unsigned(encode_srgb(picture[..., :3]), 8), np.uint8)
 
 
 def png_of(picture: npt.NDArray[np.float32]) -> bytes:
-    """Return a picture in linear light as the bytes of a PNG file."""
+    """Return a linear picture as the bytes of a PNG file."""
     return png_of_codes(picture_codes(picture), optimize=True)
 
 
@@ -31,5 +44,157 @@ def png_of_codes(codes: npt.NDArray[np.uint8], *, optimize: bool = False) -> byt
 
 
 def data_uri(content: bytes, kind: str = "image/png") -> str:
-    """Return a file as an address that holds it."""
+    """Return a data URI that holds a file."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapPicture:
+    """One map as a page shows it.
+
+    Attributes
+    ----------
+    name : str
+    uri : str
+        The picture, as a data URI.
+    width, height : int
+        Texels of the picture.
+    full_width, full_height : int
+        Texels of the map.
+    coding : str
+        As `MapKind.coding`; "" if unknown.
+    metadata : dict
+        Metadata of the 8-bit picture: space, convention, mid level and scale.
+    note : str
+        A sentence below the picture.
+    """
+
+    name: str
+    uri: str
+    width: int
+    height: int
+    full_width: int
+    full_height: int
+    coding: str
+    metadata: Mapping[str, Value]
+    note: str = ""
+
+    def settings(self) -> dict[str, Any]:
+        """Return what the scripts of the page need."""
+        return {
+            "name": self.name,
+            "width": self.full_width,
+            "height": self.full_height,
+            "coding": self.coding,
+            "space": str(self.metadata.get(SPACE, "tangent")),
+            "green": -1 if self.metadata.get(CONVENTION) == "directx" else 1,
+            "mid": self.metadata.get(DISPLACEMENT_MID, 0.0),
+            "scale": self.metadata.get(DISPLACEMENT_SCALE, 0.0),
+        }
+
+
+def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -> list[MapPicture]:
+    """Pictures of all maps of a bake, halved until they fit a page.
+
+    Parameters
+    ----------
+    result
+    notes
+        Name of a map to a sentence below its picture.
+    """
+    notes, room, pictures = notes or {}, MOST_BYTES // max(len(result.maps), 1), []
+    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+        for name, baked in result.maps.items():
+            path = Path(folder) / f"{name}.png"
+            written = baked.write(path, bits=8)
+            pictures.append(
+                _picture(
+                    name,
+                    path.read_bytes(),
+                    room,
+                    baked.kind.coding,
+                    written.metadata,
+                    notes.get(name, ""),
+                )
+            )
+    return pictures
+
+
+def file_pictures(files: Mapping[str, PathLike], *, codings: Mapping[str, str]) -> list[MapPicture]:
+    """Pictures of map files; the values of a float file are scaled to the range of the colors.
+
+    Parameters
+    ----------
+    files
+        Name of a map to its file.
+    codings
+        Name of a map to its coding; one that is `color` is sRGB.
+    """
+    room = MOST_BYTES // max(len(files), 1)
+    pictures = []
+    for name, path in files.items():
+        image = read_image(path, color=False)
+        codes, metadata = _codes(image, codings.get(name, ""))
+        pictures.append(
+            _picture(name, png_of_codes(codes), room, codings.get(name, ""), metadata, "")
+        )
+    return pictures
+
+
+def miss_picture(missed: npt.NDArray[np.bool_]) -> str:
+    """Data URI of a picture, red where rays missed and transparent elsewhere."""
+    from PIL import Image as PilImage
+
+    picture = PilImage.fromarray(missed.astype(np.uint8))
+    picture.putpalette([0, 0, 0, 255, 30, 60])
+    file = io.BytesIO()
+    picture.save(file, "PNG", optimize=True, transparency=0)
+    return data_uri(file.getvalue())
+
+
+def _codes(image: Image, coding: str) -> tuple[npt.NDArray[np.uint8], dict[str, Value]]:
+    """8-bit codes of an image, and its metadata adapted to these codes."""
+    pixels, metadata = image.pixels, dict(image.metadata)
+    if pixels.ndim == 3 and pixels.shape[2] == 1:
+        pixels = pixels[..., 0]
+    if pixels.ndim == 3:
+        pixels = pixels[..., : 3 if pixels.shape[2] >= 3 else 1]
+    if image.is_float and coding not in ("normal", "color"):
+        finite = pixels[np.isfinite(pixels)]
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+        side = (high - low) or 1.0
+        scale = float(metadata.get(DISPLACEMENT_SCALE, 1.0))
+        mid = float(metadata.get(DISPLACEMENT_MID, 0.0))
+        # h = low + code * side, and d = (h - mid) * scale
+        metadata |= {DISPLACEMENT_MID: (mid - low) / side, DISPLACEMENT_SCALE: side * scale}
+        pixels = np.nan_to_num((pixels - low) / side)
+    return np.asarray(quantize_unsigned(np.clip(pixels, 0.0, 1.0), 8), np.uint8), metadata
+
+
+def _picture(
+    name: str, png: bytes, room: int, coding: str, metadata: Mapping[str, Value], note: str
+) -> MapPicture:
+    from PIL import Image as PilImage
+
+    with PilImage.open(io.BytesIO(png)) as picture:
+        full_width, full_height = picture.size
+        width, height = picture.size
+        while len(png) > room and min(width, height) >= 2 * _SMALLEST:
+            # Identifiers must not be averaged.
+            picture = picture.resize(
+                (width // 2, height // 2),
+                PilImage.Resampling.NEAREST if coding == "id" else PilImage.Resampling.BOX,
+            )
+            width, height = picture.size
+            png = png_of_codes(np.asarray(picture))
+    return MapPicture(
+        name=name,
+        uri=data_uri(png),
+        width=width,
+        height=height,
+        full_width=full_width,
+        full_height=full_height,
+        coding=coding,
+        metadata=metadata,
+        note=note,
+    )

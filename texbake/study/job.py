@@ -6,7 +6,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder
 from texbake.jobs.outputs import JobResult
 from texbake.mesh.files import read_mesh
-from texbake.pages.words import duration
+from texbake.pages.figures import duration
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.read import read_scene
 from texbake.study.findings import amount

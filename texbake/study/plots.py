@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from texbake.errors import DependencyError
-from texbake.pages.words import duration, number
+from texbake.pages.figures import duration, number
 from texbake.study.labels import place_labels
 from texbake.study.result import KnobResult
 

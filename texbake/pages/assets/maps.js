@@ -1,10 +1,10 @@
 "use strict";
-// One canvas for all maps of a page: zoom to the texel, the layout and missed rays over them.
+// One canvas for all maps of a page: zoom to the texel, under the UV layout and missed rays.
 (async function () {
   const section = document.getElementById("maps");
   if (!section) return;
   const canvas = section.querySelector("canvas"), context = canvas.getContext("2d");
-  const maps = texbake.json("map-settings"), mesh = await texbake.mesh("mesh-light");
+  const maps = texbake.json("map-settings"), mesh = await texbake.mesh("mesh-low");
   const control = function (name) { return section.querySelector(`[name="${name}"]`); };
   const ticked = function (name) { return control(name) !== null && control(name).checked; };
   const images = maps.map(function (_, k) { return document.getElementById("map-" + k); });
@@ -97,7 +97,7 @@
     if (!asked) { asked = true; requestAnimationFrame(draw); }
   };
 
-  // ---- what a texel says
+  // ---- what a texel holds
   const probe = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
   probe.canvas.width = probe.canvas.height = 1;
   const codesAt = function (image, u, v) {
@@ -118,7 +118,7 @@
     }
     return "";
   };
-  const tell = function (px, py) {
+  const readOut = function (px, py) {
     const [left, top] = corner(), map = maps[current];
     const u = (px - left) / at.size, v = (py - top) / at.size * aspect();
     if (u < 0 || v < 0 || u >= 1 || v >= 1) { readout.textContent = ""; return; }
@@ -167,7 +167,7 @@
     const [x, y] = missed.places[nextMiss];
     Object.assign(at, { x: (x + 0.5) / missed.width, y: (y + 0.5) / missed.height, size: Math.max(at.size, size) });
     redraw();
-    tell(width / 2, height / 2);
+    readOut(width / 2, height / 2);
   };
   const choose = function () {
     current = Number(section.querySelector('[name="map"]:checked').value);
@@ -176,7 +176,7 @@
     redraw();
   };
   texbake.dragged(canvas, move, zoom);
-  canvas.addEventListener("pointermove", function (event) { tell(event.offsetX, event.offsetY); });
+  canvas.addEventListener("pointermove", function (event) { readOut(event.offsetX, event.offsetY); });
   canvas.addEventListener("keydown", function (event) {
     const arrows = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] };
     if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -186,7 +186,7 @@
     else if (event.key === "0" || event.key === "Home") fit();
     else if (event.key === "1") one();
     else return;
-    tell(width / 2, height / 2);
+    readOut(width / 2, height / 2);
     event.preventDefault();
   });
   control("in").addEventListener("click", function () { zoom(1.5); });

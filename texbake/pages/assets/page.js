@@ -34,7 +34,7 @@ var texbake = {
     return this.meshes[id] = this.meshes[id] || this.unpack(id);
   },
 
-  // Places of missed texels as [column, row], and the size of the map; null where none is told.
+  // Missed texels as [column, row], and the size of the map; null if there are none.
   missed: async function () {
     const image = document.getElementById("missed");
     if (!image) return null;

@@ -1,5 +1,5 @@
 "use strict";
-// Dense, bare and baked mesh, two of them in one view, with a slider between.
+// The high-poly, low-poly and baked mesh, two of them in one view, with a slider between.
 (async function () {
   const section = document.getElementById("view");
   const canvas = section.querySelector("canvas"), settings = texbake.json("view-settings");
@@ -35,12 +35,12 @@
   const geometry = function (mesh) {
     const head = mesh.head, count = head.arrays.position[0], made = new THREE.BufferGeometry();
     const positions = new Float32Array(3 * count), normals = new Float32Array(3 * count);
-    const found = [0, 0, 0];
+    const vector = [0, 0, 0];
     for (let i = 0; i < count; i++) {
-      direction(mesh.normal, 2, i, head.directionSteps, found);
+      direction(mesh.normal, 2, i, head.directionSteps, vector);
       for (let k = 0; k < 3; k++) {
         positions[3 * i + k] = head.low[k] + mesh.position[3 * i + k] * head.step;
-        normals[3 * i + k] = found[k];
+        normals[3 * i + k] = vector[k];
       }
     }
     made.setIndex(new THREE.BufferAttribute(new Uint32Array(mesh.index), 1));
@@ -49,8 +49,8 @@
     if (mesh.uv) {
       const tangents = new Float32Array(4 * count);
       for (let i = 0; i < count; i++) {
-        direction(mesh.tangent, 3, i, head.directionSteps, found);
-        tangents.set(found, 4 * i);
+        direction(mesh.tangent, 3, i, head.directionSteps, vector);
+        tangents.set(vector, 4 * i);
         tangents[4 * i + 3] = mesh.tangent[3 * i + 2];
       }
       const uvs = Float32Array.from(mesh.uv, function (value) { return value / head.uvSteps; });
@@ -60,13 +60,13 @@
     return made;
   };
 
-  // ---- textures: the pictures that stand in the page
+  // ---- textures: the pictures in the page
   const textures = {};
   const texture = async function (id) {
     const image = document.getElementById(id);
     if (!image) return null;
     if (!textures[id]) {
-      // One that stands in the page says how wide it is there, and not how many texels it has.
+      // An image in the page reports its width on the screen, not its number of texels.
       const detached = Object.assign(new Image(), { src: image.src });
       await detached.decode();
       const made = textures[id] = new THREE.Texture(detached);
@@ -159,7 +159,7 @@
   };
   const normalSpace = normals ? (normals.space === "tangent" ? 1 : 2) : 0;
 
-  // ---- the angle between what the dense and the baked mesh show
+  // ---- the angle between the normals of the high-poly and the baked mesh
   const stops = settings.colors.map(function (color) { return new THREE.Color(color); });
   const rampData = new Uint8Array(4 * stops.length);
   stops.forEach(function (color, k) {
@@ -173,14 +173,14 @@
   });
   const angles = new THREE.Mesh(new THREE.PlaneGeometry(2, 2), new THREE.ShaderMaterial({
     uniforms: {
-      dense: { value: targets[0].texture }, baked: { value: targets[1].texture },
+      highNormals: { value: targets[0].texture }, bakedNormals: { value: targets[1].texture },
       ramp: { value: ramp }, pixels: { value: new THREE.Vector2() },
       greatest: { value: settings.greatest * Math.PI / 180 }, steps: { value: stops.length },
     },
     depthTest: false, depthWrite: false,
     vertexShader: "void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }",
     fragmentShader: `
-      uniform sampler2D dense, baked, ramp; uniform vec2 pixels; uniform float greatest, steps;
+      uniform sampler2D highNormals, bakedNormals, ramp; uniform vec2 pixels; uniform float greatest, steps;
       vec3 decoded(vec4 c) {
         vec2 p = vec2(dot(c.xy, vec2(65280.0, 255.0)), dot(c.zw, vec2(65280.0, 255.0))) / 65535.0 * 2.0 - 1.0;
         vec3 n = vec3(p, 1.0 - abs(p.x) - abs(p.y));
@@ -188,7 +188,7 @@
         return normalize(n);
       }
       void main() {
-        vec4 a = texture2D(dense, gl_FragCoord.xy / pixels), b = texture2D(baked, gl_FragCoord.xy / pixels);
+        vec4 a = texture2D(highNormals, gl_FragCoord.xy / pixels), b = texture2D(bakedNormals, gl_FragCoord.xy / pixels);
         bool hasA = dot(a, a) > 0.0, hasB = dot(b, b) > 0.0;
         if (!hasA && !hasB) discard;
         vec3 m = decoded(a), n = decoded(b);
@@ -201,14 +201,14 @@
   const errorScene = new THREE.Scene();
   errorScene.add(angles);
 
-  const unpacked = await Promise.all([texbake.mesh("mesh-dense"), texbake.mesh("mesh-light")]);
-  const [denseGeometry, lightGeometry] = unpacked.map(geometry), hasMaps = unpacked[1].uv ? 1 : 0;
+  const unpacked = await Promise.all([texbake.mesh("mesh-high"), texbake.mesh("mesh-low")]);
+  const [highGeometry, lowGeometry] = unpacked.map(geometry), hasMaps = unpacked[1].uv ? 1 : 0;
   const made = {
-    dense: new THREE.Mesh(denseGeometry, material(0, 0, 0)),
-    bare: new THREE.Mesh(lightGeometry, material(0, hasMaps, 0)),
-    baked: new THREE.Mesh(lightGeometry, material(normalSpace, hasMaps, 0)),
-    denseNormals: new THREE.Mesh(denseGeometry, material(0, 0, 1)),
-    bakedNormals: new THREE.Mesh(lightGeometry, material(normalSpace, hasMaps, 1)),
+    high: new THREE.Mesh(highGeometry, material(0, 0, 0)),
+    low: new THREE.Mesh(lowGeometry, material(0, hasMaps, 0)),
+    baked: new THREE.Mesh(lowGeometry, material(normalSpace, hasMaps, 0)),
+    highNormals: new THREE.Mesh(highGeometry, material(0, 0, 1)),
+    bakedNormals: new THREE.Mesh(lowGeometry, material(normalSpace, hasMaps, 1)),
   };
   const scenes = { error: errorScene };
   for (const [name, mesh] of Object.entries(made)) {
@@ -221,8 +221,8 @@
   let wires = null;
   const showTriangles = function (on) {
     if (on && !wires) {
-      const lines = new THREE.WireframeGeometry(lightGeometry);
-      wires = ["bare", "baked"].map(function (name) {
+      const lines = new THREE.WireframeGeometry(lowGeometry);
+      wires = ["low", "baked"].map(function (name) {
         const wire = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x0d1a26, transparent: true, opacity: 0.55 }));
         wire.frustumCulled = false;
         scenes[name].add(wire);
@@ -279,7 +279,7 @@
     const left = chosen("left"), right = chosen("right");
     const split = Math.round(width * control("wipe").value / 1000);
     if (left === "error" || right === "error") {
-      ["denseNormals", "bakedNormals"].forEach(function (name, k) {
+      ["highNormals", "bakedNormals"].forEach(function (name, k) {
         renderer.setRenderTarget(targets[k]);
         renderer.setClearColor(0x000000, 0);
         renderer.clear();
@@ -346,7 +346,7 @@
     if (!divider.hasPointerCapture(event.pointerId)) return;
     wipeTo(event.clientX - canvas.getBoundingClientRect().left);
   });
-  // Missed texels as a texture in which a single one can be seen from afar.
+  // Missed texels as a texture in which a single one is visible from a distance.
   let missedTexture = null;
   const missed = async function () {
     if (missedTexture) return missedTexture;

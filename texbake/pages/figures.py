@@ -1,4 +1,4 @@
-"""Numbers, times and bytes in words."""
+"""Figures as a reader sees them: numbers with three digits, times and bytes with their units."""
 
 from __future__ import annotations
 
