@@ -199,7 +199,7 @@ from .mesh.simplify import (
 )
 from .mesh.simplify_options import SimplifyOptions as SimplifyOptions
 from .mesh.tangents import corner_tangents as corner_tangents
-from .pages.bake_page import write_bake_page as write_bake_page
+from .pages.asset_page import write_bake_page as write_bake_page
 from .progress import ProgressSink as ProgressSink
 from .rendering.camera import Camera as Camera
 from .rendering.compare import (

@@ -239,7 +239,7 @@ def test_maps_change_places_and_lines_come_over_them(opened, baked) -> None:
     assert opened.complaints() == []
 
 
-def test_the_page_tells_what_was_measured(opened, baked) -> None:
+def test_the_page_shows_what_was_measured(opened, baked) -> None:
     text = opened.value("document.body.innerText")
     for label, figure in baked.report.table():
         stage = label.startswith("  ") or label == "total"
@@ -264,7 +264,7 @@ def test_without_webgl_the_rest_is_there(browser, page) -> None:
         browser.open(page)
         browser.wait(f"document.querySelector('#view').dataset.state === 'failed' && {MAPS_READY}")
         assert browser.value("document.querySelector('.failure').checkVisibility()")
-        assert "nothing in three dimensions" in browser.value("document.body.innerText")
+        assert "cannot draw in three dimensions" in browser.value("document.body.innerText")
     finally:
         browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added["identifier"])
 

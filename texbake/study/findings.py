@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from texbake.pages.words import duration, number
+from texbake.pages.figures import duration, number
 from texbake.study.pareto import pareto_front, payoff
 from texbake.study.result import KnobResult, Measurement
 

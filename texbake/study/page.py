@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from texbake.pages.page import page_html, render
 from texbake.pages.pictures import data_uri, png_of
+from texbake.study.findings import amount, findings, next_step
 from texbake.study.plots import Plot
 from texbake.study.result import KnobResult, Measurement, StudyResult
-from texbake.study.findings import amount, findings, next_step
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -99,7 +99,7 @@ def _knob(result: KnobResult, plot: Plot) -> dict[str, Any]:
         "error": knob.error,
         "unit": knob.unit,
         "subject": result.subject,
-        "truth": "rays of their own" if result.truth == "rays" else result.truth,
+        "truth": "separate rays" if result.truth == "rays" else result.truth,
         "truth_text": result.truth_text,
         "findings": findings(result),
         "plot": _titled(plot.svg, knob.title),

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.files import PathLike, make_folder, replacing
+from texbake.pages.figures import duration
 from texbake.pages.pictures import picture_codes
-from texbake.pages.words import duration
 from texbake.progress import ProgressSink, Stages
 from texbake.study.findings import amount
 from texbake.study.page import study_page
