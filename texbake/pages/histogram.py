@@ -53,7 +53,7 @@ def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) ->
     edge = (high - low) / _BINS
 
     def place(value: float) -> float:
-        return _LEFT + width * (value - low) / (high - low)
+        return float(_LEFT + width * (value - low) / (high - low))
 
     bars = [
         {
