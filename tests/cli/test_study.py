@@ -27,7 +27,7 @@ def test_a_quick_study_of_two_knobs(tmp_path):
 
 def test_one_mesh_is_no_pair(tmp_path):
     write_mesh(plane(), tmp_path / "high.obj")
-    with pytest.raises(OptionError, match="give HIGH and LOW"):
+    with pytest.raises(OptionError, match="give both, or neither"):
         CliRunner().invoke(
             study, [str(tmp_path / "high.obj"), "-o", str(tmp_path)], catch_exceptions=False
         )
