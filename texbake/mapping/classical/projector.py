@@ -2,7 +2,7 @@
 
 A 4 x 4 matrix M gives (s, t, r, q) = M P, and the texture coordinates are s / q and t / q. With
 q = 1 everywhere the rays are parallel. Only what the projector sees should carry the image, so
-faces that look away from it, are hidden by others or lie behind it are told apart.
+faces that look away from it, are hidden by others or lie behind it are singled out.
 
 The convention of the camera is that of previews (`texbake.rendering.camera`), so that an image of a
 preview lands where it was taken: +y is up; the projector looks at the center of the bounding box;
