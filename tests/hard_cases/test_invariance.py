@@ -112,7 +112,7 @@ def test_threads_change_no_byte(plain_case, threads, in_cells):
 
 
 def test_a_displaced_bake_gives_back_its_offset(flat_case, in_cells):
-    """Bake, displace: the dense mesh is the light one moved along its smooth normals."""
+    """Bake, displace: the high-poly mesh is the low-poly one moved along its smooth normals."""
     low = in_cells(flat_case)
     offset = 1e-3 * low.diagonal
     high = low.replace(positions=low.positions + offset * smooth_normals(low))

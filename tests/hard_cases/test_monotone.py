@@ -56,7 +56,7 @@ def test_texture_size(samples):
     assert_falling(ways)
 
 
-def test_dense_mesh():
+def test_high_poly_mesh():
     """Grids of ever more faces, baked at one size: the mesh's own error falls by four a step."""
     centers = (np.arange(27) + 0.5) / 27.0  # on no vertex of the grids
     heights, _ = wave(*np.meshgrid(centers, centers[::-1]))

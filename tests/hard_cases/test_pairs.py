@@ -38,20 +38,20 @@ def test_heights_are_those_of_the_surface_in_front(pair_case):
 
 
 def test_nothing_is_found_where_there_is_nothing(case_of_pair):
-    hole = baked(case_of_pair("dense mesh with a hole").make())
+    hole = baked(case_of_pair("high-poly mesh with a hole").make())
     assert 0 < hole.report.texels_missed < hole.report.texels_covered
-    inside_out = baked(case_of_pair("dense mesh inside out").make())
+    inside_out = baked(case_of_pair("high-poly mesh inside out").make())
     assert inside_out.report.texels_missed == inside_out.report.texels_covered
     assert inside_out.report.counts.rays_past_back_faces > 0
 
 
 # What the preflight must say of each pair; of the others, nothing but notes.
 SAID = {
-    "dense mesh coarser than the light one": "high-is-coarser",
+    "high-poly mesh coarser than the low-poly one": "high-is-coarser",
     "wall thinner than the cage": "thin-walls",
-    "dense mesh with a hole": "far-from-high",
-    "dense mesh inside out": "opposite-sides",
-    "dense mesh elsewhere": "differing-place",
+    "high-poly mesh with a hole": "far-from-high",
+    "high-poly mesh inside out": "opposite-sides",
+    "high-poly mesh elsewhere": "differing-place",
 }
 
 

@@ -1,4 +1,4 @@
-"""Pairs of meshes that are hard to bake: a dense one and a light one with coordinates."""
+"""Pairs of meshes that are hard to bake: a high-poly one and a low-poly one with coordinates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from texbake.mesh.shapes import icosphere, plane, uv_sphere
 
 
 class Pair(NamedTuple):
-    """A dense mesh, a light one, and the height of the one over the other at every texel."""
+    """A high-poly mesh, a low-poly one, and the height of the one over the other at every texel."""
 
     high: Mesh
     low: Mesh
@@ -34,32 +34,32 @@ def sheets(*places: tuple[float, float, int]) -> Mesh:
 
 
 def _thin_wall() -> Pair:
-    """A wall of 0.01 beside a sheet whose dense surface lies 0.1 behind the light one."""
-    light, dense = (sheets((0, 0, 1), (0, -0.01, -1), (3, z, 1)) for z in (0.0, -0.1))
-    return Pair(dense, light, 0.0)
+    """A wall of 0.01 beside a sheet whose high-poly surface lies 0.1 behind the low-poly one."""
+    low, high = (sheets((0, 0, 1), (0, -0.01, -1), (3, z, 1)) for z in (0.0, -0.1))
+    return Pair(high, low, 0.0)
 
 
 def _one_triangle() -> Pair:
-    """One large dense triangle above many light ones."""
+    """One large high-poly triangle above many low-poly ones."""
     high = mesh_of([[-9.0, -9.0, 0.01], [9.0, -9.0, 0.01], [0.0, 19.0, 0.01]], [[0, 1, 2]])
     return Pair(high, plane(16, 16), 0.01)
 
 
 PAIRS: tuple[Case[Pair], ...] = (
-    Case(name="dense mesh coarser than the light one", wrong="reach is measured from its few "
+    Case(name="high-poly mesh coarser than the low-poly one", wrong="distance is measured from few "
          "vertices alone, and rays end before it", make=_one_triangle),
     Case(name="wall thinner than the cage", wrong="rays pass through it and take the other side",
          make=_thin_wall),
-    Case(name="dense mesh equal to the light one", wrong="a reach of 0 finds nothing",
+    Case(name="high-poly mesh equal to the low-poly one", wrong="a ray distance of 0 hits nothing",
          make=lambda: Pair(plane(4, 4), plane(4, 4), 0.0)),
-    Case(name="dense mesh with a hole", wrong="what is beside it is smeared over it",
+    Case(name="high-poly mesh with a hole", wrong="what is beside it is smeared over it",
          make=lambda: Pair(
              mesh_of(plane(8, 8).positions, np.delete(plane(8, 8).faces, slice(40, 60), axis=0)),
              plane(4, 4), 0.0)),
-    Case(name="dense mesh inside out", wrong="every hit is culled, and the map is empty",
+    Case(name="high-poly mesh inside out", wrong="every hit is culled, and the map is empty",
          make=lambda: Pair(
              mesh_of(plane(4, 4).positions, plane(4, 4).faces[:, ::-1]), plane(4, 4), 0.0)),
-    Case(name="dense mesh elsewhere", wrong="rays without bound find whatever lies behind",
+    Case(name="high-poly mesh elsewhere", wrong="rays without bound find whatever lies behind",
          make=lambda: Pair(moved(icosphere(1), 1.0, (1e3, 0.0, 0.0)), uv_sphere(6, 12), 0.0),
          traits=frozenset({"apart"})),
 )  # fmt: skip
