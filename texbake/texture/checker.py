@@ -30,7 +30,7 @@ def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.N
     Parameters
     ----------
     size : int or (int, int)
-        Texels a side, or (width, height).
+        Texels along each side, or (width, height).
     n_cells : int
         Cells along each side, up to 26. Their borders lie between texels: where the size is no
         multiple of their number, some are a texel wider than others.

@@ -39,7 +39,7 @@ from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_dire
 
 CUBE_FILTERS = tuple(CUBE_FILTER_CODES)
 
-# Directions a band: some milliseconds of work.
+# Directions per band: a few milliseconds of work.
 _BAND = 1 << 16
 
 
@@ -133,7 +133,7 @@ def _readable(values: npt.ArrayLike) -> npt.NDArray[np.float32]:
     return array
 
 
-# Lookups a band: some milliseconds of work.
+# Lookups per band: a few milliseconds of work.
 _LATITUDE_BAND = 1 << 17
 
 

@@ -64,7 +64,7 @@ _TEXTURE, _COMPLEX_MIPMAP = 0x1000, 0x8 | 0x400000
 _FOUR_CC = 0x4
 _TEXTURE_2D = 3
 
-# Rows of blocks a band: some milliseconds of work.
+# Rows of blocks per band: a few milliseconds of work.
 _BAND_BLOCKS = 1 << 13
 
 

@@ -25,7 +25,7 @@ from texbake.texture.image_kernels import quantize_kernel
 _CONVENTIONS = ("opengl", "directx")
 _FLAT_NOISE = 4e-6
 
-# Texels a band: some milliseconds of work.
+# Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
 
 
@@ -70,7 +70,7 @@ def quantize_unsigned(
     Parameters
     ----------
     values : (..., C) float32
-        Values outside [0, 1] are clipped to it; what is not a number becomes 0.
+        Values outside [0, 1] are clipped to it; NaN becomes 0.
     bits
         8 or 16.
 

@@ -105,7 +105,7 @@ def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptio
     if not isinstance(scale, int | float) or not math.isfinite(scale):
         raise FileFormatError(
             f"{heights.name}: its {DISPLACEMENT_SCALE} {scale!r} is not a finite number; "
-            "give one with --scale"
+            "give `scale`"
         )
     return float(scale)
 

@@ -37,7 +37,7 @@ from texbake.texture.image_formats import PNG, check_image_format, format_of, ho
 # (H, W) or (H, W, C), row 0 at the top.
 FloatImage = npt.NDArray[np.float32]
 
-# Texels a band: some milliseconds of work.
+# Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
 _GREATEST_HALF = 65504.0
 
@@ -51,13 +51,13 @@ class Image:
     pixels : (H, W, C) float32
         Linear; integer codes as values in [0, 1].
     metadata
-        What the map says of itself; empty for other files.
+        Metadata of the map; empty for other files.
     bits
         Of a channel in the file: 8, 16 or 32.
     is_float
         Whether the file holds floats (half or single), and so no codes.
     name
-        What messages call it: the name of its file.
+        Name for messages: that of its file.
     """
 
     pixels: npt.NDArray[np.float32]
@@ -69,7 +69,7 @@ class Image:
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Size of an image file in pixels, its channels, and what the map in it says of itself."""
+    """Size of an image file in pixels, its channels, and the metadata of the map in it."""
 
     width: int
     height: int
@@ -103,15 +103,15 @@ def write_image(
     color
         Color is sRGB in integer formats: floats are encoded so, all but alpha, and a PNG says so.
     bits
-        8, 16 or 32 a channel (16 is half float in EXR); None as `check_image_format` says, or as
-        the integers have it.
+        8, 16 or 32 bits per channel (16 is half float in EXR). None: the size of integer codes, or
+        the default of `check_image_format`.
     metadata
         Kept where the format has a place for it.
 
     Raises
     ------
     FileFormatError
-        The suffix is none that is known.
+        The suffix is not known.
     OptionError
         The format does not hold that many bits or channels, or codes are to change their size.
     FileError
@@ -120,7 +120,7 @@ def write_image(
     pixels = np.asarray(pixels)
     pixels = pixels[..., None] if pixels.ndim == 2 else pixels
     if pixels.ndim != 3 or pixels.size == 0:
-        raise OptionError(f"{path}: the shape {pixels.shape} is no image's; it is (H, W, C)")
+        raise OptionError(f"{path}: the shape {pixels.shape} is not that of an image, (H, W, C)")
     if bits is None and pixels.dtype.kind == "u":
         bits = 8 * pixels.itemsize
     bits = check_image_format(path, bits, color=color)
@@ -163,7 +163,7 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
 
 
 def read_header(path: PathLike) -> ImageHeader:
-    """Read what an image file says of itself, without its pixels.
+    """Read the header of an image file, without its pixels.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def _stored(
     if holds_floats(path, bits):
         if pixels.dtype.kind != "f":
             raise OptionError(f"{path}: it holds floats, not {pixels.dtype} codes; pass floats")
-        if bits == 16 and color:  # light that is too bright for a half is as bright as one can be
+        if bits == 16 and color:  # colors too bright for a half get the brightest one
             pixels = np.clip(pixels, -_GREATEST_HALF, _GREATEST_HALF)
         return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)
     if pixels.dtype.kind == "f":
@@ -254,7 +254,7 @@ def _write_with_openimageio(
         and output.close()
     )
     if not written:
-        reason = _told(output.geterror if output is not None else oiio.geterror)
+        reason = _complaint(output.geterror if output is not None else oiio.geterror)
         raise FileError(f"{path}: cannot be written: {_one_line(reason, temporary, path)}")
 
 
@@ -273,7 +273,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), wishes)
     if source is None:
-        raise FileFormatError(f"{path}: it is not an image: {_one_line(_told(oiio.geterror))}")
+        raise FileFormatError(f"{path}: it is not an image: {_one_line(_complaint(oiio.geterror))}")
     return source, description
 
 
@@ -290,22 +290,22 @@ def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
         spec.full_height,
     ):
         raise FileFormatError(f"{path}: only a window of the image is in it; save it uncropped")
-    # Other types, such as 32-bit integers, are asked for as floats.
+    # Other types, such as 32-bit integers, are read as floats.
     stored = str(spec.format) if str(spec.format) in _OIIO_TYPES.values() else "float"
     pixels = source.read_image(0, 0, 0, spec.nchannels, oiio.TypeDesc(stored))
-    reason = _told(source.geterror)
+    reason = _complaint(source.geterror)
     source.close()
     if pixels is None or reason:
         raise FileFormatError(f"{path}: the image is damaged: {_one_line(reason)}")
     return pixels, description or _description(spec)
 
 
-def _told(error: Callable[[], str]) -> str:
-    """Return what the library complains of, which may quote bytes of the file that are no text."""
+def _complaint(error: Callable[[], str]) -> str:
+    """Return the library's message, which may quote bytes of the file that are not text."""
     try:
         return error()
     except UnicodeDecodeError:
-        return "something in it is no text"
+        return "something in it is not text"
 
 
 def _description(spec: Any) -> str:
@@ -316,7 +316,7 @@ def _description(spec: Any) -> str:
 
 
 def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -> str:
-    """What a library complained of, as the first line it said, about the file that is meant."""
+    """The first line of a library's message, about the file that the user named."""
     line = (reason.strip() or "no reason was given").splitlines()[0]
     return line.replace(str(temporary), str(path)) if temporary is not None else line
 
@@ -327,12 +327,12 @@ _SUFFIXES = ((0, b"\x89PNG", ".png"), (8, b"WEBP", ".webp"), (0, b"II*\0", ".tif
 
 
 def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = None) -> Image:
-    """Read an image from the bytes of a file; its first bytes tell the format.
+    """Read an image from the bytes of a file; the first bytes identify the format.
 
     Parameters
     ----------
     name
-        What messages call it, and the suffix where the bytes tell nothing.
+        Name for messages, and the suffix if the bytes do not identify the format.
     color, threads
         As of `read_image`.
 

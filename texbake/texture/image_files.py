@@ -66,7 +66,7 @@ def suffix_like(source: Image) -> str:
 
 
 def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> int | None:
-    """Bits a channel of a file made of another, so that nothing is lost without need.
+    """Bits per channel of a file made of another, so that nothing is lost without need.
 
     None, which is what is usual for the format, but as many as the source has for codes of 16 bits
     and floats where the format has such, and 32 for floats beyond the greatest half.
@@ -106,7 +106,7 @@ def write_normals(
     convention
         Green channel: `opengl` (+Y up) or `directx` (+Y down).
     bits
-        8, 16 or 32 a channel; None: the most the format holds.
+        8, 16 or 32 bits per channel; None: the most the format holds.
 
     Raises
     ------

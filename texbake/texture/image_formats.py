@@ -48,7 +48,7 @@ def check_image_format(
     channels: int | None = None,
     lossless: bool = False,
 ) -> int:
-    """Bits a channel of a file to be written; raise now if it could not be.
+    """Bits per channel of a file to be written; raise now if it could not be.
 
     Long work calls this first.
 
@@ -68,7 +68,7 @@ def check_image_format(
     Raises
     ------
     FileFormatError
-        The suffix is none that is known.
+        The suffix is not known.
     OptionError
         The format does not hold that many bits or channels.
     """
@@ -79,7 +79,7 @@ def check_image_format(
         return kind.color_bits if color else kind.data_bits
     if bits not in kind.bits:
         raise OptionError(
-            f"{path}: {kind.name} holds {_alternatives(kind.bits)} bits a channel, not {bits}; "
+            f"{path}: {kind.name} holds {_alternatives(kind.bits)} bits per channel, not {bits}; "
             f"{_advice(bits)}"
         )
     if channels is not None and kind.channels is not None and channels not in kind.channels:

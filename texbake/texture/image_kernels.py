@@ -21,7 +21,7 @@ def quantize_kernel(values, factors, offsets, noise, top, codes, start, stop):  
             if abs(value) <= noise:
                 value = np.float64(0.0)
             code = value * factors[channel] + offsets[channel] + 0.5
-            # Also what is not a number becomes 0.
+            # Also NaN becomes 0.
             codes[i, channel] = np.uint16(min(code, top)) if code > 0.0 else np.uint16(0)
 
 

@@ -25,7 +25,7 @@ from texbake.texture.interpolation import BORDER, CLAMP, MIRROR, REPEAT, row_of_
 _CODES = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "border": BORDER}
 WRAPS = tuple(_CODES)
 
-# Lookups a band: some milliseconds of work.
+# Lookups per band: a few milliseconds of work.
 _IMAGE_BAND = 1 << 18
 
 
@@ -43,7 +43,7 @@ def wrap_code(wrap: str) -> int:
 
 
 def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[np.float32]:
-    """Values outside an image with a border, one a channel.
+    """Values outside an image with a border, one per channel.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def lookup(
     return out.reshape(*uvs.shape[:-1], image.shape[2])
 
 
-# Values a band: some milliseconds of work.
+# Values per band: a few milliseconds of work.
 _RAMP_BAND = 1 << 18
 
 
@@ -211,7 +211,7 @@ def ramp_lookup(
 
 VOLUME_FILTERS = ("nearest", "trilinear")
 
-# Lookups a band: some milliseconds of work.
+# Lookups per band: a few milliseconds of work.
 _VOLUME_BAND = 1 << 17
 
 

@@ -32,7 +32,7 @@ MIP_FILTERS = ("box", "kaiser")
 _KAISER_RADIUS = 3.0  # texels of the smaller level
 _KAISER_ALPHA = 4.0
 
-# Values a band: some milliseconds of work.
+# Values per band: a few milliseconds of work.
 _BAND_VALUES = 1 << 20
 
 

@@ -93,7 +93,7 @@ def nearest_owner(
     return NearestOwners(indices, int(meeting.sum()))
 
 
-# Rows a band: some milliseconds of work.
+# Rows per band: a few milliseconds of work.
 _FILL_BAND = 128
 FloatImage = npt.NDArray[np.float32]
 
@@ -114,7 +114,7 @@ def spread(
     indices : (H, W) int32
         `NearestOwners.indices`.
     background
-        A number, or one a channel, for texels out of reach, and for those whose nearest owner is
+        A number, or one per channel, for texels out of reach, and for those whose nearest owner is
         not finite in all channels. An owner keeps its value whatever it is.
 
     Returns

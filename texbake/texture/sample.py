@@ -31,7 +31,7 @@ from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
 FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
 
-# Lookups a band: some milliseconds of work.
+# Lookups per band: a few milliseconds of work.
 _BAND = 1 << 16
 _NO_DERIVATIVES = np.empty((0, 4), np.float32)
 _NO_DERIVATIVES.flags.writeable = False

@@ -20,7 +20,7 @@ from texbake.errors import OptionError
 # Work over points start to stop - 1.
 Work = Callable[[int, int], None]
 
-# Points a band: some milliseconds of work.
+# Points per band: a few milliseconds of work.
 BAND = 1 << 14
 
 
