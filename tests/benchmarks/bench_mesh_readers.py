@@ -118,8 +118,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         small = {suffix: folder / f"small{suffix}" for suffix in FORMATS}
-        for path in small.values():
-            texbake.write_mesh(uv_sphere(16, 32), path)
+        sphere = uv_sphere(16, 32)
+        for suffix, path in small.items():
+            # The last bytes of a PLY file are to be an index.
+            bare = sphere.replace(uvs=None, uv_faces=None)
+            texbake.write_mesh(bare if suffix == ".ply" else sphere, path)
         files = [DATA / file for file in REAL]
         if not arguments.small:
             scan = texbake.read_mesh(DATA / SCAN)
