@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 # For embreex_oracle and displaced_mesh.
-sys.path[:0] = [str(Path(__file__).parent / room) for room in ("raycast", "rendering")]
+sys.path[:0] = [str(Path(__file__).parent / room) for room in (".", "rendering")]
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,6 @@
 """The only list of the public names of the package; each is loaded when it is first used."""
 
-from .baking.bake import (
-    bake as bake,
-    remap as remap,
-    remap_hits as remap_hits,
-)
+from .baking.bake import bake as bake
 from .baking.baked_map import (
     BakedMap as BakedMap,
     WrittenMap as WrittenMap,
@@ -22,10 +18,11 @@ from .baking.parts.bake_parts import (
     bake_parts as bake_parts,
     match_parts as match_parts,
 )
-from .baking.parts.light import Canvas as Canvas
+from .baking.parts.low_parts import BakeTarget as BakeTarget
 from .baking.parts.options import PartsOptions as PartsOptions
 from .baking.parts.result import PartsResult as PartsResult
-from .baking.ray_maps import RayMaps as RayMaps
+from .baking.rays import RayMaps as RayMaps
+from .baking.remap import remap as remap, remap_hits as remap_hits
 from .baking.report import BakeReport as BakeReport
 from .baking.result import BakeResult as BakeResult
 from .baking.texture.camera import PhotoCamera as PhotoCamera

@@ -8,9 +8,10 @@ from displaced_mesh import displace
 from embreex_oracle import EmbreexScene
 
 import texbake
-from texbake.baking import trace
-from texbake.baking.bake import bake, remap
+from texbake.baking import scenes
+from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
+from texbake.baking.remap import remap
 from texbake.errors import CageError, MissError, OptionError, UvError
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
@@ -258,7 +259,7 @@ def test_a_bake_through_embreex_is_the_same(monkeypatch):
     high, low = icosphere(5), uv_sphere(8, 12)
     options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
     native = bake(high, low, options)
-    monkeypatch.setattr(trace, "RayScene", EmbreexScene)
+    monkeypatch.setattr(scenes, "RayScene", EmbreexScene)
     through_embreex = bake(high, low, options)
     assert (native.report.caster, through_embreex.report.caster) == ("Embree, packets", "embreex")
     np.testing.assert_array_equal(native.has_data, through_embreex.has_data)
@@ -330,7 +331,7 @@ def test_with_a_cage_the_back_alone_is_measured():
 @pytest.mark.parametrize("other", [uv_sphere(8, 15), icosphere(2)])
 def test_a_cage_with_other_faces_is_an_error(other):
     low = uv_sphere(8, 16)
-    with pytest.raises(CageError, match=r"has the faces of the light mesh"):
+    with pytest.raises(CageError, match=r"must have the faces of the low-poly mesh"):
         bake(icosphere(3), low, cage=other)
 
 
@@ -366,7 +367,7 @@ def test_remap_equals_a_bake_of_the_other_maps():
         np.testing.assert_array_equal(again.maps[name].values, direct.maps[name].values)
     with pytest.raises(OptionError, match="keep_hits"):
         remap(direct, high, low, other)
-    with pytest.raises(OptionError, match="not the meshes that were traced"):
+    with pytest.raises(OptionError, match="not the meshes that were baked"):
         remap(kept, icosphere(2), low, other)
 
 

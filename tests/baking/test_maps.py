@@ -48,13 +48,14 @@ def test_every_map_is_listed_under_its_name():
 
 
 def test_a_normal_map_computes_nothing_of_the_others():
-    inputs = BakeInputs(halves(), plane(), BakeOptions(size=N))
     high = halves()
     options = BakeOptions(size=N, keep_hits=True)
     kept = bake(high, plane(), options).inputs
-    computed = set(kept.__dict__) - {field.name for field in fields(inputs)}
-    allowed = {"high_normals", "_high_smooth_normals", "low_normals", "low_tangents", "low_charts"}
-    assert computed <= allowed
+    allowed = {"normals", "_smooth_normals", "tangents", "charts"}
+    for surface in (kept.high_surface, kept.low_surface):
+        computed = set(surface.__dict__) - {field.name for field in fields(surface)}
+        assert computed <= allowed
+    assert "bounds" not in kept.__dict__
 
 
 # Position
@@ -386,7 +387,7 @@ def test_opacity_is_the_share_of_samples_that_hit(samples, share):
 
 
 def test_what_only_the_second_look_finds_counts_once():
-    kind, inputs = MAPS["opacity"], BakeInputs(plane(), plane(), BakeOptions(size=N))
+    kind, inputs = MAPS["opacity"], BakeInputs.of(plane(), plane(), BakeOptions(size=N))
     ball, low = icosphere(4), uv_sphere(16, 32)
     result = bake(ball, low, BakeOptions(size=128, samples=4, maps=("opacity",), keep_hits=True,
                                          padding=0))  # fmt: skip
@@ -445,7 +446,9 @@ def test_values_ask_the_trace_for_nothing_but_its_rows():
 
 
 def test_the_page_of_the_maps_has_a_row_for_each():
-    page = (Path(__file__).parents[2] / "docs" / "maps.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "maps.md").read_text(
+        encoding="utf-8"
+    )
     rows = [line.split("`")[1] for line in page.splitlines() if line.startswith("| `")]
     assert rows == list(MAP_NAMES)
     channels = [line.split("|")[2].strip() for line in page.splitlines() if line.startswith("| `")]

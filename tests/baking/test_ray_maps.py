@@ -5,8 +5,7 @@ import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.baking.ray_maps import RayMaps
-from texbake.baking.rays import RayField
+from texbake.baking.rays import RayField, RayMaps
 from texbake.baking.texels import Samples
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame

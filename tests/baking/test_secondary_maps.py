@@ -7,9 +7,10 @@ import pytest
 from embreex_oracle import EmbreexScene
 
 import texbake
-from texbake.baking import trace
-from texbake.baking.bake import bake, remap
+from texbake.baking import scenes
+from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
+from texbake.baking.remap import remap
 from texbake.baking.secondary.options import SecondaryOptions
 from texbake.errors import OptionError
 from texbake.mesh.compose import join_meshes
@@ -125,7 +126,7 @@ def test_outer_and_inner_rays_are_cast_once_for_all_maps_that_need_them(ground):
 
 @pytest.mark.parametrize("scene", [RayScene, EmbreexScene])
 def test_where_nothing_is_hit_or_faces_nowhere_there_are_no_rays(scene, monkeypatch):
-    monkeypatch.setattr(trace, "RayScene", scene)
+    monkeypatch.setattr(scenes, "RayScene", scene)
     options = BakeOptions(size=16, maps=("ao", "bent-normal", "thickness"), **SHORT)
     away = plane().replace(positions=plane().positions + np.array([0, 0, 5]))
     missed = bake(away, plane(), options)
@@ -192,7 +193,7 @@ def test_samples_that_adapt_to_normals_have_secondary_rays_too(ground):
 def test_through_embreex_the_maps_are_the_same_to_noise(ground, monkeypatch):
     options = BakeOptions(size=24, maps=("ao", "thickness"), **SHORT)
     native = bake(ground, plane(), options)
-    monkeypatch.setattr(trace, "RayScene", EmbreexScene)
+    monkeypatch.setattr(scenes, "RayScene", EmbreexScene)
     plain = bake(ground, plane(), options)
     assert plain.report.caster == "embreex"
     for name in options.maps:

@@ -60,8 +60,8 @@ def test_a_dry_run_tells_and_bakes_nothing(run, folder, tmp_path):
     assert result.exit_code == 0, result.output
     assert "arm_low  from arm_high" in result.output
     assert "LEG_low  from leg_high.001" in result.output
-    assert "warning: y_low: without a dense part of that name and not baked" in result.output
-    assert "warning: x_high: without a light part of that name and not used" in result.output
+    assert "warning: y_low: no high-poly part of that name, so not baked" in result.output
+    assert "warning: x_high: no low-poly part of that name, so not used" in result.output
     assert not (tmp_path / "maps").exists()
     told = json.loads(report.read_text())["matching"]
     assert told["matches"] == [
@@ -111,7 +111,7 @@ def test_tiles_have_files_of_their_own(run, folder, tmp_path):
     )
     np.testing.assert_allclose(first[8:24, 4:12], 0.1, rtol=1e-5)
     np.testing.assert_allclose(second[8:24, 20:28], 0.2, rtol=1e-5)
-    assert [item["udim"] for item in json.loads(report.read_text())["canvases"]] == [1001, 1002]
+    assert [item["udim"] for item in json.loads(report.read_text())["targets"]] == [1001, 1002]
 
 
 def test_one_tile_is_a_plain_bake(run, folder, tmp_path):
@@ -152,7 +152,7 @@ def test_images_turn_and_move_rays(run, folder, tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["high.obj", "low.obj", "--match-by-name", "--low-suffix", "_lp"], 1, "no light part"),
+        (["high.obj", "low.obj", "--match-by-name", "--low-suffix", "_lp"], 1, "no low-poly part"),
         (["high.obj", "low.obj", "--match-by-name", "--hits", "h.npz"], 2, "hits: is for the bake"),
         (["high.obj", "low.obj", "--match-by-name", "--html", "h.html"], 2, "html: is for the"),
         (["high.obj", "low.obj", "--texture-sets", "materials"], 1, "no materials"),

@@ -228,8 +228,8 @@ def _read_patches(path: Path) -> Any:
 
 def _read_hits(path: Path) -> Any:
     from texbake import BakeOptions
-    from texbake.baking.bake import remap_hits
     from texbake.baking.hits_file import read_hits
+    from texbake.baking.remap import remap_hits
 
     # What was let in must not lead kernels astray either.
     return remap_hits(read_hits(path), BakeOptions(maps=("normal", "displacement")))

@@ -1,4 +1,4 @@
-"""A dense and a light mesh to maps: the stages of a bake in their order."""
+"""From a high-poly and a low-poly mesh to maps: the stages of a bake in their order."""
 
 from __future__ import annotations
 
@@ -15,36 +15,21 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.ray_maps import RayMaps
-from texbake.baking.rays import check_cage
+from texbake.baking.padding import ChartPadding
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.rays import RayMaps, check_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult
-from texbake.baking.secondary.rays import SecondaryRays
+from texbake.baking.scenes import BakeScenes
+from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
-from texbake.baking.surround import Surroundings
-from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import Trace
-from texbake.baking.trees import Trees
 from texbake.errors import MissError, OptionError, UvError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.sampling.report import SamplingReport
-
-# Options that belong to a trace, and stay as they were when other maps are made of it.
-_OF_TRACE = (
-    "size",
-    "samples",
-    "rays",
-    "front",
-    "back",
-    "cull_back_faces",
-    "secondary_rays",
-    "occluder_distance",
-    "fail_on_miss",
-    "keep_hits",
-)
 
 
 def bake(
@@ -58,27 +43,27 @@ def bake(
     offset_map: npt.ArrayLike | None = None,
     progress: ProgressSink | None = None,
 ) -> BakeResult:
-    """Carry the detail of a dense mesh over to a light one, as maps.
+    """Bake the detail of a high-poly mesh into maps of a low-poly mesh.
 
     Parameters
     ----------
     high
-        The dense mesh.
+        The high-poly mesh.
     low
-        The light mesh; it needs texture coordinates.
+        The low-poly mesh, with texture coordinates.
     options
         None for `BakeOptions()`.
     cage
-        The light mesh's faces with other positions: rays start on it.
+        The faces of the low-poly mesh with other positions; rays start on it.
     materials
-        Of the dense mesh, for the maps `texture` and `material-id`; see `read_materials`.
+        Of the high-poly mesh, for the maps `texture` and `material-id`; see `read_materials`.
     skew_mask : (H, W) floats, optional
-        Over the light mesh's texture coordinates: 0 where rays go as `BakeOptions.rays` says, 1
-        where they go along the face's normal, between them a blend.
+        Over the texture coordinates of the low-poly mesh: 0 where rays have the direction that
+        `BakeOptions.rays` specifies, 1 where they follow the face normal, between them a blend.
     offset_map : (H, W) floats, optional
-        Over the same: what the front distance, or the cage's, is multiplied by, 0 or more.
+        Over the same coordinates: a factor for the front distance, or that of the cage, 0 or more.
     progress
-        Is told of the stages.
+        Called with the progress of the stages.
 
     Returns
     -------
@@ -88,16 +73,16 @@ def bake(
     Raises
     ------
     UvError
-        The light mesh has no texture coordinates, or they cover nothing.
+        The low-poly mesh has no texture coordinates, or they cover nothing.
     CageError
-        The cage has other faces than the light mesh.
+        The cage has other faces than the low-poly mesh.
     MeshError
         The meshes are below 1e-30 or above 1e37 model units across, beyond the float32 of maps; or
-        the dense mesh lacks what a map is made from.
+        the high-poly mesh lacks what a map is made from.
     MissError
         More texels missed than `options.fail_on_miss` allows.
     OptionError
-        A map that is not known; an image with values out of range.
+        A map is unknown, or an image has values out of range.
 
     Examples
     --------
@@ -110,12 +95,12 @@ def bake(
     cage = None if cage is None else as_mesh(cage)
     options = options or BakeOptions()
     kinds = map_kinds(options.maps)
-    inputs = BakeInputs(high, low, options, materials)
+    inputs = BakeInputs.of(high, low, options, materials)
     check_maps(kinds, inputs)
     if cage is not None:
         check_cage(cage, low)
         if options.front is not None:
-            raise OptionError("front, cage: rays start on the cage; give one of the two")
+            raise OptionError("front, cage: rays start on the cage; give only one of the two")
     ray_maps = RayMaps.of(skew_mask, offset_map)
     if options.time_budget is not None:
         return _bake_in_time(kinds, inputs, cage, ray_maps, progress)
@@ -123,14 +108,14 @@ def bake(
 
 
 def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
-    """Raise where a map cannot be made from what is given."""
+    """Raise if a map cannot be made from the inputs."""
     for kind in kinds:
         if kind.require is not None:
             kind.require(inputs)
         if kind.of_misses and (inputs.options.is_adaptive or inputs.options.time_budget):
             raise OptionError(
-                f"maps, samples: {kind.name} counts misses among fixed samples; give 1, 4, 16 or "
-                "64, or bake it by itself"
+                f"maps, samples: {kind.name} counts misses among a fixed number of samples; use "
+                "samples 1, 4, 16 or 64, or bake it separately"
             )
 
 
@@ -147,13 +132,13 @@ def _bake_in_time(
     stages = Stages(progress)
     secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
     trace = Trace(inputs.high, inputs.low, inputs.options, cage, stages, secondary, ray_maps)
-    trees = trace.own_trees()
+    scenes = trace.own_scenes()
     try:
         with stages.stage("probe"):
-            planned, budget = plan_bake(inputs, kinds, cage, ray_maps, trees, start)
-        result = bake_inputs(kinds, planned, cage, ray_maps, stages, trees)
+            planned, budget = plan_bake(inputs, kinds, cage, ray_maps, scenes, start)
+        result = bake_inputs(kinds, planned, cage, ray_maps, stages, scenes)
     finally:
-        trees.close()
+        scenes.close()
     budget = replace(budget, actual_seconds=time.perf_counter() - start)
     measured = _measures(inputs.options, cage)
     return replace(result, report=replace(result.report, budget=budget, measured=measured))
@@ -165,15 +150,23 @@ def bake_inputs(
     cage: Mesh | None,
     ray_maps: RayMaps | None,
     stages: Stages,
-    trees: Trees | None = None,
+    scenes: BakeScenes | None = None,
     distances: DistanceSummary | None = None,
 ) -> BakeResult:
-    """Do the same as `bake` with what it has checked, and with what others go on to use."""
+    """Bake with inputs that are checked.
+
+    Parameters
+    ----------
+    scenes
+        Ray scenes that are used for other bakes as well; None: the bake builds its own.
+    distances
+        Collects the distances of several bakes; None: of this one alone.
+    """
     options = inputs.options
     if ray_maps is not None and cage is None:
         ray_maps.check(options.rays)
     secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
-    trace = Trace(inputs.high, inputs.low, options, cage, stages, secondary, ray_maps, trees)
+    trace = Trace(inputs.high, inputs.low, options, cage, stages, secondary, ray_maps, scenes)
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
     distances = distances or DistanceSummary()
@@ -190,60 +183,6 @@ def bake_inputs(
             kept.append(hits)
     all_hits = Hits.joined(kept) if kept else None
     return _result(kinds, sums, trace, inputs, stages, all_hits, distances)
-
-
-def remap(result: BakeResult, high: MeshLike, low: MeshLike, options: BakeOptions) -> BakeResult:
-    """Make other maps, or the same in another space, from kept hits, without a second trace.
-
-    Parameters
-    ----------
-    result
-        Of a bake with `keep_hits` of the same two meshes.
-    options
-        `maps`, `space`, `high_shading`, `padding` and `fill` count, and what says how files are
-        written; size, samples and all that says how rays go are those of the trace.
-
-    Raises
-    ------
-    OptionError
-        The result kept no hits, or the meshes have other numbers of faces.
-    MeshError
-        The dense mesh lacks what a map is made from.
-    """
-    high, low = as_mesh(high), as_mesh(low)
-    if (high.n_faces, low.n_faces) != (result.report.n_high_faces, result.report.n_low_faces):
-        raise OptionError(
-            f"remap: {high.name} and {low.name} are not the meshes that were traced "
-            f"({result.report.high} and {result.report.low}); give those"
-        )
-    materials = None if result.inputs is None else result.inputs.materials
-    inputs = BakeInputs(high, low, result.report.options, materials)
-    return remap_hits(replace(result, inputs=inputs), options)
-
-
-def remap_hits(
-    result: BakeResult, options: BakeOptions, *, progress: ProgressSink | None = None
-) -> BakeResult:
-    """Do the same as `remap` with what the result keeps, or what `read_hits` has read, alone."""
-    if result.hits is None or result.inputs is None:
-        raise OptionError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
-    traced = result.report.options
-    of_trace = {name: getattr(traced, name) for name in _OF_TRACE}
-    options = replace(options, max_error=None, time_budget=None, **of_trace)
-    kinds = map_kinds(options.maps)
-    inputs = result.inputs.with_options(options)
-    check_maps(kinds, inputs)
-    stages = Stages(progress)
-    sums = TexelSums(kinds, inputs)
-    with stages.stage("make maps"):
-        sums.add(result.hits)
-    has_data = result.has_data
-    charts = _texel_charts(inputs, result.texel_faces)
-    maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
-    report = replace(
-        result.report, options=options, padding_meets=meets, stages=list(stages.records)
-    )
-    return BakeResult(maps, report, result.hits, result.texel_faces, has_data, inputs)
 
 
 def _result(
@@ -263,10 +202,10 @@ def _result(
     if n_covered == 0:
         raise UvError(
             f"{inputs.low.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} map; use a greater --size or new coordinates"
+            f"{options.width_px} x {options.height_px} map; use a greater size or new coordinates"
         )
     _check_misses(n_missed, n_covered, inputs)
-    charts = _texel_charts(inputs, trace.texel_faces)
+    charts = texel_charts_of(inputs, trace.texel_faces)
     maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
     report = BakeReport(
         high=inputs.high.name,
@@ -296,19 +235,19 @@ def _result(
 
 
 def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
-    """Whether a distance of rays is not given and so measured."""
+    """Whether a ray distance is not given, and so measured."""
     return options.back is None or (options.front is None and cage is None)
 
 
 def _samples_of_overlaps(options: BakeOptions) -> int:
-    """Samples a texel on which overlaps were counted."""
+    """Samples per texel among which overlaps were counted."""
     return 1 if options.is_adaptive else options.samples_per_side**2
 
 
 def _count_unseen(n_faces: int, texel_faces: IntArray) -> int:
-    """How many faces own no texel."""
+    """Number of faces that own no texel."""
     seen = np.zeros(n_faces + 1, dtype=np.bool_)
-    seen[texel_faces] = True  # NO_FACE is -1, and so the last entry
+    seen[texel_faces] = True  # NO_FACE is -1, the last entry
     return n_faces - int(np.count_nonzero(seen[:-1]))
 
 
@@ -317,16 +256,16 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
     percent = 100.0 * n_missed / max(n_covered, 1)
     if limit is not None and percent > limit:
         raise MissError(
-            f"{inputs.low.name}: {n_missed} texels ({percent:.3f} %) found no surface of "
-            f"{inputs.high.name}, more than the {limit:g} % allowed; raise --front and --back, "
-            "or see them with --miss-map and without --fail-on-miss"
+            f"{inputs.low.name}: the rays of {n_missed} texels ({percent:.3f} %) missed "
+            f"{inputs.high.name}, more than the {limit:g} % allowed; raise front and back, "
+            "or bake without fail_on_miss and look at the miss map"
         )
 
 
-def _texel_charts(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
-    """(H, W) int32: chart of the light mesh that covers each texel, `NO_FACE` for none."""
-    # NO_FACE is -1, and so the last entry: it has no chart.
-    return np.append(inputs.low_charts, NO_FACE).astype(np.int32)[texel_faces]
+def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
+    """(H, W) int32: chart of the low-poly mesh that covers each texel, `NO_FACE` for none."""
+    # NO_FACE is -1, the last entry, which has no chart.
+    return np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)[texel_faces]
 
 
 def finished_maps(
@@ -337,29 +276,29 @@ def finished_maps(
     inputs: BakeInputs,
     stages: Stages,
 ) -> tuple[dict[str, BakedMap], int]:
-    """Values of texels to padded maps; also the number of texels where two charts' padding meets.
+    """Pad the maps; also return the number of texels where the padding of two charts meets.
 
     Parameters
     ----------
     means
-        The values (H, W, C) of a map, which are used up.
+        Returns the values (H, W, C) of a map, which are then changed in place.
     texel_charts : (H, W) int32
         Chart that covers each texel, `NO_FACE` for none.
     """
     options = inputs.options
     with stages.stage("pad"):
-        surroundings = Surroundings(texel_charts, has_data, options)
-        complete = surroundings
-        if any(kind.of_misses for kind in kinds) and surroundings.n_missed:
-            complete = Surroundings(texel_charts, texel_charts != NO_FACE, options)
+        padding = ChartPadding(texel_charts, has_data, options)
+        complete = padding
+        if any(kind.of_misses for kind in kinds) and padding.n_missed:
+            complete = ChartPadding(texel_charts, texel_charts != NO_FACE, options)
     maps = {}
     for kind in kinds:
         with stages.part("make maps"):
             values = means(kind)
         with stages.part("pad"):
-            around = complete if kind.of_misses else surroundings
-            values = around.filled(values, kind.neutral(options), kind.combine)
+            around = complete if kind.of_misses else padding
+            values = around.pad(values, kind.neutral(options), kind.combine)
         bounds = None if kind.bounds is None else kind.bounds(inputs)
         legend = () if kind.legend is None else kind.legend(inputs)
         maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, legend)
-    return maps, surroundings.n_meeting
+    return maps, padding.n_meeting

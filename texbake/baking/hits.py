@@ -1,4 +1,4 @@
-"""What the rays found: one row a sample, enough to make any map from without a second trace."""
+"""Hits of a bake: one row per sample, enough to make any map without casting rays again."""
 
 from __future__ import annotations
 
@@ -7,32 +7,36 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.raycast.rays import Rows
+from texbake.baking.ray_kernels import hits_kernel
+from texbake.baking.texels import Samples
+from texbake.mesh.frame import LocalFrame
+from texbake.parallel import run_bands
+from texbake.raycast.rays import RayHits, Rays, Rows
 
 
 @dataclass(frozen=True, eq=False)
 class Hits(Rows):
-    """The trace of a bake: a row for each sample that a face of the light mesh owns.
+    """The hits of a bake, one row for each sample that a face of the low-poly mesh owns.
 
-    Samples that missed at the first look come last, whether the second look found anything or not.
+    Samples whose ray missed at first come last, whether the exact retry found a hit or not.
 
     Attributes
     ----------
     texel_ids : (n,) int32
-        Row times width plus column of the sample's texel, row 0 at the top.
+        Row times width plus column of the texel of the sample, row 0 at the top.
     low_faces : (n,) int32
-        Face of the light mesh.
+        Face of the low-poly mesh.
     low_barycentrics : (n, 2) float32
-        Weights of that face's second and third corner.
+        Weights of the second and third corner of that face.
     high_faces : (n,) int32
-        Face of the dense mesh, `NO_HIT` for a miss.
+        Face of the high-poly mesh, `NO_HIT` for a miss.
     high_barycentrics : (n, 2) float32
-        Weights of that face's second and third corner.
+        Weights of the second and third corner of that face.
     offsets : (n, 3) float32
-        From the sample on the light mesh to the point hit, in model units; 0 for a miss.
+        From the sample on the low-poly mesh to the point hit, in model units; 0 for a miss.
     secondary : (n, S) float32, optional
-        What rays from the points hit have met, where a map needs it; 0 for a miss. Its columns are
-        those of `texbake.baking.secondary`.
+        What rays from the point hit have met, where a map needs it; 0 for a miss. The columns are
+        those of `texbake.raycast.fans`, lengths in model units.
     """
 
     texel_ids: npt.NDArray[np.int32]
@@ -42,3 +46,36 @@ class Hits(Rows):
     high_barycentrics: npt.NDArray[np.float32]
     offsets: npt.NDArray[np.float32]
     secondary: npt.NDArray[np.float32] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        samples: Samples,
+        rays: Rays,
+        ray_hits: RayHits,
+        frame: LocalFrame,
+        *,
+        threads: int | None = None,
+    ) -> Hits:
+        """Combine samples with what their rays hit; lengths become model units."""
+        n = len(samples)
+        hits = cls(
+            samples.texel_ids,
+            samples.faces,
+            np.empty((n, 2), dtype=np.float32),
+            ray_hits.faces,
+            np.empty((n, 2), dtype=np.float32),
+            np.empty((n, 3), dtype=np.float32),
+        )
+
+        def fill(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            hits_kernel(
+                (samples.barycentrics[band], rays.directions[band], rays.fronts[band]),
+                (ray_hits.faces[band], ray_hits.barycentrics[band], ray_hits.distances[band]),
+                frame.scale,
+                (hits.low_barycentrics[band], hits.high_barycentrics[band], hits.offsets[band]),
+            )
+
+        run_bands(fill, n, band=1 << 16, threads=threads)
+        return hits

@@ -24,9 +24,9 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
+from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
-from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
 from texbake.mesh.compose import used_rows
@@ -81,7 +81,7 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
     }
     arrays["texel_faces"] = result.texel_faces
     arrays["bounds"] = result.inputs.bounds
-    arrays["curvatures"] = high.high_curvatures
+    arrays["curvatures"] = high.high_surface.curvatures
     header: dict[str, Any] = {
         "version": _VERSION,
         "report": json.loads(_report_type().dump_json(result.report)),
@@ -179,9 +179,14 @@ def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
             names=materials.names,
             base_colors=materials.base_colors,
         )
-    curvatures = inputs.high_curvatures[vertices]
-    reduced = BakeInputs(
-        Mesh(**part), inputs.low, inputs.options, materials, curvatures, inputs.bounds
+    curvatures = inputs.high_surface.curvatures[vertices]
+    reduced = BakeInputs.of(
+        Mesh(**part),
+        inputs.low,
+        inputs.options,
+        materials,
+        known_curvatures=curvatures,
+        known_bounds=inputs.bounds,
     )
     return Hits(**columns), reduced
 
@@ -221,13 +226,13 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
     _check_shapes(hits, high, arrays)
     has_data = np.zeros(texel_faces.size, dtype=np.bool_)
     has_data[hits.texel_ids[hits.high_faces != NO_HIT]] = True
-    inputs = BakeInputs(
+    inputs = BakeInputs.of(
         high,
         low,
         options,
         _taken_materials(header, arrays),
-        arrays["curvatures"],
-        arrays["bounds"],
+        known_curvatures=arrays["curvatures"],
+        known_bounds=arrays["bounds"],
     )
     return BakeResult({}, report, hits, texel_faces, has_data.reshape(texel_faces.shape), inputs)
 

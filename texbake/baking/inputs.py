@@ -1,7 +1,7 @@
-"""What maps are made from beside the hits; each part is computed when a map first asks for it.
+"""What maps are made from, beside the hits; each part is computed when a map first needs it.
 
-Of the dense mesh only what belongs to its faces, corner by corner, may be asked for here, but for
-its normals and curvatures, so that the part of it that was hit is enough to make maps again.
+Of the high-poly mesh, maps use only what belongs to its faces, corner by corner, apart from its
+normals and curvatures. So the faces that were hit are enough to make maps again.
 """
 
 from __future__ import annotations
@@ -21,92 +21,184 @@ from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, 
 from texbake.mesh.tangents import corner_tangents
 from texbake.texture.encoding import decode_srgb
 
+Float32Array = npt.NDArray[np.float32]
+
 
 @dataclass(frozen=True, eq=False)
-class BakeInputs:
-    """The two meshes of a bake with their normals and tangents, in model space.
+class HighSurface:
+    """The high-poly mesh of a bake, with what maps need of it.
 
     Attributes
     ----------
-    high, low : Mesh
-    options : BakeOptions
+    mesh : Mesh
     materials : Materials, optional
-        Of the dense mesh.
+    shading : str
+        `BakeOptions.high_shading`.
+    colors_are_srgb : bool
+        Whether its vertex colors are sRGB-coded.
     known_curvatures : (V, 1) float32, optional
-        What `high_curvatures` is, where the dense mesh is only a part of itself.
-    known_bounds : (2, 3) float64, optional
-        What `bounds` is, where it is.
+        Its curvatures, where the mesh is only a part of the one they were computed for.
+    threads : int, optional
     """
 
-    high: Mesh
-    low: Mesh
-    options: BakeOptions
-    materials: Materials | None = None
-    known_curvatures: npt.NDArray[np.float32] | None = None
-    known_bounds: FloatArray | None = None
-
-    def with_options(self, options: BakeOptions) -> BakeInputs:
-        """Return the same with other options; parts that these leave as they are stay computed."""
-        inputs = BakeInputs(self.high, self.low, options)
-        kept = {**self.__dict__, "options": options}
-        if options.high_shading != self.options.high_shading:
-            kept.pop("high_normals", None)
-        if options.vertex_colors != self.options.vertex_colors:
-            kept.pop("high_colors", None)
-        inputs.__dict__.update(kept)
-        return inputs
-
-    def with_low(self, low: Mesh) -> BakeInputs:
-        """Return the same with another light mesh; what is of the dense mesh stays computed."""
-        inputs = replace(self, low=low)
-        of_high = {name: value for name, value in self.__dict__.items() if "high_" in name}
-        inputs.__dict__.update(of_high)
-        return inputs
+    mesh: Mesh
+    materials: Materials | None
+    shading: str
+    colors_are_srgb: bool
+    known_curvatures: Float32Array | None = None
+    threads: int | None = None
 
     @cached_property
-    def high_normals(self) -> tuple[npt.NDArray[np.float32], IntArray]:
-        """(N, 3) float32 shading normals of the dense mesh and (F, 3) indices."""
-        high, threads = self.high, self.options.threads
-        if self.options.high_shading == "flat":
-            normals, corners = flat_normals(high, threads=threads)
-        elif high.normals is None:
-            normals, corners = self._high_smooth_normals, high.faces
+    def normals(self) -> tuple[Float32Array, IntArray]:
+        """(N, 3) float32 shading normals, and (F, 3) indices of those at the corners."""
+        mesh, threads = self.mesh, self.threads
+        if self.shading == "flat":
+            normals, corners = flat_normals(mesh, threads=threads)
+        elif mesh.normals is None:
+            normals, corners = self._smooth_normals, mesh.faces
         else:
-            normals, corners = shading_normals(high, threads=threads)
+            normals, corners = shading_normals(mesh, threads=threads)
         return frozen(normals.astype(np.float32)), frozen(corners)
 
     @cached_property
-    def _high_smooth_normals(self) -> FloatArray:
-        return smooth_normals(self.high, threads=self.options.threads)
+    def _smooth_normals(self) -> FloatArray:
+        return smooth_normals(self.mesh, threads=self.threads)
 
     @cached_property
-    def high_curvatures(self) -> npt.NDArray[np.float32]:
-        """(V, 1) float32 mean curvature of the dense mesh at its vertices, one by model units."""
+    def curvatures(self) -> Float32Array:
+        """(V, 1) float32 mean curvature at the vertices, per model unit."""
         if self.known_curvatures is not None:
             return frozen(self.known_curvatures)
         curvatures = vertex_curvatures(
-            self.high, normals=self._high_smooth_normals, threads=self.options.threads
+            self.mesh, normals=self._smooth_normals, threads=self.threads
         )
         return frozen(curvatures.astype(np.float32)[:, np.newaxis])
 
     @cached_property
-    def high_colors(self) -> npt.NDArray[np.float32]:
-        """(V, 3) float32 linear vertex colors of the dense mesh; white where it has none."""
-        if self.high.colors is None:
-            return frozen(np.ones((self.high.n_vertices, 3), dtype=np.float32))
-        colors = self.high.colors[:, :3]
-        if self.options.colors_are_srgb(self.high.name):
+    def colors(self) -> Float32Array:
+        """(V, 3) float32 linear vertex colors; white if there are none."""
+        if self.mesh.colors is None:
+            return frozen(np.ones((self.mesh.n_vertices, 3), dtype=np.float32))
+        colors = self.mesh.colors[:, :3]
+        if self.colors_are_srgb:
             colors = decode_srgb(np.clip(colors, 0.0, 1.0)).astype(np.float32)
         return frozen(np.ascontiguousarray(colors))
 
     @cached_property
-    def high_images(self) -> dict[str, npt.NDArray[np.float32]]:
-        """Images of the dense mesh's materials by name, (H, W, 3) float32 and linear."""
-        images: dict[str, npt.NDArray[np.float32]] = {}
+    def images(self) -> dict[str, Float32Array]:
+        """Images of the materials by name, (H, W, 3) float32 and linear."""
+        images: dict[str, Float32Array] = {}
         for color in () if self.materials is None else self.materials.base_colors:
             if color is not None and color.image is not None and color.image_name not in images:
-                images[color.image_name] = _decoded(color.image, color.image_name)
+                images[color.image_name] = _decode(color.image, color.image_name)
         return images
+
+
+@dataclass(frozen=True, eq=False)
+class LowSurface:
+    """The low-poly mesh of a bake, with what maps need of it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    threads : int, optional
+    """
+
+    mesh: Mesh
+    threads: int | None = None
+
+    @cached_property
+    def normals(self) -> tuple[FloatArray, IntArray]:
+        """(N, 3) float64 shading normals, and (F, 3) indices of those at the corners."""
+        normals, corners = shading_normals(self.mesh, threads=self.threads)
+        return frozen(normals), frozen(corners)
+
+    @cached_property
+    def tangents(self) -> Float32Array:
+        """(F, 3, 4) float32 corner tangents: those of the file, else MikkTSpace tangents."""
+        tangents = self.mesh.tangents
+        return frozen(corner_tangents(self.mesh) if tangents is None else tangents)
+
+    @cached_property
+    def charts(self) -> IntArray:
+        """(F,) int32 chart of each face."""
+        return chart_ids(self.mesh)
+
+    @cached_property
+    def displacement_normals(self) -> tuple[FloatArray, IntArray]:
+        """(N, 3) float64 directions in which it is displaced, and (F, 3) indices at the corners."""
+        normals, corners = ray_normals(self.mesh, "smooth")
+        return frozen(normals), frozen(corners)
+
+
+@dataclass(frozen=True, eq=False)
+class BakeInputs:
+    """Both meshes of a bake with their normals and tangents, in model space.
+
+    Made by `BakeInputs.of`.
+
+    Attributes
+    ----------
+    high_surface : HighSurface
+    low_surface : LowSurface
+    options : BakeOptions
+    known_bounds : (2, 3) float64, optional
+        The box that positions are encoded in, where it is not that around both meshes.
+    """
+
+    high_surface: HighSurface
+    low_surface: LowSurface
+    options: BakeOptions
+    known_bounds: FloatArray | None = None
+
+    @classmethod
+    def of(
+        cls,
+        high: Mesh,
+        low: Mesh,
+        options: BakeOptions,
+        materials: Materials | None = None,
+        *,
+        known_curvatures: Float32Array | None = None,
+        known_bounds: FloatArray | None = None,
+    ) -> BakeInputs:
+        """Return the inputs of a bake; nothing is computed yet."""
+        surface = HighSurface(
+            high,
+            materials,
+            options.high_shading,
+            options.colors_are_srgb(high.name),
+            known_curvatures,
+            options.threads,
+        )
+        return cls(surface, LowSurface(low, options.threads), options, known_bounds)
+
+    @property
+    def high(self) -> Mesh:
+        """The high-poly mesh."""
+        return self.high_surface.mesh
+
+    @property
+    def low(self) -> Mesh:
+        """The low-poly mesh."""
+        return self.low_surface.mesh
+
+    @property
+    def materials(self) -> Materials | None:
+        """Materials of the high-poly mesh."""
+        return self.high_surface.materials
+
+    def with_options(self, options: BakeOptions) -> BakeInputs:
+        """Return the inputs with other options; what these do not change stays computed."""
+        surface = self.high_surface
+        srgb = options.colors_are_srgb(surface.mesh.name)
+        if (options.high_shading, srgb) != (surface.shading, surface.colors_are_srgb):
+            surface = replace(surface, shading=options.high_shading, colors_are_srgb=srgb)
+        return replace(self, high_surface=surface, options=options)
+
+    def with_low(self, low: Mesh) -> BakeInputs:
+        """Return the inputs with another low-poly mesh."""
+        return replace(self, low_surface=LowSurface(low, self.options.threads))
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -116,32 +208,9 @@ class BakeInputs:
         low, high = self.low.bounds, self.high.bounds
         return frozen(np.stack([np.minimum(low[0], high[0]), np.maximum(low[1], high[1])]))
 
-    @cached_property
-    def low_normals(self) -> tuple[FloatArray, IntArray]:
-        """(N, 3) float64 shading normals of the light mesh and (F, 3) indices."""
-        normals, corners = shading_normals(self.low, threads=self.options.threads)
-        return frozen(normals), frozen(corners)
 
-    @cached_property
-    def low_tangents(self) -> npt.NDArray[np.float32]:
-        """(F, 3, 4) float32 corner tangents of the light mesh: the file's, else MikkTSpace's."""
-        tangents = self.low.tangents
-        return frozen(corner_tangents(self.low) if tangents is None else tangents)
-
-    @cached_property
-    def low_charts(self) -> IntArray:
-        """(F,) int32 chart of each face of the light mesh."""
-        return chart_ids(self.low)
-
-    @cached_property
-    def displacement_normals(self) -> tuple[FloatArray, IntArray]:
-        """(N, 3) float64 directions that a displaced light mesh moves along and (F, 3) indices."""
-        normals, corners = ray_normals(self.low, "smooth")
-        return frozen(normals), frozen(corners)
-
-
-def _decoded(data: bytes, name: str) -> npt.NDArray[np.float32]:
-    """(H, W, 3) linear float32 image; gray becomes three equal channels, alpha is left out."""
+def _decode(data: bytes, name: str) -> Float32Array:
+    """(H, W, 3) linear float32 image; gray becomes three equal channels, alpha is dropped."""
     from texbake.texture.image import decode_image
 
     pixels = decode_image(data, name, color=True).pixels

@@ -1,49 +1,144 @@
-"""Where the ray of a sample starts, which way it goes, and how far: a texel becomes a ray.
+"""Where a sample becomes a ray: where the ray starts, which direction it has, and how far it goes.
 
-A ray starts outside the light mesh, at the sample's point moved along the direction of its corners,
-and goes inward through the light surface: first the front distance, then the back distance. With a
-cage it starts at the point of the cage that has the sample's barycentrics.
+A ray starts outside the low-poly mesh, at the point of the sample moved along the direction there,
+and goes inward through the low-poly surface: first the front distance, then the back distance. With
+a cage it starts at the point of the cage with the same barycentrics.
+
+Two images over the texture coordinates of the low-poly mesh can change its rays (`RayMaps`). A skew
+mask blends the direction of each ray between that of the bake (0: smooth, without gaps, but with
+detail beside hard edges skewed) and the normal of the face (1: straight, with gaps at hard edges).
+An offset map scales how far out a ray starts: 1 keeps the front distance, or that of the cage; 0
+starts on the low-poly surface. Both are looked up bilinearly at the samples.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from texbake.baking.ray_maps import RayMaps, reshape_kernel, sample_uvs
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.ray_kernels import rays_kernel, reshape_kernel
 from texbake.baking.texels import Samples
-from texbake.errors import CageError
-from texbake.kernels import kernel
+from texbake.errors import CageError, OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
 from texbake.parallel import run_bands
 from texbake.raycast.rays import Rays
+from texbake.texture.lookup import lookup
+
+Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class RayMaps:
+    """Images that change the rays of a bake.
+
+    Attributes
+    ----------
+    skew, offset : (H, W, 1) float32, optional
+        0 for the direction of the bake to 1 for that of the face; and a factor of the front
+        distance, 0 or more.
+    """
+
+    skew: Float32Array | None = None
+    offset: Float32Array | None = None
+
+    @classmethod
+    def of(
+        cls, skew_mask: npt.ArrayLike | None = None, offset_map: npt.ArrayLike | None = None
+    ) -> RayMaps | None:
+        """Check the images, (H, W) or (H, W, C), of which the first channel is used.
+
+        Returns None if there are none.
+
+        Raises
+        ------
+        OptionError
+            An image has another shape, or values out of range.
+        """
+        if skew_mask is None and offset_map is None:
+            return None
+        return cls(
+            _first_channel("skew_mask", skew_mask, 1.0),
+            _first_channel("offset_map", offset_map, np.inf),
+        )
+
+    def check(self, rays: str) -> None:
+        """Raise `OptionError` if a mask would blend the normals of faces with themselves."""
+        if self.skew is not None and rays == "face":
+            raise OptionError(
+                "skew_mask, rays: rays along face normals are straight already; use rays smooth or "
+                "vertex"
+            )
+
+    def skew_at(self, uvs: FloatArray, threads: int | None) -> Float32Array:
+        """(n,) float32: the blend at (n, 2) texture coordinates; 0 without a mask."""
+        return _look_up(self.skew, uvs, 0.0, threads)
+
+    def offset_at(self, uvs: FloatArray, threads: int | None) -> Float32Array:
+        """(n,) float32: the scale at (n, 2) texture coordinates; 1 without a map."""
+        return _look_up(self.offset, uvs, 1.0, threads)
+
+
+def _first_channel(name: str, image: npt.ArrayLike | None, most: float) -> Float32Array | None:
+    if image is None:
+        return None
+    pixels = np.asarray(image, dtype=np.float32)
+    if pixels.ndim == 2:
+        pixels = pixels[:, :, np.newaxis]
+    if pixels.ndim != 3 or pixels.size == 0:
+        raise OptionError(f"{name}: the shape {pixels.shape} is not (height, width)")
+    pixels = np.ascontiguousarray(pixels[:, :, :1])
+    if not np.isfinite(pixels).all() or pixels.min() < 0.0 or pixels.max() > most:
+        allowed = "0 to 1" if most == 1.0 else "0 or more"
+        raise OptionError(
+            f"{name}: its values go from {pixels.min():g} to {pixels.max():g}; "
+            f"they must be {allowed}"
+        )
+    return pixels
+
+
+def _look_up(
+    image: Float32Array | None, uvs: FloatArray, without: float, threads: int | None
+) -> Float32Array:
+    if image is None:
+        return np.full(len(uvs), without, dtype=np.float32)
+    return lookup(image, uvs, wrap="clamp", threads=threads)[:, 0]
+
+
+def _sample_uvs(corner_uvs: FloatArray, faces: IntArray, barycentrics: FloatArray) -> FloatArray:
+    """(n, 2) texture coordinates of samples, from those (F, 3, 2) of the corners of faces."""
+    corners = corner_uvs[faces]
+    b, c = barycentrics[:, :1], barycentrics[:, 1:]
+    return np.asarray((1.0 - b - c) * corners[:, 0] + b * corners[:, 1] + c * corners[:, 2])
 
 
 class RayField:
-    """The rays of a light mesh: everything that a sample needs to become one.
+    """The rays of a low-poly mesh: everything needed to turn samples into rays.
 
     Parameters
     ----------
     low : Mesh
-        The light mesh.
+        The low-poly mesh.
     frame : LocalFrame
-        Of both meshes.
+        Around both meshes.
     kind : str
-        `smooth`, `vertex` or `face`; a direction that cancels to zero falls back to the face's.
+        `smooth`, `vertex` or `face`; where the direction cancels to zero, that of the face is used.
     front, back : float
         In model units.
     cage : Mesh, optional
-        The light mesh's faces with other positions; it takes the place of `kind` and `front`.
+        The faces of the low-poly mesh with other positions; replaces `kind` and `front`.
     maps : RayMaps, optional
-        Images over the light mesh's texture coordinates that change its rays.
+        Images over the texture coordinates of the low-poly mesh.
 
     Raises
     ------
     CageError
-        The cage has other faces than the light mesh.
+        The cage has other faces than the low-poly mesh.
     UvError
-        There are images, and the light mesh has no texture coordinates.
+        There are images, and the low-poly mesh has no texture coordinates.
     """
 
     def __init__(
@@ -78,12 +173,12 @@ class RayField:
             )
 
     def rays(self, samples: Samples) -> Rays:
-        """Rays of some samples, in their order."""
+        """Return the rays of some samples, in their order."""
         n = len(samples)
         rays = Rays(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n))
 
         def fill(start: int, stop: int) -> None:
-            _rays_kernel(
+            rays_kernel(
                 samples.faces[start:stop],
                 samples.barycentrics[start:stop],
                 (self.positions, self.starts, self.faces),
@@ -102,9 +197,9 @@ class RayField:
         return rays
 
     def _reshape(self, rays: Rays, samples: Samples, maps: RayMaps) -> None:
-        """Change rays, in place, as the images say."""
+        """Change rays, in place, according to the images."""
         assert self._corner_uvs is not None
-        uvs = sample_uvs(self._corner_uvs, samples.faces, samples.barycentrics)
+        uvs = _sample_uvs(self._corner_uvs, samples.faces, samples.barycentrics)
         skew, offset = maps.skew_at(uvs, self._threads), maps.offset_at(uvs, self._threads)
         straight = rays if self._straight is None else self._straight.rays(samples)
 
@@ -124,7 +219,7 @@ class RayField:
 
 
 def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:
-    """Outward unit directions (N, 3) of rays, and the index (F, 3) of each corner's."""
+    """Outward unit directions (N, 3) of rays, and the index (F, 3) of the one at each corner."""
     if kind == "smooth":
         return smooth_normals(low), low.faces
     if kind == "vertex":
@@ -133,70 +228,10 @@ def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:
 
 
 def check_cage(cage: Mesh, low: Mesh) -> None:
-    """Raise `CageError` unless a cage has the faces of the light mesh, in the same order."""
+    """Raise `CageError` unless a cage has the faces of the low-poly mesh, in the same order."""
     if cage.n_vertices != low.n_vertices or not np.array_equal(cage.faces, low.faces):
         raise CageError(
-            f"{cage.name}: a cage has the faces of the light mesh with other positions, and this "
-            f"one has {cage.n_faces} faces on {cage.n_vertices} vertices where {low.name} has "
-            f"{low.n_faces} on {low.n_vertices}, or others; make it by moving the vertices of "
-            f"{low.name}"
+            f"{cage.name}: a cage must have the faces of the low-poly mesh, in the same order; it "
+            f"has {cage.n_faces} faces on {cage.n_vertices} vertices and {low.name} has "
+            f"{low.n_faces} on {low.n_vertices}; make the cage by moving the vertices of {low.name}"
         )
-
-
-@kernel
-def _rays_kernel(  # type: ignore[no-untyped-def]
-    faces, barycentrics, surface, field, reach, origins, directions, lengths, fronts, scratch
-):
-    positions, starts, corners = surface
-    normals, normal_corners = field
-    front, back, has_cage = reach
-    point, outward = scratch
-    for i in range(len(faces)):
-        face = faces[i]
-        b, c = barycentrics[i, 0], barycentrics[i, 1]
-        a = 1.0 - b - c
-        square = 0.0
-        for axis in range(3):
-            point[axis] = (
-                a * positions[corners[face, 0], axis]
-                + b * positions[corners[face, 1], axis]
-                + c * positions[corners[face, 2], axis]
-            )
-            if has_cage:
-                outward[axis] = (
-                    a * starts[corners[face, 0], axis]
-                    + b * starts[corners[face, 1], axis]
-                    + c * starts[corners[face, 2], axis]
-                    - point[axis]
-                )
-            else:
-                outward[axis] = (
-                    a * normals[normal_corners[face, 0], axis]
-                    + b * normals[normal_corners[face, 1], axis]
-                    + c * normals[normal_corners[face, 2], axis]
-                )
-            square += outward[axis] * outward[axis]
-        length = np.sqrt(square)
-        # A cage that touches the surface, or unit normals that cancel to rounding: no direction.
-        if length < 1e-12:
-            length = _face_normal(positions, corners[face], outward)
-            fronts[i] = 0.0 if has_cage else front
-        else:
-            fronts[i] = length if has_cage else front
-        lengths[i] = fronts[i] + back if length > 0.0 else 0.0
-        for axis in range(3):
-            unit = outward[axis] / length if length > 0.0 else 0.0
-            origins[i, axis] = point[axis] + fronts[i] * unit
-            directions[i, axis] = -unit
-
-
-@kernel
-def _face_normal(positions, corners, normal):  # type: ignore[no-untyped-def]
-    """Write a face's normal, as long as twice its area, and return that length."""
-    a, b, c = corners[0], corners[1], corners[2]
-    for axis in range(3):
-        y, z = (axis + 1) % 3, (axis + 2) % 3
-        normal[axis] = (positions[b, y] - positions[a, y]) * (positions[c, z] - positions[a, z]) - (
-            positions[b, z] - positions[a, z]
-        ) * (positions[c, y] - positions[a, y])
-    return np.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])

@@ -1,33 +1,38 @@
-"""Which face of the light mesh owns each sample of the texture: where a texel becomes a ray.
+"""Which face of the low-poly mesh owns each sample of a texture, and the loop over all of them.
 
-Texture coordinates are snapped to a fixed-point grid and coverage is decided with 64-bit integer
-edge functions and the top-left rule, so that two faces that share an edge own each sample of it
-exactly once, whatever the size or the number of threads.
+Texture coordinates are snapped to a fixed-point grid, and coverage is decided with 64-bit integer
+edge functions and the top-left rule. So two faces that share an edge own each sample on it exactly
+once, whatever the size of the texture or the number of threads.
 
-Based on: Pineda, "A Parallel Algorithm for Polygon Rasterization", 1988. Departs from it by solving
-each edge function for its span of a row, exactly, instead of testing every sample.
+Every bake walks over its texels with `owned_bands`: a few rows of texels at a time, with the
+samples that the mesh owns in them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.pineda import (
+    FRACTION_BITS,
+    NO_FACE,
+    TILE,
+    UNIT,
+    list_tiles_kernel,
+    rasterize_kernel,
+)
 from texbake.errors import UvError
-from texbake.kernels import kernel
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
+from texbake.progress import Stages
 from texbake.raycast.rays import Rows
 from texbake.texture.lookup import texel_coordinates
 
-FRACTION_BITS = 11  # a sample is 2048 units wide
-UNIT = 1 << FRACTION_BITS
-# 2^18 samples from the origin; a product of two differences is then at most 2^60.
-REACH = 1 << (18 + FRACTION_BITS)
-TILE = 8  # rows and columns of samples that are cast together; a multiple of samples a texel side
-NO_FACE = -1
+# Coordinates up to 2^18 samples from the origin: a product of two differences is at most 2^60.
+_MAX_COORDINATE = 1 << (18 + FRACTION_BITS)
 
 
 @dataclass(frozen=True)
@@ -51,18 +56,18 @@ class SampleGrid:
 
 @dataclass(frozen=True)
 class SnappedFaces:
-    """A light mesh's faces on the fixed-point grid of a `SampleGrid`.
+    """The faces of a mesh on the fixed-point grid of a `SampleGrid`.
 
     Attributes
     ----------
     corners : (F, 3, 2) int64
-        x to the right and y down, `UNIT` to a sample.
+        x to the right and y down, `UNIT` per sample.
     first_rows, last_rows : (F,) int32
-        Rows of samples whose centers a face can own; last below first where it can own none.
+        Rows of samples whose centers a face can own; the last is below the first if there are none.
     n_outside_tile : int
         Faces with a corner outside the unit square; what lies outside is not baked.
     n_zero_area : int
-        Faces without area on the grid; they own nothing.
+        Faces without area on the grid, which own no sample.
     """
 
     corners: npt.NDArray[np.int64]
@@ -81,7 +86,7 @@ class Samples(Rows):
     texel_ids : (n,) int32
         Row times width plus column of the texel, row 0 at the top.
     faces : (n,) int32
-        Face of the light mesh.
+        Face of the mesh.
     barycentrics : (n, 2) float64
         Weights of the face's second and third corner at the sample.
     """
@@ -92,9 +97,9 @@ class Samples(Rows):
 
 
 def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
-    """Put a mesh's texture coordinates onto the fixed-point grid.
+    """Snap the texture coordinates of a mesh to the fixed-point grid.
 
-    A face that reaches farther than 2^18 samples from the origin is left out and counts as outside.
+    A face with a corner farther than 2^18 samples from the origin is left out, as one outside.
 
     Raises
     ------
@@ -103,18 +108,18 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     """
     uvs = mesh.corner_uvs()
     snapped = np.rint(texel_coordinates(uvs, grid.n_columns, grid.n_rows) * UNIT)
-    too_far = np.asarray((np.abs(snapped) > REACH).any(axis=(1, 2)))
+    too_far = np.asarray((np.abs(snapped) > _MAX_COORDINATE).any(axis=(1, 2)))
     snapped[too_far] = 0.0
     corners = snapped.astype(np.int64)
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     zero_area = (a[:, 0] * b[:, 1] == a[:, 1] * b[:, 0]) & ~too_far
-    # A sample's center lies half a unit into it: the first center at or below the top corner.
+    # The center of a sample lies half a unit into it: the first center at or below the top corner.
     first = -((UNIT // 2 - corners[:, :, 1].min(axis=1)) // UNIT)
     last = (corners[:, :, 1].max(axis=1) - UNIT // 2) // UNIT
     first = np.maximum(first, 0)
     last = np.minimum(last, grid.n_rows - 1)
     last[zero_area | too_far] = -1
-    # What float32 files leave of coordinates on the border is no reason to warn.
+    # Coordinates on the border that a float32 file has rounded are no reason to warn.
     outside = np.asarray((np.abs(uvs - 0.5) > 0.5 + 1e-6).any(axis=(1, 2)))
     if not (first <= last).any():
         raise UvError(_uncovered_message(mesh, zero_area, outside))
@@ -146,7 +151,7 @@ def rasterize_uv(
     *,
     threads: int | None = None,
 ) -> tuple[npt.NDArray[np.int32], int]:
-    """Owner of every sample in some rows of texels: the first face that covers its center.
+    """Find the owner of every sample in some rows of texels: the first face that covers its center.
 
     Parameters
     ----------
@@ -156,7 +161,7 @@ def rasterize_uv(
     Returns
     -------
     owners : (len(rows) * per_side, width * per_side) int32
-        Face ids, `NO_FACE` where there is none.
+        Face ids, `NO_FACE` for none.
     n_overlaps : int
         Samples that more than one face covers.
     """
@@ -167,7 +172,7 @@ def rasterize_uv(
     overlapped = np.zeros((n_rows, grid.n_columns), dtype=np.bool_)
 
     def rasterize(start: int, stop: int) -> None:
-        _rasterize_kernel(
+        rasterize_kernel(
             faces.corners,
             faces.first_rows,
             faces.last_rows,
@@ -181,51 +186,6 @@ def rasterize_uv(
     return owners, int(np.count_nonzero(overlapped))
 
 
-@kernel
-def _rasterize_kernel(corners, first_rows, last_rows, start, stop, owners, overlapped):  # type: ignore[no-untyped-def]
-    """Fill rows start to stop of the grid; `owners` and `overlapped` begin at row start."""
-    n_columns = owners.shape[1]
-    half = UNIT // 2
-    for face in range(len(corners)):
-        first = max(first_rows[face], start)
-        last = min(last_rows[face], stop - 1)
-        if last < first:
-            continue
-        ax, ay = corners[face, 0, 0], corners[face, 0, 1]
-        bx, by = corners[face, 1, 0], corners[face, 1, 1]
-        cx, cy = corners[face, 2, 0], corners[face, 2, 1]
-        if (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) < 0:
-            bx, by, cx, cy = cx, cy, bx, by
-        for row in range(first, last + 1):
-            y = row * UNIT + half
-            left, right = 0, n_columns - 1
-            for edge in range(3):
-                if edge == 0:
-                    px, py, qx, qy = ax, ay, bx, by
-                elif edge == 1:
-                    px, py, qx, qy = bx, by, cx, cy
-                else:
-                    px, py, qx, qy = cx, cy, ax, ay
-                dx, dy = qx - px, qy - py
-                # inside where dx (y - py) - dy (x - px) > 0, or = 0 on a top or left edge
-                limit = 0 if (dy < 0 or (dy == 0 and dx > 0)) else 1
-                rest = dx * (y - py) + dy * (px - half) - limit
-                # rest - dy * UNIT * column >= 0, solved for the column
-                if dy == 0:
-                    if rest < 0:
-                        right = -1
-                elif dy > 0:
-                    right = min(right, rest // (dy * UNIT))
-                else:
-                    left = max(left, -(rest // (-dy * UNIT)))
-            line = row - start
-            for column in range(left, right + 1):
-                if owners[line, column] == NO_FACE:
-                    owners[line, column] = face
-                else:
-                    overlapped[line, column] = True
-
-
 def owned_samples(
     owners: npt.NDArray[np.int32],
     faces: SnappedFaces,
@@ -236,8 +196,8 @@ def owned_samples(
 ) -> Samples:
     """List the owned samples of `rasterize_uv` tile by tile, with their barycentrics.
 
-    Rays of one tile start close together and go the same way, which is what makes casting them
-    fast; a texel's samples always lie in one row of tiles.
+    The rays of a tile start close together and have similar directions, which makes casting them
+    fast. All samples of a texel lie in one row of tiles.
     """
     n_bands = -(-len(owners) // TILE)
     counts = np.array(
@@ -252,7 +212,7 @@ def owned_samples(
 
     def list_tiles(start: int, stop: int) -> None:
         for band in range(start, stop):
-            _list_tiles_kernel(
+            list_tiles_kernel(
                 owners,
                 faces.corners,
                 band * TILE,
@@ -268,34 +228,96 @@ def owned_samples(
     return Samples(texel_ids, sample_faces, barycentrics)
 
 
-@kernel
-def _list_tiles_kernel(  # type: ignore[no-untyped-def]
-    owners, corners, first_line, first_row, per_side, n, texel_ids, faces, barycentrics
-):
-    """List one row of tiles, beginning at line `first_line` of `owners`, from place n on."""
-    n_lines, n_columns = owners.shape
-    width = n_columns // per_side
-    for tile in range(0, n_columns, TILE):
-        for line in range(first_line, min(first_line + TILE, n_lines)):
-            row = first_row + line
-            for column in range(tile, min(tile + TILE, n_columns)):
-                face = owners[line, column]
-                if face == NO_FACE:
-                    continue
-                texel_ids[n] = (row // per_side) * width + column // per_side
-                faces[n] = face
-                x, y = column * UNIT + UNIT // 2, row * UNIT + UNIT // 2
-                write_weights(corners, face, x, y, barycentrics[n])
-                n += 1
+@dataclass(frozen=True, eq=False)
+class TexelBand:
+    """Some rows of texels with the samples that the mesh owns in them.
+
+    Attributes
+    ----------
+    rows : range
+    width : int
+        Texels per row.
+    owners : (len(rows) * per_side, width * per_side) int32
+        Face that owns each sample, `NO_FACE` for none.
+    samples : Samples
+    n_overlaps : int
+        Samples that more than one face covers.
+    """
+
+    rows: range
+    width: int
+    owners: IntArray
+    samples: Samples
+    n_overlaps: int
+
+    def note_faces(self, texel_faces: IntArray) -> None:
+        """Write the face of the first owned sample of each texel into `texel_faces` (H, W).
+
+        Texels without an owned sample, and those that have a face already, keep their value.
+        """
+        per_side = self.owners.shape[1] // self.width
+        cells = self.owners.reshape(len(self.rows), per_side, self.width, per_side)
+        texels = texel_faces[self.rows.start : self.rows.stop]
+        for i in range(per_side):
+            for j in range(per_side):
+                np.copyto(texels, cells[:, i, :, j], where=texels == NO_FACE)
+
+    def sums(
+        self, values: npt.NDArray[np.floating], chosen: npt.NDArray[np.int64] | None = None
+    ) -> FloatArray:
+        """(len(rows) * width, C) float64: sums over the samples of each texel of (n, C) values.
+
+        `chosen` are the samples that the values belong to; None for all.
+        """
+        ids = self.samples.texel_ids if chosen is None else self.samples.texel_ids[chosen]
+        places = ids - self.rows.start * self.width
+        n_texels = len(self.rows) * self.width
+        columns = [np.bincount(places, column, minlength=n_texels) for column in values.T]
+        return np.stack(columns, axis=1)
+
+    def counts(self) -> npt.NDArray[np.int64]:
+        """(len(rows) * width,) int64: samples of each texel."""
+        places = self.samples.texel_ids - self.rows.start * self.width
+        return np.bincount(places, minlength=len(self.rows) * self.width)
 
 
-@kernel
-def write_weights(corners, face, x, y, weights):  # type: ignore[no-untyped-def]
-    """Write the weights of a face's second and third corner at a point in units."""
-    ax, ay = corners[face, 0, 0], corners[face, 0, 1]
-    bx, by = corners[face, 1, 0] - ax, corners[face, 1, 1] - ay
-    cx, cy = corners[face, 2, 0] - ax, corners[face, 2, 1] - ay
-    px, py = x - ax, y - ay
-    area = float(bx * cy - by * cx)
-    weights[0] = (px * cy - py * cx) / area
-    weights[1] = (bx * py - by * px) / area
+def owned_bands(
+    faces: SnappedFaces,
+    grid: SampleGrid,
+    stages: Stages,
+    *,
+    name: str = "bake",
+    rows: Sequence[range] | None = None,
+    samples_at_once: int = 1 << 20,
+    edit: Callable[[IntArray, range], None] | None = None,
+    threads: int | None = None,
+) -> Iterator[TexelBand]:
+    """Yield the texels that a mesh owns, band by band from the top down, shown as a stage.
+
+    Parameters
+    ----------
+    name
+        Of the stage, which is not recorded: the parts of the work in it are.
+    rows
+        Ranges of rows of texels; None for all of them.
+    samples_at_once
+        About how many samples a band has; a band consists of whole rows of tiles.
+    edit
+        Called with the owners of each band and its rows before the samples are listed; may change
+        the owners in place.
+    """
+    rows = [range(grid.height)] if rows is None else rows
+    least = TILE // grid.per_side
+    step = max(samples_at_once // (grid.n_columns * grid.per_side) // least, 1) * least
+    n_texels = sum(map(len, rows)) * grid.width
+    with stages.stage(name, total=n_texels, unit="texels", recorded=False) as advance:
+        for some in rows:
+            for first in range(some.start, some.stop, step):
+                here = range(first, min(first + step, some.stop))
+                with stages.part("rasterize"):
+                    owners, n_overlaps = rasterize_uv(faces, grid, here, threads=threads)
+                    if edit is not None:
+                        edit(owners, here)
+                    samples = owned_samples(owners, faces, grid, first, threads=threads)
+                yield TexelBand(here, grid.width, owners, samples, n_overlaps)
+                advance(len(here) * grid.width)

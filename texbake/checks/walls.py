@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.distances import Reach, measure_reach
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
+from texbake.baking.scenes import RayExtent, measure_extent
 from texbake.baking.texels import Samples
 from texbake.checks.checked_mesh import BoolArray, make_finding
 from texbake.checks.finding import Finding
@@ -47,7 +47,7 @@ class WallProbe:
         From the face to the next part in front of it; inf beyond the start of the ray.
     heights : (n,) float64
         Height of the hit on the high-poly surface above the face; NaN where the ray misses.
-    reach : Reach
+    reach : RayExtent
         Ray distances of the bake, in model units.
     """
 
@@ -56,7 +56,7 @@ class WallProbe:
     thicknesses: FloatArray
     gaps: FloatArray
     heights: FloatArray
-    reach: Reach
+    reach: RayExtent
 
 
 def probe_walls(pair: MeshPair) -> WallProbe:
@@ -69,7 +69,7 @@ def probe_walls(pair: MeshPair) -> WallProbe:
     samples = Samples(np.zeros(len(faces), np.int32), faces.astype(np.int32), middles)
     with RayScene.build(pair.high.mesh, frame, threads=threads) as scene:
         kind = BakeOptions.rays
-        reach = measure_reach(pair.high.mesh, low.mesh, frame, scene, kind, threads)
+        reach = measure_extent(scene, low.mesh, kind, threads=threads)
         field = RayField(
             low.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
         )

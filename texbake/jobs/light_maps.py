@@ -22,23 +22,20 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.surround import Surroundings
+from texbake.baking.padding import ChartPadding
+from texbake.baking.pineda import NO_FACE
 from texbake.baking.texels import (
-    NO_FACE,
     SampleGrid,
     Samples,
-    SnappedFaces,
-    owned_samples,
-    rasterize_uv,
+    owned_bands,
     snap_uvs,
 )
-from texbake.baking.trace import rows_at_once
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
@@ -298,21 +295,20 @@ def _baked(
     values = np.zeros((grid.height, grid.width, 3), np.float32)
     texel_faces = np.full((grid.height, grid.width), NO_FACE, np.int32)
     n_overlapping = 0
-    step = rows_at_once(grid)
-    name = f"bake {item.name}"
-    with stages.stage(name, total=grid.width * grid.height, unit="texels") as advance:
-        for first in range(0, grid.height, step):
-            rows = range(first, min(first + step, grid.height))
-            samples, overlaps = _samples_of(faces, grid, rows, options.threads)
-            light = _light_of(surface, samples, lamps, item.receives_shadows, options.threads)
-            _add_means(samples, light, rows, values, texel_faces)
-            n_overlapping += overlaps
-            advance(len(rows) * grid.width)
+    bands = owned_bands(faces, grid, stages, name=f"bake {item.name}", threads=options.threads)
+    for band in bands:
+        with stages.part("light texels"):
+            light = _light_of(surface, band.samples, lamps, item.receives_shadows, options.threads)
+            counts = np.maximum(band.counts(), 1)
+            rows = slice(band.rows.start, band.rows.stop)
+            values[rows] = (band.sums(light) / counts[:, None]).reshape(values[rows].shape)
+            band.note_faces(texel_faces)
+            n_overlapping += band.n_overlaps
     has_data = texel_faces != NO_FACE
     with stages.part("pad"):
         charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[texel_faces]
-        surroundings = Surroundings(charts, has_data, options)
-        values = surroundings.filled(values, (0.0, 0.0, 0.0))
+        padding = ChartPadding(charts, has_data, options)
+        values = padding.pad(values, (0.0, 0.0, 0.0))
     return LightMap(
         index=index,
         name=item.name,
@@ -321,13 +317,6 @@ def _baked(
         n_overlapping=n_overlapping,
         n_outside=faces.n_outside_tile,
     )
-
-
-def _samples_of(
-    faces: SnappedFaces, grid: SampleGrid, rows: range, threads: int | None
-) -> tuple[Samples, int]:
-    owners, n_overlaps = rasterize_uv(faces, grid, rows, threads=threads)
-    return owned_samples(owners, faces, grid, rows.start, threads=threads), n_overlaps
 
 
 def _light_of(
@@ -347,18 +336,3 @@ def _light_of(
 
     run_bands(work, len(samples), band=_BAND, threads=threads)
     return light
-
-
-def _add_means(
-    samples: Samples, light: Floats, rows: range, values: Floats, texel_faces: IntArray
-) -> None:
-    """Write the mean of each texel's samples into it, and the face of its first sample."""
-    width = values.shape[1]
-    texels = samples.texel_ids - rows.start * width
-    n_texels = len(rows) * width
-    counts = np.bincount(texels, minlength=n_texels)
-    here = slice(rows.start, rows.stop)
-    for channel in range(3):
-        sums = np.bincount(texels, weights=light[:, channel], minlength=n_texels)
-        values[here, :, channel] = (sums / np.maximum(counts, 1)).reshape(len(rows), width)
-    texel_faces[here].reshape(-1)[texels[::-1]] = samples.faces[::-1]

@@ -16,15 +16,13 @@ from typing import Any
 from texbake.baking.baked_map import WrittenMap
 from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import bake_parts, match_parts
-from texbake.baking.parts.light import Canvas
+from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts, match_parts
+from texbake.baking.parts.low_parts import BakeTarget, Tiles
 from texbake.baking.parts.matching import Match, Matching
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.report import PartsReport
 from texbake.baking.parts.result import PartsResult
-from texbake.baking.parts.tiles import Tiles
-from texbake.baking.parts.work import RayMapsOf
-from texbake.baking.ray_maps import RayMaps
+from texbake.baking.rays import RayMaps
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
 from texbake.jobs.maps import (
@@ -52,7 +50,7 @@ _SET_PATTERN = "{set}_{map}.{ext}"
 # Maps made from the materials of the high-poly meshes.
 _OF_MATERIALS = frozenset({"texture", "material-id"})
 
-NameFiles = Callable[[Canvas], dict[str, Path]]
+NameFiles = Callable[[BakeTarget], dict[str, Path]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,16 +161,16 @@ def bake_parts_files(
             folder=Path(done_maps),
             progress=progress,
         )
-        files = {canvas: name_files(canvas) for canvas in result.canvases}
-        outputs = [path for of_canvas in files.values() for path in of_canvas.values()]
+        files = {target: name_files(target) for target in result.targets}
+        outputs = [path for of_target in files.values() for path in of_target.values()]
         misses = {} if miss_map is None else _miss_maps(Path(miss_map), result)
         _check_names(outputs, name_pattern)
         check_distinct([*outputs, *misses.values(), report], inputs)
         with stages.stage("write maps"):
             make_folder(folder)
             written = result.write(files)
-            for canvas, path in misses.items():
-                write_image(result.canvases[canvas].miss_map(), path)
+            for target, path in misses.items():
+                write_image(result.targets[target].miss_map(), path)
     done = PartsFiles(
         files=(*outputs, *misses.values(), *given(report)),
         report=result.report,
@@ -242,18 +240,18 @@ def _namer(
 ) -> NameFiles:
     """Return a function that names the files of a set of maps."""
 
-    def files(canvas: Canvas) -> dict[str, Path]:
+    def files(target: BakeTarget) -> dict[str, Path]:
         names = map_file_names(
             pattern,
             asset=asset,
             maps=maps,
             ext=suffix or DEFAULT_FORMAT,
-            udim=canvas.udim,
-            texture_set=canvas.texture_set or None,
+            udim=target.udim,
+            texture_set=target.texture_set or None,
         )
         return {name: folder / file for name, file in names.items()}
 
-    files(Canvas("", FIRST_TILE))  # raises before the work what is wrong with the pattern
+    files(BakeTarget("", FIRST_TILE))  # raises before the work what is wrong with the pattern
     return files
 
 
@@ -290,32 +288,32 @@ def _ray_maps(skew_mask: PathLike | None, offset_map: PathLike | None, asset: st
     """Return a function that reads the images of a set of maps, their names filled in."""
     read = lru_cache(maxsize=2)(read_ray_image)
 
-    def named(path: PathLike | None, canvas: Canvas) -> Path | None:
+    def named(path: PathLike | None, target: BakeTarget) -> Path | None:
         if path is None:
             return None
-        name = str(path).replace("{udim}", str(canvas.udim))
-        return Path(name.replace("{set}", canvas.texture_set or asset))
+        name = str(path).replace("{udim}", str(target.udim))
+        return Path(name.replace("{set}", target.texture_set or asset))
 
-    def images(canvas: Canvas) -> RayMaps | None:
-        return RayMaps.of(read(named(skew_mask, canvas)), read(named(offset_map, canvas)))
+    def images(target: BakeTarget) -> RayMaps | None:
+        return RayMaps.of(read(named(skew_mask, target)), read(named(offset_map, target)))
 
     return images
 
 
-def _miss_maps(path: Path, result: PartsResult) -> Mapping[Canvas, Path]:
+def _miss_maps(path: Path, result: PartsResult) -> Mapping[BakeTarget, Path]:
     """Files of the miss maps: the path; of several, set and tile stand before its suffix."""
-    if len(result.canvases) == 1:
-        return dict.fromkeys(result.canvases, path)
+    if len(result.targets) == 1:
+        return dict.fromkeys(result.targets, path)
     files = {}
-    for canvas in result.canvases:
-        pattern = "{map}_{set}_{udim}.{ext}" if canvas.texture_set else "{map}_{udim}.{ext}"
+    for target in result.targets:
+        pattern = "{map}_{set}_{udim}.{ext}" if target.texture_set else "{map}_{udim}.{ext}"
         (name,) = map_file_names(
             pattern,
             asset="",
             maps=[path.stem],
             ext=path.suffix[1:],
-            udim=canvas.udim,
-            texture_set=canvas.texture_set,
+            udim=target.udim,
+            texture_set=target.texture_set,
         ).values()
-        files[canvas] = path.with_name(name)
+        files[target] = path.with_name(name)
     return files

@@ -10,12 +10,8 @@ from texbake.baking.adaptive_texels.edge_functions import (
     TEXEL,
     owner_at,
 )
-from texbake.baking.texels import (
-    NO_FACE,
-    SampleGrid,
-    rasterize_uv,
-    snap_uvs,
-)
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
 from texbake.mesh.mesh import Mesh
 
 WIDTH, HEIGHT = 20, 12

@@ -49,7 +49,7 @@ def means_by_brute_force(high, low, settings, maps):
     from texbake.baking.inputs import BakeInputs
     from texbake.baking.maps import MAPS
 
-    inputs = BakeInputs(high, low, BakeOptions(**fine))
+    inputs = BakeInputs.of(high, low, BakeOptions(**fine))
     hit = hits.high_faces >= 0
     results = {}
     for name in maps:

@@ -7,9 +7,9 @@ from texbake import read_mesh
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
-from texbake.baking.parts.light import Canvas
+from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.options import PartsOptions
-from texbake.baking.ray_maps import RayMaps
+from texbake.baking.rays import RayMaps
 from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.materials import Materials
@@ -18,7 +18,7 @@ from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 
 MATCH = PartsOptions(match_by_name=True, occluders="match")
-ONLY = Canvas("", 1001)
+ONLY = BakeTarget("", 1001)
 MAPS = ("normal", "displacement", "position", "opacity", "curvature", "ao", "thickness")
 
 
@@ -47,7 +47,7 @@ def options(**changes) -> BakeOptions:
 @pytest.mark.parametrize("as_files", [False, True], ids=["groups", "files"])
 def test_each_part_is_what_it_is_alone(samples, as_files):
     high, low = (HIGHS, LOWS) if as_files else ([HIGH], [LOW])
-    whole = bake_parts(high, low, options(samples=samples), MATCH).canvases[ONLY]
+    whole = bake_parts(high, low, options(samples=samples), MATCH).targets[ONLY]
     alone = [
         bake(dense, light, options(samples=samples, padding=0))
         for dense, light in zip(HIGHS, LOWS, strict=True)
@@ -64,7 +64,7 @@ def test_each_part_is_what_it_is_alone(samples, as_files):
 
 def test_adaptive_samples_of_each_part_are_those_that_it_has_alone():
     chosen = {"maps": ("normal",), "samples": "adaptive"}
-    whole = bake_parts([HIGH], [LOW], options(**chosen), MATCH).canvases[ONLY]
+    whole = bake_parts([HIGH], [LOW], options(**chosen), MATCH).targets[ONLY]
     for dense, light in zip(HIGHS, LOWS, strict=True):
         alone = bake(dense, light, options(padding=0, **chosen))
         mine = alone.texel_faces >= 0
@@ -73,8 +73,8 @@ def test_adaptive_samples_of_each_part_are_those_that_it_has_alone():
 
 def test_without_names_rays_see_everything():
     chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
-    plain = bake_parts([HIGH], [LOW], chosen).canvases[ONLY]
-    matched = bake_parts([HIGH], [LOW], chosen, MATCH).canvases[ONLY]
+    plain = bake_parts([HIGH], [LOW], chosen).targets[ONLY]
+    matched = bake_parts([HIGH], [LOW], chosen, MATCH).targets[ONLY]
     assert not np.array_equal(plain.maps["normal"].values, matched.maps["normal"].values)
 
 
@@ -85,8 +85,8 @@ def test_one_of_each_is_a_plain_bake(samples):
     plain = bake(HIGH, LOW, chosen)
     for parts in (PartsOptions(), PartsOptions(udim=True)):
         result = bake_parts([HIGH], [LOW], chosen, parts)
-        assert list(result.canvases) == [ONLY]
-        found = result.canvases[ONLY]
+        assert list(result.targets) == [ONLY]
+        found = result.targets[ONLY]
         assert np.array_equal(found.texel_faces, plain.texel_faces)
         for name in maps:
             assert np.array_equal(found.maps[name].values, plain.maps[name].values), name
@@ -111,7 +111,7 @@ def test_occluders_are_all_or_the_match():
     found = {
         occluders: bake_parts(
             [plate, lid], [low], chosen, PartsOptions(match_by_name=True, occluders=occluders)
-        ).canvases[ONLY]
+        ).targets[ONLY]
         for occluders in ("all", "match")
     }
     assert (found["match"].maps["ao"].values == 1.0).all()
@@ -131,7 +131,7 @@ def test_what_is_ignored_hides_nothing():
     chosen = BakeOptions(size=8, maps=("ao",))
     parts = PartsOptions(match_by_name=True)
     assert (
-        bake_parts([plate, lid], [low], chosen, parts).canvases[ONLY].maps["ao"].values == 1
+        bake_parts([plate, lid], [low], chosen, parts).targets[ONLY].maps["ao"].values == 1
     ).all()
 
 
@@ -149,13 +149,13 @@ def test_tiles_are_shifted_bakes(samples, tile):
     chosen = options(samples=samples, maps=("normal", "displacement", "ao"), fill="push-pull")
     result = bake_parts([HIGH], [low], chosen, PartsOptions(udim=True))
     number = 1001 + column + 10 * row
-    assert list(result.canvases) == [ONLY, Canvas("", number)]
+    assert list(result.targets) == [ONLY, BakeTarget("", number)]
     assert result.report.n_crossing == 0
     for udim, shift in ((1001, (0, 0)), (number, tile)):
         moved = low.replace(uvs=low.uvs - np.array(shift), tangents=corner_tangents(low))
         alone = bake(HIGH, moved, chosen)
         for name in chosen.maps:
-            ours = result.canvases[Canvas("", udim)].maps[name].values
+            ours = result.targets[BakeTarget("", udim)].maps[name].values
             assert np.array_equal(ours, alone.maps[name].values), (udim, name)
 
 
@@ -163,8 +163,8 @@ def test_groups_are_sets_and_together_cover_what_one_set_does():
     chosen = options(maps=("normal",), padding=0)
     plain = bake(HIGH, LOW, chosen)
     result = bake_parts([HIGH], [LOW], chosen, PartsOptions(texture_sets="groups"))
-    assert [canvas.texture_set for canvas in result.canvases] == ["left_low", "Right_low"]
-    left, right = result.canvases.values()
+    assert [target.texture_set for target in result.targets] == ["left_low", "Right_low"]
+    left, right = result.targets.values()
     assert not ((left.texel_faces >= 0) & (right.texel_faces >= 0)).any()
     for one in (left, right):
         mine = one.texel_faces >= 0
@@ -173,7 +173,7 @@ def test_groups_are_sets_and_together_cover_what_one_set_does():
     named = bake_parts(
         [HIGH], [LOW], chosen, PartsOptions(texture_sets="groups", match_by_name=True)
     )
-    assert [canvas.texture_set for canvas in named.canvases] == ["left", "Right"]
+    assert [target.texture_set for target in named.targets] == ["left", "Right"]
 
 
 def test_sets_of_materials_may_overlap():
@@ -189,9 +189,9 @@ def test_sets_of_materials_may_overlap():
     result = bake_parts(
         [high], [low], chosen, PartsOptions(texture_sets="materials"), low_materials=[materials]
     )
-    assert [canvas.texture_set for canvas in result.canvases] == ["skin", "cloth"]
+    assert [target.texture_set for target in result.targets] == ["skin", "cloth"]
     assert not result.report.warnings
-    for found in result.canvases.values():
+    for found in result.targets.values():
         assert found.report.texels_covered == 256
         np.testing.assert_allclose(found.maps["displacement"].values, 0.1, rtol=1e-6)
     with pytest.raises(MeshError, match="no materials"):
@@ -207,7 +207,7 @@ def test_rays_at_the_border_of_a_set_are_those_of_the_whole():
     chosen = options(maps=("normal",), padding=0, samples=1)
     plain = bake(high, low, chosen).maps["normal"].values
     result = bake_parts([high], [low], chosen, PartsOptions(texture_sets="groups"))
-    for found in result.canvases.values():
+    for found in result.targets.values():
         mine = found.texel_faces >= 0
         assert np.array_equal(found.maps["normal"].values[mine], plain[mine])
 
@@ -224,12 +224,12 @@ def test_meshes_that_share_an_atlas_count_what_overlaps():
     ]
     chosen = BakeOptions(size=32, maps=("displacement",), front=0.3, back=0.3)
     result = bake_parts(dense, [left, other], chosen)
-    heights = result.canvases[ONLY].maps["displacement"].values[:, :, 0]
+    heights = result.targets[ONLY].maps["displacement"].values[:, :, 0]
     np.testing.assert_allclose(heights[:, :16], 0.1, rtol=1e-6)
     np.testing.assert_allclose(heights[:, 16:], 0.2, rtol=1e-6)
     assert result.report.n_overlapping == 8 * 32
     assert any("256 texels are covered by more than one part" in w for w in result.report.warnings)
-    assert result.canvases[ONLY].report.texels_covered == 32 * 32
+    assert result.targets[ONLY].report.texels_covered == 32 * 32
 
 
 def test_a_miss_does_not_stand_in_the_way_of_what_another_part_found():
@@ -239,12 +239,12 @@ def test_a_miss_does_not_stand_in_the_way_of_what_another_part_found():
     near = second.replace(name="b_high")
     chosen = BakeOptions(size=8, front=0.1, back=0.1)
     result = bake_parts([far, near], [first, second], chosen, MATCH)
-    assert result.canvases[ONLY].has_data.all()
+    assert result.targets[ONLY].has_data.all()
     assert result.report.n_overlapping == 64
 
 
 def test_numbers_of_objects_are_the_same_for_all_parts():
-    found = bake_parts([HIGH], [LOW], options(maps=("object-id",), padding=0), MATCH).canvases[ONLY]
+    found = bake_parts([HIGH], [LOW], options(maps=("object-id",), padding=0), MATCH).targets[ONLY]
     baked = found.maps["object-id"]
     assert baked.legend == ("LEFT_high", "right_high_01")
     middle = baked.values.shape[1] // 2
@@ -259,14 +259,12 @@ def test_integer_files_of_tiles_share_one_scale(tmp_path):
     high = low.replace(positions=low.positions + lift)
     chosen = BakeOptions(size=8, maps=("displacement",))
     result = bake_parts([high], [low], chosen, PartsOptions(udim=True), folder=tmp_path)
-    files = {
-        canvas: {"displacement": tmp_path / f"{canvas.udim}.png"} for canvas in result.canvases
-    }
+    files = {target: {"displacement": tmp_path / f"{target.udim}.png"} for target in result.targets}
     written = result.write(files)
     assert [file.path.name for file in written] == ["1001.png", "1002.png"]
     assert written[0].metadata == written[1].metadata
-    exr = {canvas: {"displacement": tmp_path / f"{canvas.udim}.exr"} for canvas in result.canvases}
-    alone = [baked.maps["displacement"].values for baked in result.canvases.values()]
+    exr = {target: {"displacement": tmp_path / f"{target.udim}.exr"} for target in result.targets}
+    alone = [baked.maps["displacement"].values for baked in result.targets.values()]
     assert [float(values.max()) for values in alone] == pytest.approx([0.1, 0.4])
     assert all(file.metadata["texbake:displacement_scale"] == 1.0 for file in result.write(exr))
 
@@ -277,9 +275,9 @@ def test_maps_that_wait_in_files_are_the_same(tmp_path):
     kept = bake_parts([HIGH], [low], chosen, parts)
     waiting = bake_parts([HIGH], [low], chosen, parts, folder=tmp_path)
     assert len(list(tmp_path.rglob("*.npy"))) == 4
-    for canvas, found in waiting.canvases.items():
+    for target, found in waiting.targets.items():
         for name, baked in found.maps.items():
-            assert np.array_equal(baked.values, kept.canvases[canvas].maps[name].values)
+            assert np.array_equal(baked.values, kept.targets[target].maps[name].values)
 
 
 def test_images_for_rays_are_asked_for_by_set():
@@ -288,16 +286,16 @@ def test_images_for_rays_are_asked_for_by_set():
     masks = {1001: np.zeros((2, 2)), 1002: np.ones((2, 2))}
     result = bake_parts(
         [HIGH], [low], chosen, PartsOptions(udim=True),
-        ray_maps=lambda canvas: RayMaps.of(skew_mask=masks[canvas.udim]),
+        ray_maps=lambda target: RayMaps.of(skew_mask=masks[target.udim]),
     )  # fmt: skip
     kinds = {}
     for kind in ("smooth", "face"):
         changed = options(maps=("normal",), front=0.1, back=0.1, rays=kind)
-        kinds[kind] = bake_parts([HIGH], [low], changed, PartsOptions(udim=True)).canvases
+        kinds[kind] = bake_parts([HIGH], [low], changed, PartsOptions(udim=True)).targets
     for udim, kind in ((1001, "smooth"), (1002, "face")):
-        canvas = Canvas("", udim)
+        target = BakeTarget("", udim)
         ours, theirs = (
-            found[canvas].maps["normal"].values for found in (result.canvases, kinds[kind])
+            found[target].maps["normal"].values for found in (result.targets, kinds[kind])
         )
         assert np.array_equal(ours, theirs)
 
@@ -307,7 +305,7 @@ def test_a_cage_is_divided_as_its_mesh():
     middles = np.repeat([[0.0, 0, 0], [1.9, 0, 0]], LOWS[0].n_vertices, axis=0)
     cage = LOW.replace(positions=(LOW.positions - middles) * 1.1 + middles)
     chosen = options(maps=("normal",), back=0.1, padding=0)
-    whole = bake_parts([HIGH], [LOW], chosen, MATCH, cage=cage).canvases[ONLY]
+    whole = bake_parts([HIGH], [LOW], chosen, MATCH, cage=cage).targets[ONLY]
     for i, (dense, light) in enumerate(zip(HIGHS, LOWS, strict=True)):
         n = light.n_vertices
         alone = bake(
@@ -319,7 +317,7 @@ def test_a_cage_is_divided_as_its_mesh():
 
 def test_bytes_do_not_depend_on_threads():
     one, three = (
-        bake_parts([HIGH], [LOW], options(threads=n), MATCH).canvases[ONLY] for n in (1, 3)
+        bake_parts([HIGH], [LOW], options(threads=n), MATCH).targets[ONLY] for n in (1, 3)
     )
     for name in MAPS:
         assert np.array_equal(one.maps[name].values, three.maps[name].values)
@@ -331,13 +329,13 @@ BARE = LOWS[0].replace(uvs=None, uv_faces=None)
 @pytest.mark.parametrize(
     ("arguments", "changes", "error", "message"),
     [
-        (([], [LOW]), {}, OptionError, "no dense"),
-        (([HIGH], [LOW]), {"options": BakeOptions(time_budget="1s")}, OptionError, "time-budget"),
+        (([], [LOW]), {}, OptionError, "high, low: give at least one"),
+        (([HIGH], [LOW]), {"options": BakeOptions(time_budget="1s")}, OptionError, "time_budget"),
         (([HIGH], [LOW]), {"options": BakeOptions(keep_hits=True)}, OptionError, "hits"),
         (([HIGH], [BARE]), {}, UvError, "no texture coordinates"),
-        (([HIGH], [LOW, LOW]), {"cage": LOW}, OptionError, "cage: is for one"),
-        (([HIGH], [LOW]), {"cage": HIGH}, CageError, "a cage has the faces"),
-        (([HIGHS[1]], [LOWS[0]]), {"parts": MATCH}, MeshError, "no light part"),
+        (([HIGH], [LOW, LOW]), {"cage": LOW}, OptionError, "cage: it belongs to one"),
+        (([HIGH], [LOW]), {"cage": HIGH}, CageError, "a cage must have the faces"),
+        (([HIGHS[1]], [LOWS[0]]), {"parts": MATCH}, MeshError, "no low-poly part"),
         (
             (HIGHS, LOWS),
             {"parts": MATCH, "options": BakeOptions(maps=("vertex-color",))},
@@ -348,7 +346,7 @@ BARE = LOWS[0].replace(uvs=None, uv_faces=None)
             ([HIGHS[1].replace(name="left_high")], [LOWS[0]]),
             {"parts": MATCH, "options": BakeOptions(size=16, front=0.01, back=0.01,
                                                     fail_on_miss=1.0)},
-            MissError, "left_low: .* found no surface of left_high",
+            MissError, "left_low: .* missed left_high",
         ),
     ],
 )  # fmt: skip
@@ -363,10 +361,10 @@ def test_colors_of_two_meanings_are_not_joined():
         for mesh, name in zip(HIGHS, ("a.glb", "b.ply"), strict=True)
     ]
     chosen = options(maps=("vertex-color",))
-    with pytest.raises(OptionError, match="--vertex-colors"):
+    with pytest.raises(OptionError, match="vertex_colors"):
         bake_parts(colored, LOWS, chosen)
     told = options(maps=("vertex-color",), vertex_colors="linear")
-    values = bake_parts(colored, LOWS, told).canvases[ONLY]
+    values = bake_parts(colored, LOWS, told).targets[ONLY]
     assert (values.maps["vertex-color"].values[values.has_data] == 1.0).all()
 
 
@@ -380,9 +378,9 @@ def test_primitives_of_one_object_are_one_part():
     result = bake_parts([HIGHS[0]], [cut], chosen, MATCH)
     assert [part.low for part in result.report.parts] == ["left_low"]
     plain = bake(HIGHS[0], LOWS[0], chosen)
-    assert np.array_equal(result.canvases[ONLY].maps["normal"].values, plain.maps["normal"].values)
+    assert np.array_equal(result.targets[ONLY].maps["normal"].values, plain.maps["normal"].values)
     # Elsewhere a number makes another name, which is not one of a light part.
-    with pytest.raises(MeshError, match="no light part"):
+    with pytest.raises(MeshError, match="no low-poly part"):
         bake_parts([HIGHS[0]], [cut.replace(name="asset.obj")], chosen, MATCH)
 
 
@@ -392,8 +390,8 @@ def test_groups_of_one_name_are_one_set():
         [HIGH], [low], options(maps=("normal",)), PartsOptions(texture_sets="groups")
     )
     plain = bake(HIGH, LOW, options(maps=("normal",)))
-    assert list(result.canvases) == [Canvas("body", 1001)]
-    (found,) = result.canvases.values()
+    assert list(result.targets) == [BakeTarget("body", 1001)]
+    (found,) = result.targets.values()
     assert np.array_equal(found.maps["normal"].values, plain.maps["normal"].values)
 
 
@@ -410,8 +408,8 @@ def test_real_pairs_baked_together_are_what_they_are_alone(data_dir):
     parts = PartsOptions(match_by_name=True, texture_sets="groups")
     highs, lows = zip(*pairs.values(), strict=True)
     result = bake_parts(highs, lows, chosen, parts)
-    assert [canvas.texture_set for canvas in result.canvases] == list(pairs)
-    for found, (high, low) in zip(result.canvases.values(), pairs.values(), strict=True):
+    assert [target.texture_set for target in result.targets] == list(pairs)
+    for found, (high, low) in zip(result.targets.values(), pairs.values(), strict=True):
         alone = bake(high, low, chosen)
         for name in chosen.maps:
             assert np.array_equal(found.maps[name].values, alone.maps[name].values), name

@@ -60,9 +60,9 @@ def test_other_suffixes_may_hold_what_patterns_mean():
 @pytest.mark.parametrize(
     ("high", "low", "message"),
     [
-        (["a_high"], ["a_low", "A_LOW"], "a_low, A_LOW: two light parts are of one name"),
-        (["a_high"], ["b_low"], "no light part .* has a dense one"),
-        ([], [], "no light part"),
+        (["a_high"], ["a_low", "A_LOW"], "a_low, A_LOW: two low-poly parts have the same name"),
+        (["a_high"], ["b_low"], "no low-poly part .* matches a high-poly part"),
+        ([], [], "no low-poly part"),
     ],
 )
 def test_what_cannot_be_matched_is_one_line(high, low, message):

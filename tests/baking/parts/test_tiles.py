@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.baking.parts.tiles import Tiles, corner_of_tile
+from texbake.baking.parts.low_parts import Tiles, corner_of_tile
 
 UNIT = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [0.0, 1.0], [1.0, 0.0]]])
 

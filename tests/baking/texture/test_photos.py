@@ -10,7 +10,7 @@ import pytest
 from texbake import read_mesh, write_image
 from texbake.baking.rays import RayField
 from texbake.baking.texture.camera import PhotoCamera
-from texbake.baking.texture.coverage import Coverage
+from texbake.baking.texture.coverage import TextureCoverage
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo import Photo
 from texbake.baking.texture.photo_sources import border_weight
@@ -39,7 +39,7 @@ def solid(color: Array, height: int = 8, width: int = 8) -> Array:
 
 def places(mesh: Mesh, found: TextureBake) -> Array:
     """(H, W, 3): the point of each covered texel; NaN elsewhere."""
-    coverage = Coverage(mesh, dataclasses.replace(found.report.options, samples=1).for_bake)
+    coverage = TextureCoverage(mesh, dataclasses.replace(found.report.options, samples=1).for_bake)
     frame = LocalFrame.around(mesh)
     field = RayField(mesh, frame, kind="face", front=0.0, back=0.0)
     points = np.full((*found.texel_faces.shape, 3), np.nan)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.coverage import Coverage, greatest_lengths, sample_steps
+from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
 from texbake.baking.trace import Trace
@@ -105,7 +105,7 @@ def test_steps_and_widths_are_those_of_a_known_map() -> None:
 
 def test_coverage_notes_the_first_face_of_each_texel() -> None:
     mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16).for_bake
-    coverage = Coverage(mesh, options)
+    coverage = TextureCoverage(mesh, options)
     n_samples = sum(len(band.samples) for band in coverage.bands(Stages()))
     trace = Trace(mesh, mesh, options, None, Stages())
     assert sum(len(hits) for hits in trace.hits()) == n_samples

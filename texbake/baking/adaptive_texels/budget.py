@@ -18,14 +18,14 @@ from texbake.baking.adaptive_texels.samples import AdaptiveSamples
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import ADAPTIVE, BakeOptions
-from texbake.baking.ray_maps import RayMaps
+from texbake.baking.padding import ChartPadding
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.rays import RayMaps
 from texbake.baking.report import DistanceSummary
-from texbake.baking.secondary.rays import SecondaryRays
+from texbake.baking.scenes import BakeScenes
+from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
-from texbake.baking.surround import Surroundings
-from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import Trace
-from texbake.baking.trees import Trees
 from texbake.durations import parse_seconds
 from texbake.mesh.mesh import Mesh
 from texbake.progress import Stages
@@ -47,15 +47,15 @@ def plan_bake(
     kinds: list[MapKind],
     cage: Mesh | None,
     ray_maps: RayMaps | None,
-    trees: Trees,
+    scenes: BakeScenes,
     start: float,
 ) -> tuple[BakeInputs, TimeBudget]:
     """Turn `BakeOptions.time_budget` into options that are predicted to fit into it.
 
     Parameters
     ----------
-    trees
-        Ray trees of the bake, which it goes on to use.
+    scenes
+        Ray scenes of the bake, which it goes on to use.
     start
         `time.perf_counter` when the bake began.
 
@@ -77,7 +77,7 @@ def plan_bake(
     seconds = parse_seconds(options.time_budget)
     closest = parse_bounds(options.max_error or _CLOSEST)
     ladder = [str(closest.scaled(2.0**k)) for k in range(_HALVINGS, -1, -1)]
-    probe = _BakeProbe(inputs, kinds, (cage, ray_maps, trees), widest=ladder[0])
+    probe = _BakeProbe(inputs, kinds, (cage, ray_maps, scenes), widest=ladder[0])
     choice = choose_bound(
         ladder, probe.try_out, seconds, start=start, began=start, tries_first=True
     )
@@ -117,13 +117,13 @@ class _BakeProbe:
         self,
         inputs: BakeInputs,
         kinds: list[MapKind],
-        rays: tuple[Mesh | None, RayMaps | None, Trees],
+        rays: tuple[Mesh | None, RayMaps | None, BakeScenes],
         *,
         widest: str,
     ) -> None:
         options = inputs.options
         self._kinds = kinds
-        self._cage, self._ray_maps, self._trees = rays
+        self._cage, self._ray_maps, self._scenes = rays
         self.inputs = inputs
         self._rows = _strips(options.height_px)
         self.options = replace(options, time_budget=None)
@@ -159,7 +159,7 @@ class _BakeProbe:
         secondary = SecondaryRays.for_maps((kind.needs for kind in self._kinds), inputs)
         trace = Trace(
             inputs.high, inputs.low, options, self._cage, stages, secondary, self._ray_maps,
-            self._trees,
+            self._scenes,
         )  # fmt: skip
         samples = AdaptiveSamples(self._kinds, trace, inputs, stages, DistanceSummary(), rows=rows)
         samples.cast(TexelSums(self._kinds, inputs))
@@ -188,9 +188,9 @@ def _time_padding(kinds: list[MapKind], options: BakeOptions) -> float:
     seconds = 0.0
     for _ in range(2):  # the first time compiles and loads
         start = time.perf_counter()
-        around = Surroundings(charts, inside, small)
+        around = ChartPadding(charts, inside, small)
         for kind in kinds:
             values = np.zeros((_PAD_SIZE, _PAD_SIZE, kind.channels), dtype=np.float32)
-            around.filled(values, kind.neutral(small), kind.combine)
+            around.pad(values, kind.neutral(small), kind.combine)
         seconds = time.perf_counter() - start
     return seconds * options.width_px * options.height_px / _PAD_SIZE**2

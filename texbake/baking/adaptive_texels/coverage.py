@@ -24,7 +24,8 @@ from texbake.baking.adaptive_texels.quadtree import (
     write_check_samples,
     write_samples,
 )
-from texbake.baking.texels import NO_FACE, SampleGrid, Samples, snap_uvs
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.texels import SampleGrid, Samples, snap_uvs
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
 from texbake.raycast.rays import Rows

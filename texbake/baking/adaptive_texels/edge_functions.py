@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.baking.texels import NO_FACE, UNIT
+from texbake.baking.pineda import NO_FACE, UNIT
 from texbake.kernels import kernel
 
 FINE = 8  # sub-squares along one side of a texel

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.baking.adaptive_texels.edge_functions import FINE, FULL, TEXEL, covers, owner_at
-from texbake.baking.texels import NO_FACE, write_weights
+from texbake.baking.pineda import NO_FACE, write_weights
 from texbake.kernels import kernel
 
 PER_TEXEL = 2 * FINE  # samples are placed in units of half a sub-square

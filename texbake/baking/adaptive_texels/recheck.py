@@ -17,7 +17,7 @@ from texbake.baking.adaptive_texels.quadtree import N_CHECK_SAMPLES
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
-from texbake.baking.trace import Casts
+from texbake.baking.trace import SampleCaster
 from texbake.mesh.mesh import IntArray
 from texbake.raycast.rays import NO_HIT
 from texbake.sampling.report import generator, n_to_check
@@ -46,13 +46,13 @@ class Recheck:
     n_samples = N_CHECK_SAMPLES
 
     def __init__(
-        self, bins: FaceBins, inputs: BakeInputs, casts: Casts, has_data: BoolArray
+        self, bins: FaceBins, inputs: BakeInputs, caster: SampleCaster, has_data: BoolArray
     ) -> None:
         self._inputs = inputs
         self.texels = _chosen(np.flatnonzero(has_data))
         samples = check_samples(bins, inputs.options.width_px, self.texels)
-        casts = replace(casts, reach=None)  # no map with a bound needs secondary rays
-        self._hits, places = _cast(casts, samples)
+        caster = replace(caster, occlusion_range=None)  # no map with a bound needs secondary rays
+        self._hits, places = _cast(caster, samples)
         self._ranks = places // self.n_samples
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
@@ -78,12 +78,12 @@ class Recheck:
         return np.asarray(np.linalg.norm(second - first, axis=1))
 
 
-def _cast(casts: Casts, samples: CellSamples) -> tuple[Hits, IntArray]:
+def _cast(caster: SampleCaster, samples: CellSamples) -> tuple[Hits, IntArray]:
     """Cast samples; return the hits, and the places of their samples."""
-    hits, lost = casts.look(samples.samples)
+    hits, missed = caster.cast(samples.samples)
     parts, places = [hits], [samples.places]
-    if lost is not None:
-        parts.append(casts.look_again([lost]))
+    if missed is not None:
+        parts.append(caster.retry([missed]))
         places.append(samples.places[hits.high_faces == NO_HIT])
     hits = Hits.joined(parts)
     is_hit = hits.high_faces != NO_HIT

@@ -41,10 +41,11 @@ from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE,
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
+from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import DistanceSummary
 from texbake.baking.sums import TexelSums
-from texbake.baking.texels import NO_FACE, SampleGrid, owned_samples, rasterize_uv
-from texbake.baking.trace import Casts, Lost, Trace
+from texbake.baking.texels import SampleGrid, owned_samples, rasterize_uv
+from texbake.baking.trace import Missed, SampleCaster, Trace
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
@@ -58,7 +59,7 @@ _SAMPLES_AT_ONCE = 1 << 17
 class _Misses:
     """Rays that missed at first, and the cells that they are samples of, part by part."""
 
-    lost: list[Lost] = field(default_factory=list)
+    missed: list[Missed] = field(default_factory=list)
     places: list[IntArray] = field(default_factory=list)
 
 
@@ -105,11 +106,11 @@ class AdaptiveSamples:
 
     def cast(self, sums: TexelSums) -> BakeSampling:
         """Cast all samples, give the means of texels to `sums`, and check some of them."""
-        with self._trace.casting() as casts:
+        with self._trace.casting() as caster:
             with self._stages.part("prepare low-poly mesh"):
                 bins = FaceBins.of(self._inputs.low, self._shape[1], self._shape[0])
-            self._cast_texels(casts, bins)
-            means = self._refine(casts, bins)
+            self._cast_texels(caster, bins)
+            means = self._refine(caster, bins)
             has_data = self._cells.charts[: len(means)] != NO_CHART
             with self._stages.part("make maps"):
                 has_data |= self._take_means(means)
@@ -121,9 +122,9 @@ class AdaptiveSamples:
                 }
                 sums.place(by_kind, has_data)
             with self._stages.stage("check errors"):
-                return self._report(casts, bins, by_kind, has_data)
+                return self._report(caster, bins, by_kind, has_data)
 
-    def _cast_texels(self, casts: Casts, bins: FaceBins) -> None:
+    def _cast_texels(self, caster: SampleCaster, bins: FaceBins) -> None:
         """Cast the first sample of each texel, and measure how much of it is covered."""
         height, width = self._shape
         grid, threads = SampleGrid(width, height, 1), self._threads
@@ -144,14 +145,14 @@ class AdaptiveSamples:
                     samples = CellSamples.of_texels(
                         owned_samples(owners, faces, grid, rows.start, threads=threads)
                     )
-                self._cast_samples(samples, casts, misses, of_texels=True)
+                self._cast_samples(samples, caster, misses, of_texels=True)
                 advance(len(rows) * width)
             with self._stages.part("rasterize"):
                 texels = np.concatenate(parts)
                 no_spots = np.zeros(len(texels), dtype=np.uint8)
                 samples = self._samples(bins, 0, (texels, texels, no_spots))
-            self._cast_samples(samples, casts, misses, of_texels=True)
-            self._retry(casts, misses)
+            self._cast_samples(samples, caster, misses, of_texels=True)
+            self._retry(caster, misses)
 
     def _without_parts(self, owners: IntArray, rows: range) -> IntArray:
         """Remove the owners of texels that are not sampled at their center; return these texels."""
@@ -164,7 +165,7 @@ class AdaptiveSamples:
         owners[is_part] = NO_FACE
         return in_tiles(is_part, int(np.count_nonzero(is_part))) + np.int32(first)
 
-    def _refine(self, casts: Casts, bins: FaceBins) -> FloatArray32:
+    def _refine(self, caster: SampleCaster, bins: FaceBins) -> FloatArray32:
         """Divide texels and judge them again; return the means of texels with up to 4 samples."""
         with self._stages.part("estimate errors"):
             means, steps = self._estimate.of_samples()
@@ -174,7 +175,7 @@ class AdaptiveSamples:
             texels = in_tiles(is_divided.reshape(self._shape), n_divided)
             # Where four samples would be too few, a texel gets 16 at once.
             is_jump = FOUR_SAMPLES * steps[texels] > 1.0
-        level = self._divide(texels, casts, bins, np.repeat(~is_jump, 4))
+        level = self._divide(texels, caster, bins, np.repeat(~is_jump, 4))
         with self._stages.part("estimate errors"):
             errors = self._estimate.of_four(steps, texels, means)
             self._errors[texels], self._finest[texels] = errors, 1
@@ -183,7 +184,7 @@ class AdaptiveSamples:
             divided = np.repeat(is_further, 4) & (level.weights > 0)
         for k in range(2, LAST_LEVEL + 1):
             places = (level.first + np.flatnonzero(divided)).astype(np.int32)
-            level = self._divide(places, casts, bins, None)
+            level = self._divide(places, caster, bins, None)
             with self._stages.part("estimate errors"):
                 self._finest[level.texels] = k
                 errors = self._estimate.of_cells(k)
@@ -191,7 +192,7 @@ class AdaptiveSamples:
         return means
 
     def _divide(
-        self, places: IntArray, casts: Casts, bins: FaceBins, is_cast: BoolArray | None
+        self, places: IntArray, caster: SampleCaster, bins: FaceBins, is_cast: BoolArray | None
     ) -> Level:
         """Divide some cells of the last level and cast their children, or some of these."""
         level = self._cells.add(places, self._coverage)
@@ -210,9 +211,9 @@ class AdaptiveSamples:
                     samples = self._samples(
                         bins, k, (places, level.texels[some], level.spots[some])
                     )
-                self._cast_samples(samples, casts, misses)
+                self._cast_samples(samples, caster, misses)
                 advance(len(some))
-            self._retry(casts, misses)
+            self._retry(caster, misses)
         return level
 
     def _samples(
@@ -230,20 +231,25 @@ class AdaptiveSamples:
         return samples
 
     def _cast_samples(
-        self, samples: CellSamples, casts: Casts, misses: _Misses, *, of_texels: bool = False
+        self,
+        samples: CellSamples,
+        caster: SampleCaster,
+        misses: _Misses,
+        *,
+        of_texels: bool = False,
     ) -> None:
         """Cast some samples, keep the values of those that hit, and note those that missed."""
         self._trace.counts.samples_covered += len(samples)
-        hits, lost = casts.look(samples.samples)
-        if lost is not None:
-            misses.lost.append(lost)
+        hits, missed = caster.cast(samples.samples)
+        if missed is not None:
+            misses.missed.append(missed)
             misses.places.append(samples.places[hits.high_faces == NO_HIT])
         self._keep(samples.places, hits, of_texels)
 
-    def _retry(self, casts: Casts, misses: _Misses) -> None:
+    def _retry(self, caster: SampleCaster, misses: _Misses) -> None:
         """Cast rays that missed once more, so that none is lost to rounding alone."""
-        if misses.lost:
-            hits = casts.look_again(misses.lost)
+        if misses.missed:
+            hits = caster.retry(misses.missed)
             self._keep(np.concatenate(misses.places), hits, False)
 
     def _keep(self, places: IntArray, hits: Hits, of_texels: bool) -> None:
@@ -254,7 +260,7 @@ class AdaptiveSamples:
             is_hit = hits.high_faces != NO_HIT
             if not is_hit.all():
                 places, hits = places[is_hit], hits.where(is_hit)
-            charts = self._inputs.low_charts[hits.low_faces]
+            charts = self._inputs.low_surface.charts[hits.low_faces]
             for kind, channels in self._channels():
                 values = kind.values(hits, self._inputs)
                 self._cells.keep(places, charts, values, channels.start, self._threads)
@@ -270,13 +276,17 @@ class AdaptiveSamples:
         return np.asarray(areas > 0.0)
 
     def _report(
-        self, casts: Casts, bins: FaceBins, means: dict[MapKind, FloatArray32], has_data: BoolArray
+        self,
+        caster: SampleCaster,
+        bins: FaceBins,
+        means: dict[MapKind, FloatArray32],
+        has_data: BoolArray,
     ) -> BakeSampling:
         counts = self._trace.counts
         n_covered = max(int(np.count_nonzero(has_data)), 1)
         n_rays = counts.rays_cast
         finest = np.bincount(self._finest[has_data], minlength=LAST_LEVEL + 1)
-        recheck = Recheck(bins, self._inputs, casts, has_data)
+        recheck = Recheck(bins, self._inputs, caster, has_data)
         errors = tuple(
             item.summary(
                 self._errors_of(item)[has_data], recheck.differences(item.kind, means[item.kind])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.baking.cage.points import OuterPoints, outer_points
-from texbake.baking.distances import LEAST_REACH
+from texbake.baking.scenes import LEAST_EXTENT
 from texbake.errors import OptionError
 from texbake.kernels import kernel
 from texbake.mesh.frame import LocalFrame
@@ -138,7 +138,7 @@ def fit_cage(
     held = points.where(points.faces >= 0)
     positions = frame.to_local(low.positions)
     distances, outside = _fitted(positions, welded.faces, normals, held)
-    added = LEAST_REACH if margin is None else float(frame.length_to_local(margin))
+    added = LEAST_EXTENT if margin is None else float(frame.length_to_local(margin))
     moved = frame.length_to_model(distances[firsts] + added)
     has_normal = (normals != 0.0).any(axis=1)
     moved = np.where(has_normal, moved, 0.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.distances import measure_reach
+from texbake.baking.scenes import measure_extent
 from texbake.kernels import kernel
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.frame import LocalFrame
@@ -66,8 +66,8 @@ def outer_points(
     """
     positions = frame.to_local(low.positions)
     with RayScene.build(high, frame, threads=threads) as scene:
-        reach = measure_reach(high, low, frame, scene, "smooth", threads)
-        limit = float(frame.length_to_local(reach.front))
+        extent = measure_extent(scene, low, "smooth", threads=threads)
+        limit = float(frame.length_to_local(extent.front))
         over_lattice = _along_rays(high, positions, low.faces, normals, frame, scene, limit)
     points = OuterPoints.joined(
         [over_lattice, _over_vertices(high, positions, low.faces, normals, frame, threads)]

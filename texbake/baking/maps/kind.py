@@ -1,4 +1,4 @@
-"""What a map is: a value for each hit, how the values of a texel become one, how it is written."""
+"""What defines a map: the value of a hit, how the values of a texel are combined, its encoding."""
 
 from __future__ import annotations
 
@@ -23,26 +23,25 @@ class MapKind:
     Attributes
     ----------
     name : str
-        As `--maps` and file names have it.
+        As in `BakeOptions.maps` and in file names.
     channels : int
-        Values a texel.
     coding : str
-        How values become the numbers of a file: `normal` (unit vectors), `height` (one signed
-        length), `vector` (signed lengths), `position` (points, coded into `bounds`), `curvature`
-        (one over a length; signed, or one-sided where `mid` is 0), `thickness` (a length of 0 or
-        more), `color` (linear light; sRGB in 8 bits), `mask` (0 to 1, linear) or `id` (numbers from
-        1 on, 0 for none; a color for each in integer files).
+        How values are encoded in files: `normal` (unit vectors), `height` (one signed length),
+        `vector` (signed lengths), `position` (points, relative to `bounds`), `curvature` (one over
+        a length; signed, or one-sided where `mid` is 0), `thickness` (a length of 0 or more),
+        `color` (linear light; sRGB in 8 bits), `mask` (0 to 1, linear) or `id` (ids from 1 on, 0
+        for none; a color per id in integer files).
     values : callable
-        (hits, inputs) to (n, channels) float32: the value of each hit. Misses are not among them,
-        but where `of_misses` is set.
+        (hits, inputs) to (n, channels) float32: the value of each hit. The hits include misses only
+        where `of_misses` is set.
     neutral : callable
         options to the value where nothing was baked.
     combine : str
         The value of a texel with several hits: `mean`, `unit mean` (of unit vectors, normalized
-        again), or `first` (in the order of the samples; for numbers that stand for things).
+        again), or `first` (the first sample counts, as for ids).
     needs : str
-        What of the trace: `hits`, or rays that start on the hits: `outer rays` or `inner rays`.
-        `Hits.secondary` is there only if a map that is asked for needs any.
+        `hits`, or what else the map is made from: `outer rays` or `inner rays`, which start at the
+        hits. `Hits.secondary` exists only if one of the maps needs such rays.
     of_misses : bool
         Misses count among the values of a texel, and a texel without any hit has a value.
     mid : float
@@ -50,9 +49,9 @@ class MapKind:
     bounds : callable, optional
         inputs to the (2, 3) least and greatest coordinates that integer files hold.
     legend : callable, optional
-        inputs to the names of the things that numbers from 1 on stand for.
+        inputs to the names that the ids from 1 on have.
     require : callable, optional
-        Told the inputs before any ray; raises where the map cannot be made of them.
+        Called with the inputs before any ray is cast; raises where they lack what the map needs.
     """
 
     name: str

@@ -1,43 +1,204 @@
-"""An asset of many parts to its sets of maps: each part baked from its match, then put together."""
+"""An asset of many parts to its sets of maps: each part is baked from its match, then combined.
+
+The parts are baked one after another onto one target after another. Only one high-poly part and its
+ray scene are held at a time. They are kept if the next target begins with the same part, so that
+all tiles of one mesh are baked with one ray scene.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from texbake.baking.bake import check_maps
+import numpy as np
+
+from texbake.baking.bake import bake_inputs, check_maps
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.dense import DenseMeshes
-from texbake.baking.parts.light import Layout, LightMesh, LightPart
+from texbake.baking.parts.high_parts import HighMeshes, NamedPart, named_parts
+from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout
 from texbake.baking.parts.matching import Matching, match_names
 from texbake.baking.parts.options import PartsOptions
-from texbake.baking.parts.pieces import Piece, pieces_of
+from texbake.baking.parts.report import PartFigures, PartsReport, target_name
 from texbake.baking.parts.result import PartsResult
-from texbake.baking.parts.work import RayMapsOf, Work
-from texbake.baking.rays import check_cage
-from texbake.errors import OptionError, TexbakeError
+from texbake.baking.parts.target_maps import TargetMaps
+from texbake.baking.rays import RayMaps, check_cage
+from texbake.baking.report import DistanceSummary
+from texbake.baking.result import BakeResult
+from texbake.baking.scenes import BakeScenes
+from texbake.errors import OptionError, TexbakeError, UvError
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, Stages
+from texbake.raycast.scene import RayScene
+
+# Returns the images that change the rays of a set of maps.
+RayMapsOf = Callable[[BakeTarget], RayMaps | None]
+
+
+@dataclass(eq=False)
+class PartsBake:
+    """A bake of many parts while it runs.
+
+    Attributes
+    ----------
+    inputs, scenes
+        Of the current part, whose index is `part`.
+    """
+
+    kinds: list[MapKind]
+    options: BakeOptions
+    high_meshes: HighMeshes
+    low_parts: list[LowPart]
+    stages: Stages
+    ray_maps: RayMapsOf
+    is_tiled: bool
+    part: int | None = None
+    inputs: BakeInputs | None = None
+    scenes: BakeScenes | None = None
+    occluders: RayScene | None = None
+    figures: list[PartFigures] = field(default_factory=list)
+    without: list[str] = field(default_factory=list)
+
+    def build_occluders(self, parts: list[NamedPart], low: Sequence[Mesh]) -> None:
+        """Build the scene of all parts that secondary rays can hit, if any are cast."""
+        if all(kind.needs == "hits" for kind in self.kinds):
+            return
+        mesh, _ = self.high_meshes.joined(parts)
+        frame = LocalFrame.around(mesh, *low)
+        with self.stages.stage("build ray tree", total=mesh.n_faces, unit="triangles"):
+            self.occluders = RayScene.build(mesh, frame, threads=self.options.threads)
+
+    def run(
+        self,
+        layout: TargetLayout,
+        matching: Matching | None,
+        parts: PartsOptions,
+        folder: Path | None,
+    ) -> PartsResult:
+        """Bake all sets of maps."""
+        done: dict[BakeTarget, BakeResult] = {}
+        n_overlapping = 0
+        try:
+            for i, (target, faces) in enumerate(layout.faces.items()):
+                place = None if folder is None else folder / str(i)
+                if place is not None:
+                    place.mkdir()
+                maps, result = self._target(target, faces, place)
+                if result is not None:
+                    done[target] = result
+                n_overlapping += maps.n_overlapping
+        finally:
+            self._close()
+            if self.occluders is not None:
+                self.occluders.close()
+        if not done:
+            raise UvError(
+                f"{self.low_parts[0].mesh.name}: its texture coordinates cover no texel of any "
+                "map; use a greater size or new coordinates"
+            )
+        report = PartsReport(
+            options=parts,
+            matching=matching,
+            parts=self.figures,
+            targets={target: result.report for target, result in done.items()},
+            n_crossing=layout.n_crossing,
+            n_outside=layout.n_outside,
+            n_overlapping=n_overlapping,
+            without_texel=tuple(self.without),
+            stages=self.stages.records,
+        )
+        return PartsResult(done, report)
+
+    def _target(
+        self, target: BakeTarget, faces: dict[int, BoolArray], folder: Path | None
+    ) -> tuple[TargetMaps, BakeResult | None]:
+        """Bake one set of maps; None if no part covers a texel of it."""
+        maps = TargetMaps(self.kinds, self.options, is_tile=self.is_tiled)
+        distances = DistanceSummary()
+        images = self.ray_maps(target)
+        for i, chosen in faces.items():
+            part = self.low_parts[i]
+            inputs = self._take(i).with_low(part.on(chosen, target.udim))
+            try:
+                result = bake_inputs(
+                    self.kinds, inputs, part.cage, images, self.stages, self.scenes, distances
+                )
+            except UvError:
+                self.without.append(
+                    f"{part.name} covers no texel of {target_name(target) or 'the map'}"
+                )
+                continue
+            self.inputs = inputs
+            maps.add(result, inputs, int(chosen.sum()))
+            report = result.report
+            self.figures.append(
+                PartFigures(
+                    target, part.name, tuple(source.name for source in part.sources),
+                    int(chosen.sum()), report.texels_covered, report.texels_missed,
+                    report.front, report.back,
+                )
+            )  # fmt: skip
+        if self.inputs is None or maps.is_empty:
+            return maps, None
+        finished = self.inputs.with_options(self.options)
+        return maps, maps.finish(finished, self.stages, folder)
+
+    def _take(self, i: int) -> BakeInputs:
+        """Make a part the current one: join its high-poly mesh and build the ray scene of it."""
+        if self.part == i and self.inputs is not None:
+            return self.inputs
+        self._close()
+        part = self.low_parts[i]
+        high, materials = self.high_meshes.joined(part.sources)
+        options = replace(self.options, padding=0, fill="none")
+        inputs = BakeInputs.of(high, part.mesh, options, materials, known_bounds=self._bounds())
+        scenes = BakeScenes.build(
+            high,
+            part.mesh,
+            self.stages,
+            occluders=self.occluders,
+            chunk_faces=options.chunk_faces(high.n_faces, part.mesh.n_faces),
+            threads=options.threads,
+        )
+        self.part, self.inputs, self.scenes = i, inputs, scenes
+        return inputs
+
+    def _bounds(self) -> FloatArray | None:
+        """(2, 3) float64: the box that positions are encoded in, the same for all parts."""
+        if len(self.low_parts) == 1:
+            return None
+        boxes = [
+            mesh.bounds
+            for mesh in (*self.high_meshes.meshes, *(part.mesh for part in self.low_parts))
+        ]
+        lows, highs = zip(*boxes, strict=True)
+        return np.stack([np.min(lows, axis=0), np.max(highs, axis=0)])
+
+    def _close(self) -> None:
+        if self.scenes is not None:
+            self.scenes.close()
+        self.part = self.inputs = self.scenes = None
 
 
 def match_parts(
     high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
-) -> tuple[Matching, list[Piece], list[Piece]]:
-    """Who would be baked from whom; also the dense and the light parts that the places mean.
+) -> tuple[Matching, list[NamedPart], list[NamedPart]]:
+    """Return which part would be baked from which, with the high-poly and low-poly parts.
 
     Raises
     ------
     MeshError
-        Two light parts are of one name, or nothing matches.
+        Two low-poly parts have the same name, or nothing matches.
     """
-    highs = pieces_of(high, parts.high_suffix)
-    lows = pieces_of(low, parts.low_suffix)
-    names = [piece.name for piece in highs], [piece.name for piece in lows]
+    highs = named_parts(high, parts.high_suffix)
+    lows = named_parts(low, parts.low_suffix)
+    names = [part.name for part in highs], [part.name for part in lows]
     return match_names(*names, parts), highs, lows
 
 
@@ -59,88 +220,96 @@ def bake_parts(
     Parameters
     ----------
     high, low
-        Dense and light meshes, at least one of each; their groups are parts, if names are matched.
+        High-poly and low-poly meshes, at least one of each. Their groups are parts if parts are
+        matched by name.
     options
         None for `BakeOptions()`; without a time budget, and without keeping hits.
     parts
-        None for `PartsOptions()`: each light mesh is baked from all dense ones, onto one map.
+        None for `PartsOptions()`: each low-poly mesh is baked from all high-poly meshes, onto one
+        set of maps.
     cage
-        Of the light mesh, where it is one.
+        Of the low-poly mesh, if there is only one.
     high_materials, low_materials
         One or None for each mesh.
     ray_maps
-        Is asked for the images that change the rays of a set of maps.
+        Returns the images that change the rays of a set of maps.
     folder
-        There, and an existing one: maps that are done wait in files in it, if there is more than
-        one set; the result reads them from there.
+        An existing folder for finished maps, if there is more than one set of maps; the result
+        reads them from there. None: they are kept in memory.
     progress
-        Is told of the stages.
+        Called with the progress of the stages.
 
     Returns
     -------
     PartsResult
-        The same, byte for byte, for any number of threads. Each part is baked as `bake` would bake
-        it alone from its match.
+        The same, byte for byte, for any number of threads. Each part is baked as `bake` bakes it
+        alone from its match.
 
     Raises
     ------
     MeshError, UvError, CageError, MissError, OptionError
-        As `bake` and `match_parts`; `BakeOptions.fail_on_miss` counts for each part on each set.
+        As `bake` and `match_parts`; `BakeOptions.fail_on_miss` applies to each part
+        on each set of maps.
 
     Examples
     --------
     >>> from texbake.mesh.shapes import plane
     >>> result = bake_parts([plane()], [plane()], BakeOptions(size=16))
-    >>> [(canvas.udim, sorted(found.maps)) for canvas, found in result.canvases.items()]
+    >>> [(target.udim, sorted(found.maps)) for target, found in result.targets.items()]
     [(1001, ['normal'])]
     """
     cage = None if cage is None else as_mesh(cage)
     options, parts = options or BakeOptions(), parts or PartsOptions()
     if not high or not low:
-        raise OptionError("parts: there is no dense or no light mesh; give at least one of each")
+        raise OptionError("high, low: give at least one high-poly and one low-poly mesh")
     if options.time_budget is not None:
-        raise OptionError("time-budget: is for the bake of one mesh; give --max-error")
+        raise OptionError(
+            "time_budget: it applies to the bake of one mesh only; use max_error instead"
+        )
     if options.keep_hits:
-        raise OptionError("hits: are kept of a bake of one mesh onto one set of maps")
+        raise OptionError("keep_hits: hits are kept only of one mesh on one set of maps")
     if cage is not None:
         if len(low) > 1:
-            raise OptionError("cage: is for one light mesh; bake them one by one")
+            raise OptionError("cage: it belongs to one low-poly mesh; bake the meshes one by one")
         if options.front is not None:
-            raise OptionError("front, cage: rays start on the cage; give one of the two")
+            raise OptionError("front, cage: rays start on the cage; give only one of the two")
         check_cage(cage, low[0])
-    dense = DenseMeshes(high, high_materials)
+    high_meshes = HighMeshes(high, high_materials)
     if "vertex-color" in options.maps and options.vertex_colors == "auto":
-        dense.check_colors()
-    matching, light, occluders = _light_parts(high, low, parts, cage, low_materials)
-    layout = Layout.of(light, parts)
+        high_meshes.check_colors()
+    matching, low_parts, occluders = _low_parts(high, low, parts, cage, low_materials)
+    layout = TargetLayout.of(low_parts, parts)
     kinds = map_kinds(options.maps)
-    for part in light:
-        _check_sources(kinds, options, dense, part)
-    work = Work(
+    for part in low_parts:
+        _check_sources(kinds, options, high_meshes, part)
+    bake = PartsBake(
         kinds,
         options,
-        dense,
-        light,
+        high_meshes,
+        low_parts,
         Stages(progress),
         ray_maps or (lambda _: None),
         parts.udim,
     )
     if matching is not None and parts.occluders == "all":
-        work.see(occluders, low)
-    return work.bake(layout, matching, parts, folder if len(layout.faces) > 1 else None)
+        bake.build_occluders(occluders, low)
+    return bake.run(layout, matching, parts, folder if len(layout.faces) > 1 else None)
 
 
 def _check_sources(
-    kinds: list[MapKind], options: BakeOptions, dense: DenseMeshes, part: LightPart
+    kinds: list[MapKind], options: BakeOptions, high_meshes: HighMeshes, part: LowPart
 ) -> None:
-    """Raise before any work where no dense mesh of a part has what a map is made from."""
-    meshes = dict.fromkeys(piece.mesh for piece in part.sources)
+    """Raise before any work if no high-poly mesh of a part has what a map is made from."""
+    meshes = dict.fromkeys(source.mesh for source in part.sources)
     for kind in kinds:
         errors: list[TexbakeError] = []
         for i in meshes:
             try:
                 check_maps(
-                    [kind], BakeInputs(dense.meshes[i], part.mesh, options, dense.materials[i])
+                    [kind],
+                    BakeInputs.of(
+                        high_meshes.meshes[i], part.mesh, options, high_meshes.materials[i]
+                    ),
                 )
             except TexbakeError as error:
                 errors.append(error)
@@ -148,32 +317,32 @@ def _check_sources(
             raise errors[0]
 
 
-def _light_parts(
+def _low_parts(
     high: Sequence[Mesh],
     low: Sequence[Mesh],
     parts: PartsOptions,
     cage: Mesh | None,
     materials: Sequence[Materials | None] | None,
-) -> tuple[Matching | None, list[LightPart], list[Piece]]:
-    """How names match, if they are to; the light parts; and all dense parts not to be ignored."""
+) -> tuple[Matching | None, list[LowPart], list[NamedPart]]:
+    """Return the matches, if parts are matched, the low-poly parts, and all parts that occlude."""
     whole = [
-        LightMesh(mesh, cage, item)
+        LowMesh(mesh, cage, item)
         for mesh, item in zip(low, materials or [None] * len(low), strict=True)
     ]
     if not parts.match_by_name:
-        everything = [Piece(mesh.name, i) for i, mesh in enumerate(high)]
-        light = [
-            mesh.part(Piece(mesh.mesh.name, i), everything, parts, mesh.mesh.name)
+        everything = [NamedPart(mesh.name, i) for i, mesh in enumerate(high)]
+        low_parts = [
+            mesh.part(NamedPart(mesh.mesh.name, i), everything, parts, mesh.mesh.name)
             for i, mesh in enumerate(whole)
         ]
-        return None, light, everything
+        return None, low_parts, everything
     matching, highs, lows = match_parts(high, low, parts)
-    light = []
+    low_parts = []
     for match in matching.matches:
-        piece = lows[match.low]
-        # Sets that follow the parts have the name that both sides share.
-        name = match.base if parts.texture_sets == "groups" else piece.name
+        low_part = lows[match.low]
+        # Texture sets that follow the parts have the name that both parts share.
+        name = match.base if parts.texture_sets == "groups" else low_part.name
         sources = [highs[i] for i in match.highs]
-        light.append(whole[piece.mesh].part(piece, sources, parts, name))
+        low_parts.append(whole[low_part.mesh].part(low_part, sources, parts, name))
     ignored = {*matching.high_ignored}
-    return matching, light, [piece for i, piece in enumerate(highs) if i not in ignored]
+    return matching, low_parts, [part for i, part in enumerate(highs) if i not in ignored]

@@ -1,9 +1,9 @@
-"""Who is baked from whom, by name: `body_low` from `body_high`, `body_high_01` and so on.
+"""Which part is baked from which, by name: `body_low` from `body_high`, `body_high_01` and so on.
 
-The name of a light part ends with the suffix. In the name of a dense part anything that does not
-begin with a letter may follow it, so that numbers, and the `.001` of modelling programs, do no
-harm, and `body_highlight` is no part of `body`. Case is ignored. A part whose name has `_ignore` in
-it (again with no letter after it) takes no part.
+The name of a low-poly part ends with its suffix. In the name of a high-poly part anything that does
+not begin with a letter may follow the suffix: `body_high.001` belongs to `body`, as modeling
+programs number copies, and `body_highlight` does not. Case is ignored. A part with `_ignore` in its
+name, not followed by a letter, is left out.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _NAMES_SHOWN = 5
 
 @dataclass(frozen=True)
 class Match:
-    """One light part and what it is baked from.
+    """One low-poly part and what it is baked from.
 
     Attributes
     ----------
     base : str
-        What both names have in common, as the light part spells it.
+        What both names have in common, as spelled in the low-poly part.
     low : int
-        Place of the light part among the names.
+        Index of the low-poly part.
     highs : tuple of int
-        Places of the dense parts, in their order.
+        Indices of the high-poly parts, in their order.
     """
 
     base: str
@@ -41,15 +41,15 @@ class Match:
 
 @dataclass(frozen=True)
 class Matching:
-    """Who is baked from whom, and what is left over.
+    """Which part is baked from which, and which parts are left over.
 
     Attributes
     ----------
     high_names, low_names : tuple of str
     matches : tuple of Match
-        In the order of the light parts.
+        In the order of the low-poly parts.
     high_left, low_left, high_ignored, low_ignored : tuple of int
-        Places of parts without a match, and of those that are to be ignored.
+        Indices of parts without a match, and of ignored parts.
     """
 
     high_names: tuple[str, ...]
@@ -62,19 +62,19 @@ class Matching:
 
     @property
     def warnings(self) -> list[str]:
-        """A sentence for each kind of part that is left over."""
+        """A sentence for each group of parts that are left over."""
         sides = (
-            ("light", "dense", self.low_names, self.low_left, "and not baked"),
-            ("dense", "light", self.high_names, self.high_left, "and not used"),
+            ("high-poly", self.low_names, self.low_left, "not baked"),
+            ("low-poly", self.high_names, self.high_left, "not used"),
         )
         return [
-            f"{shown([names[i] for i in left])}: without a {other} part of that name {done}"
-            for _, other, names, left, done in sides
+            f"{shown([names[i] for i in left])}: no {other} part of that name, so {done}"
+            for other, names, left, done in sides
             if left
         ]
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a light part and its dense parts, and of what is left over, for a person."""
+        """Rows of a low-poly part and its high-poly parts, and of what is left over, to print."""
         rows = [
             (
                 self.low_names[match.low],
@@ -83,10 +83,10 @@ class Matching:
             for match in self.matches
         ]
         for names, left, word in (
-            (self.low_names, self.low_left, "light part without a dense one: not baked"),
-            (self.high_names, self.high_left, "dense part without a light one: not used"),
-            (self.low_names, self.low_ignored, "light part to ignore"),
-            (self.high_names, self.high_ignored, "dense part to ignore"),
+            (self.low_names, self.low_left, "low-poly part without a high-poly part: not baked"),
+            (self.high_names, self.high_left, "high-poly part without a low-poly part: not used"),
+            (self.low_names, self.low_ignored, "low-poly part, ignored"),
+            (self.high_names, self.high_ignored, "high-poly part, ignored"),
         ):
             rows += [(names[i], word) for i in left]
         return rows
@@ -109,12 +109,12 @@ class Matching:
 def match_names(
     high_names: Sequence[str], low_names: Sequence[str], options: PartsOptions
 ) -> Matching:
-    """Find the dense parts of each light part.
+    """Find the high-poly parts of each low-poly part.
 
     Raises
     ------
     MeshError
-        Two light parts are of one name, or nothing matches.
+        Two low-poly parts have the same name, or nothing matches.
 
     Examples
     --------
@@ -137,16 +137,16 @@ def match_names(
         key = base.lower()
         if key in matches:
             raise MeshError(
-                f"{low_names[matches[key].low]}, {low_names[i]}: two light parts are of one name; "
-                "rename one, or add _ignore to it"
+                f"{low_names[matches[key].low]}, {low_names[i]}: two low-poly parts have the same "
+                "name; rename one of them, or add _ignore to its name"
             )
         if key in sources:
             matches[key] = Match(base, i, tuple(sources[key]))
     if not matches:
         raise MeshError(
-            f"match-by-name: no light part ({shown(low_names)}) has a dense one "
-            f"({shown(high_names)}) of its name; they should be called such as "
-            f"body{options.low_suffix} and body{options.high_suffix}"
+            f"match_by_name: no low-poly part ({shown(low_names)}) matches a high-poly part "
+            f"({shown(high_names)}); name them like body{options.low_suffix} and "
+            f"body{options.high_suffix}"
         )
     used_low = {match.low for match in matches.values()}
     used_high = {i for match in matches.values() for i in match.highs}
@@ -162,7 +162,7 @@ def match_names(
 
 
 def base_of(name: str, suffix: str, *, exact: bool = False) -> str | None:
-    """What stands before the last suffix of a name; None if there is no suffix, or nothing before.
+    """Return the name before its last suffix; None without a suffix, or with nothing before it.
 
     With `exact` nothing may follow the suffix, else nothing that begins with a letter.
 
@@ -177,12 +177,12 @@ def base_of(name: str, suffix: str, *, exact: bool = False) -> str | None:
 
 
 def has_suffix(name: str, suffix: str) -> bool:
-    """Whether a name is that of a part, with whatever follows."""
+    """Whether a name has the suffix, whatever follows it."""
     return base_of(name, suffix) is not None
 
 
 def shown(names: Sequence[str]) -> str:
-    """The first few of some names."""
+    """The first few of the names."""
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     return ", ".join(names[:_NAMES_SHOWN]) + more
 

@@ -1,11 +1,11 @@
-"""What a bake of many parts tells: who was baked from whom, and the figures of each set of maps."""
+"""The report of a bake of many parts: which was baked from which, and figures per set of maps."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from texbake.baking.parts.light import Canvas
+from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.matching import Matching
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.report import BakeReport
@@ -18,18 +18,18 @@ class PartFigures:
 
     Attributes
     ----------
-    canvas : Canvas
+    target : BakeTarget
     low : str
     high : tuple of str
-        Dense parts that it was baked from.
+        High-poly parts that it was baked from.
     n_faces : int
-        Of the part, on this set of maps.
+        Faces of the part on this set of maps.
     texels_covered, texels_missed : int
     front, back : float or None
-        Distances of its rays, in model units.
+        Ray distances, in model units.
     """
 
-    canvas: Canvas
+    target: BakeTarget
     low: str
     high: tuple[str, ...]
     n_faces: int
@@ -47,22 +47,22 @@ class PartsReport:
     ----------
     options : PartsOptions
     matching : Matching or None
-        Where names were matched.
+        If parts were matched by name.
     parts : list of PartFigures
-    canvases : dict of Canvas to BakeReport
+    targets : dict of BakeTarget to BakeReport
     n_crossing, n_outside : int
-        Faces that cross the border of a UDIM tile, and that lie in none.
+        Faces that cross the border of a UDIM tile, and faces that lie in none.
     n_overlapping : int
         Texels that more than one part covers.
     without_texel : tuple of str
-        Parts that cover no texel of a set of maps they have faces in.
+        Parts that cover no texel of a set of maps that they have faces on.
     stages : list of StageRecord
     """
 
     options: PartsOptions
     matching: Matching | None
     parts: list[PartFigures]
-    canvases: dict[Canvas, BakeReport]
+    targets: dict[BakeTarget, BakeReport]
     n_crossing: int = 0
     n_outside: int = 0
     n_overlapping: int = 0
@@ -71,34 +71,34 @@ class PartsReport:
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should look at, a sentence each."""
+        """What the user should check, a sentence each."""
         found = [] if self.matching is None else self.matching.warnings
         checks = (
             (
                 self.n_crossing,
-                f"{self.n_crossing:,} faces cross the border of a tile; each tile has its share",
+                f"{self.n_crossing:,} faces cross the border of a tile; each tile gets its share",
             ),
             (self.n_outside, f"{self.n_outside:,} faces lie in no tile and are not baked"),
             (
                 self.n_overlapping,
-                f"{self.n_overlapping:,} texels are covered by more than one part; the first "
-                "that hit has them",
+                f"{self.n_overlapping:,} texels are covered by more than one part; the first part "
+                "with a hit is used",
             ),
         )
         found += [message for count, message in checks if count]
-        found += [f"{what}; use a greater --size" for what in self.without_texel]
-        several = len(self.canvases) > 1
-        for canvas, report in self.canvases.items():
-            start = f"{called(canvas)}: " if several else ""
+        found += [f"{what}; use a greater size" for what in self.without_texel]
+        several = len(self.targets) > 1
+        for target, report in self.targets.items():
+            start = f"{target_name(target)}: " if several else ""
             found += [start + warning for warning in report.warnings]
         return found
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
+        """Rows of a label and a figure, to print."""
         rows = [("parts", "")]
-        several = len(self.canvases) > 1
+        several = len(self.targets) > 1
         for part in self.parts:
-            where = f" on {called(part.canvas)}" if several else ""
+            where = f" on {target_name(part.target)}" if several else ""
             percent = 100.0 * part.texels_missed / max(part.texels_covered, 1)
             rows.append(
                 (
@@ -107,19 +107,19 @@ class PartsReport:
                     f"{part.texels_covered:,} texels, {percent:.3f} % missed",
                 )
             )
-        rows.append(("sets of maps", ", ".join(map(called, self.canvases)) if several else "1"))
+        rows.append(("sets of maps", ", ".join(map(target_name, self.targets)) if several else "1"))
         rows += [(f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages]
         rows.append(("total", f"{sum(stage.seconds for stage in self.stages):.2f} s"))
         return rows
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values, for `json.dump`."""
+        """Return the report as plain values, for `json.dump`."""
         return {
             "options": asdict(self.options),
             "matching": None if self.matching is None else self.matching.to_json(),
-            "parts": [{**asdict(part), "canvas": part.canvas._asdict()} for part in self.parts],
-            "canvases": [
-                {**canvas._asdict(), **report.to_json()} for canvas, report in self.canvases.items()
+            "parts": [{**asdict(part), "target": part.target._asdict()} for part in self.parts],
+            "targets": [
+                {**target._asdict(), **report.to_json()} for target, report in self.targets.items()
             ],
             "faces_crossing_tiles": self.n_crossing,
             "faces_in_no_tile": self.n_outside,
@@ -130,6 +130,6 @@ class PartsReport:
         }
 
 
-def called(canvas: Canvas) -> str:
-    """What messages call a set of maps."""
-    return f"{canvas.texture_set} {canvas.udim}".strip()
+def target_name(target: BakeTarget) -> str:
+    """Name of a set of maps in messages."""
+    return f"{target.texture_set} {target.udim}".strip()

@@ -1,23 +1,14 @@
-"""The samples of a mesh's own atlas, some rows of texels after another, and means over texels."""
+"""The samples that a mesh owns in its texture, band by band, and how values change between them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.texels import (
-    NO_FACE,
-    TILE,
-    SampleGrid,
-    Samples,
-    owned_samples,
-    rasterize_uv,
-    snap_uvs,
-)
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.texels import SampleGrid, TexelBand, owned_bands, snap_uvs
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 from texbake.texture.lookup import texel_coordinates
@@ -26,44 +17,8 @@ from texbake.texture.lookup import texel_coordinates
 _SAMPLES_AT_ONCE = 1 << 19
 
 
-@dataclass(frozen=True, eq=False)
-class Band:
-    """Rows of texels with their samples.
-
-    Attributes
-    ----------
-    rows : range
-    width : int
-        Texels in a row.
-    samples : Samples
-        All that the mesh owns in these rows.
-    """
-
-    rows: range
-    width: int
-    samples: Samples
-
-    def sums(
-        self, values: npt.NDArray[np.floating], chosen: npt.NDArray[np.int64] | None = None
-    ) -> FloatArray:
-        """(len(rows) * width, C) float64: sums over the samples of each texel of (n, C) values.
-
-        `chosen` are the samples that the values are of; None for all.
-        """
-        texels = self.samples.texel_ids if chosen is None else self.samples.texel_ids[chosen]
-        n_texels = len(self.rows) * self.width
-        places = texels - self.rows.start * self.width
-        columns = [np.bincount(places, column, minlength=n_texels) for column in values.T]
-        return np.stack(columns, axis=1)
-
-    def counts(self) -> npt.NDArray[np.int64]:
-        """(len(rows) * width,) int64: samples of each texel."""
-        places = self.samples.texel_ids - self.rows.start * self.width
-        return np.bincount(places, minlength=len(self.rows) * self.width)
-
-
-class Coverage:
-    """What of a texture a mesh covers, found row by row.
+class TextureCoverage:
+    """Which texels of a texture a mesh covers.
 
     Parameters
     ----------
@@ -76,7 +31,7 @@ class Coverage:
     texel_faces : (H, W) int32
         Face that owns the texel's first owned sample, `NO_FACE` for none; filled by `bands`.
     samples_overlapping : int
-        Samples that several faces cover; filled by `bands`.
+        Samples that several faces cover; counted by `bands`.
     faces_outside_tile : int
 
     Raises
@@ -87,53 +42,43 @@ class Coverage:
 
     def __init__(self, mesh: Mesh, options: BakeOptions) -> None:
         self.grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
-        self._snapped = snap_uvs(mesh, self.grid)
+        self._faces = snap_uvs(mesh, self.grid)
         self._threads = options.threads
         self.texel_faces: IntArray = np.full(
             (self.grid.height, self.grid.width), NO_FACE, dtype=np.int32
         )
         self.samples_overlapping = 0
-        self.faces_outside_tile = self._snapped.n_outside_tile
+        self.faces_outside_tile = self._faces.n_outside_tile
 
-    def bands(self, stages: Stages) -> Iterator[Band]:
-        """Yield all rows with their samples, from the top down; shown as the stage "bake"."""
-        grid, threads = self.grid, self._threads
-        least = TILE // grid.per_side
-        step = max(_SAMPLES_AT_ONCE // (grid.n_columns * grid.per_side) // least, 1) * least
-        n_texels = grid.width * grid.height
-        with stages.stage("bake", total=n_texels, unit="texels", recorded=False) as advance:
-            for first in range(0, grid.height, step):
-                rows = range(first, min(first + step, grid.height))
-                with stages.part("rasterize"):
-                    owners, n_overlaps = rasterize_uv(self._snapped, grid, rows, threads=threads)
-                    samples = owned_samples(owners, self._snapped, grid, first, threads=threads)
-                    self.samples_overlapping += n_overlaps
-                    band = Band(rows, grid.width, samples)
-                    self._note_faces(band)
-                yield band
-                advance(len(rows) * grid.width)
-
-    def _note_faces(self, band: Band) -> None:
-        texels = self.texel_faces.reshape(-1)
-        # Written from last to first, so that the first sample of a texel stays.
-        texels[band.samples.texel_ids[::-1]] = band.samples.faces[::-1]
+    def bands(self, stages: Stages) -> Iterator[TexelBand]:
+        """Yield all texels with their samples, from the top down; shown as the stage "bake"."""
+        for band in owned_bands(
+            self._faces,
+            self.grid,
+            stages,
+            samples_at_once=_SAMPLES_AT_ONCE,
+            threads=self._threads,
+        ):
+            band.note_faces(self.texel_faces)
+            self.samples_overlapping += band.n_overlaps
+            yield band
 
 
 def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> FloatArray:
-    """How what is linear over each face changes from sample to sample.
+    """How values that are linear over each face change from sample to sample.
 
     Parameters
     ----------
     mesh : Mesh
         With texture coordinates.
     corner_values : (F, 3, K) float64
-        At the corners of each face; its positions for instance.
+        Values at the corners of each face, such as its positions.
     grid : SampleGrid
 
     Returns
     -------
     (F, K, 2) float64
-        By one sample to the right, and by one down. Zero for a face without area in the texture.
+        Per sample to the right, and per sample down; zero for a face without area in the texture.
     """
     texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
     along = corner_values[:, 1] - corner_values[:, 0]
@@ -150,7 +95,7 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
 
 
 def greatest_lengths(steps: FloatArray) -> FloatArray:
-    """(F,) float64: how far a point moves at most by one sample in any direction.
+    """(F,) float64: how far a point moves at most per sample in any direction.
 
     Of steps (F, 3, 2): the greatest singular value of each matrix.
     """

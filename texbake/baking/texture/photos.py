@@ -10,7 +10,7 @@ import numpy as np
 from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
 from texbake.baking.texture.camera import PhotoCamera
-from texbake.baking.texture.coverage import Coverage
+from texbake.baking.texture.coverage import TextureCoverage
 from texbake.baking.texture.mapped_source import MappedSource
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo import Photo, Picture
@@ -74,7 +74,7 @@ def bake_photos(
     if not photos:
         raise OptionError("photo: give at least one")
     stages = Stages(progress)
-    coverage = Coverage(mesh, options.for_bake)
+    coverage = TextureCoverage(mesh, options.for_bake)
     frame = LocalFrame.around(mesh)
     # Rays of no length start on the surface and go against its smooth normals.
     field = RayField(mesh, frame, kind="smooth", front=0.0, back=0.0, threads=options.threads)
@@ -115,7 +115,7 @@ def _sources(
     photos: Sequence[Photo],
     pictures: Sequence[Picture],
     frame: LocalFrame,
-    coverage: Coverage,
+    coverage: TextureCoverage,
     options: PhotoOptions,
     opened: ExitStack,
 ) -> Iterator[PhotoSource]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.surround import Surroundings
-from texbake.baking.texels import NO_FACE
-from texbake.baking.texture.coverage import Coverage
+from texbake.baking.padding import ChartPadding
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.texture.coverage import TextureCoverage
 from texbake.baking.texture.options import TextureBakeOptions
 from texbake.errors import UvError
 from texbake.files import PathLike
@@ -207,7 +207,7 @@ class TextureBake:
 def finished(
     mesh: Mesh,
     options: TextureBakeOptions,
-    coverage: Coverage,
+    coverage: TextureCoverage,
     values: Float32Array,
     has_color: npt.NDArray[np.bool_],
     stages: Stages,
@@ -239,9 +239,9 @@ def finished(
             known = covered
         # NO_FACE is -1, and so the last entry: it has no chart.
         charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[faces]
-        surroundings = Surroundings(charts, known, options.for_bake)
+        padding = ChartPadding(charts, known, options.for_bake)
         background = (0.0,) * values.shape[2]
-        values = surroundings.filled(values, background)
+        values = padding.pad(values, background)
     report = TextureReport(
         mesh=mesh.name,
         n_faces=mesh.n_faces,
@@ -253,7 +253,7 @@ def finished(
         texels_unseen=n_unseen,
         texels_overlapping=coverage.samples_overlapping / options.samples,
         faces_outside_tile=coverage.faces_outside_tile,
-        padding_meets=surroundings.n_meeting,
+        padding_meets=padding.n_meeting,
         photos=photos,
         stages=tuple(stages.records),
     )

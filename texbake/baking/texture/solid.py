@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.baking.rays import RayField
-from texbake.baking.texture.coverage import Coverage, greatest_lengths, sample_steps
+from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.result import TextureBake, finished
 from texbake.mesh.frame import LocalFrame
@@ -56,7 +56,7 @@ def bake_solid(
     mesh = as_mesh(mesh)
     options = options or SolidOptions()
     stages = Stages(progress)
-    coverage = Coverage(mesh, options.for_bake)
+    coverage = TextureCoverage(mesh, options.for_bake)
     frame = LocalFrame.around(mesh)
     scale = np.broadcast_to(np.asarray(_scale(mesh, options)), 3)
     # Rays of no length start on the surface.

@@ -17,12 +17,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.distances import measure_reach
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
+from texbake.baking.scenes import measure_extent
 from texbake.baking.texels import Samples
 from texbake.baking.trace import Trace
 from texbake.mesh.distance import sample_surface
@@ -107,7 +107,7 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
     frame = LocalFrame.around(high, low)
     scene = RayScene.build(high, frame, threads=threads)
     try:
-        reach = measure_reach(high, low, frame, scene, kind, threads)
+        reach = measure_extent(scene, low, kind, threads=threads)
         field = RayField(low, frame, kind=kind, front=reach.front, back=reach.back, threads=threads)
         samples = Samples(
             np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])
@@ -180,7 +180,7 @@ def mean_normals(
         Where there is a mean.
     """
     options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)
-    inputs = BakeInputs(pair.high, pair.low, options)
+    inputs = BakeInputs.of(pair.high, pair.low, options)
     sums = np.zeros((size * size, 3))
     for hits in Trace(pair.high, pair.low, options, None, Stages()).hits():
         _add(hits.where(hits.high_faces != NO_HIT), inputs, size, sums)

@@ -1,4 +1,4 @@
-"""Bakes of parts put together on one set of maps, then padded as one."""
+"""Bakes of several parts combined on one set of maps, then padded together."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from texbake.baking.baked_map import BakedMap
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
+from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
-from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import TraceCounts
 from texbake.errors import FileError
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 
 
-class CanvasMaps:
-    """Collects parts on one set of maps.
+class TargetMaps:
+    """Combines the bakes of parts on one set of maps.
 
-    Where two parts cover a texel the first has it, unless it missed there and the other did not.
+    Where two parts cover a texel the first one counts, unless its rays missed and the other's hit.
 
     Attributes
     ----------
@@ -50,16 +50,16 @@ class CanvasMaps:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no part was taken in."""
+        """Whether no part was added."""
         return not self._reports
 
     def add(self, result: BakeResult, inputs: BakeInputs, n_faces: int) -> None:
-        """Take in a part that was baked without padding, and has so many faces here."""
+        """Add a part that was baked without padding and has `n_faces` faces on these maps."""
         covered = result.texel_faces != NO_FACE
         if self._values:
             taken = self._faces != NO_FACE
             self.n_overlapping += int(np.count_nonzero(covered & taken))
-            # No miss stands in the way of what another part has found.
+            # A hit of another part replaces a miss.
             mine = np.where(taken, result.has_data & ~self._has_data, covered)
             for kind in self._kinds:
                 np.copyto(
@@ -68,7 +68,7 @@ class CanvasMaps:
         else:
             mine = covered
             self._values = {kind: result.maps[kind.name].values for kind in self._kinds}
-        charts = np.append(inputs.low_charts, NO_FACE).astype(np.int32)
+        charts = np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)
         np.copyto(self._charts, charts[result.texel_faces] + np.int32(self._n_charts), where=mine)
         np.copyto(self._faces, result.texel_faces + np.int32(self._n_faces), where=mine)
         np.copyto(self._has_data, result.has_data, where=mine)
@@ -79,7 +79,7 @@ class CanvasMaps:
         counts = replace(
             report.counts,
             faces_without_uv_area=max(report.counts.faces_without_uv_area - n_absent, 0),
-            # What a face has outside a tile is baked in the next.
+            # What lies outside one tile is baked in the next.
             faces_outside_tile=0 if self._is_tile else report.counts.faces_outside_tile,
         )
         self._reports.append(
@@ -92,7 +92,7 @@ class CanvasMaps:
         )
 
     def finish(self, inputs: BakeInputs, stages: Stages, folder: Path | None) -> BakeResult:
-        """Pad and fill; with a folder, the values are kept there in files and not in memory."""
+        """Pad and fill; with a folder, the values are kept in files there instead of in memory."""
         maps, meets = finished_maps(
             self._kinds, self._values.pop, self._charts, self._has_data, inputs, stages
         )
@@ -111,9 +111,9 @@ class CanvasMaps:
 
 
 def joined_reports(reports: list[BakeReport]) -> BakeReport:
-    """One report of several: counts are added up, distances the greatest, distances apart the last.
+    """Join reports: counts are added, ray distances the greatest, percentiles those of the last.
 
-    Whoever bakes them gives all bakes one `DistanceSummary`, so that the last has those of all.
+    All bakes share one `DistanceSummary`, so that the percentiles of the last are those of all.
     """
     last = reports[-1]
     fronts = [report.front for report in reports if report.front is not None]
@@ -121,7 +121,7 @@ def joined_reports(reports: list[BakeReport]) -> BakeReport:
         last,
         high=_names(report.high for report in reports),
         low=_names(report.low for report in reports),
-        # Several parts may be baked from one and the same.
+        # Several parts may be baked from the same one.
         n_high_faces=sum({report.high: report.n_high_faces for report in reports}.values()),
         n_low_faces=sum(report.n_low_faces for report in reports),
         front=max(fronts) if fronts else None,
@@ -148,14 +148,14 @@ def _sum(counts: Iterable[TraceCounts]) -> TraceCounts:
 
 
 def _in_file(baked: BakedMap, path: Path) -> BakedMap:
-    """The same map with its values in a file, of which memory holds what is being looked at."""
+    """The same map with its values in a memory-mapped file."""
     try:
         np.save(path, baked.values)
     except OSError as error:
         raise FileError(
-            f"{path}: a map that waits for the others cannot be written: "
-            f"{error.strerror or error}; free some space there"
+            f"{path}: a finished map cannot be stored there: "
+            f"{error.strerror or error}; free some space"
         ) from error
-    # Copy on write, because kernels are compiled for writable arrays; nothing is written.
+    # Copy on write, because kernels are compiled for writable arrays; nothing is written back.
     values = np.asarray(np.load(path, mmap_mode="c"))
     return replace(baked, values=values)

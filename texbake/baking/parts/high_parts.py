@@ -1,15 +1,19 @@
-"""The dense meshes of an asset, numbered throughout, and some of their parts as one mesh."""
+"""The high-poly meshes of an asset: their named parts, and some of the parts as one mesh.
+
+A part is a group of a mesh, or a whole mesh. Groups and materials are numbered over all meshes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.parts.pieces import Piece
+from texbake.baking.parts.matching import has_suffix
 from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.materials import BaseColor, Materials
@@ -19,14 +23,72 @@ from texbake.mesh.normals import shading_normals
 BoolArray = npt.NDArray[np.bool_]
 
 
-class DenseMeshes:
-    """Several dense meshes with groups and materials numbered throughout.
+@dataclass(frozen=True, eq=False)
+class NamedPart:
+    """Some faces of one mesh, under a name.
+
+    Attributes
+    ----------
+    name : str
+        Of a group, or of a file without its suffix.
+    mesh : int
+        Index of the mesh.
+    groups : tuple of int, optional
+        Groups of the mesh; None: all of its faces.
+    """
+
+    name: str
+    mesh: int
+    groups: tuple[int, ...] | None = None
+
+    def faces_of(self, mesh: Mesh, first: int = 0) -> BoolArray:
+        """(F,) bool: its faces of the mesh, whose groups may be numbered from `first` on."""
+        if self.groups is None or mesh.face_groups is None:
+            return np.ones(mesh.n_faces, dtype=np.bool_)
+        is_in = np.zeros(len(mesh.group_names), dtype=np.bool_)
+        is_in[np.array(self.groups, dtype=np.intp) + first] = True
+        return is_in[mesh.face_groups]
+
+
+def named_parts(meshes: Sequence[Mesh], suffix: str) -> list[NamedPart]:
+    """Return the parts of meshes: groups if any group of the mesh has the suffix, else the mesh.
+
+    Groups of one name are one part, and so are the primitives `NAME 0`, `NAME 1` of an object in a
+    glTF file.
+    """
+    found = []
+    for i, mesh in enumerate(meshes):
+        is_gltf = mesh.name.lower().endswith((".glb", ".gltf"))
+        names = [_of_object(name) if is_gltf else name for name in mesh.group_names]
+        if mesh.face_groups is None or not any(has_suffix(name, suffix) for name in names):
+            found.append(NamedPart(Path(mesh.name).stem, i))
+            continue
+        used = np.bincount(mesh.face_groups, minlength=len(names)).tolist()
+        groups: dict[str, list[int]] = {}
+        for k, name in enumerate(names):
+            if used[k]:
+                groups.setdefault(name, []).append(k)
+        found += [
+            NamedPart(name, i, tuple(ids) if len(groups) > 1 else None)
+            for name, ids in groups.items()
+        ]
+    return found
+
+
+def _of_object(name: str) -> str:
+    """Name of the object that a primitive belongs to."""
+    start, _, number = name.rpartition(" ")
+    return start if start and number.isdecimal() else name
+
+
+class HighMeshes:
+    """Several high-poly meshes whose groups and materials are numbered over all of them.
 
     Parameters
     ----------
     meshes : sequence of Mesh
     materials : sequence of Materials or None
-        One for each mesh, where anything is known of them.
+        One for each mesh, where they are known.
 
     Attributes
     ----------
@@ -41,16 +103,16 @@ class DenseMeshes:
         several = len(meshes) > 1
         self.materials = _with_common_names(meshes, materials or [None] * len(meshes), several)
 
-    def joined(self, pieces: Sequence[Piece]) -> tuple[Mesh, Materials | None]:
-        """Put parts into one mesh, in their order.
+    def joined(self, parts: Sequence[NamedPart]) -> tuple[Mesh, Materials | None]:
+        """Join parts into one mesh, in their order.
 
-        Where only some of them have normals, coordinates or colors, the others get their shading
-        normals, (0, 0) or white.
+        If only some of them have normals, texture coordinates or colors, the others get their
+        shading normals, (0, 0) or white.
         """
         meshes, face_materials = [], []
-        for piece in pieces:
-            mesh, materials = self.meshes[piece.mesh], self.materials[piece.mesh]
-            chosen = piece.faces_of(mesh, self._first_groups[piece.mesh])
+        for part in parts:
+            mesh, materials = self.meshes[part.mesh], self.materials[part.mesh]
+            chosen = part.faces_of(mesh, self._first_groups[part.mesh])
             meshes.append(excerpt(mesh, chosen))
             if materials is not None:
                 face_materials.append(materials.face_materials[chosen])
@@ -63,18 +125,18 @@ class DenseMeshes:
         )
 
     def check_colors(self) -> None:
-        """Raise `OptionError` where vertex colors of different meaning would be joined."""
+        """Raise `OptionError` if linear and sRGB vertex colors would be joined."""
         colored = [mesh.name for mesh in self.meshes if mesh.colors is not None]
         kinds = {name.lower().endswith((".glb", ".gltf")) for name in colored}
         if len(kinds) > 1:
             raise OptionError(
-                "vertex-colors: those of glTF files are linear and those of the others are taken "
-                "for sRGB; say what all of them are with --vertex-colors"
+                "vertex_colors: those of glTF files are linear, those of other files are taken to "
+                "be sRGB; set vertex_colors to linear or srgb for all of them"
             )
 
 
 def _with_common_groups(meshes: Sequence[Mesh]) -> tuple[list[Mesh], list[int]]:
-    """Meshes whose groups are numbered throughout, a mesh without any being one; each's first."""
+    """Meshes with groups numbered over all of them, and the first group of each mesh."""
     if len(meshes) == 1:
         return list(meshes), [0]
     names: list[str] = []
@@ -94,7 +156,7 @@ def _with_common_groups(meshes: Sequence[Mesh]) -> tuple[list[Mesh], list[int]]:
 def _with_common_names(
     meshes: Sequence[Mesh], materials: Sequence[Materials | None], several: bool
 ) -> list[Materials | None]:
-    """Materials that are numbered throughout; a mesh without any has one without a color."""
+    """Materials numbered over all meshes; a mesh without any gets one without a color."""
     if not several or all(item is None for item in materials):
         return list(materials)
     names: list[str] = []
@@ -103,7 +165,7 @@ def _with_common_names(
     for mesh, item in zip(meshes, materials, strict=True):
         first = len(names)
         names += [mesh.name] if item is None else item.names
-        # Images are told apart by their names, and each file may have an image 0.
+        # Images are identified by name, and each file may have an image 0.
         colors += [
             color and replace(color, image_name=f"{mesh.name}: {color.image_name}")
             for color in ([None] if item is None else item.base_colors)
@@ -147,7 +209,7 @@ def _with_uvs(mesh: Mesh) -> Mesh:
 
 
 def _colors(mesh: Mesh) -> npt.NDArray[np.float32]:
-    """(V, 3) colors, white where there are none; alpha is no part of any map."""
+    """(V, 3) colors, white if there are none; maps do not use alpha."""
     if mesh.colors is None:
         return np.ones((mesh.n_vertices, 3), np.float32)
     return mesh.colors[:, :3]

@@ -5,7 +5,7 @@ import pytest
 from embreex_oracle import EmbreexScene
 
 from texbake.baking.hits import Hits
-from texbake.baking.secondary.fans import fans_of, start_offset
+from texbake.baking.secondary_rays import fans_of, start_offset
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh, frozen

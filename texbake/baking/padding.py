@@ -1,7 +1,7 @@
-"""What stands around the charts of a map: padding from the nearest texel, then a smooth fill.
+"""Padding around the charts of a map: dilation from the nearest texel, then a smooth fill.
 
-A texel that missed the dense mesh keeps the map's neutral value. It is no source of padding, and
-neither padding nor fill reaches into it, so that what was not found is never passed off as data.
+A texel whose rays missed keeps the neutral value of the map. It is neither a source nor a target of
+padding or fill, so that a miss is never passed off as data.
 """
 
 from __future__ import annotations
@@ -10,22 +10,31 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.texels import NO_FACE
+from texbake.baking.pineda import NO_FACE
 from texbake.mesh.mesh import IntArray
 from texbake.texture.padding import nearest_owner, push_pull
 
 Float32Array = npt.NDArray[np.float32]
 
 
-class Surroundings:
-    """Fills around the charts of several maps of one bake; the distances are found once.
+class ChartPadding:
+    """Pads and fills around the charts of several maps of one bake.
+
+    The nearest texels are found once for all of them.
 
     Parameters
     ----------
     texel_charts : (H, W) int32
-        Chart that covers each texel, -1 for none.
+        Chart that covers each texel, `NO_FACE` for none.
     has_data : (H, W) bool
         Texels with a hit.
+
+    Attributes
+    ----------
+    n_missed : int
+        Covered texels without a hit.
+    n_meeting : int
+        Texels where the padding of two charts meets.
     """
 
     def __init__(
@@ -35,7 +44,7 @@ class Surroundings:
         self.n_missed = int(np.count_nonzero(self._missed))
         self._options = options
         self._valid = has_data
-        # Texels outside the charts that padding reaches, and where each takes its value from.
+        # Texels of the padding, and the texel from which each one takes its value.
         self._targets: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
         self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.n_meeting = 0
@@ -47,13 +56,13 @@ class Surroundings:
             self._sources = owners.indices.ravel()[self._targets]
             self._valid = (owners.indices >= 0) & ~self._missed
 
-    def filled(
+    def pad(
         self, values: Float32Array, neutral: tuple[float, ...], combine: str = "mean"
     ) -> Float32Array:
-        """Return a map (H, W, C), neutral outside the charts, with its surroundings, in place.
+        """Pad and fill a map (H, W, C), in place where possible, and return it.
 
-        `combine` is that of its `MapKind`: a fill of unit vectors keeps their length 1, and values
-        that cannot be averaged get none.
+        `combine` is that of its `MapKind`: filled unit vectors keep their length, and values that
+        cannot be averaged are not filled.
         """
         threads = self._options.threads
         texels = values.reshape(-1, values.shape[2])
@@ -70,7 +79,7 @@ class Surroundings:
 
 
 def _normalize(values: Float32Array, chosen: npt.NDArray[np.bool_]) -> None:
-    """Normalize the chosen vectors in place; those that cancel to zero stay zero."""
+    """Normalize the chosen vectors in place; zero vectors stay zero."""
     vectors = values[chosen]
     lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     lengths[lengths == 0.0] = 1.0

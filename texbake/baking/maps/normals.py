@@ -1,0 +1,64 @@
+"""Where a hit becomes a normal: the high-poly mesh's shading normal in the low-poly tangent space.
+
+Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008: a renderer computes
+x T + y B + z N from the interpolated tangent and normal without renormalizing them, with
+B = w cross(N, T). So the frame is inverted exactly as it is, and only the result is normalized.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.baking.hits import Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.barycentric import high_normals_kernel, tangent_space_kernel
+from texbake.baking.maps.kind import Float32Array, MapKind
+from texbake.baking.options import BakeOptions
+from texbake.parallel import run_bands
+
+_BAND = 1 << 15
+
+
+def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """Unit normal of the high-poly mesh at each hit, in the space that the options specify.
+
+    Where the tangent frame is singular (a zero normal) the value is flat, (0, 0, 1).
+    """
+    values = np.empty((len(hits), 3), dtype=np.float32)
+    normals, corners = inputs.high_surface.normals
+
+    def work(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        high_normals_kernel(
+            hits.high_faces[band], hits.high_barycentrics[band], normals, corners, values[band]
+        )
+
+    run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
+    if inputs.options.space == "tangent":
+        to_tangent_space(hits, inputs, values, normalize=True)
+    return values
+
+
+def to_tangent_space(
+    hits: Hits, inputs: BakeInputs, values: Float32Array, *, normalize: bool
+) -> None:
+    """Express model-space vectors (n, 3) in the low-poly tangent space of their hits, in place."""
+    normals, corners = inputs.low_surface.normals
+    tangents = inputs.low_surface.tangents
+
+    def work(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        faces, barycentrics = hits.low_faces[band], hits.low_barycentrics[band]
+        tangent_space_kernel(
+            faces, barycentrics, normals, corners, tangents, normalize, values[band]
+        )
+
+    run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
+
+
+def flat_normal(options: BakeOptions) -> tuple[float, ...]:
+    """Return the value where nothing was baked."""
+    return (0.0, 0.0, 1.0) if options.space == "tangent" else (0.0, 0.0, 0.0)
+
+
+NORMAL = MapKind("normal", 3, "normal", normal_values, flat_normal, combine="unit mean")

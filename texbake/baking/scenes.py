@@ -1,0 +1,195 @@
+"""The ray scenes of a bake, and how far its rays must go where the user does not say.
+
+The extent of the rays is measured from both meshes. From the high-poly mesh: each of its vertices
+lies at some distance outside or inside the low-poly surface. From the low-poly mesh: along the
+very rays of the bake, the high-poly surface lies at some distance out or in. The extent is the
+greatest of both, plus a margin for what lies between the samples. A longer one would let rays start
+beyond neighboring parts of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from texbake.baking.rays import RayField
+from texbake.baking.texels import Samples
+from texbake.errors import MeshError
+from texbake.mesh.distance import sample_surface
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.progress import Stages
+from texbake.raycast.exact_hits import drop_uncertain_hits
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
+
+_HIGH_POINTS = 200_000
+_LOW_POINTS = 50_000
+# Points between the samples lie a little farther than the farthest sample.
+_MARGIN = 1.1
+# The least extent, of the local frame's unit size, above the rounding of float32 rays (1e-7).
+LEAST_EXTENT = 1e-4
+# Size of both meshes in model units: float32 holds a ten millionth of it with all its digits, and
+# as many times it as rays are long without overflow.
+_SIZES = (1e-30, 1e37)
+
+
+@dataclass(frozen=True)
+class RayExtent:
+    """How far in front of the low-poly surface rays start and how far behind it they end.
+
+    Both in model units.
+    """
+
+    front: float
+    back: float
+
+
+@dataclass(frozen=True, eq=False)
+class BakeScenes:
+    """What the rays of a bake are cast into, all in one frame.
+
+    A trace builds and closes its own scenes unless it is given some that others use as well.
+
+    Attributes
+    ----------
+    high : RayScene
+        The high-poly mesh.
+    occluders : RayScene, optional
+        What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
+    """
+
+    high: RayScene
+    occluders: RayScene | None = None
+    _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def build(
+        cls,
+        high: Mesh,
+        low: Mesh,
+        stages: Stages,
+        *,
+        occluders: RayScene | None = None,
+        chunk_faces: int | None = None,
+        threads: int | None = None,
+    ) -> BakeScenes:
+        """Build the scene of the high-poly mesh, in the frame of the occluders or of both meshes.
+
+        Parameters
+        ----------
+        chunk_faces
+            As for `RayScene.build`.
+
+        Raises
+        ------
+        MeshError
+            The meshes are so small or large that float32 maps cannot hold their lengths.
+        """
+        frame = LocalFrame.around(high, low) if occluders is None else occluders.frame
+        _check_size(frame, low)
+        with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
+            scene = RayScene.build(high, frame, chunk_faces=chunk_faces, threads=threads)
+        return cls(scene, occluders)
+
+    @property
+    def frame(self) -> LocalFrame:
+        """Frame of all scenes."""
+        return self.high.frame
+
+    def extent(self, low: Mesh, kinds: Sequence[str], threads: int | None) -> RayExtent:
+        """Greatest extent of rays of some kinds; measured once for all that use these scenes."""
+        key = tuple(kinds)
+        if key not in self._extents:
+            measured = [measure_extent(self.high, low, kind, threads=threads) for kind in kinds]
+            self._extents[key] = RayExtent(
+                max(extent.front for extent in measured), max(extent.back for extent in measured)
+            )
+        return self._extents[key]
+
+    def close(self) -> None:
+        """Free the scene of the high-poly mesh."""
+        self.high.close()
+
+
+def _check_size(frame: LocalFrame, low: Mesh) -> None:
+    """Raise if lengths of the meshes do not fit into the float32 numbers of hits and maps."""
+    size = 1.0 / frame.scale
+    if not _SIZES[0] <= size <= _SIZES[1]:
+        raise MeshError(
+            f"{low.name}: it and the high-poly mesh are about {size:.1e} model units across, which "
+            "the float32 numbers of maps cannot hold; scale both meshes first"
+        )
+
+
+def measure_extent(
+    scene: RayScene, low: Mesh, kind: str, *, threads: int | None = None
+) -> RayExtent:
+    """Measure how far in front of the low-poly surface rays must start and how far behind end.
+
+    Parameters
+    ----------
+    scene
+        The high-poly mesh.
+    kind
+        Direction of the rays: `smooth`, `vertex` or `face`.
+    """
+    out_high, in_high = _from_high(scene, low, threads)
+    limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
+    out_low, in_low = _from_low(scene, low, kind, limit, threads)
+    front, back = max(out_high, out_low), max(in_high, in_low)
+    return RayExtent(
+        float(scene.frame.length_to_model(front * _MARGIN + LEAST_EXTENT)),
+        float(scene.frame.length_to_model(back * _MARGIN + LEAST_EXTENT)),
+    )
+
+
+def _from_high(scene: RayScene, low: Mesh, threads: int | None) -> tuple[float, float]:
+    """Greatest local distance of high-poly vertices outside and inside the low-poly surface."""
+    high, frame = scene.mesh, scene.frame
+    positions = frame.to_local(low.positions)
+    tree = TriangleTree.build(positions, low.faces, threads=threads)
+    step = max(1, high.n_faces // _HIGH_POINTS)
+    # All vertices, or in a large mesh one for each of evenly spread faces.
+    vertices = np.unique(high.faces) if step == 1 else high.faces[::step, 0]
+    points = frame.to_local(high.positions[vertices])
+    distances, faces, weights = tree.closest_points(points, threads=threads)
+    corners = positions[low.faces[faces]]
+    closest = np.einsum("ni,nij->nj", weights, corners)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outside = np.einsum("ij,ij->i", points - closest, normals) >= 0.0
+    return _greatest(distances[outside]), _greatest(distances[~outside])
+
+
+def _from_low(
+    scene: RayScene, low: Mesh, kind: str, limit: float, threads: int | None
+) -> tuple[float, float]:
+    """Greatest distance out and in along rays to the nearer high-poly surface within `limit`."""
+    frame = scene.frame
+    _, faces, weights = sample_surface(low, _LOW_POINTS, seed=0, threads=threads)
+    samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
+    field = RayField(low, frame, kind=kind, front=0.0, back=1.0, threads=threads)
+    inward = field.rays(samples)
+    lengths = np.where(inward.lengths > 0.0, limit, 0.0)
+    # Both directions at once, since a scene in chunks builds its trees anew for each call.
+    rays = Rays.joined(
+        [
+            Rays(inward.origins, directions, lengths, inward.fronts)
+            for directions in (-inward.directions, inward.directions)
+        ]
+    )
+    # On its way out a ray hits the high-poly surface from behind.
+    found = scene.cast(rays, cull_back_faces=False)
+    drop_uncertain_hits(found, rays, scene.mesh, frame, threads)
+    out, into = np.split(np.where(found.faces == NO_HIT, np.inf, found.distances), 2)
+    return (
+        _greatest(out[(out < into) & np.isfinite(out)]),
+        _greatest(into[(into <= out) & np.isfinite(into)]),
+    )
+
+
+def _greatest(distances: FloatArray) -> float:
+    return float(distances.max(initial=0.0))

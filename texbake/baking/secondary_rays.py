@@ -1,0 +1,168 @@
+"""Where a hit becomes a fan of rays, for ambient occlusion, bent normals and thickness.
+
+The fans start at the points hit, on the high-poly surface. They are cast once, however many maps
+need them, and what they meet is kept in the columns of `Hits.secondary`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.hits import Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.ray_kernels import place_fans_kernel
+from texbake.baking.scenes import BakeScenes
+from texbake.errors import OptionError
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.parallel import run_bands
+from texbake.raycast.fans import DEPTH, N_COLUMNS, OPEN, Fans, OcclusionRange, direction_sets, mixed
+from texbake.raycast.rays import NO_HIT
+
+Float32Array = npt.NDArray[np.float32]
+
+_BAND = 1 << 15
+_UNIT_ROUNDOFF = 2.0**-24  # of float32, relative
+OUTER, INNER = "outer rays", "inner rays"  # values of `MapKind.needs`
+
+
+@dataclass(frozen=True, eq=False)
+class SecondaryRays:
+    """The rays that the maps of a bake need from its hits.
+
+    Attributes
+    ----------
+    inputs : BakeInputs
+    needs : frozenset of str
+        `OUTER`, `INNER` or both.
+    """
+
+    inputs: BakeInputs
+    needs: frozenset[str]
+
+    @classmethod
+    def for_maps(cls, needs: Iterable[str], inputs: BakeInputs) -> SecondaryRays | None:
+        """Return the rays for maps with these needs; None if none of them needs any."""
+        used = frozenset(needs) & {OUTER, INNER}
+        return cls(inputs, used) if used else None
+
+    @property
+    def n_rays(self) -> int:
+        """Rays per hit."""
+        return self.inputs.options.secondary_rays * len(self.needs)
+
+    def occlusion_range(self, scenes: BakeScenes) -> OcclusionRange:
+        """How far above the surface the rays start, and how far they go."""
+        options = self.inputs.options
+        outer = math.inf if options.occluder_distance is None else options.occluder_distance
+        inner = options.thickness_distance or self.inputs.high.diagonal
+        return OcclusionRange(
+            start_offset((scenes.occluders or scenes.high).mesh, scenes.frame),
+            outer * scenes.frame.scale if OUTER in self.needs else 0.0,
+            inner * scenes.frame.scale if INNER in self.needs else 0.0,
+        )
+
+    def cast(
+        self, hits: Hits, scenes: BakeScenes, occlusion_range: OcclusionRange
+    ) -> tuple[Hits, int]:
+        """Return the hits with what their secondary rays met, and the number of rays cast."""
+        options, frame = self.inputs.options, scenes.frame
+        met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
+        is_hit = hits.high_faces != NO_HIT
+        found = hits if is_hit.all() else hits.where(is_hit)
+        fans = fans_of(
+            found,
+            self.inputs.high,
+            self.inputs.high_surface.normals,
+            frame,
+            threads=options.threads,
+        )
+        has_axis = np.asarray(fans.axes.any(axis=1))
+        if not has_axis.all():
+            fans = fans.where(has_axis)
+            # A point without a normal counts as open, without depth, and has no direction.
+            met[is_hit, OPEN] = 1.0
+            is_hit[is_hit] = has_axis
+        if len(fans):
+            scene, sets = scenes.occluders or scenes.high, direction_sets(options.secondary_rays)
+            met[is_hit] = scene.cast_fans(fans, sets, occlusion_range)
+        met[:, DEPTH] /= np.float32(frame.scale)
+        return replace(hits, secondary=met), len(fans) * self.n_rays
+
+
+def met_by(hits: Hits, columns: int | slice, name: str) -> Float32Array:
+    """Return columns of what secondary rays met, for the map of that name.
+
+    Raises
+    ------
+    OptionError
+        The kept hits lack such rays.
+    """
+    met = None if hits.secondary is None else hits.secondary[:, columns]
+    if met is None or (len(met) and np.isnan(met).any()):
+        raise OptionError(
+            f"{name}: the kept hits lack the rays for it; bake with it among the maps"
+        )
+    return met
+
+
+def fans_of(
+    hits: Hits,
+    high: Mesh,
+    normals: tuple[npt.NDArray[np.float32], IntArray],
+    frame: LocalFrame,
+    *,
+    threads: int | None = None,
+) -> Fans:
+    """Fans from hits, none of which is a miss.
+
+    Parameters
+    ----------
+    normals
+        Shading normals of the high-poly mesh, and the index of the one at each corner.
+    """
+    n = len(hits)
+    fans = Fans(
+        np.empty((n, 3)),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty((n, 3), dtype=np.float32),
+        np.empty(n, dtype=np.uint32),
+    )
+
+    def fill(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        # The directions depend on the sample itself, not on the order of the samples.
+        weights = hits.low_barycentrics[band].view(np.uint32)
+        faces = hits.low_faces[band].view(np.uint32)
+        fans.set_ids[band] = mixed(mixed(mixed(faces) ^ weights[:, 0]) ^ weights[:, 1])
+        place_fans_kernel(
+            (hits.high_faces[band], hits.high_barycentrics[band]),
+            (high.positions, high.faces, frame.center, frame.scale),
+            normals,
+            (fans.points[band], fans.axes[band], fans.planes[band]),
+        )
+
+    run_bands(fill, n, band=_BAND, threads=threads)
+    return fans
+
+
+def start_offset(high: Mesh, frame: LocalFrame) -> float:
+    """How far above the surface a ray starts, so that rounding cannot make it hit its own face.
+
+    In local units, at most 8e-7. Rounding a vertex, and the ray's start, to float32 moves each by
+    half a unit in the last place of 0.5 along each axis, and so by the square root of 3 times that
+    along a normal. Embree then computes the distance of a face from its corners relative to the
+    origin, in some 7 operations that each round relative to the size of the face.
+
+    Based on: Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th edition, 2023, section 6.8,
+    for the bound of a chain of rounded operations.
+    """
+    corners = [frame.to_local(high.positions[high.faces[:, k]]) for k in range(3)]
+    longest = max(float(np.square(corners[k] - corners[k - 1]).sum(axis=1).max()) for k in range(3))
+    chain = 7.0 * _UNIT_ROUNDOFF / (1.0 - 7.0 * _UNIT_ROUNDOFF)
+    return float(np.sqrt(3.0) * 2.0 * 0.25 * _UNIT_ROUNDOFF + chain * np.sqrt(longest))
