@@ -124,11 +124,11 @@ def test_bytes_do_not_depend_on_threads():
 @pytest.mark.parametrize(
     ("images", "message"),
     [
-        ({"skew_mask": image(1.5)}, "skew-mask: its values go from 1.5 to 1.5; .* 0 to 1"),
-        ({"skew_mask": image(np.nan)}, "skew-mask"),
-        ({"offset_map": image(-1.0)}, "offset-map: .* 0 or more"),
-        ({"offset_map": np.zeros(3)}, "offset-map: the shape"),
-        ({"offset_map": np.zeros((0, 4))}, "offset-map: the shape"),
+        ({"skew_mask": image(1.5)}, "skew_mask: its values go from 1.5 to 1.5; .* 0 to 1"),
+        ({"skew_mask": image(np.nan)}, "skew_mask"),
+        ({"offset_map": image(-1.0)}, "offset_map: .* 0 or more"),
+        ({"offset_map": np.zeros(3)}, "offset_map: the shape"),
+        ({"offset_map": np.zeros((0, 4))}, "offset_map: the shape"),
     ],
 )
 def test_images_out_of_range_are_refused(images, message):
@@ -137,7 +137,7 @@ def test_images_out_of_range_are_refused(images, message):
 
 
 def test_a_mask_for_rays_of_faces_has_nothing_to_blend():
-    with pytest.raises(OptionError, match="skew-mask, rays"):
+    with pytest.raises(OptionError, match="skew_mask, rays"):
         baked(skew_mask=image(0.5), rays="face")
     cage = LOW.replace(positions=LOW.positions * 1.2)
     assert not same(
