@@ -13,20 +13,20 @@ from texbake.building.task import Task, TaskOutcome, run_task
 from texbake.building.workers import LocalWorkers
 
 STEPS = """
-[steps.dense]
+[steps.high]
 do = "make"
 shape = "sphere"
 resolution = [24, 16]
 
 [steps.low]
 do = "unwrap"
-mesh = "dense"
+mesh = "high"
 method = "spherical"
 output = "{asset}_{step}.{ext}"
 
 [steps.maps]
 do = "bake"
-high = "dense"
+high = "high"
 low = "low"
 size = 32
 padding = 1
@@ -38,7 +38,7 @@ name = "ball"
 
 [[assets]]
 name = "egg"
-options.dense.radius = 2.0
+options.high.radius = 2.0
 """
 
 

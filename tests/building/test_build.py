@@ -107,12 +107,12 @@ def test_only_what_changed_runs(write: Write, run: Run) -> None:
     assert run(path)[1] == ["ball.maps", "egg.maps"]
     path.write_text(path.read_text().replace("radius = 2.0", "radius = 3.0"))
     plan = {(s.asset, s.step): s.state for s in plan_build(path)}
-    assert [plan["egg", step] for step in ("dense", "low", "maps")] == [
+    assert [plan["egg", step] for step in ("high", "low", "maps")] == [
         "runs",
         "may run",
         "may run",
     ]
-    assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+    assert run(path)[1] == ["egg.high", "egg.low", "egg.maps"]
     # What was built before is still there, and comes back without any work.
     path.write_text(path.read_text().replace("radius = 3.0", "radius = 2.0"))
     assert run(path)[1] == []
@@ -396,7 +396,7 @@ def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
     path = write('[[assets]]\nname = "a"\n[[assets]]\nname = "b"\n')
     result, steps = run(path)
     assert result.ok
-    assert sorted(step.partition(".")[2] for step in steps) == ["dense", "low", "maps"]
+    assert sorted(step.partition(".")[2] for step in steps) == ["high", "low", "maps"]
     assert (path.parent / "build" / "a_low.obj").read_bytes() == (
         path.parent / "build" / "b_low.obj"
     ).read_bytes()
@@ -404,22 +404,22 @@ def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
 
 def test_steps_wait_for_a_check(write: Write, run: Run) -> None:
     steps = """
-[steps.dense]
+[steps.high]
 do = "make"
 shape = "plane"
 [steps.limits]
 do = "check"
-mesh = "dense"
+mesh = "high"
 max_faces = 1
 fail_on = "never"
 [steps.low]
 do = "repair"
-mesh = "dense"
+mesh = "high"
 after = "limits"
 """
     path = write('[[assets]]\nname = "a"\n', steps)
     result, ran = run(path)
-    assert ran == ["a.dense", "a.limits"]
+    assert ran == ["a.high", "a.limits"]
     assert "2 triangles are more than max_faces, 1" in result.failed[0].error
     path.write_text(path.read_text().replace("max_faces = 1", "max_faces = 2"))
     assert run(path)[1] == ["a.limits", "a.low"]
@@ -500,7 +500,7 @@ def test_stored_results_that_are_not_used_are_removed_when_asked(write: Write, r
     run(path, prune=True)
     assert len(list(store.glob("??/*"))) == 6
     path.write_text(text)
-    assert run(path)[1] == ["egg.dense", "egg.low", "egg.maps"]
+    assert run(path)[1] == ["egg.high", "egg.low", "egg.maps"]
 
 
 def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(
@@ -552,7 +552,7 @@ def test_an_output_that_is_taken_away_at_once_is_no_failure(
     assert (path.parent / "build" / "ball_low.obj").exists()
 
 
-def test_materials_of_the_dense_mesh_are_baked_and_count(
+def test_materials_of_the_high_poly_mesh_are_baked_and_count(
     tmp_path: Path, write: Write, run: Run
 ) -> None:
     square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

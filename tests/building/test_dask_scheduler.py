@@ -70,7 +70,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 
 ASSETS = "".join(
-    f'[[assets]]\nname = "{number}"\noptions.dense.radius = {1 + number}\n' for number in range(6)
+    f'[[assets]]\nname = "{number}"\noptions.high.radius = {1 + number}\n' for number in range(6)
 )
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with a pipeline file is told with its line, its key, and what was expected."""
+"""Errors in a pipeline file name the line, the key and what was expected."""
 
 import re
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from texbake.building.options import BuildOptions
 
 Write = Callable[..., Path]
 ASSET = '[[assets]]\nname = "a"\n'
-MAKE = '[steps.dense]\ndo = "make"\nshape = "plane"\n'
+MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
 
 
 @pytest.mark.parametrize(
@@ -25,9 +25,9 @@ MAKE = '[steps.dense]\ndo = "make"\nshape = "plane"\n'
         ("[[assets]]\n", MAKE, 1, "assets[0]: it has neither inputs nor a name"),
         (ASSET + "nmae = 3\n", MAKE, 3, "assets[0].nmae: unknown key; did you mean 'name'?"),
         ("[[assets]]\nname = 3\n", MAKE, 2, "assets[0].name: 3 is not text"),
-        (ASSET + 'steps = ["dens"]\n', MAKE, 3, "no step 'dens'; did you mean 'dense'?"),
-        (ASSET + "options.dens = {}\n", MAKE, 3, "no such step; did you mean 'dense'?"),
-        (ASSET + "options.dense.size = 3\n", MAKE, 3, "assets[0].options.dense.size: unknown key"),
+        (ASSET + 'steps = ["hihg"]\n', MAKE, 3, "no step 'hihg'; did you mean 'high'?"),
+        (ASSET + "options.hihg = {}\n", MAKE, 3, "no such step; did you mean 'high'?"),
+        (ASSET + "options.high.size = 3\n", MAKE, 3, "assets[0].options.high.size: unknown key"),
         (ASSET, '[steps.x]\nshape = "plane"\n', 3, "steps.x.do: it is missing; it is one of make"),
         (
             ASSET,
@@ -36,18 +36,18 @@ MAKE = '[steps.dense]\ndo = "make"\nshape = "plane"\n'
             "steps.x.do: 'bke' is not a kind of step; did you mean 'bake'?",
         ),
         (ASSET, '[steps.x]\ndo = "make"\n', 3, "steps.x.shape: it is missing"),
-        (ASSET, MAKE + "radius = 2\n", 6, "steps.dense.radius: the shape plane does not use it"),
-        (ASSET, MAKE + 'width = "wide"\n', 6, "steps.dense.width: 'wide' is not a number"),
-        (ASSET, MAKE + "resolution = 0\n", 6, "steps.dense.resolution: 0 is out of range"),
-        (ASSET, MAKE + 'after = "x"\n', 6, "steps.dense.after: no step 'x'"),
+        (ASSET, MAKE + "radius = 2\n", 6, "steps.high.radius: the shape plane does not use it"),
+        (ASSET, MAKE + 'width = "wide"\n', 6, "steps.high.width: 'wide' is not a number"),
+        (ASSET, MAKE + "resolution = 0\n", 6, "steps.high.resolution: 0 is out of range"),
+        (ASSET, MAKE + 'after = "x"\n', 6, "steps.high.after: no step 'x'"),
         (ASSET, MAKE + 'output = "{aset}.{ext}"\n', 6, "{aset}, which is not known; did you mean"),
         (ASSET, MAKE + 'output = "../x.{ext}"\n', 6, "does not lie below the folder of outputs"),
-        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "dens"\n', 8, "did you mean 'dense'?"),
-        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "dense.uv"\n', 8, "makes no 'uv'"),
+        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "hihg"\n', 8, "did you mean 'high'?"),
+        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "high.uv"\n', 8, "makes no 'uv'"),
         (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "z.ply"\n', 8, "nor a file there is"),
         (ASSET, '[steps."a.b"]\ndo = "make"\n', 3, "'a.b' is not a name"),
-        ('[[assets]]\ninputs.high = "*.nothing"\n', MAKE, 2, "matches no file"),
-        ('[[assets]]\ninputs.dense = "p*"\n', MAKE, 2, "a step has the same name"),
+        ('[[assets]]\ninputs.scan = "*.nothing"\n', MAKE, 2, "matches no file"),
+        ('[[assets]]\ninputs.high = "p*"\n', MAKE, 2, "a step has the same name"),
         (ASSET + ASSET, MAKE, 4, "two assets are called 'a'"),
         ('[[assets]]\nname = "../a"\n', MAKE, 2, "'../a' is not a name for files"),
         ('[[assets]]\nname = "{stm}"\n', MAKE, 2, "{stm}, which is not known"),
@@ -57,11 +57,11 @@ def test_bad_files(assets: str, steps: str, line: int | None, message: str, writ
     path = write(assets, steps)
     with pytest.raises(FileFormatError) as caught:
         plan_build(path)
-    told = str(caught.value)
+    text = str(caught.value)
     where = f"{path}:{line}: " if line else f"{path}: "
-    assert told.startswith(where), told
-    assert message in told
-    assert "\n" not in told
+    assert text.startswith(where), text
+    assert message in text
+    assert "\n" not in text
 
 
 def test_steps_that_wait_for_one_another(write: Write) -> None:
@@ -78,20 +78,20 @@ mesh = "b"
 """
     with pytest.raises(FileFormatError, match="the steps wait for one another") as caught:
         plan_build(write(ASSET, steps))
-    told = re.findall(r"\b[abc]\b(?= needs|$)", str(caught.value))
-    assert len(told) == 4 and told[0] == told[-1] and set(told) == {"a", "b", "c"}
+    names = re.findall(r"\b[abc]\b(?= needs|$)", str(caught.value))
+    assert len(names) == 4 and names[0] == names[-1] and set(names) == {"a", "b", "c"}
     needs = {"a": "c", "b": "a", "c": "b"}
-    assert all(needs[one] == other for one, other in pairwise(told))
+    assert all(needs[one] == other for one, other in pairwise(names))
 
 
 def test_two_assets_with_one_output(write: Write) -> None:
     assets = ASSET + '[[assets]]\nname = "b"\n'
-    with pytest.raises(FileFormatError, match=r":8: .*a dense and b dense both write 'x.ply'"):
+    with pytest.raises(FileFormatError, match=r":8: .*a high and b high both write 'x.ply'"):
         plan_build(write(assets, MAKE + 'output = "x.{ext}"\n'))
 
 
 def test_two_outputs_of_one_step_with_one_name(write: Write) -> None:
-    steps = MAKE + '[steps.l]\ndo = "simplify"\nmesh = "dense"\nfaces = [9, 8]\noutput = "x.obj"\n'
+    steps = MAKE + '[steps.l]\ndo = "simplify"\nmesh = "high"\nfaces = [9, 8]\noutput = "x.obj"\n'
     with pytest.raises(
         FileFormatError, match=r"several outputs are called 'x\.obj'; put \{output\}"
     ):
@@ -100,10 +100,9 @@ def test_two_outputs_of_one_step_with_one_name(write: Write) -> None:
 
 def test_an_output_within_another(write: Write) -> None:
     steps = (
-        MAKE
-        + 'output = "x.ply"\n[steps.b]\ndo = "repair"\nmesh = "dense"\noutput = "x.ply/y.ply"\n'
+        MAKE + 'output = "x.ply"\n[steps.b]\ndo = "repair"\nmesh = "high"\noutput = "x.ply/y.ply"\n'
     )
-    with pytest.raises(FileFormatError, match=r"x\.ply/y\.ply would lie in x\.ply, which a dense"):
+    with pytest.raises(FileFormatError, match=r"x\.ply/y\.ply would lie in x\.ply, which a high"):
         plan_build(write(ASSET, steps))
 
 
@@ -116,7 +115,7 @@ def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("output", "told"),
+    ("output", "message"),
     [
         ("p.toml", r"p\.toml is this file itself"),
         ("raw.ply", r"raw\.ply is also an input"),
@@ -128,20 +127,20 @@ def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
         ("a\\u0000.ply", "has a character that file names cannot have"),
     ],
 )
-def test_outputs_that_would_do_harm(output: str, told: str, write: Write, tmp_path: Path) -> None:
+def test_harmful_outputs(output: str, message: str, write: Write, tmp_path: Path) -> None:
     (tmp_path / "raw.ply").write_text("x")
     steps = f'[steps.r]\ndo = "repair"\nmesh = "./raw.ply"\noutput = "{output}"\n'
     if output in ("p.toml", "build.json"):  # a folder has no suffix to mind
         steps = steps.replace('"repair"', '"mipmap"').replace("mesh", "image")
     path = write(ASSET, steps)
-    with pytest.raises(FileFormatError, match=told):
+    with pytest.raises(FileFormatError, match=message):
         plan_build(path.rename(tmp_path / "p.toml"), BuildOptions(folder=tmp_path))
 
 
 def test_only_takes_names_with_brackets_as_they_are(write: Write, tmp_path: Path) -> None:
     (tmp_path / "a[1].ply").write_text("x")
     path = write(
-        '[[assets]]\ninputs.dense = "a*.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "dense"\n'
+        '[[assets]]\ninputs.high = "a*.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "high"\n'
     )
     assert [step.asset for step in plan_build(path, BuildOptions(only=("a[1]",)))] == ["a[1]"]
 
@@ -196,4 +195,4 @@ def test_only_names_assets(write: Write) -> None:
 
 def test_assets_ask_for_steps_and_get_what_these_need(write: Write) -> None:
     path = write('[[assets]]\nname = "a"\nsteps = "low"\n')
-    assert [step.step for step in plan_build(path)] == ["dense", "low"]
+    assert [step.step for step in plan_build(path)] == ["high", "low"]

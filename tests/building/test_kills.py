@@ -48,7 +48,7 @@ def children(parent: int) -> list[int]:
 def test_random_kills(write: Any, tmp_path: Path, contents: Callable[..., Any]) -> None:
     """`TEXBAKE_KILLS=30` for as many as the documentation tells of."""
     assets = "".join(
-        f'[[assets]]\nname = "{number}"\noptions.dense.radius = {1 + number / 4}\n'
+        f'[[assets]]\nname = "{number}"\noptions.high.radius = {1 + number / 4}\n'
         for number in range(5)
     )
     path = write(assets)

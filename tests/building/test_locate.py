@@ -11,7 +11,7 @@ folder = "a\\nb"   # with = signs, and [brackets]
 
 [[assets]]
 name = "x [[y]]"
-options.dense = {shape = "torus", resolution = [1, 2]}
+options.high = {shape = "torus", resolution = [1, 2]}
 [assets.options.low]
 size = 3
 
@@ -37,8 +37,8 @@ def test_every_key_has_its_line() -> None:
         "assets": 4,
         "assets[0]": 4,
         "assets[0].name": 5,
-        "assets[0].options.dense": 6,
-        "assets[0].options.dense.shape": 6,
+        "assets[0].options.high": 6,
+        "assets[0].options.high.shape": 6,
         "assets[0].options.low": 7,
         "assets[0].options.low.size": 8,
         "assets[1]": 10,

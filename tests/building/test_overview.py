@@ -10,14 +10,14 @@ from texbake.building.overview import write_overview
 from texbake.building.report import BuildResult
 
 STEPS = """
-[steps.dense]
+[steps.high]
 do = "make"
 shape = "sphere"
 resolution = [24, 16]
 
 [steps.low]
 do = "unwrap"
-mesh = "dense"
+mesh = "high"
 method = "spherical"
 
 [steps.limits]
@@ -28,7 +28,7 @@ fail_on = "never"
 [steps.maps]
 do = "bake"
 after = "limits"
-high = "dense"
+high = "high"
 low = "low"
 size = 32
 padding = 1
@@ -42,7 +42,7 @@ output = "{asset}/look.{ext}"
 
 [steps.page]
 do = "page"
-high = "dense"
+high = "high"
 low = "low"
 normal_map = "maps.normal"
 size = 48

@@ -180,7 +180,7 @@ def test_outputs_are_looked_at_before_the_work(
     [
         "bake-normals high.ply low.obj --size 32 -o n.png",
         "bake high.ply low.obj --size 32 -o maps",
-        "simplify high.ply -o light.obj --faces 100",
+        "simplify high.ply -o low_1.obj --faces 100",
         "run high.ply -o job --faces 100",
     ],
 )

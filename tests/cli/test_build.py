@@ -16,15 +16,15 @@ PIPELINE = """
 name = "ball"
 [[assets]]
 name = "large ball"
-options.dense.radius = 3.0
-[steps.dense]
+options.high.radius = 3.0
+[steps.high]
 do = "make"
 shape = "sphere"
 resolution = [16, 8]
 output = "{asset}.{ext}"
 [steps.clean]
 do = "repair"
-mesh = "dense"
+mesh = "high"
 """
 
 
@@ -81,7 +81,7 @@ def test_what_is_wrong_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -
     pipeline.write_text(PIPELINE.replace("resolution", "resolutoin"))
     done = invoke("build p.toml", exit_code=1)
     assert done.stderr == (
-        "texbake: p.toml:10: steps.dense.resolutoin: unknown key; did you mean 'resolution'?\n"
+        "texbake: p.toml:10: steps.high.resolutoin: unknown key; did you mean 'resolution'?\n"
     )
     assert (
         "max-memory: 'lots' is no amount"

@@ -14,7 +14,7 @@ from texbake.mesh.shapes import orange, plane, uv_sphere
 
 @pytest.fixture
 def pair(tmp_path: Path) -> tuple[str, str]:
-    """Files of a dense and a light mesh."""
+    """Files of a high-poly and a low-poly mesh."""
     high, low = tmp_path / "high.ply", tmp_path / "low.obj"
     write_mesh(orange(2_000), high)
     write_mesh(uv_sphere(6, 8), low)
@@ -23,20 +23,20 @@ def pair(tmp_path: Path) -> tuple[str, str]:
 
 def test_the_cage_is_taken_by_a_bake(pair: tuple[str, str], tmp_path: Path) -> None:
     cage, normal = str(tmp_path / "cage.obj"), str(tmp_path / "normal.png")
-    told = CliRunner().invoke(texbake, ["cage", *pair, "-o", cage])
-    assert told.exit_code == 0, told.output
-    assert "moved by" in told.output
+    result = CliRunner().invoke(texbake, ["cage", *pair, "-o", cage])
+    assert result.exit_code == 0, result.output
+    assert "moved by" in result.output
     assert read_mesh(cage).n_faces == read_mesh(pair[1]).n_faces
     words = ["bake-normals", *pair, "-o", normal, "--size", "32", "--cage", cage]
-    told = CliRunner().invoke(texbake, [*words, "--fail-on-miss", "0"])
-    assert told.exit_code == 0, told.output
+    result = CliRunner().invoke(texbake, [*words, "--fail-on-miss", "0"])
+    assert result.exit_code == 0, result.output
 
 
-def test_the_light_mesh_is_not_overwritten(pair: tuple[str, str]) -> None:
+def test_the_low_poly_mesh_is_not_overwritten(pair: tuple[str, str]) -> None:
     before = Path(pair[1]).read_bytes()
-    told = CliRunner().invoke(texbake, ["cage", *pair, "-o", pair[1]])
-    assert told.exit_code != 0
-    assert "it is also an input" in told.output
+    result = CliRunner().invoke(texbake, ["cage", *pair, "-o", pair[1]])
+    assert result.exit_code != 0
+    assert "it is also an input" in result.output
     assert Path(pair[1]).read_bytes() == before
 
 
@@ -45,6 +45,8 @@ def test_what_no_cage_holds_is_told(tmp_path: Path) -> None:
     wide = plane(9, 9)
     write_mesh(wide.replace(positions=2.0 * wide.positions + [0.0, 0.0, 0.1]), high)
     write_mesh(plane(2, 2), low)
-    told = CliRunner().invoke(texbake, ["cage", str(high), str(low), "-o", str(tmp_path / "c.obj")])
-    assert told.exit_code == 0
-    assert "border" in told.output
+    result = CliRunner().invoke(
+        texbake, ["cage", str(high), str(low), "-o", str(tmp_path / "c.obj")]
+    )
+    assert result.exit_code == 0
+    assert "border" in result.output

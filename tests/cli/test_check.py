@@ -20,7 +20,7 @@ def at_the_workplace(workplace: Path) -> None:
 
 @pytest.fixture
 def overlapping() -> str:
-    """A light mesh whose faces all lie on one triangle of the texture."""
+    """A low-poly mesh whose faces all lie on one triangle of the texture."""
     mesh = read_mesh("low.obj")
     uvs = [[0.1, 0.1], [0.9, 0.1], [0.5, 0.9]]
     write_mesh(mesh.replace(uvs=uvs, uv_faces=[[0, 1, 2]] * mesh.n_faces), "bad.obj")

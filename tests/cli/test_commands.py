@@ -18,7 +18,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 # A command line and the files that it leaves behind.
 LINES = {
     "info high.ply": [],
-    "simplify high.ply -o light.obj --faces 200 --report r.json": ["light.obj", "r.json"],
+    "simplify high.ply -o low_1.obj --faces 200 --report r.json": ["low_1.obj", "r.json"],
     "unwrap low.obj -o out.glb --size 256x128 --padding 2 --layout l.png --report r.json": [
         "out.glb",
         "l.png",
@@ -104,8 +104,8 @@ def test_info_tells_what_is_there(workplace: Path, invoke: Invoke) -> None:
 
 
 def test_simplify_reaches_the_count(workplace: Path, invoke: Invoke) -> None:
-    invoke("simplify high.ply -o light.ply --faces 300 --quiet")
-    assert read_mesh("light.ply").n_faces <= 300
+    invoke("simplify high.ply -o low_1.ply --faces 300 --quiet")
+    assert read_mesh("low_1.ply").n_faces <= 300
 
 
 def test_unwrap_keeps_positions(workplace: Path, invoke: Invoke) -> None:

@@ -95,7 +95,7 @@ def test_a_report_tells_the_colors_of_ids(baked, tmp_path):
     color = [int(key[-6:][i : i + 2], 16) for i in (0, 2, 4)]
     pixels = read_image(tmp_path / "material-id.png", color=False).pixels
     codes = np.unique(np.rint(pixels.reshape(-1, 3) * 255).astype(int), axis=0).tolist()
-    assert codes == [color]  # the light ball's charts fill the square
+    assert codes == [color]  # the low-poly ball's charts fill the square
 
 
 @pytest.mark.parametrize(

@@ -145,18 +145,18 @@ PIPELINE = """
 folder = "built"
 [[assets]]
 name = "boulder"
-inputs.dense = "scans/boulder.ply"
+inputs.high = "scans/boulder.ply"
 options.maps = {size = 256, samples = 4}
 [[assets]]
 name = "{stem}"
-inputs.dense = "more/*.ply"
-[steps.light]
+inputs.high = "more/*.ply"
+[steps.levels]
 do = "simplify"
-mesh = "dense"
+mesh = "high"
 faces = [1000, 400]
 [steps.low]
 do = "unwrap"
-mesh = "light"
+mesh = "levels"
 size = 512
 padding = 4
 output = "{asset}/{asset}_low.{ext}"
@@ -167,7 +167,7 @@ max_stretch = 1.3
 [steps.maps]
 do = "bake"
 after = "limits"
-high = "dense"
+high = "high"
 low = "low"
 maps = ["normal", "displacement"]
 fail_on_miss = 2.0

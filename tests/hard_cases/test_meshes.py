@@ -132,13 +132,15 @@ def test_simplified_meshes_are_meshes(mesh_case, quality, attempt):
     )
     if result is None:
         return
-    light, report = result
+    simplified, report = result
     assert report.reached or report.notes
-    assert light.n_faces <= mesh.n_faces
-    assert np.isfinite(light.positions).all()
+    assert simplified.n_faces <= mesh.n_faces
+    assert np.isfinite(simplified.positions).all()
     low, high = mesh.bounds
     slack = mesh.diagonal * (1e-6 if quality == "fast" else 0.5)
-    assert (light.bounds[0] >= low - slack).all() and (light.bounds[1] <= high + slack).all()
+    assert (simplified.bounds[0] >= low - slack).all() and (
+        simplified.bounds[1] <= high + slack
+    ).all()
 
 
 @pytest.mark.parametrize("method", CLASSICAL)

@@ -24,7 +24,7 @@ def wave(x, y):
     return heights, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 
 
-def dense(n):
+def high_poly(n):
     """The wave over a grid, with the closed form's own normals at its vertices."""
     flat = plane(n, n)
     heights, normals = wave(*flat.positions[:, :2].T)
@@ -44,16 +44,16 @@ def assert_falling(errors):
 @pytest.mark.parametrize("samples", [1, 4])
 def test_texture_size(samples):
     heights, normals = wave(*POINTS.T)
-    high, angles, ways = dense(128), [], []
+    high, angles, errors = high_poly(128), [], []
     for size in (4, 8, 16, 32, 64):
         options = texbake.BakeOptions(size=size, samples=samples, maps=("normal", "displacement"))
         maps = texbake.bake(high, plane(), options).maps
-        # A light plane with u along x and v along y: tangent space is space itself.
+        # A low-poly plane with u along x and v along y: tangent space is space itself.
         angles.append(degrees(lookup(maps["normal"].values, POINTS), normals))
         found = lookup(maps["displacement"].values, POINTS)[:, 0]
-        ways.append(float(np.abs(found - heights).mean()))
+        errors.append(float(np.abs(found - heights).mean()))
     assert_falling(angles)
-    assert_falling(ways)
+    assert_falling(errors)
 
 
 def test_high_poly_mesh():
@@ -63,7 +63,7 @@ def test_high_poly_mesh():
     errors = []
     for n in (4, 8, 16, 32, 64):
         options = texbake.BakeOptions(size=27, maps=("displacement",))
-        found = texbake.bake(dense(n), plane(), options).maps["displacement"].values[..., 0]
+        found = texbake.bake(high_poly(n), plane(), options).maps["displacement"].values[..., 0]
         errors.append(float(np.abs(found - heights).mean()))
     assert_falling(errors)
     # Half the width of a face is a quarter of its sagitta, once faces are smaller than waves.
@@ -73,17 +73,17 @@ def test_high_poly_mesh():
 def test_bit_depth():
     heights, normals = wave(*POINTS.reshape(-1, 40, 2).transpose(2, 0, 1))
     heights = heights.astype(np.float32)
-    angles, ways = [], []
+    angles, errors = [], []
     for bits in (8, 16, 32):
         codes = encode_normals(normals.astype(np.float32), bits=bits)
         angles.append(degrees(decode_normals(codes), normals))
         if bits < 32:
             codes = encode_heights(heights, bits=bits, mid=0.5, scale=0.05)
             back = decode_heights(codes, mid=0.5, scale=0.05)
-            ways.append(float(np.abs(back - heights).mean()))
+            errors.append(float(np.abs(back - heights).mean()))
     assert_falling(angles)
-    assert_falling(ways)
-    assert 200.0 < ways[0] / ways[1] < 300.0  # steps of 1/255 and of 1/65535: 257
+    assert_falling(errors)
+    assert 200.0 < errors[0] / errors[1] < 300.0  # steps of 1/255 and of 1/65535: 257
 
 
 @pytest.mark.parametrize("knob", ["tessellation", "bump-gradient", "noise", "interpolation"])

@@ -76,9 +76,11 @@ def test_files_of_soups(mesh, suffix, tmp_path):
 @SOUPS
 @given(mesh=soups(), n_faces=st.integers(4, 8), quality=st.sampled_from(["fast"]))
 def test_simplified_soups(mesh, n_faces, quality):
-    light = attempted(lambda: texbake.simplify(mesh, n_faces, quality=quality), texbake.MeshError)
-    if light is not None:
-        assert np.isfinite(light.positions).all() and light.n_faces <= mesh.n_faces
+    simplified = attempted(
+        lambda: texbake.simplify(mesh, n_faces, quality=quality), texbake.MeshError
+    )
+    if simplified is not None:
+        assert np.isfinite(simplified.positions).all() and simplified.n_faces <= mesh.n_faces
 
 
 @SOUPS

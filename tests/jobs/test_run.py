@@ -61,7 +61,7 @@ def test_every_file_is_there_and_nothing_else(result: RunResult) -> None:
     assert set(result.files.values()) == {folder / name for name in FILES}
 
 
-def test_the_light_mesh_is_light_and_has_an_atlas(result: RunResult) -> None:
+def test_the_low_poly_mesh_has_few_faces_and_an_atlas(result: RunResult) -> None:
     low = read_mesh(result.files["mesh"])
     assert low.n_faces <= OPTIONS.n_faces
     assert result.unwrapped.distortion.n_overlapping == 0
@@ -73,7 +73,7 @@ def test_padding_fits_between_the_charts(result: RunResult) -> None:
     assert result.baked.report.texels_missed == 0
 
 
-def test_maps_bring_the_dense_mesh_back(result: RunResult) -> None:
+def test_maps_bring_the_high_poly_mesh_back(result: RunResult) -> None:
     bare, mapped = result.comparison.bare, result.comparison.mapped
     assert mapped.mean_deg < 0.2 * bare.mean_deg
     assert mapped.psnr_db > bare.psnr_db + 10

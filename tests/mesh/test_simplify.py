@@ -68,23 +68,23 @@ def folded_sheet():
 @pytest.mark.parametrize("n_faces", [4, 500, 1001])
 def test_closed_meshes_reach_the_count_and_stay_closed(n_faces, quality):
     mesh = orange(20_000)
-    light, report = simplify_with_report(mesh, n_faces, quality=quality)
+    low, report = simplify_with_report(mesh, n_faces, quality=quality)
     # Edges of a closed surface collapse two faces at a time.
-    assert n_faces - 1 <= light.n_faces <= n_faces
+    assert n_faces - 1 <= low.n_faces <= n_faces
     assert report.reached
     assert report.notes == ()
-    assert_clean(light)
-    assert not open_edges(light)
-    assert signed_volume(light) > 0.0
+    assert_clean(low)
+    assert not open_edges(low)
+    assert signed_volume(low) > 0.0
 
 
 def test_fast_keeps_a_subset_of_the_vertices_bit_for_bit():
     # Far from the origin, where float32 has 0.06 for its last place.
     mesh = icosphere(5)
     mesh = mesh.replace(positions=mesh.positions * [1.0, 2.0, 3.0] + [1e6, -3e6, 2e6])
-    light = simplify(mesh, 300)
-    assert light.n_faces == 300
-    assert rows(light.positions) <= rows(mesh.positions)
+    low = simplify(mesh, 300)
+    assert low.n_faces == 300
+    assert rows(low.positions) <= rows(mesh.positions)
 
 
 @BOTH
@@ -117,8 +117,8 @@ def test_best_comes_closer_than_fast():
 @BOTH
 def test_a_mesh_with_no_more_faces_is_returned_itself(quality):
     mesh = cube()
-    light, report = simplify_with_report(mesh, 12, quality=quality)
-    assert light is mesh
+    low, report = simplify_with_report(mesh, 12, quality=quality)
+    assert low is mesh
     assert report.method == "unchanged"
     assert report.distance.max == 0.0
 
@@ -127,42 +127,42 @@ def test_a_mesh_with_no_more_faces_is_returned_itself(quality):
 def test_flat_parts_cost_nothing(quality):
     # A finely cut box comes down to its 12 triangles and loses nothing.
     side = plane(8, 8)
-    low = [np.roll(side.positions, shift, axis=1) for shift in range(3)]
+    sides = [np.roll(side.positions, shift, axis=1) for shift in range(3)]
     # Those at 0 face inward as `plane` winds them; their reflections through the center, outward.
     faces = [side.faces[:, ::-1]] * 3 + [side.faces] * 3
     box = Mesh(
-        positions=np.concatenate([*low, *(1.0 - positions for positions in low)]),
-        faces=np.concatenate([part + side.n_vertices * k for k, part in enumerate(faces)]),
+        positions=np.concatenate([*sides, *(1.0 - positions for positions in sides)]),
+        faces=np.concatenate([rows + side.n_vertices * k for k, rows in enumerate(faces)]),
     )
     assert signed_volume(box) == pytest.approx(1.0)
-    light, report = simplify_with_report(box, 12, quality=quality)
-    assert light.n_faces == 12
+    low, report = simplify_with_report(box, 12, quality=quality)
+    assert low.n_faces == 12
     assert report.distance.max < 1e-6
-    assert not open_edges(light)
-    assert signed_volume(light) == pytest.approx(1.0, abs=1e-5)
+    assert not open_edges(low)
+    assert signed_volume(low) == pytest.approx(1.0, abs=1e-5)
 
 
 @BOTH
 def test_a_short_boundary_stays_where_it_is(quality):
     sheet = plane(10, 10, lambda x, y: 0.1 * np.sin(6.0 * x) * np.cos(5.0 * y))
     sheet = sheet.replace(uvs=None, uv_faces=None)
-    light = simplify(sheet, 160, quality=quality)  # the boundary has 40 edges
-    assert light.n_faces <= 160
+    low = simplify(sheet, 160, quality=quality)  # the boundary has 40 edges
+    assert low.n_faces <= 160
 
     def boundary(mesh):
         return rows(mesh.positions[np.unique(list(open_edges(mesh)))])
 
     if quality == "fast":
-        assert boundary(light) == boundary(sheet)
-    assert len(boundary(light)) == 40
+        assert boundary(low) == boundary(sheet)
+    assert len(boundary(low)) == 40
 
 
 @BOTH
 def test_a_long_boundary_keeps_its_shape(quality):
     mesh = grid_sphere(100, 200, pole_margin=0.6)
-    light, report = simplify_with_report(mesh, 300, quality=quality)
-    assert light.n_faces <= 300
-    edge = light.positions[np.unique(list(open_edges(light)))]
+    low, report = simplify_with_report(mesh, 300, quality=quality)
+    assert low.n_faces <= 300
+    edge = low.positions[np.unique(list(open_edges(low)))]
     # Rings at z = ± cos 0.6; the sag of 300 triangles on a unit sphere is about 0.02.
     assert np.abs(np.abs(edge[:, 2]) - np.cos(0.6)).max() < 0.02
     assert report.distance.max_relative < 0.02
@@ -171,27 +171,27 @@ def test_a_long_boundary_keeps_its_shape(quality):
 @BOTH
 def test_a_hard_edge_is_kept_with_its_normals(quality):
     mesh = folded_sheet()
-    light, report = simplify_with_report(mesh, 40, quality=quality)
-    assert light.n_faces <= 40
-    assert light.normals is not None
+    low, report = simplify_with_report(mesh, 40, quality=quality)
+    assert low.n_faces <= 40
+    assert low.normals is not None
     assert report.distance.max < 1e-6
-    corners = light.positions[light.faces]
+    corners = low.positions[low.faces]
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     crosses /= np.linalg.norm(crosses, axis=1, keepdims=True)
-    assert np.einsum("fx,fcx->fc", crosses, light.normals[light.normal_faces]) == pytest.approx(
-        np.ones((light.n_faces, 3))
+    assert np.einsum("fx,fcx->fc", crosses, low.normals[low.normal_faces]) == pytest.approx(
+        np.ones((low.n_faces, 3))
     )
 
 
 @BOTH
 def test_texture_coordinates_and_their_seam_are_kept(quality):
     mesh = uv_sphere(40, 80)
-    light, report = simplify_with_report(mesh, 600, quality=quality)
-    assert 570 < light.n_faces <= 600
-    assert light.uvs is not None
+    low, report = simplify_with_report(mesh, 600, quality=quality)
+    assert 570 < low.n_faces <= 600
+    assert low.uvs is not None
     assert report.notes == (() if quality == "fast" else ("only fast keeps texture coordinates",))
-    corners = light.positions[light.faces]
-    uvs = light.corner_uvs()
+    corners = low.positions[low.faces]
+    uvs = low.corner_uvs()
     # Every corner has the longitude and latitude of its place; the pole has any longitude.
     assert np.cos(np.pi * (1.0 - uvs[..., 1])) == pytest.approx(corners[..., 2], abs=1e-12)
     off_pole = np.abs(corners[..., 2]) < 0.999
@@ -207,9 +207,9 @@ def test_too_few_faces_for_the_seams_are_said_to_be():
     mesh = icosphere(3)
     corner_ids = np.arange(3 * mesh.n_faces).reshape(-1, 3)
     uvs = np.random.default_rng(0).uniform(size=(3 * mesh.n_faces, 2))
-    light, report = simplify_with_report(mesh.replace(uvs=uvs, uv_faces=corner_ids), 100)
-    assert light.n_faces == 100
-    assert light.uvs is None
+    low, report = simplify_with_report(mesh.replace(uvs=uvs, uv_faces=corner_ids), 100)
+    assert low.n_faces == 100
+    assert low.uvs is None
     assert report.notes == ("too few faces to keep its texture coordinates",)
 
 
@@ -222,15 +222,15 @@ def test_groups_and_colors_follow(quality):
         group_names=("south", "north"),
         colors=0.5 + 0.5 * mesh.positions,
     )
-    light = simplify(mesh, 400, quality=quality)
-    assert light.group_names == ("south", "north")
-    heights = light.positions[light.faces].mean(axis=1)[:, 2]
+    low = simplify(mesh, 400, quality=quality)
+    assert low.group_names == ("south", "north")
+    heights = low.positions[low.faces].mean(axis=1)[:, 2]
     # The border is a zigzag about z = 0 of the width of a triangle.
     assert np.array_equal(
-        light.face_groups[np.abs(heights) > 0.1], heights[np.abs(heights) > 0.1] > 0
+        low.face_groups[np.abs(heights) > 0.1], heights[np.abs(heights) > 0.1] > 0
     )
     # float32, and for `best` the nearest point: a vertex may lie off the facets by their sag.
-    assert light.colors == pytest.approx(0.5 + 0.5 * light.positions, abs=0.02)
+    assert low.colors == pytest.approx(0.5 + 0.5 * low.positions, abs=0.02)
 
 
 def test_smooth_normals_go_and_the_surface_gives_them_again():
@@ -246,10 +246,10 @@ def test_unwelded_triangles_are_joined(quality):
         positions=mesh.positions[mesh.faces].reshape(-1, 3),
         faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
     )
-    light = simplify(soup, 300, quality=quality)
-    assert light.n_faces == 300
-    assert_clean(light)
-    assert not open_edges(light)
+    low = simplify(soup, 300, quality=quality)
+    assert low.n_faces == 300
+    assert_clean(low)
+    assert not open_edges(low)
 
 
 @BOTH
@@ -263,8 +263,8 @@ def test_many_separate_parts_come_down_by_losing_the_small_ones(quality):
         ),
         faces=np.concatenate([part.faces + part.n_vertices * number for number in range(60)]),
     )
-    light, report = simplify_with_report(mesh, 120, quality=quality)
-    assert 0 < light.n_faces <= 120
+    low, report = simplify_with_report(mesh, 120, quality=quality)
+    assert 0 < low.n_faces <= 120
     assert report.reached
 
 
@@ -273,9 +273,9 @@ def test_duplicate_and_degenerate_faces_go(quality):
     mesh = icosphere(3)
     extra = [[0, 0, 1], [2, 2, 2]]
     mesh = mesh.replace(faces=np.concatenate([mesh.faces, mesh.faces[:50], extra]))
-    light = simplify(mesh, 400, quality=quality)
-    assert light.n_faces <= 400
-    assert_clean(light)
+    low = simplify(mesh, 400, quality=quality)
+    assert low.n_faces <= 400
+    assert_clean(low)
 
 
 @BOTH
@@ -308,8 +308,8 @@ def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_
     worker = tmp_path / "worker.py"
     worker.write_text("import os; os.abort()")
     monkeypatch.setattr(decimate, "_WORKER", worker)
-    light, report = simplify_with_report(icosphere(3), 100, quality="best")
-    assert light.n_faces == 100
+    low, report = simplify_with_report(icosphere(3), 100, quality="best")
+    assert low.n_faces == 100
     assert report.method == "meshoptimizer"
     assert any("PyMeshLab crashed" in note for note in report.notes)
 
@@ -336,13 +336,13 @@ def test_a_library_that_does_not_load_is_told_and_not_passed_over(monkeypatch, t
 @BOTH
 def test_broken_meshes_come_down_too(data_dir, name, quality):
     mesh = read_mesh(data_dir / name)
-    light, report = simplify_with_report(mesh, 500, quality=quality)
-    assert 0 < light.n_faces <= 500
+    low, report = simplify_with_report(mesh, 500, quality=quality)
+    assert 0 < low.n_faces <= 500
     assert report.reached
-    assert np.isfinite(light.positions).all()
-    assert_clean(light)
+    assert np.isfinite(low.positions).all()
+    assert_clean(low)
     if quality == "fast":
-        assert rows(light.positions) <= rows(mesh.positions)
+        assert rows(low.positions) <= rows(mesh.positions)
 
 
 @pytest.mark.realdata
@@ -351,8 +351,8 @@ def test_best_beats_fast_on_real_meshes(data_dir, name, n_faces):
     mesh = read_mesh(data_dir / "pairs" / name / "high.obj")
     rms = {}
     for quality in QUALITIES:
-        light = simplify(mesh, n_faces, quality=quality)
-        assert light.n_faces == n_faces
-        rms[quality] = surface_distance(mesh, light, n_samples=20_000).rms_relative
+        low = simplify(mesh, n_faces, quality=quality)
+        assert low.n_faces == n_faces
+        rms[quality] = surface_distance(mesh, low, n_samples=20_000).rms_relative
     assert rms["best"] < 0.65 * rms["fast"]
     assert rms["fast"] < 0.0015

@@ -141,9 +141,7 @@ CASES: dict[str, Case] = {
     "layers": GLASS,
     "transparency": GLASS,
     "occlusion picture": DARK_CORNERS,
-    "ambient occlusion": replace(
-        DARK_CORNERS, why="it has no ambient light to darken"
-    ),
+    "ambient occlusion": replace(DARK_CORNERS, why="it has no ambient light to darken"),
     "lights": Case(
         wanted=scene(lambert(), lighting=lit(SUN)),
         unwanted=scene(unlit(), lighting=lit(SUN)),
@@ -541,9 +539,7 @@ def test_no_environment_is_rendered_without_a_reflector_in_view():
     assert frame.costs.by_name["rendered environment"].skipped == "not in the picture"
     # A lone mirror has nothing to show.
     frame, entered = entered_by(scene(mirror))
-    assert reasons(frame.plan, "rendered environment") == [
-        "the scene has no other object to show"
-    ]
+    assert reasons(frame.plan, "rendered environment") == ["the scene has no other object to show"]
 
 
 @pytest.mark.parametrize("mesh", [plane(), cube(), uv_sphere(8, 16)])

@@ -9,7 +9,7 @@ from catalog.contrast import Contrast, not_finite
 from catalog.scenes import SCENES, floor, looking, scene
 
 import texbake
-from texbake import Material, RenderOptions, Scene, SceneObject, View
+from texbake import CameraView, Material, RenderOptions, Scene, SceneObject
 from texbake.mesh.shapes import plane
 
 OPTIONS = RenderOptions(width=64, height=64, supersampling=1, fov=60.0, background=None)
@@ -66,7 +66,7 @@ def _two_walls() -> Scene:
     points = wall.positions - [0.5, 0.5, 0.0]
     near, far = (wall.replace(positions=points * 3e3 - [0, 0, d]) for d in (1e3, 1e3 * (1 + 1e-6)))
     red, green = (Material(shading="unlit", base_color=c) for c in ((1.0, 0, 0), (0, 1.0, 0)))
-    view = View(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3)
+    view = CameraView(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3)
     return scene(
         SceneObject(mesh=near, material=red), SceneObject(mesh=far, material=green), view=view
     )

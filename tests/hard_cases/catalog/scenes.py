@@ -11,6 +11,7 @@ from catalog.geometry import mesh_of, moved
 from texbake import (
     Ambient,
     BumpMap,
+    CameraView,
     Environment,
     Fog,
     ImageTexture,
@@ -26,7 +27,6 @@ from texbake import (
     Scene,
     SceneObject,
     Shadow,
-    View,
 )
 from texbake.mesh.shapes import cube, plane, uv_sphere
 
@@ -37,7 +37,7 @@ SUN = Light(direction=(-1.0, -2.0, -1.5), shadow=Shadow(size=64))
 def scene(
     *objects: SceneObject,
     lights: tuple[Light, ...] = (SUN,),
-    view: View | None = None,
+    view: CameraView | None = None,
     **light: object,
 ) -> Scene:
     """Scene of some objects under a few lights and a little light from everywhere."""
@@ -52,9 +52,9 @@ def floor(size: float = 2.0, height: float = 0.0) -> Mesh:
     return flat.replace(positions=np.column_stack([x, np.full(len(x), height), -y]))
 
 
-def looking(position: tuple[float, float, float], target: tuple[float, float, float]) -> View:
+def looking(position: tuple[float, float, float], target: tuple[float, float, float]) -> CameraView:
     """View from one point to another."""
-    return View(position=position, target=target)
+    return CameraView(position=position, target=target)
 
 
 def checker(**fields: object) -> ImageTexture:
@@ -148,7 +148,7 @@ SCENES: tuple[Case[Scene], ...] = (
          make=lambda: scene(
              SceneObject(mesh=moved(uv_sphere(8, 16), 1e5, (0.0, 0.0, -1e6))),
              SceneObject(mesh=moved(uv_sphere(8, 16), 1e-3, (0.0, 0.0, -5e-3))),
-             view=View(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3))),
+             view=CameraView(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3))),
     Case(name="coplanar faces", wrong="which is seen flickers from pixel to pixel",
          make=lambda: scene(
              SceneObject(mesh=floor(), material=Material(shading="unlit", base_color=(1, 0, 0))),
