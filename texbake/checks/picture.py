@@ -66,7 +66,7 @@ def draw_findings(report: CheckReport, size: int) -> Picture:
     pixels = window.pixels(mesh.corner_uvs())
     shown = [f for f in report.findings if f.mesh == "low" and len(f.faces)]
     if not shown:
-        return _captioned(base, "no findings in the texture", INK)
+        return _captioned(base, "nothing to show in the texture", INK)
     panels = [
         _captioned(
             _panel(base, finding, owners, pixels),
