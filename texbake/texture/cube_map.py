@@ -1,21 +1,20 @@
-"""Cube maps: six square images that hold a value for every direction, and their smaller levels.
+"""Cube maps: six square images with a value for every direction, and their mip levels.
 
-A direction belongs to the face of its largest component. Its other two components, divided by that
-one, run from -1 to 1 over the face and become s and t from 0 to 1, s to the right and t down from
-the top row of the image.
+A direction belongs to the face of its largest component. Its other two components, divided by the
+largest, run from -1 to 1 over the face and become s and t from 0 to 1, s to the right and t down
+from the top row of the image.
 
-Lookups know no edges: every face is held with a border of one texel that repeats the texels beyond
-its edges, so that interpolation near an edge or a corner reads what lies there on the neighboring
-face and gives the same value from either side. In a corner, where only three texels meet, the
-fourth is their mean.
+Lookups are seamless: every face is stored with a border of one texel that repeats the texels of the
+neighboring faces, so interpolation near an edge or a corner gives the same value from either side.
+At a corner, where only three texels meet, the fourth is their mean.
 
 Based on: the OpenGL 4.6 specification, table 8.19 and sections 8.13 and 8.14 (seamless cube maps),
 which Vulkan, Direct3D, KTX and glTF's image-based lighting share: a shader that looks up a
-direction of the world reads the same texel. That table is left-handed: seen from inside a
-right-handed world, every face is mirrored left to right (`CubeMap.from_views` turns what a camera
-saw into faces). For the solid angle of a texel: Ström, "Solid angle of a cubemap texel", 2011. A
-smaller level is the mean over the texels it covers, weighted by their solid angles, so that no
-level gains or loses energy.
+direction in world space reads the same texel. That table is left-handed: seen from inside a
+right-handed world, every face is mirrored left to right (`CubeMap.from_views` converts camera
+images into faces). For the solid angle of a texel: Ström, "Solid angle of a cubemap texel", 2011.
+Each texel of a smaller level is the mean of the texels it covers, weighted by their solid angles,
+so that no level gains or loses energy.
 """
 
 from __future__ import annotations
@@ -37,18 +36,18 @@ FACES = ("px", "nx", "py", "ny", "pz", "nz")
 
 @dataclass(frozen=True, eq=False)
 class CubeMap:
-    """Six square images about a point.
+    """Six square images of the surroundings of a point.
 
     Attributes
     ----------
     faces : (6, S, S, C) float32
-        Of the directions +x, -x, +y, -y, +z and -z, linear, row 0 at the top (t = 0). Read-only.
-        Values that are not finite are held as 0, so that no filter can spread them.
+        Faces +x, -x, +y, -y, +z and -z, linear, row 0 at the top (t = 0). Read-only. Values that
+        are not finite are replaced by 0, so that no filter can spread them.
 
     Raises
     ------
     OptionError
-        The array has another shape, or no texel.
+        The array has the wrong shape or no texels.
     """
 
     faces: npt.NDArray[np.float32]
@@ -65,17 +64,17 @@ class CubeMap:
 
     @property
     def size(self) -> int:
-        """Texels along one side of a face."""
+        """Side of a face in texels."""
         return int(self.faces.shape[1])
 
     @property
     def n_channels(self) -> int:
-        """Channels of a texel."""
+        """Number of channels."""
         return int(self.faces.shape[3])
 
     @cached_property
     def bordered(self) -> npt.NDArray[np.float32]:
-        """Faces with a border of one texel, (6, S + 2, S + 2, C): what lookups read. Made once."""
+        """Faces with a border of one texel, (6, S + 2, S + 2, C), for lookups; computed once."""
         side = self.size + 2
         bordered = np.empty((6, side, side, self.n_channels), np.float32)
         fill_bordered(self.faces, bordered)
@@ -84,24 +83,24 @@ class CubeMap:
 
     @classmethod
     def from_views(cls, views: npt.NDArray[Any]) -> CubeMap:
-        """Cube map of the six pictures that cameras with `cube_face_axes` took.
+        """Return the cube map of six images rendered by cameras with `cube_face_axes`.
 
         Parameters
         ----------
         views : (6, S, S, C) float32
-            As seen from the point, row 0 at the top.
+            Images as the cameras see them, row 0 at the top.
         """
         return cls(np.asarray(views, np.float32)[:, :, ::-1])
 
 
 def without_gaps(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return the values with 0 for those that are not finite; the same array where all are."""
+    """Replace values that are not finite by 0; return the same array if all are finite."""
     finite = np.isfinite(values)
     return values if finite.all() else np.where(finite, values, np.float32(0.0))
 
 
 def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
-    """Axes of the camera of 90 degrees that takes a face from the middle of the cube.
+    """Return the axes of the 90 degree camera that renders a face from the center of the cube.
 
     Parameters
     ----------
@@ -111,13 +110,13 @@ def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
     Returns
     -------
     (3, 3) float64
-        Rows right, up and back (away from what it sees) in world space: a rotation. The picture it
-        takes, mirrored left to right, is the face; see `CubeMap.from_views`.
+        A rotation, with the rows right, up and back (against the viewing direction) in world space.
+        The camera's image, mirrored left to right, is the face; see `CubeMap.from_views`.
 
     Raises
     ------
     OptionError
-        There is no such face.
+        `face` is not 0 to 5.
 
     Examples
     --------
@@ -131,7 +130,7 @@ def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
 
 
 def face_directions(size: int) -> npt.NDArray[np.float64]:
-    """Directions through the centers of all texels.
+    """Return the directions through the centers of all texels.
 
     Returns
     -------
@@ -146,7 +145,7 @@ def face_directions(size: int) -> npt.NDArray[np.float64]:
 
 @lru_cache(maxsize=16)
 def texel_directions(size: int) -> npt.NDArray[np.float32]:
-    """Unit directions through the centers of all texels, (6, size, size, 3) float32, read-only."""
+    """Return unit directions through all texel centers, (6, size, size, 3) float32, read-only."""
     directions = face_directions(size)
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     unit = directions.astype(np.float32)
@@ -156,7 +155,7 @@ def texel_directions(size: int) -> npt.NDArray[np.float32]:
 
 @lru_cache(maxsize=16)
 def solid_angles(size: int) -> npt.NDArray[np.float64]:
-    """Solid angle of each texel of a face in steradians; those of six faces sum to 4 pi.
+    """Return the solid angle of each texel of a face in steradians; six faces sum to 4 pi.
 
     Returns
     -------
@@ -165,7 +164,8 @@ def solid_angles(size: int) -> npt.NDArray[np.float64]:
     """
     edges = np.linspace(-1.0, 1.0, size + 1)
     x, y = np.meshgrid(edges, edges)
-    # Solid angle from the middle of the face to a point on it, and so of any rectangle.
+    # Solid angle of the rectangle from the center of the face to a point on it; differences of
+    # these give any other rectangle.
     corner = np.arctan2(x * y, np.sqrt(x * x + y * y + 1.0))
     angles = np.diff(np.diff(corner, axis=0), axis=1)
     angles.flags.writeable = False
@@ -175,7 +175,7 @@ def solid_angles(size: int) -> npt.NDArray[np.float64]:
 def locate_directions(
     directions: npt.NDArray[np.float64],
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
-    """Face, s and t of directions that are not 0.
+    """Return the face, s and t of nonzero directions.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def locate_directions(
     Returns
     -------
     faces : (...) int64
-        Of the largest component; of the first, where several are equally large.
+        Face of the largest component, or of the first one if several are equally large.
     st : (..., 2) float64
         In [0, 1], s to the right and t down.
     """
@@ -197,13 +197,13 @@ def locate_directions(
 
 
 def fill_bordered(faces: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
-    """Copy faces into the middle of `out`, and into its border what lies beyond their edges.
+    """Copy faces into the middle of `out`, and the neighboring texels into its border.
 
     Parameters
     ----------
     faces : (6, S, S, C) float32
     out : (6, S + 2, S + 2, C) float32
-        Written. In a corner, where only three texels meet, the fourth is their mean.
+        Overwritten. At a corner, where only three texels meet, the fourth is their mean.
     """
     out[:, 1:-1, 1:-1] = faces
     for side, (neighbors, rows, columns) in zip(
@@ -220,9 +220,10 @@ def fill_bordered(faces: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) 
 
 @lru_cache(maxsize=32)
 def _beyond_edges(size: int) -> tuple[tuple[npt.NDArray[Any], ...], ...]:
-    """Texels beyond the left, right, top and bottom edges, each as faces, rows and columns (6, S).
+    """Return the texels beyond the left, right, top and bottom edges of each face.
 
-    They are found by walking around the edge of the cube: half a texel down on the other side.
+    Each edge gives faces, rows and columns (6, S): the texels whose centers lie half a texel beyond
+    the edge on the neighboring face.
     """
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     right, down, middle = (FACE_AXES[:, None, axis] for axis in range(3))
@@ -230,29 +231,29 @@ def _beyond_edges(size: int) -> tuple[tuple[npt.NDArray[Any], ...], ...]:
     found = []
     for outward, other in (-right, down), (right, down), (-down, right), (down, right):
         faces, st = locate_directions(outward + inward + along[None, :, None] * other)
-        # Centers of texels exactly, but for rounding.
+        # Texel centers, up to rounding.
         columns, rows = np.moveaxis(np.floor(st * size).astype(np.int64), -1, 0)
         found.append((faces, rows, columns))
     return tuple(found)
 
 
-# Rows of faces a band.
+# Rows of faces per band.
 _BAND = 64
 
 
 @dataclass(frozen=True, eq=False)
 class CubeChain:
-    """Levels of a cube map, the finest first.
+    """A cube map and its mip levels, finest first.
 
     Attributes
     ----------
     texels : (N, C) float32
-        All levels one after another; of each the six faces, of each face its rows from the top,
-        with the border of one texel. Read-only.
+        All levels one after another, each as six faces with a border of one texel, rows from top
+        to bottom. Read-only.
     offsets : (L,) int64
         Index of the first texel of each level.
     sizes : (L,) int64
-        Texels along one side of a face of each level, without the border.
+        Side of a face of each level in texels, without the border.
     """
 
     texels: npt.NDArray[np.float32]
@@ -267,12 +268,12 @@ class CubeChain:
 
     @classmethod
     def of(cls, levels: Sequence[CubeMap]) -> CubeChain:
-        """Chain of cube maps of any sizes, in this order, with equally many channels.
+        """Return a chain of cube maps of any sizes, in this order, with the same channels.
 
         Raises
         ------
         OptionError
-            There is none, or their channels differ.
+            There are no levels, or their numbers of channels differ.
         """
         channels = {level.n_channels for level in levels}
         if len(channels) != 1:
@@ -296,16 +297,16 @@ class CubeChain:
 
     @property
     def n_channels(self) -> int:
-        """Channels of a texel."""
+        """Number of channels."""
         return int(self.texels.shape[1])
 
     @property
     def size(self) -> int:
-        """Texels along one side of a face of the finest level."""
+        """Side of a face of the finest level in texels."""
         return int(self.sizes[0])
 
     def level(self, index: int) -> CubeMap:
-        """Return one level, without its borders; it shares the chain's memory."""
+        """Return one level without its borders, a view of the chain's memory."""
         side = int(self.sizes[index]) + 2
         offset = int(self.offsets[index])
         bordered = self.texels[offset : offset + 6 * side * side].reshape(6, side, side, -1)
@@ -313,22 +314,22 @@ class CubeChain:
 
 
 def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
-    """Cube map of fewer texels: means over what each covers, weighted by solid angle.
+    """Scale a cube map down, with means weighted by solid angle.
+
+    The integral over all directions is preserved, exactly if the old size is a multiple of the new
+    one. A constant cube map gives exactly its constant.
 
     Parameters
     ----------
     cube
-        Returned as it is if it has that size.
+        Returned unchanged if it has this size.
     size
-        Texels along one side; at most as many as the cube map has.
+        Side of a face in texels, at most that of the cube map.
 
     Raises
     ------
     OptionError
         The size is below 1 or too large.
-
-    The integral over all directions stays as it was, exactly where the old size is a multiple of
-    the new; a constant stays exactly as it is.
     """
     if not 1 <= size <= cube.size:
         raise OptionError(f"size: {size} is not from 1 to {cube.size}, the size of the cube map")
@@ -347,12 +348,12 @@ def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
 
 
 def cube_chain(cube: CubeMap, *, threads: int | None = None) -> CubeChain:
-    """Chain of a cube map and its smaller levels, each half as large, down to one texel a face.
+    """Compute the mip levels of a cube map, each half as large, down to one texel per face.
 
     Parameters
     ----------
     cube
-        Of any size; an odd one is halved rounding down.
+        A cube map of any size; odd sizes are halved and rounded down.
 
     Returns
     -------

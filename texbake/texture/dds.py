@@ -1,7 +1,7 @@
-"""DDS files of block-compressed textures with their mip levels, as graphics cards take them.
+"""Write DDS files: block-compressed textures with mip levels, ready for upload to a GPU.
 
-Each block of 4 x 4 texels becomes 8 or 16 bytes; the encoders are etcpak's, which is optional:
-`pip install 'texbake[dds]'`. Reading is a matter of `read_image`, because OpenImageIO decodes them.
+Each block of 4 x 4 texels becomes 8 or 16 bytes. The encoders come from etcpak, which is optional:
+`pip install 'texbake[dds]'`. `read_image` reads DDS files, because OpenImageIO decodes them.
 
 Based on: Microsoft, "Programming Guide for DDS" and "DXGI_FORMAT enumeration"; Khronos Group,
 "Data Format Specification", version 1.3, sections on BC1 to BC7.
@@ -27,18 +27,18 @@ from texbake.texture.mipmaps import mip_chain, single_level
 
 @dataclass(frozen=True)
 class BlockFormat:
-    """How blocks are coded.
+    """A block compression format.
 
     Attributes
     ----------
     channels
-        That come back: the first 1, 2, 3 or 4.
+        Number of channels that the format stores: the first 1, 2, 3 or 4.
     block_bytes
-        Of 4 x 4 texels.
+        Bytes per block of 4 x 4 texels.
     dxgi, dxgi_srgb
-        Numbers of the format for data and for sRGB colors; 0 where there is none.
+        Numbers in DXGI_FORMAT for data and for sRGB colors; 0 if there is none.
     what_for
-        In words.
+        What the format is used for, in words.
     """
 
     channels: int
@@ -57,8 +57,8 @@ BLOCK_FORMATS = {
 }
 _MAX_SIZE = 16384
 
-# Flags of the header: caps, height, width, pixel format, mip count, linear size; a texture that is
-# complex where it has mip levels; the pixel format that names the second header.
+# Flags of the header: caps, height, width, pixel format, mip count and linear size; "complex" for
+# textures with mip levels; the pixel format that announces the second header.
 _FLAGS = 0x1 | 0x2 | 0x4 | 0x1000 | 0x20000 | 0x80000
 _TEXTURE, _COMPLEX_MIPMAP = 0x1000, 0x8 | 0x400000
 _FOUR_CC = 0x4
@@ -83,8 +83,8 @@ def write_dds(
     Parameters
     ----------
     values : (H, W, C) float32
-        Linear, row 0 at the top: colors and data in [0, 1], of which the format takes as many
-        channels as it has, or unit normals.
+        Linear, row 0 at the top: colors or data in [0, 1], or unit normals. Channels that the
+        format does not store are dropped.
     path
         A .dds file.
     block_format
@@ -92,9 +92,9 @@ def write_dds(
     kind
         "color" (sRGB, averaged in linear light), "data" or "normal".
     convention
-        Of normals, the green channel: "opengl" or "directx".
+        Green channel of normals: "opengl" or "directx".
     mipmaps
-        Whether the levels down to 1 x 1 are written too.
+        Whether to write all mip levels down to 1 x 1.
     threads
         None for every processor.
 
@@ -103,8 +103,8 @@ def write_dds(
     DependencyError
         etcpak is not installed.
     OptionError
-        The format is not known, or not for this kind, or the sides are no multiples of 4, as
-        Direct3D wants them, or beyond 16,384.
+        The format is unknown or does not support this kind, or a side is not a multiple of 4, as
+        Direct3D requires, or longer than 16,384 texels.
     FileFormatError
         The suffix is not .dds.
     FileError
@@ -142,7 +142,7 @@ def write_dds(
 def _codes(
     level: npt.NDArray[np.float32], kind: str, convention: str, threads: int | None
 ) -> npt.NDArray[np.uint8]:
-    """(H, W, 4) codes of a level, its sides grown to multiples of 4 by repeating the last texel."""
+    """Return (H, W, 4) codes of a level, padded to multiples of 4 by repeating the last texel."""
     if kind == "normal":
         lengths = np.linalg.norm(level, axis=2, keepdims=True)
         unit = np.divide(level, lengths, out=np.zeros_like(level), where=lengths > 0.0)
@@ -167,7 +167,7 @@ def _encoded(
     form: BlockFormat,
     threads: int | None,
 ) -> bytes:
-    """Blocks of a level, row by row."""
+    """Return the blocks of a level, row by row."""
     height, width = codes.shape[:2]
     n_rows, row_bytes = height // 4, width // 4 * form.block_bytes
     blocks = bytearray(n_rows * row_bytes)
@@ -183,7 +183,7 @@ def _encoded(
 
 
 def _header(width: int, height: int, n_levels: int, form: BlockFormat, *, is_srgb: bool) -> bytes:
-    """The magic number and both headers."""
+    """Return the magic number and both headers."""
     caps = _TEXTURE | (_COMPLEX_MIPMAP if n_levels > 1 else 0)
     n_bytes = width // 4 * (height // 4) * form.block_bytes
     head = struct.pack("<4s7I44x", b"DDS ", 124, _FLAGS, height, width, n_bytes, 1, n_levels)
@@ -198,7 +198,7 @@ def _header(width: int, height: int, n_levels: int, form: BlockFormat, *, is_srg
 
 
 def _encoder(path: PathLike, block_format: str) -> Callable[[bytes, int, int], bytes]:
-    """Return what makes blocks of the bytes of (H, W, 4) codes, a width and a height."""
+    """Return etcpak's encoder, a function of the bytes of (H, W, 4) codes, width and height."""
     try:
         import etcpak
     except ImportError as error:
@@ -209,5 +209,5 @@ def _encoder(path: PathLike, block_format: str) -> Callable[[bytes, int, int], b
     if block_format != "bc7":
         return lambda data, width, height: bytes(encode(data, width, height))
     parameters = etcpak.BC7CompressBlockParams()
-    parameters.init_linear_weights()  # packed data and colors alike: no channel counts for less
+    parameters.init_linear_weights()  # all channels weigh the same, as packed data needs
     return lambda data, width, height: bytes(encode(data, width, height, parameters))

@@ -1,12 +1,11 @@
-"""Image files to linear arrays and back, with the metadata of maps.
+"""Read image files as linear arrays and write them, with the metadata of baked maps.
 
-Pixels are `(H, W, C) float32`, linear, row 0 at the top. Color in integer formats is sRGB in the
-file; data never is. Files carry no date and come out as the same bytes each time. Metadata of a map
-(`texbake.metadata`) is kept in the image description of PNG, TIFF, EXR, TGA and JPEG files. HDR and
-PPM files have no place for it, nor have TGA files for more than 324 characters; there it is left
-out.
+Pixels are `(H, W, C) float32`, linear, row 0 at the top. Integer formats store color as sRGB and
+data as is. Files contain no date, so the same pixels always give the same bytes. The metadata of a
+map (`texbake.metadata`) is stored in the image description of PNG, TIFF, EXR, TGA and JPEG files.
+It is left out of HDR and PPM files, and of TGA files if it is longer than 324 characters.
 
-OpenImageIO reads everything and writes all formats but PNG, which `texbake.png` writes.
+OpenImageIO reads all formats and writes all but PNG, which `texbake.png` writes.
 """
 
 from __future__ import annotations
@@ -44,20 +43,20 @@ _GREATEST_HALF = 65504.0
 
 @dataclass(frozen=True)
 class Image:
-    """What an image file holds.
+    """Pixels of an image file, with its metadata and its format.
 
     Attributes
     ----------
     pixels : (H, W, C) float32
-        Linear; integer codes as values in [0, 1].
+        Linear values. Integer codes are scaled to [0, 1].
     metadata
-        Metadata of the map; empty for other files.
+        Metadata of the map; empty for other images.
     bits
-        Of a channel in the file: 8, 16 or 32.
+        Bits per channel in the file: 8, 16 or 32.
     is_float
-        Whether the file holds floats (half or single), and so no codes.
+        Whether the file stores floats (half or single) instead of integer codes.
     name
-        Name for messages: that of its file.
+        File name, for messages.
     """
 
     pixels: npt.NDArray[np.float32]
@@ -77,7 +76,7 @@ class ImageHeader:
     metadata: dict[str, Value]
 
 
-# numpy's name of a type, and OpenImageIO's.
+# numpy's name of each type, and OpenImageIO's.
 _OIIO_TYPES = {"uint8": "uint8", "uint16": "uint16", "float16": "half", "float32": "float"}
 
 
@@ -90,30 +89,32 @@ def write_image(
     metadata: Mapping[str, Value] | None = None,
     threads: int | None = None,
 ) -> None:
-    """Write an image; the file appears whole or not at all.
+    """Write an image file. If writing fails, no partial file is left behind.
 
     Parameters
     ----------
     pixels : (H, W) or (H, W, C), uint8, uint16 or float
-        Row 0 at the top. Integers are codes and are written as they are. Floats are linear; in an
-        integer format they are clipped to [0, 1] and rounded to the nearest code, and colors in
-        half floats to 65,504.
+        Row 0 at the top. Integer codes are written unchanged. Floats are linear: integer formats
+        clip them to [0, 1] and round them to the nearest code. Colors written as half floats are
+        clipped to 65,504.
     path
-        Its suffix names the format: png, exr, tif, tiff, tga, hdr, jpg, jpeg or ppm.
+        The suffix selects the format: png, exr, tif, tiff, tga, hdr, jpg, jpeg or ppm.
     color
-        Color is sRGB in integer formats: floats are encoded so, all but alpha, and a PNG says so.
+        Whether the image is a color image. Integer formats then store floats as sRGB, except for
+        alpha, and a PNG file is marked as sRGB.
     bits
         8, 16 or 32 bits per channel (16 is half float in EXR). None: the size of integer codes, or
         the default of `check_image_format`.
     metadata
-        Kept where the format has a place for it.
+        Written if the format supports it.
 
     Raises
     ------
     FileFormatError
-        The suffix is not known.
+        The suffix is unknown.
     OptionError
-        The format does not hold that many bits or channels, or codes are to change their size.
+        The format does not support that many bits or channels, or `bits` differs from the size of
+        the integer codes.
     FileError
         The file cannot be written.
     """
@@ -142,14 +143,15 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
     path
         Whatever OpenImageIO reads: PNG, EXR, TIFF, TGA, HDR, JPEG, PPM and more.
     color
-        Whether integer codes are sRGB colors, to be made linear (all but alpha), or data.
+        Whether integer codes are sRGB colors, which are converted to linear (except for alpha), or
+        data.
 
     Raises
     ------
     FileError
-        There is no such file, or it cannot be opened.
+        The file does not exist or cannot be opened.
     FileFormatError
-        It is not an image, or damaged.
+        The file is not an image, or it is damaged.
     """
     codes, description = _read_with_openimageio(path)
     is_float = codes.dtype.kind == "f"
@@ -168,7 +170,7 @@ def read_header(path: PathLike) -> ImageHeader:
     Raises
     ------
     FileError, FileFormatError
-        As `read_image` does.
+        As for `read_image`.
     """
     source, description = _opened(path)
     spec = source.spec()
@@ -180,11 +182,11 @@ def read_header(path: PathLike) -> ImageHeader:
 def _stored(
     pixels: npt.NDArray[Any], path: PathLike, bits: int, color: bool, threads: int | None
 ) -> npt.NDArray[Any]:
-    """Pixels as the file is to hold them: codes, halves or floats."""
+    """Return the pixels as the file stores them: codes, halves or floats."""
     if holds_floats(path, bits):
         if pixels.dtype.kind != "f":
             raise OptionError(f"{path}: it holds floats, not {pixels.dtype} codes; pass floats")
-        if bits == 16 and color:  # colors too bright for a half get the brightest one
+        if bits == 16 and color:  # colors too bright for a half are clipped
             pixels = np.clip(pixels, -_GREATEST_HALF, _GREATEST_HALF)
         return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)
     if pixels.dtype.kind == "f":
@@ -197,7 +199,7 @@ def _stored(
 
 
 def _n_color_channels(n_channels: int) -> int:
-    """Channels before alpha, which is the last of two or four."""
+    """Return the number of channels without alpha, which is the last of two or four."""
     return n_channels - 1 if n_channels in (2, 4) else n_channels
 
 
@@ -213,7 +215,7 @@ def _srgb_encoded(pixels: npt.NDArray[Any], threads: int | None) -> npt.NDArray[
 
 
 def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> npt.NDArray[np.float32]:
-    """Linear values of codes, through a table of all codes."""
+    """Return the linear values of codes, from a table of all codes."""
     levels = np.arange(max_code(8 * codes.itemsize) + 1) / max_code(8 * codes.itemsize)
     n_colors = _n_color_channels(codes.shape[2]) if color else 0
     flat = codes.reshape(-1, codes.shape[2])
@@ -237,7 +239,7 @@ def _write_with_openimageio(
     kind = format_of(path)
     height, width, n_channels = stored.shape
     spec = oiio.ImageSpec(width, height, n_channels, _OIIO_TYPES[stored.dtype.name])
-    spec.attribute("DateTime", "")  # else TIFF and EXR get the time of writing
+    spec.attribute("DateTime", "")  # otherwise TIFF and EXR contain the time of writing
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("jpeg:subsampling", "4:4:4")
     if kind.compression:
@@ -259,7 +261,7 @@ def _write_with_openimageio(
 
 
 def _opened(path: PathLike) -> tuple[Any, str]:
-    """Return an open image file, and what a PNG says of itself."""
+    """Open an image file; return it with the description that a PNG file contains."""
     import OpenImageIO as oiio  # noqa: N813
 
     try:
@@ -278,7 +280,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
 
 
 def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
-    """Codes (uint8, uint16) or floats (float16, float32) of a file, and its description."""
+    """Return codes (uint8, uint16) or floats (float16, float32), and the image description."""
     import OpenImageIO as oiio  # noqa: N813
 
     source, description = _opened(path)
@@ -301,7 +303,7 @@ def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
 
 
 def _complaint(error: Callable[[], str]) -> str:
-    """Return the library's message, which may quote bytes of the file that are not text."""
+    """Return OpenImageIO's message, which may quote bytes of the file that are not text."""
     try:
         return error()
     except UnicodeDecodeError:
@@ -316,7 +318,7 @@ def _description(spec: Any) -> str:
 
 
 def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -> str:
-    """The first line of a library's message, about the file that the user named."""
+    """Return the first line of OpenImageIO's message, with the path that the user gave."""
     line = (reason.strip() or "no reason was given").splitlines()[0]
     return line.replace(str(temporary), str(path)) if temporary is not None else line
 
@@ -332,21 +334,21 @@ def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = N
     Parameters
     ----------
     name
-        Name for messages, and the suffix if the bytes do not identify the format.
+        Name for messages. Its suffix selects the format if the bytes do not identify it.
     color, threads
-        As of `read_image`.
+        As for `read_image`.
 
     Raises
     ------
     FileFormatError
-        It is not an image, or damaged.
+        The bytes are not an image, or the image is damaged.
     """
     suffix = Path(name).suffix or ".jpg"
     for start, magic, known in _SUFFIXES:
         if data[start : start + len(magic)] == magic:
             suffix = known
             break
-    # OpenImageIO's Python interface reads files alone.
+    # OpenImageIO's Python interface reads only files.
     with TemporaryDirectory(prefix="texbake-") as folder:
         path = Path(folder) / f"image{suffix}"
         path.write_bytes(data)

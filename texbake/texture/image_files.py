@@ -1,4 +1,4 @@
-"""Sets of images written together, and normal and height maps written with their metadata."""
+"""Write sets of images together, and normal and height maps with their metadata."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ def write_images(
     bits: int | None = None,
     threads: int | None = None,
 ) -> None:
-    """Write images; all of them appear, or none.
+    """Write several images. If one of them cannot be written, none is.
 
     Parameters
     ----------
     images
-        Pixels (H, W, C) by the file they go to; its folder is made if missing.
+        Pixels (H, W, C) by file. Missing folders are created.
     color, bits
-        As `write_image` takes them.
+        As for `write_image`.
 
     Raises
     ------
     FileError, OptionError
-        As `write_image` does.
+        As for `write_image`.
     """
     for file, pixels in images.items():
         check_image_format(
@@ -54,7 +54,7 @@ def write_images(
 
 
 def suffix_like(source: Image) -> str:
-    """Suffix of files that hold what a file held without loss: its own, or that of PNG.
+    """Return a suffix for files that store the source without loss: its own, or .png.
 
     >>> suffix_like(Image(np.zeros((1, 1, 3), np.float32), name="sky.hdr"))
     '.hdr'
@@ -66,10 +66,10 @@ def suffix_like(source: Image) -> str:
 
 
 def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> int | None:
-    """Bits per channel of a file made of another, so that nothing is lost without need.
+    """Return the bits per channel for an image derived from a source, to keep its precision.
 
-    None, which is what is usual for the format, but as many as the source has for codes of 16 bits
-    and floats where the format has such, and 32 for floats beyond the greatest half.
+    None selects the default of the format. A source with 16-bit codes or with floats keeps its bits
+    if the format supports them, and floats beyond the range of half floats get 32 bits.
     """
     wanted = 32 if source.is_float else source.bits
     if Path(path).suffix.lower() == ".exr":
@@ -81,7 +81,7 @@ def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> 
 
 
 def clipped_share(path: PathLike, pixels: npt.NDArray[np.float32], bits: int | None) -> float:
-    """Share of the values that a file of codes from 0 to 1 cannot hold."""
+    """Return the share of the values that an integer format clips to [0, 1]."""
     if holds_floats(path, check_image_format(path, bits, color=True)):
         return 0.0
     return float(np.mean((pixels < 0.0) | (pixels > 1.0)))
@@ -111,7 +111,7 @@ def write_normals(
     Raises
     ------
     OptionError, FileError
-        As `write_image` does, or the format would change the normals.
+        As for `write_image`, or the format is lossy.
     """
     bits = check_image_format(path, bits, channels=3, lossless=True)
     code_bits = 32 if holds_floats(path, bits) else bits
@@ -132,8 +132,8 @@ def write_heights(
     Parameters
     ----------
     heights : (H, W) float32
-        Lengths. Float files hold them as they are, integer files as h = d / scale + mid with the
-        least scale that holds all of them.
+        Distances in model units. Float files store them unchanged, integer files as
+        h = d / scale + mid with the smallest scale that clips none of them.
     path
         png, exr, tif or tga.
     bits
@@ -142,12 +142,12 @@ def write_heights(
     Returns
     -------
     mid, scale : float
-        As the file says them.
+        The values in the metadata of the file.
 
     Raises
     ------
     OptionError, FileError
-        As `write_image` does, or the format would change the heights.
+        As for `write_image`, or the format is lossy.
     """
     bits = check_image_format(path, bits, channels=1, lossless=True)
     mid, scale = 0.0, 1.0

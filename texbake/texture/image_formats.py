@@ -1,4 +1,4 @@
-"""What image formats can hold: bits, floats, channels, and a description."""
+"""Capabilities of the image formats: bits, floats, channels, and a place for metadata."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from texbake.files import PathLike
 
 @dataclass(frozen=True)
 class ImageFormat:
-    """What a file format can hold. `float_bits` are those of its `bits` that are floats."""
+    """Capabilities of a file format. `float_bits` lists those of its `bits` that are floats."""
 
     name: str
     bits: tuple[int, ...]
@@ -24,7 +24,7 @@ class ImageFormat:
 
 
 PNG = ImageFormat("PNG", (8, 16), (), 8, 16, (1, 2, 3, 4), 1 << 20, "")
-# LZW: read by everything, and twice as fast to write as deflate for a quarter more bytes.
+# LZW: every program reads it, and it writes twice as fast as deflate for a quarter more bytes.
 TIFF = ImageFormat("TIFF", (8, 16, 32), (32,), 8, 32, None, 1 << 20, "lzw")
 JPEG = ImageFormat("JPEG", (8,), (), 8, 8, (1, 3), 1 << 15, "jpeg:95")
 _FORMATS = {
@@ -48,29 +48,29 @@ def check_image_format(
     channels: int | None = None,
     lossless: bool = False,
 ) -> int:
-    """Bits per channel of a file to be written; raise now if it could not be.
+    """Check that an image can be written in a format; return its bits per channel.
 
-    Long work calls this first.
+    Long jobs call this before they start.
 
     Parameters
     ----------
     path
-        Its suffix names the format.
+        The suffix selects the format.
     bits
-        8, 16 or 32; None for what is usual: 8 for color (16 in EXR), the most for data.
+        8, 16 or 32. None: 8 for color (16 in EXR), the most that the format supports for data.
     color
-        Whether it is color, for that choice.
+        Whether the image is color or data; see `bits`.
     channels
-        Number of channels, where it is known.
+        Number of channels, if known.
     lossless
-        Refuse a format that does not keep what it is given.
+        Whether to reject lossy formats.
 
     Raises
     ------
     FileFormatError
-        The suffix is not known.
+        The suffix is unknown.
     OptionError
-        The format does not hold that many bits or channels.
+        The format does not support that many bits or channels, or it is lossy.
     """
     kind = format_of(path)
     if lossless and kind is JPEG:
@@ -91,12 +91,12 @@ def check_image_format(
 
 
 def holds_floats(path: PathLike, bits: int) -> bool:
-    """Whether a file of this name and number of bits holds floats, as they are, and not codes."""
+    """Whether a file with this suffix and these bits per channel stores floats unchanged."""
     return bits in format_of(path).float_bits
 
 
 def format_of(path: PathLike) -> ImageFormat:
-    """Return the format that a file's suffix names; raise `FileFormatError` for another."""
+    """Return the format of a file's suffix; raise `FileFormatError` if it is unknown."""
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         known = ", ".join(name[1:] for name in _FORMATS)

@@ -1,7 +1,7 @@
-"""Several images as the layers of one EXR file, and back.
+"""Write several images as the layers of one EXR file, and read them.
 
-A channel is named ``layer.channel``, as Blender, Nuke and others tell layers apart: ``normal.R``,
-``displacement.Y``. All channels lie in one part; each layer has its own bits.
+Channels are named ``layer.channel``, as in Blender and Nuke: ``normal.R``, ``displacement.Y``. All
+channels are stored in one part; each layer has its own bits per channel.
 
 Based on: Academy Software Foundation, "OpenEXR, Technical Introduction", section "Layers".
 """
@@ -20,28 +20,27 @@ from texbake.files import PathLike, replacing
 from texbake.metadata import Value, to_description
 from texbake.texture.image import Image, read_header
 
-# Names of the channels of a layer by their number.
+# Names of the channels of a layer, by the number of channels.
 _CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
-_ORDER = "RGBXYZUVA"  # of channels in memory; files have them by the alphabet
+_ORDER = "RGBXYZUVA"  # of channels in memory; files sort them alphabetically
 
 
 def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
-    """Write images of one size as an EXR file of layers.
+    """Write images of one size as the layers of an EXR file.
 
     Parameters
     ----------
     layers
-        Images by the name of their layer. Their pixels are written as they are, linear, as half
-        floats where `bits` is 8 or 16 and as floats where it is 32; what an image says of itself
-        is kept beside the name of its layer.
+        Images by layer name. Pixels are written unchanged, linear: as half floats if `bits` is 8 or
+        16, as floats if it is 32. The metadata of each image is stored under the name of its layer.
     path
         An .exr file.
 
     Raises
     ------
     OptionError
-        There is no layer, a name is empty or has a dot, sizes differ, or a value of a layer of
-        halves is beyond 65,504.
+        There are no layers, a name is empty or contains a dot, the sizes differ, or a half-float
+        layer has values beyond 65,504.
     FileFormatError
         The suffix is not .exr.
     FileError
@@ -67,19 +66,19 @@ def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
 def read_layers(path: PathLike) -> dict[str, Image]:
     """Read the layers of an EXR file, in the order of their channels.
 
-    Channels whose names have no dot are the layer of the name "". Channels of a layer come in the
-    order R, G, B, A, or X, Y, Z, or Y, A, whatever the order in the file.
+    Channels without a dot in their names form the layer "". The channels of each layer are returned
+    in the order R, G, B, A, or X, Y, Z, or Y, A, whatever their order in the file.
 
     Raises
     ------
     FileError
-        There is no such file, or it cannot be opened.
+        The file does not exist or cannot be opened.
     FileFormatError
-        It is not an image, or damaged.
+        The file is not an image, or it is damaged.
     """
     import OpenImageIO as oiio  # noqa: N813
 
-    metadata = read_header(path).metadata  # raises where the file is none
+    metadata = read_header(path).metadata  # raises if it is not an image file
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise FileFormatError(f"{path}: it is not an image: {_one_line(oiio.geterror())}")
@@ -146,7 +145,7 @@ def _write(
     spec = oiio.ImageSpec(width, height, n_channels, "float")
     spec.channelnames = tuple(names)
     spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in types)
-    spec.attribute("DateTime", "")  # else the time of writing
+    spec.attribute("DateTime", "")  # otherwise the time of writing
     spec.attribute("compression", "zip")
     if description:
         spec.attribute("ImageDescription", description)

@@ -1,13 +1,13 @@
-"""Values of one-, two- and three-dimensional textures at coordinates, interpolated linearly.
+"""Look up one-, two- and three-dimensional textures with linear interpolation.
 
-`lookup` reads an image, `ramp_lookup` a row of colors along a line, `volume_lookup` a block of
-slices. `sample` has the filters that know how much of an image a pixel covers.
+`lookup` reads an image, `ramp_lookup` a color ramp, `volume_lookup` a volume. The filters in
+`sample` also take into account how much of an image a pixel covers.
 
-A volume is a stack of images: slice k holds what lies at (s, t, r) with r from k / depth to
-(k + 1) / depth. Its rows run down from the top, as those of any image, while t goes up.
+A volume is a stack of images: slice k holds the values at (s, t, r) for r from k / depth to
+(k + 1) / depth. Its rows run from top to bottom, as in any image, while t points up.
 
 Based on: the OpenGL 4.6 specification, section 8.14; Peachey, "Solid Texturing of Complex
-Surfaces", 1985, for volumes. Departs from the specification in the direction of rows.
+Surfaces", 1985, for volumes. Departs from the specification in the order of rows.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _IMAGE_BAND = 1 << 18
 
 
 def wrap_code(wrap: str) -> int:
-    """Number by which kernels know a wrap mode.
+    """Return the number of a wrap mode in kernels.
 
     Raises
     ------
     OptionError
-        There is no such mode.
+        The mode is unknown.
     """
     if wrap not in _CODES:
         raise OptionError(f"wrap: {wrap!r} is not known; it is one of {', '.join(_CODES)}")
@@ -43,14 +43,14 @@ def wrap_code(wrap: str) -> int:
 
 
 def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[np.float32]:
-    """Values outside an image with a border, one per channel.
+    """Return the values outside an image with a border, one per channel.
 
     Parameters
     ----------
     border : float, (1,) or (C,), optional
         None: 0 in every channel.
     n_channels
-        Of the image.
+        Number of channels of the image.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[
     Raises
     ------
     OptionError
-        They are neither one nor as many as the image has channels.
+        `border` is neither one number nor one per channel.
     """
     out = np.empty(n_channels, np.float32)
     try:
@@ -74,14 +74,14 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[
 def texel_coordinates(
     uvs: npt.NDArray[np.float64], width: int, height: int
 ) -> npt.NDArray[np.float64]:
-    """Texture coordinates in texels.
+    """Convert texture coordinates to texels.
 
     Parameters
     ----------
     uvs : (..., 2) float64
         Texture coordinates, v up.
     width, height
-        Of the image, in texels.
+        Size of the image in texels.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def texel_coordinates(
     [[0.0, 0.0], [8.0, 4.0]]
     """
     uvs = np.asarray(uvs, dtype=np.float64)
-    with np.errstate(over="ignore"):  # beyond float64 is outside of every image
+    with np.errstate(over="ignore"):  # infinity lies outside every image
         return np.stack([uvs[..., 0] * width, row_of_v.py_func(uvs[..., 1], height)], axis=-1)
 
 
@@ -106,7 +106,7 @@ def lookup(
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Values of an image at texture coordinates, interpolated bilinearly with float64 weights.
+    """Sample an image at texture coordinates, bilinearly with float64 weights.
 
     Parameters
     ----------
@@ -115,9 +115,9 @@ def lookup(
     uvs : (..., 2) float64
         Texture coordinates, v up.
     wrap
-        What lies outside the unit square: "repeat", "mirror", "clamp" or "border".
+        How to sample outside the unit square: "repeat", "mirror", "clamp" or "border".
     border : float or (C,), optional
-        Values of the border; 0 if not given.
+        Values of the border; 0 by default.
     threads
         None for every processor.
 
@@ -128,7 +128,7 @@ def lookup(
     Raises
     ------
     OptionError
-        `wrap` is something else, the border does not fit the channels, or the image has no texel.
+        `wrap` is unknown, the border does not fit the channels, or the image has no texels.
     """
     code = wrap_code(wrap)
     image = np.require(image, np.float32, "C")
@@ -158,20 +158,19 @@ def ramp_lookup(
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Colors of a ramp, interpolated between its stops.
+    """Look up colors of a ramp, interpolated between its stops.
 
     Parameters
     ----------
     stops : (k, C) float32
-        Linear colors at 0, 1 / (k - 1), ..., 1; a single one is the color of every value.
+        Linear colors at 0, 1 / (k - 1), ..., 1. A single stop is the color everywhere.
     values : (n,) float32
-        Places on the ramp; one that is not a number counts as 0, and so does an infinite one that
-        repeats or is mirrored.
+        Positions on the ramp. NaN counts as 0, and so does infinity with "repeat" and "mirror".
     wrap
-        What lies outside [0, 1]: "clamp", "repeat", which jumps from the last stop to the first,
-        "mirror" or "border".
+        How to sample outside [0, 1]: "clamp", "repeat" (which jumps from the last stop to the
+        first), "mirror" or "border".
     border : float or (C,), optional
-        Values of the border; 0 if not given.
+        Values of the border; 0 by default.
     threads
         None for every processor.
 
@@ -182,7 +181,7 @@ def ramp_lookup(
     Raises
     ------
     OptionError
-        There is no stop, an array has another shape, or `wrap` is something else.
+        There are no stops, an array has the wrong shape, or `wrap` is unknown.
 
     Examples
     --------
@@ -224,33 +223,33 @@ def volume_lookup(
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Values of a volume at points.
+    """Sample a volume at points.
 
     Parameters
     ----------
     volume : (D, H, W, C) float32
-        Slices of growing r, their rows from the top.
+        Slices in the order of growing r, their rows from top to bottom.
     points : (n, 3) float64
-        (s, t, r), the volume in the unit cube, t up. Whatever they are, nothing outside is read;
-        what is not a number counts as 0, and so does what is infinite and repeats or is mirrored.
+        Coordinates (s, t, r), t up; the volume fills the unit cube. No point reads texels outside
+        it: NaN counts as 0, and so does infinity with "repeat" and "mirror".
     wrap
-        What lies outside the cube: "repeat", "mirror", "clamp" or "border".
+        How to sample outside the cube: "repeat", "mirror", "clamp" or "border".
     filter
-        "nearest", or "trilinear": between the eight texels about a point.
+        "nearest", or "trilinear", which interpolates between eight texels.
     border : float or (C,), optional
-        Values of the border; 0 if not given.
+        Values of the border; 0 by default.
     threads
         None for every processor.
 
     Returns
     -------
     (n, C) float32
-        Of a constant volume, exactly the constant, wherever no border is read.
+        A constant volume gives exactly its constant wherever the border is not read.
 
     Raises
     ------
     OptionError
-        An option is unknown or an array has another shape.
+        An option is unknown or an array has the wrong shape.
     """
     code = wrap_code(wrap)
     if filter not in VOLUME_FILTERS:

@@ -1,8 +1,8 @@
-"""Mip levels of an image as files, and the roughness that averaged normals stand for.
+"""Write the mip levels of an image, and the roughness that averaging normals loses.
 
 Based on: Banerjee et al., "Clustering on the Unit Hypersphere using von Mises-Fisher
-Distributions", 2005, for the spread of directions whose mean has a length; Toksvig, "Mipmapping
-Normal Maps", 2005, for widening highlights by it.
+Distributions", 2005, for the spread of directions from the length of their mean; Toksvig,
+"Mipmapping Normal Maps", 2005, for widening highlights by that spread.
 """
 
 from __future__ import annotations
@@ -25,18 +25,17 @@ from texbake.texture.mipmaps import mip_chain
 
 
 def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """Put mip levels into one picture.
+    """Arrange mip levels in one picture.
 
     Parameters
     ----------
     levels : sequence of (H, W, C)
-        The finest first, each at most as wide and as high as the one before.
+        Finest first; no level is wider or higher than the one before.
 
     Returns
     -------
     (H, W, C)
-        The finest on the left, the others in a column on its right from the top down; 0 where
-        none is.
+        The finest level on the left, the others below each other on its right; 0 elsewhere.
 
     Examples
     --------
@@ -57,18 +56,19 @@ def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
 
 
 def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """Roughness of a surface whose unit normals have means of these lengths.
+    """Return the roughness of a surface from the lengths of its averaged unit normals.
 
     Parameters
     ----------
     lengths : (...) float32
-        1 where all normals agree, 0 where they point anywhere; clipped to that.
+        1 where all normals agree, 0 where they point in all directions; clipped to [0, 1].
 
     Returns
     -------
     (...) float32
-        From 0 to 1, as glTF has it: alpha = roughness². With kappa = (3 r - r³) / (1 - r²) of the
-        von Mises-Fisher distribution of mean length r, alpha² = 2 / kappa, at most 1.
+        Roughness in [0, 1] as in glTF: alpha = roughness². For a mean of length r, the von
+        Mises-Fisher distribution has kappa = (3 r - r³) / (1 - r²), and alpha² = 2 / kappa, at
+        most 1.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     ['0.000', '0.376', '1.000']
     """
     r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
-    # 2 / kappa; at r = 0 it has no bound.
+    # 2 / kappa, which is unbounded at r = 0.
     alpha_squared = 2 * (1 - r**2) / np.maximum(3 * r - r**3, np.finfo(np.float64).tiny)
     return (np.minimum(alpha_squared, 1.0) ** 0.25).astype(np.float32)
 
@@ -96,12 +96,12 @@ def write_mip_levels(
     source
         The image.
     output
-        A folder, made if missing, for one file a level (`wood_0.png`, `wood_1.png` ...); or one
-        image for `levels_picture` of them.
+        A folder for one file per level (`wood_0.png`, `wood_1.png` ...), created if missing, or an
+        image file for all levels in one picture (`levels_picture`).
     options
         None for the defaults of `MipOptions`.
     roughness
-        Where to write, likewise, the roughness that averaged normals stand for.
+        Folder or image file for the roughness lost by averaging normals.
 
     Returns
     -------
@@ -111,9 +111,10 @@ def write_mip_levels(
     Raises
     ------
     OptionError
-        Roughness is asked for of what are no normals, or normals do not have three channels.
+        `roughness` is given for an image that is not a normal map, or a normal map does not have
+        three channels.
     FileError
-        A file cannot be read, or one cannot be written.
+        A file cannot be read or written.
     """
     options = options or MipOptions()
     source, targets = Path(source), [Path(output)] + ([Path(roughness)] if roughness else [])
@@ -166,7 +167,7 @@ def _images(
     *,
     encoded: bool = False,
 ) -> tuple[dict[Path, npt.NDArray[Any]], int | None]:
-    """What to write to which file, and the bits of a channel; normals are to be encoded."""
+    """Return images by file, and bits per channel; `encoded` encodes normals as colors."""
     folder = _is_folder(target)
     first = target / f"{stem}_0{suffix_like(source)}" if folder else target
     bits = bits_for(first, levels[0], source)
@@ -181,7 +182,7 @@ def _images(
 
 
 def _unit(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Mean normals at length 1; (0, 0, 1) where they cancel."""
+    """Normalize mean normals; (0, 0, 1) where they cancel out."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     lost = ~(lengths > 0)
     unit: npt.NDArray[np.float32] = np.where(

@@ -1,16 +1,16 @@
-"""An image with its smaller levels, down to one texel.
+"""Compute the mip levels of an image, down to one texel.
 
-A level has half the width and height of the one above it, rounded down. Where those are even, its
-texels are the means of two by two. Where they are odd, a texel covers more than two of the level
-above in each direction, and the weights of those that it shares with its neighbors differ from
-place to place. So no texel is left out, no level is shifted, and each has the mean of the image.
+Each level has half the width and height of the one above it, rounded down. If those are even, each
+texel is the mean of 2 x 2 texels. If they are odd, a texel covers more than two texels of the level
+above in each direction and shares some with its neighbors, with weights that vary over the image.
+So no texel is left out, no level is shifted, and every level has the mean of the image.
 
-Values must be linear; colors in any other coding come out too dark.
+Values must be linear; sRGB values would give levels that are too dark.
 
 Based on: Williams, "Pyramidal Parametrics", 1983; Guthe and Heckbert, "Non-Power-of-Two Mipmap
 Creation", NVIDIA, 2005, for the box filter of odd sizes; Toksvig, "Mipmapping Normal Maps", 2005,
-for the length of the mean normal. The Kaiser window is that of NVIDIA Texture Tools: six lobes of
-the sinc and a parameter of 4.
+for the length of the mean normal. The Kaiser window is the one of NVIDIA Texture Tools: six lobes
+of the sinc and a parameter of 4.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _BAND_VALUES = 1 << 20
 
 @dataclass(frozen=True, eq=False)
 class MipChain:
-    """Levels of an image, the finest first.
+    """An image and its mip levels, finest first.
 
     Attributes
     ----------
     texels : (N, C) float32
-        All levels one after another, rows from the top. Read-only.
+        All levels one after another, rows from top to bottom. Read-only.
     offsets : (L,) int64
         Index of the first texel of each level.
     sizes : (L, 2) int64
@@ -67,28 +67,28 @@ class MipChain:
 
     @property
     def n_channels(self) -> int:
-        """Channels of a texel."""
+        """Number of channels."""
         return int(self.texels.shape[1])
 
     @property
     def width(self) -> int:
-        """Texels along a row of the finest level."""
+        """Width of the finest level in texels."""
         return int(self.sizes[0, 1])
 
     @property
     def height(self) -> int:
-        """Rows of the finest level."""
+        """Height of the finest level in texels."""
         return int(self.sizes[0, 0])
 
     def level(self, index: int) -> npt.NDArray[np.float32]:
-        """(H, W, C) values of one level; it shares the chain's memory."""
+        """Return the (H, W, C) values of one level, a view of the chain's memory."""
         height, width = (int(size) for size in self.sizes[index])
         first = int(self.offsets[index])
         return self.texels[first : first + height * width].reshape(height, width, -1)
 
 
 def single_level(image: npt.NDArray[Any]) -> MipChain:
-    """Chain of one level, which shares the image's memory where that is contiguous float32.
+    """Return a chain of one level; it shares the memory of a contiguous float32 image.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def single_level(image: npt.NDArray[Any]) -> MipChain:
     Raises
     ------
     OptionError
-        The image has no texel, or no axis for its channels.
+        The image has no texels, or its shape is not (H, W, C).
     """
     image = _checked(image)
     height, width, n_channels = image.shape
@@ -117,39 +117,39 @@ def mip_chain(
     roughness: bool = False,
     threads: int | None = None,
 ) -> MipChain:
-    """Image with all its smaller levels, down to 1 x 1, for any size.
+    """Compute all mip levels of an image of any size, down to 1 x 1.
 
     Parameters
     ----------
     image : (H, W, C) float32
         Linear values.
     kind
-        "color" or "data", whose values are averaged as they are, or "normal": unit vectors, whose
-        means get shorter where they differ, and are left so. The finest level is normalized first;
-        a vector without length stays 0.
+        "color" or "data", which are averaged, or "normal": unit vectors. The finest level of
+        normals is normalized first (a zero vector stays 0). The means of differing normals are
+        shorter than 1 and are not normalized.
     wrap
-        What a filter that reaches over the border finds there: "repeat", "mirror" or "clamp"; with
-        "border" it is turned back as with "clamp". The box reaches over none.
+        How filters read across the border: "repeat", "mirror" or "clamp"; "border" is the same as
+        "clamp" here. The box filter never reads across it.
     filter
         "box", the mean over the area of a texel, or "kaiser", a windowed sinc, which keeps distant
-        detail sharper and can overshoot the range of the image beside hard edges. With "box", and
-        with "kaiser" where an image of even size repeats, all levels have the mean of the image.
+        detail sharper and can overshoot the range of the image beside hard edges. With "box", all
+        levels have the mean of the image; with "kaiser" they do if an image of even size repeats.
     roughness
-        Of "normal": add one more channel, the length of the mean vector: 1 on the finest level, and
-        less where normals of different directions meet in one texel. Interpolated, it is not
-        shortened by the interpolation itself, as the vectors are.
+        For "normal": add a channel with the length of the mean vector, which is 1 on the finest
+        level and less where a texel averages different normals. Unlike the vectors, this length is
+        not shortened by interpolating between texels.
     threads
         None for every processor.
 
     Returns
     -------
     MipChain
-        A constant image is the same constant on all levels, exactly.
+        A constant image gives exactly its constant on all levels.
 
     Raises
     ------
     OptionError
-        An option is unknown, or the image has no texel, or as a normal map not three channels.
+        An option is unknown, the image has no texels, or a normal map does not have three channels.
     """
     image = _checked(image)
     code = wrap_code(wrap)
@@ -172,7 +172,7 @@ def mip_chain(
         smaller = texels[ends[index - 1] : ends[index]]
         _reduce(chain.level(index - 1), smaller.reshape(*sizes[index], -1), filter, code, threads)
         if roughness:
-            # Of the vector, which keeps the length over levels; not the mean of lengths.
+            # The length of the mean vector, not the mean of the lengths.
             smaller[:, n_channels] = np.linalg.norm(smaller[:, :n_channels], axis=1)
     return chain
 
@@ -187,7 +187,7 @@ def _checked(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
 def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     if image.shape[2] != 3:
         raise OptionError(f"image: {image.shape[2]} channels are no normals; they have 3")
-    # By the largest component first, whose square a float32 may not hold.
+    # Divide by the largest component first, because its square may overflow float32.
     largest = np.abs(image).max(axis=2, keepdims=True)
     vectors = np.zeros_like(image)
     np.divide(image, largest, out=vectors, where=(largest > 0.0) & (largest < np.inf))
@@ -209,16 +209,17 @@ def _taps(
     filter: str,  # noqa: A002
     wrap: int,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
-    """Where the texels of a smaller level find their values along one axis, and with what weights.
+    """Return the texels that each texel of a smaller level averages along one axis, with weights.
 
     Returns
     -------
     indices, weights : (smaller, T) int64 and float32
-        Weights sum to 1 but for rounding; the first index is always one of the nearest.
+        Weights sum to 1 up to rounding. The first index is always one of the nearest.
     """
     places = np.arange(smaller)[:, None]
     if filter == "box" or size == smaller:
-        # A texel covers [i size, (i + 1) size) in units of 1 / smaller of a larger one.
+        # Texel i covers [i size, (i + 1) size), in units of 1 / smaller of a texel of the larger
+        # level.
         indices = places * size // smaller + np.arange(-(-size // smaller) + 1)
         covered = np.minimum((indices + 1) * smaller, (places + 1) * size)
         covered -= np.maximum(indices * smaller, places * size)
@@ -253,7 +254,7 @@ def _reduce(
     wrap: int,
     threads: int | None,
 ) -> None:
-    """Fill `out` (h, w, C), a smaller level of `level` (H, W, C)."""
+    """Fill `out` (h, w, C), the next smaller level of `level` (H, W, C)."""
     height, width, n_channels = level.shape
     values = level.reshape(height, width * n_channels)
     rows, row_weights = _taps(height, out.shape[0], filter, wrap)

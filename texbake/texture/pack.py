@@ -1,15 +1,16 @@
-"""Several images in one, and the texture coordinates of meshes moved to their part of it.
+"""Pack several images into one, and move the texture coordinates of their meshes along.
 
-Texels are copied one to one where there is room for them, so that a lookup in the packed image
-reads the same texels with the same weights as one in the original. Padding around each image
-extends that to its border, where a lookup reads half a texel beyond it.
+Texels are copied one to one if there is room for them, so a lookup in the packed image reads the
+same texels with the same weights as in the original. Padding around each image makes this true at
+its border as well, where a lookup reads half a texel beyond it.
 
-Images are placed upright and at whole texels, because they are copied texel by texel. Charts of
-atlases need neither: `texbake.mapping.atlas.packing` rotates them and rounds their places to cells.
+Images are placed upright and at whole texels, because they are copied texel by texel. UV charts
+have neither restriction: `texbake.mapping.atlas.packing` rotates them and places them on a grid of
+cells.
 
 Based on: Huang, Korf, "Optimal rectangle packing: an absolute placement approach", 2013, for trying
-several sizes of the bin; Jylänki, "A thousand ways to pack the bin", 2010, for the maximal free
-rectangles and the rule of the best short side.
+several sizes of the bin; Jylänki, "A thousand ways to pack the bin", 2010, for maximal free
+rectangles and the best-short-side rule.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ from texbake.texture.pack_options import PackOptions
 
 FloatImage = npt.NDArray[np.float32]
 
-# What float32 files leave of coordinates on the border of the unit square.
+# Rounding error of float32 files for coordinates on the border of the unit square.
 _OUTSIDE = 1e-6
 
-# Halvings of the range in which the scale of images lies that do not fit: to within 1 in 4000.
+# Bisection steps for the scale of images that do not fit: to within 1 in 4000.
 _SCALE_STEPS = 12
 _NP_PAD = {"clamp": "edge", "repeat": "wrap"}
 
 
 @dataclass(frozen=True)
 class PlacedImage:
-    """Where an image is: its left upper corner and its size, in texels, without padding."""
+    """Upper left corner and size of a packed image, in texels, without padding."""
 
     left: int
     top: int
@@ -53,10 +54,11 @@ class PackedTextures:
     Attributes
     ----------
     pixels : (H, W, C) float32
-        0 where no image and no padding is.
+        0 outside the images and their padding.
     places : tuple of PlacedImage
+        The place of each image, in the order of the input.
     scale : float
-        What all images were made smaller by; 1 where texels are copies.
+        Factor by which all images were scaled down; 1 if texels are copied one to one.
     """
 
     pixels: FloatImage
@@ -65,26 +67,27 @@ class PackedTextures:
 
     @property
     def filled(self) -> float:
-        """Share of the texels that are an image's, without padding."""
+        """Share of the texels that images cover, without padding."""
         height, width = self.pixels.shape[:2]
         n_filled = sum(place.width * place.height for place in self.places)
         return n_filled / float(height * width)
 
     def remapped(self, mesh: Mesh, index: int) -> Mesh:
-        """Return a mesh with its texture coordinates moved to where its image is.
+        """Return a mesh with its texture coordinates moved to the place of its image.
 
         Parameters
         ----------
         mesh
-            With texture coordinates in the unit square of image `index`.
+            A mesh with texture coordinates in the unit square.
         index
+            Index of its image.
 
         Raises
         ------
         UvError
-            The mesh has no texture coordinates, or some outside the unit square.
+            The mesh has no texture coordinates, or some lie outside the unit square.
         """
-        mesh.corner_uvs()  # raises where there are none
+        mesh.corner_uvs()  # raises if there are none
         assert mesh.uvs is not None and mesh.uv_faces is not None
         used = np.zeros(len(mesh.uvs), dtype=np.bool_)
         used[mesh.uv_faces.ravel()] = True
@@ -109,20 +112,21 @@ class PackedTextures:
 def pack_textures(
     images: Sequence[npt.NDArray[Any]], options: PackOptions | None = None
 ) -> PackedTextures:
-    """Put several images into one.
+    """Pack several images into one.
 
     Parameters
     ----------
     images : sequence of (H, W, C) float32
-        Linear; of 1 to 4 channels each. The result has as many as any of them needs: gray becomes
-        equal red, green and blue, and an image without opacity is opaque.
+        Linear, with 1 to 4 channels each. The result has the channels that all of them need: gray
+        becomes equal red, green and blue, and images without alpha are opaque.
     options
         None for `PackOptions()`.
 
     Raises
     ------
     OptionError
-        There is no image, an array is none, or there is no room even for single texels.
+        There are no images, an array has the wrong shape, or `size` has no room for the images
+        even if each is scaled down to a single texel.
 
     Examples
     --------
@@ -152,7 +156,7 @@ def pack_textures(
 
 
 def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, float, Sequence[Size]]:
-    """Width, height, scale and the left upper corners of the images with their padding."""
+    """Return width, height, scale and the upper left corners of the images with padding."""
     if options.sides is None:
         for width, height in _bins():
             corners = place_rectangles(_padded_sizes(sizes, 1.0, options.padding), width, height)
@@ -182,7 +186,7 @@ def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, floa
 
 
 def _bins() -> list[Size]:
-    """Sides that are powers of two, at most twice as long as the other, by their area."""
+    """Return bin sizes by area: powers of two, of which one is at most twice the other."""
     powers = [1 << i for i in range(MAX_SIZE.bit_length())]
     pairs = [(a, b) for a in powers for b in powers if a <= 2 * b and b <= 2 * a]
     return sorted(pairs, key=lambda pair: (pair[0] * pair[1], pair[1]))
@@ -197,7 +201,7 @@ def _padded_sizes(sizes: Sequence[Size], scale: float, padding: int) -> list[Siz
 
 
 def _n_channels(counts: Sequence[int]) -> int:
-    """Channels that hold images of so many: gray or colors, with opacity or without."""
+    """Return the number of channels that fits all images: gray or RGB, with or without alpha."""
     colors = 3 if max(counts) > 2 else 1
     return colors + int(any(count in (2, 4) for count in counts))
 
@@ -213,7 +217,7 @@ def _with_channels(image: npt.NDArray[Any], n_channels: int) -> FloatImage:
 
 
 def _resized(image: FloatImage, width: int, height: int) -> FloatImage:
-    """Return an image made smaller by a triangle filter, which never rings."""
+    """Scale an image down with a triangle filter, which never rings."""
     if image.shape[:2] == (height, width):
         return image
     import OpenImageIO as oiio  # noqa: N813
@@ -231,18 +235,18 @@ _Free = tuple[int, int, int, int]
 
 
 def place_rectangles(sizes: Sequence[Size], width: int, height: int) -> list[Size] | None:
-    """Place rectangles, large ones first, each where it fits a free rectangle best.
+    """Place rectangles in a bin, large ones first, each where it fits a free rectangle best.
 
     Parameters
     ----------
     sizes : sequence of (width, height)
     width, height
-        Of what they are placed in.
+        Size of the bin.
 
     Returns
     -------
     list of (left, top), or None
-        In the order of `sizes`; None if there is no room in some order that was tried.
+        In the order of `sizes`. None if they do not fit in any of the orders that are tried.
 
     Examples
     --------
@@ -285,7 +289,7 @@ def _placed_in_order(
 
 
 def _without(free: list[_Free], taken: _Free) -> list[_Free]:
-    """Return the maximal free rectangles that are left when one is taken."""
+    """Return the maximal free rectangles that remain when one is taken."""
     left, top, right, bottom = taken
     rest: list[_Free] = []
     for one in free:

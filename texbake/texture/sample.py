@@ -1,8 +1,8 @@
-"""Values of images at texture coordinates, by any filter.
+"""Sample images at texture coordinates with any filter.
 
-`FILTERS` lists them; their kernels, and what each reads, are in `filters` and `ewa`. `trilinear`,
-`ewa` and `supersampled` need to know how much of the image a pixel covers, as the derivatives of
-the coordinates.
+`FILTERS` lists the filters. Their kernels, and the texels that each one reads, are in `filters` and
+`ewa`. `trilinear`, `ewa` and `supersampled` need the derivatives of the coordinates, which give the
+area of the image that a pixel covers.
 
 Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail.
 """
@@ -48,40 +48,40 @@ def sample(
     max_anisotropy: float = 16.0,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Values of an image at texture coordinates.
+    """Sample an image at texture coordinates.
 
     Parameters
     ----------
     chain : MipChain
-        Filters that read smaller levels use those that there are.
+        The image and its mip levels.
     uvs : (n, 2) float64
-        Texture coordinates, v up. Whatever they are, no texel outside the image is read; one that
-        is not a number counts as 0, and so does an infinite one that repeats or is mirrored.
+        Texture coordinates, v up. No coordinate reads texels outside the image: NaN counts as 0,
+        and so does infinity with `repeat` and `mirror`.
     derivatives : (n, 4) float32, optional
-        du/dx, dv/dx, du/dy, dv/dy: by how much coordinates grow for one pixel to the right, then
-        for one down. Needed by `trilinear`, `ewa` and `supersampled`. In the first two, what is not
-        a number counts as no change and infinite change reads the last level.
+        du/dx, dv/dx, du/dy, dv/dy: the change of the coordinates over one pixel to the right and
+        over one pixel down. Required by `trilinear`, `ewa` and `supersampled`. For the first two,
+        NaN counts as no change, and infinity reads the last level.
     filter
         `nearest`, `bilinear`, `bicubic`, `trilinear`, `ewa`, or `supersampled`, the slow reference.
     wrap
-        What lies outside the unit square: `repeat`, `mirror`, `clamp` or `border`.
+        How to sample outside the unit square: `repeat`, `mirror`, `clamp` or `border`.
     border : float or (C,), optional
-        Values of the border; 0 if not given.
+        Values of the border; 0 by default.
     max_anisotropy
-        Of `ewa`: ratio of the ellipse's axes beyond which the minor is lengthened, which bounds the
-        time of a lookup.
+        For `ewa`, the largest ratio of the axes of the ellipse. The minor axis of a longer ellipse
+        is lengthened, which limits the time per lookup.
     threads
         None for every processor.
 
     Returns
     -------
     (n, C) float32
-        Of a constant image, exactly the constant, wherever no border is read.
+        A constant image gives exactly its constant wherever the border is not read.
 
     Raises
     ------
     OptionError
-        An option is unknown or out of range, an array has another shape, or derivatives are
+        An option is unknown or out of range, an array has the wrong shape, or derivatives are
         missing.
     """
     if filter not in FILTERS:
@@ -130,17 +130,17 @@ def sample_texture(
     max_anisotropy: float = 16.0,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Values of an image, or of its mip levels, at texture coordinates of any shape.
+    """Sample an image or a mip chain at texture coordinates of any shape.
 
     Parameters
     ----------
     texture : (H, W, C) float32 or MipChain
-        Linear values. Mip levels that the filter reads are made of an image; make them once with
-        `mip_chain` for several calls.
+        Linear values. If the filter needs mip levels, they are computed from the image. To sample
+        an image several times, compute them once with `mip_chain`.
     uvs : (..., 2) float64
         Texture coordinates, v up.
     derivatives : (..., 4) float32, optional
-        du/dx, dv/dx, du/dy, dv/dy, as for `sample`, which the other parameters are also as for.
+        du/dx, dv/dx, du/dy, dv/dy. This and the other parameters are as for `sample`.
 
     Returns
     -------
@@ -182,28 +182,28 @@ def sample_texture(
 def mip_levels(
     derivatives: npt.NDArray[Any], width: int, height: int, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Mip level whose texels are as large as a pixel, as `trilinear` filtering finds it.
+    """Return the mip level that `trilinear` filtering reads for each pixel.
 
     Parameters
     ----------
     derivatives : (n, 4) float32
         du/dx, dv/dx, du/dy, dv/dy.
     width, height
-        Of the finest level, in texels.
+        Size of the finest level in texels.
     threads
         None for every processor.
 
     Returns
     -------
     (n,) float32
-        log2 of the longer step on the texture that one pixel makes, in texels. Not limited to the
-        levels of an image: negative where it is magnified, minus infinity where coordinates do not
-        change.
+        log2 of the longer of the two steps of a pixel on the texture, in texels. Not limited to the
+        levels of an image: negative where it is magnified, minus infinity where the coordinates do
+        not change.
 
     Raises
     ------
     OptionError
-        The derivatives have another shape.
+        The derivatives have the wrong shape.
     """
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)
@@ -217,7 +217,7 @@ def mip_levels(
 
 
 def _readable(values: npt.NDArray[Any], dtype: Any, columns: int, name: str) -> npt.NDArray[Any]:
-    """Values as a contiguous array, read-only, so that kernels have one signature."""
+    """Return a contiguous, read-only array, so that kernels are compiled for one signature."""
     array = np.require(values, dtype, "C").view()
     if array.ndim != 2 or array.shape[1] != columns:
         raise OptionError(f"{name}: the shape {array.shape} is not (n, {columns})")
