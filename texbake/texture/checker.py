@@ -1,8 +1,8 @@
-"""A numbered checker: the picture that shows what texture coordinates do to any other.
+"""A checker with numbered cells, which shows how texture coordinates distort an image.
 
-Cells are named as on a map: letters up the rows, A at the bottom, numbers along the columns. What
-reads backwards is mirrored; what stands on its head is turned; cells that are no squares are
-stretched; and one that is cut off goes on where its neighbor's name stands.
+Cells are named as on a map: rows are letters, with A at the bottom, columns are numbers. Mirrored
+names show mirrored texture coordinates, upside-down names show rotated ones, and cells that are not
+square show stretching. At a seam, the names show where the texture continues.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from texbake.text import text_coverage
 
 MAX_CELLS = len(string.ascii_uppercase)
 
-# Lightness of the two kinds of cells, in Oklab, and of their ink.
+# Oklab lightness of the two kinds of cells and of the names on them.
 _LIGHT, _DARK, _INK = 0.86, 0.70, 0.22
 _CHROMA = 0.11
-_LEAST_NAMED_PX = 14  # cells smaller than this have no room for a name
+_LEAST_NAMED_PX = 14  # smaller cells have no room for a name
 
 
 def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.NDArray[np.float32]:
-    """Draw a checker whose cells have names and colors of their own.
+    """Draw a checker whose cells each have a name and a color.
 
     Parameters
     ----------
     size : int or (int, int)
         Texels along each side, or (width, height).
     n_cells : int
-        Cells along each side, up to 26. Their borders lie between texels: where the size is no
-        multiple of their number, some are a texel wider than others.
+        Cells along each side, up to 26. Cells have whole texels: if the size is not a multiple of
+        their number, some are one texel wider than others.
 
     Returns
     -------
     (H, W, 3) float32
-        Linear light in [0, 1]; row 0, with the last letter, is the top. It can be repeated.
+        Linear values in [0, 1]; row 0, with the last letter, is at the top. The image tiles.
 
     Raises
     ------
     OptionError
-        There are no cells, too many, or more than texels.
+        There are no cells, more than 26, or more cells than texels.
 
     Examples
     --------
@@ -56,13 +56,13 @@ def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.N
     if min(width, height) < n_cells:
         raise OptionError(f"size: {width} x {height} texels are too few for {n_cells} cells a side")
     columns = np.arange(n_cells + 1) * width // n_cells
-    rows = height - np.arange(n_cells + 1) * height // n_cells  # from the bottom edge upwards
+    rows = height - np.arange(n_cells + 1) * height // n_cells  # from the bottom edge up
     image = np.empty((height, width, 3), dtype=np.float32)
     for row in range(n_cells):
         for column in range(n_cells):
             cell = image[rows[row + 1] : rows[row], columns[column] : columns[column + 1]]
             lightness = _LIGHT if (row + column) % 2 else _DARK
-            # All hues along a row; along a column, the step between two of them.
+            # A row runs through all hues; a column runs through the step between two of them.
             hue = 360.0 * (column + row / n_cells) / n_cells
             cell[:] = linear_from_oklch(lightness, _CHROMA, hue)
             _name(cell, f"{string.ascii_uppercase[row]}{column + 1}")
@@ -70,7 +70,7 @@ def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.N
 
 
 def _name(cell: npt.NDArray[np.float32], name: str) -> None:
-    """Write a name into the middle of a cell, and a mark into its corner at the least u and v."""
+    """Draw a name in the middle of a cell, and a mark in its corner at the least u and v."""
     height, width = cell.shape[:2]
     if min(height, width) < _LEAST_NAMED_PX:
         return
@@ -83,7 +83,7 @@ def _name(cell: npt.NDArray[np.float32], name: str) -> None:
     color = linear_from_oklch(_INK, 0.0, 0.0).astype(np.float32)
     area = cell[top : top + ink.shape[0], left : left + ink.shape[1]]
     area += ink[:, :, None] * (color - area)
-    # A triangle, so that names such as H8, the same on their heads, tell which way is up as well.
+    # The triangle marks which way is up for names such as H8, which read the same upside down.
     side = max(2, min(height, width) // 7)
     for step in range(side):
         cell[height - side + step, : step + 1] = color

@@ -1,14 +1,14 @@
-"""Environments in files: six faces in a folder, an unfolded cube, or a latitude-longitude image.
+"""Environment maps in files: six faces in a folder, a cross, or a latitude-longitude image.
 
-The unfolded cube (a cross) has 4 x 3 faces, with the names of `cube_options.FACE_NAMES`:
+A cross is an unfolded cube of 4 x 3 faces, with the names of `cube_options.FACE_NAMES`:
 
          py                     py
       nx pz px nz            nx nz px pz
          ny                     ny
 
-on the left as graphics APIs look faces up ("opengl"), on the right as seen from inside ("inside"),
-by a camera that looks along -z and has not been rotated. Either way neighbors in the picture are
-neighbors on the cube, and each face has the name of its direction.
+On the left, the faces as graphics APIs look them up ("opengl"); on the right, as seen from inside
+the cube ("inside"), by a camera that looks along -z. In both, neighbors in the picture are
+neighbors on the cube, and each face is named after its direction.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _PLACES = {
 
 
 def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
-    """Faces (6, S, S, C) of a `CubeMap` as a convention has them, or such faces as a `CubeMap`'s.
+    """Convert faces (6, S, S, C) of a `CubeMap` to a convention, or back; both are the same.
 
-    Seen from inside, the four sides are mirrored left to right; the top and the bottom are mirrored
-    up and down, so that they go on where the side along -z ends.
+    For "inside", the four sides are mirrored left to right. The top and the bottom are mirrored up
+    and down, so that they continue the side along -z.
 
     Raises
     ------
     OptionError
-        The convention is not known.
+        The convention is unknown.
     """
     if convention not in CONVENTIONS:
         raise OptionError(
@@ -60,12 +60,12 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
 
 
 def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> npt.NDArray[np.float32]:
-    """Unfold a cube map into one picture.
+    """Unfold a cube map into a cross.
 
     Returns
     -------
     (3 S, 4 S, C) float32
-        0 where no face is.
+        0 outside the faces.
     """
     faces = in_convention(cube.faces, convention)
     size = cube.size
@@ -76,7 +76,7 @@ def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> npt.NDArray[n
 
 
 def is_cross(picture: npt.NDArray[Any]) -> bool:
-    """Whether an image (H, W, C) has the shape of an unfolded cube, 4 x 3 faces."""
+    """Whether an image (H, W, C) has the proportions of a cross, 4:3."""
     height, width = picture.shape[:2]
     return bool(height % 3 == 0 and height * 4 == width * 3)
 
@@ -89,7 +89,7 @@ def cube_of_cross(
     Raises
     ------
     FileFormatError
-        The picture has another shape; `name` is what the message calls it.
+        The picture is not 4 x 3 square faces. The message calls it `name`.
     """
     if not is_cross(picture):
         height, width = picture.shape[:2]
@@ -107,7 +107,7 @@ def cube_of_cross(
 
 
 def face_files(folder: PathLike, suffix: str) -> list[Path]:
-    """Names of the six files of a cube map that is written to a folder."""
+    """Return the paths of the six faces that are written to a folder."""
     return [Path(folder) / f"{names[0]}{suffix}" for names in FACE_NAMES]
 
 
@@ -120,14 +120,14 @@ def read_faces(
     -------
     cube : CubeMap
     first : Image
-        The file of +x, which tells how all were stored.
+        The image of +x, for its metadata and format.
 
     Raises
     ------
     FileError
         A face is missing.
     FileFormatError
-        There are two files of a face, one is no image, or they are not squares of one size.
+        A face has two files, a file is not an image, or the faces are not squares of one size.
     """
     images = [
         read_image(_find_face(Path(folder), names), color=color, threads=threads)
@@ -168,18 +168,18 @@ def _find_face(folder: Path, names: Sequence[str]) -> Path:
 
 @dataclass(frozen=True)
 class CubeConversion:
-    """What `convert_cube` did.
+    """Result of `convert_cube`.
 
     Attributes
     ----------
     files : tuple of Path
-        That were written.
+        The files written.
     source_layout, layout : str
-        Of what was read and written: `latlong`, `cross` or `faces`.
+        Layouts of the source and of the output: `latlong`, `cross` or `faces`.
     size : int
-        Texels along one side of a face, or rows of a latlong.
+        Side of a face, or height of a latlong, in texels.
     clipped : float
-        Share of the values that were outside of what the files hold.
+        Share of the values that were clipped to the range of the file format.
     """
 
     files: tuple[Path, ...]
@@ -196,15 +196,14 @@ def convert_cube(
     *,
     threads: int | None = None,
 ) -> CubeConversion:
-    """Convert an environment in files.
+    """Convert an environment map between layouts.
 
     Parameters
     ----------
     source
-        A latitude-longitude image twice as wide as high, a cross of 4 x 3 faces, or a folder with
-        six faces.
+        A latitude-longitude image (2:1), a cross of 4 x 3 faces, or a folder with six faces.
     output
-        A folder for six faces, or an image.
+        A folder for six faces, or an image file.
     options
         None for the defaults of `CubeOptions`.
     threads
@@ -213,11 +212,11 @@ def convert_cube(
     Raises
     ------
     OptionError
-        Layout, source and output do not fit together.
+        The layout does not fit the source or the output.
     FileError
-        A file cannot be read, or one cannot be written.
+        A file cannot be read or written.
     FileFormatError
-        The source is no image of such a shape.
+        The source is not an image of one of these shapes.
     """
     options = options or CubeOptions()
     source, output = Path(source), Path(output)
@@ -248,7 +247,7 @@ def convert_cube(
 
 
 def _check_output(output: Path, options: CubeOptions) -> None:
-    """Raise now if the result could not be written later."""
+    """Raise if the result cannot be written, before any work is done."""
     if options.layout == "faces" or (options.layout is None and not output.suffix):
         if output.suffix and not output.is_dir():
             raise OptionError(f"layout: faces go to a folder, and {output} names a file")
@@ -271,7 +270,7 @@ def _layout_for(output: Path, source_layout: str) -> str:
 def _read(
     source: Path, options: CubeOptions, threads: int | None
 ) -> tuple[str, Image, CubeMap | None]:
-    """Layout of a source, an image of it, and its cube map unless it is a latlong."""
+    """Return the layout of a source, one image of it, and its cube map unless it is a latlong."""
     if source.is_dir():
         cube, image = read_faces(
             source, convention=options.convention, color=options.color, threads=threads
@@ -282,7 +281,7 @@ def _read(
     if is_cross(image.pixels):
         cube = cube_of_cross(image.pixels, convention=options.convention, name=str(source))
         return "cross", image, cube
-    # Odd heights are rounded by those who write them.
+    # Programs that write images of an odd height round it either way.
     if abs(width - 2 * height) > 1:
         raise FileFormatError(
             f"{source}: {width} x {height} pixels are neither a latlong, twice as wide as high, "

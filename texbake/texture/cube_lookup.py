@@ -1,22 +1,23 @@
-"""Values of cube maps in directions, and conversion from and to latitude-longitude images.
+"""Sample cube maps by direction, and convert them from and to latitude-longitude images.
 
-A latitude-longitude image shows all directions at once: its middle looks along -z, +x is to the
-right of that and +y is up. With u from 0 at the left edge to 1 and v from 0 at the bottom to 1,
+A latitude-longitude image shows all directions at once: its center looks along -z, +x is to the
+right of it and +y is up. With u from 0 at the left edge to 1 and v from 0 at the bottom to 1,
 
     u = atan2(x, -z) / 2 pi + 1/2,    v = asin(y) / pi + 1/2,
 
-as seen from inside by a camera that looks along -z and has not been rotated.
+as seen from inside by a camera that looks along -z.
 
-A texel of a converted image is the mean over all that it covers, weighted by solid angle: lookups
-are spread over it, at most half a texel of the source apart, where linearly interpolated values
-have next to nothing left that could alias. Toward the poles an image has ever more texels for ever
-less of the sphere; there its rows are first averaged over as many as lie between two lookups.
+Each texel of a converted image is the mean of the area that it covers, weighted by solid angle.
+Lookups are spread over that area, at most half a texel of the source apart; at this spacing, the
+linearly interpolated source hardly aliases. Toward the poles of a latitude-longitude image, more
+and more texels cover less and less of the sphere. There, each row is first averaged over the texels
+that lie between two lookups.
 
 Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14; Heckbert, "Fundamentals of Texture
 Mapping and Image Warping", 1989, for prefilter, reconstruction and resampling; Debevec, "Rendering
 Synthetic Objects into Real Scenes", 1998, for panoramas as light sources. Departs from the
-specification in that a direction that is 0 or not finite, which belongs to no face, has the value 0
-in every channel.
+specification for directions that are zero or not finite: they belong to no face and give 0 in every
+channel.
 """
 
 from __future__ import annotations
@@ -51,17 +52,18 @@ def sample_cube(
     filter: str = "bilinear",  # noqa: A002  # what the field calls it
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Values of a cube map in directions, without a seam at edges and corners of its faces.
+    """Sample a cube map by direction, without seams between its faces.
 
     Parameters
     ----------
     cube : CubeMap or CubeChain
     directions : (n, 3) float32
-        In world space, of any length. One that is 0 or not finite gets 0 in every channel.
+        In world space, of any length. Directions that are zero or not finite give 0 in every
+        channel.
     levels : (n,) float32, optional
-        Level to read, 0 the finest, clamped to those there are; none or not a number: 0.
+        Mip level, 0 for the finest, clamped to the levels of the chain. None and NaN read level 0.
     filter
-        `nearest` and `bilinear` read the level that is nearest, `trilinear` the two about it.
+        `nearest` and `bilinear` read the nearest level, `trilinear` interpolates between two.
     threads
         None for every processor.
 
@@ -72,7 +74,7 @@ def sample_cube(
     Raises
     ------
     OptionError
-        The filter is something else, or an array has another shape.
+        The filter is unknown, or an array has the wrong shape.
 
     Examples
     --------
@@ -106,7 +108,7 @@ def sample_cube(
 
 
 def resize_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
-    """Cube map of another size: `shrink_cube` to fewer texels, or interpolated to more.
+    """Resize a cube map: with `shrink_cube` to fewer texels, by interpolation to more.
 
     Raises
     ------
@@ -120,14 +122,14 @@ def resize_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
 
 
 def _only(number: int) -> npt.NDArray[np.int64]:
-    """Return an array of one number, read-only as those of a chain are."""
+    """Return an array of one number, read-only like the arrays of a chain."""
     array = np.array([number], np.int64)
     array.flags.writeable = False
     return array
 
 
 def _readable(values: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Return values as contiguous float32, read-only, so that the kernel has one signature."""
+    """Return contiguous, read-only float32, so that the kernel is compiled for one signature."""
     array = np.require(values, np.float32, "C").view()
     array.flags.writeable = False
     return array
@@ -140,7 +142,7 @@ _LATITUDE_BAND = 1 << 17
 def from_latitude_longitude(
     image: npt.NDArray[Any], *, size: int | None = None, threads: int | None = None
 ) -> CubeMap:
-    """Cube map of a latitude-longitude image.
+    """Convert a latitude-longitude image to a cube map.
 
     Parameters
     ----------
@@ -148,8 +150,8 @@ def from_latitude_longitude(
         Linear, row 0 at the top; usually twice as wide as high. Values that are not finite
         count as 0.
     size
-        Texels along one side of a face; None: a quarter of the width, at which both have about the
-        same number of texels in a degree along the horizon.
+        Side of a face in texels. None: a quarter of the width, which keeps about the same number of
+        texels per degree along the horizon.
 
     Returns
     -------
@@ -158,7 +160,7 @@ def from_latitude_longitude(
     Raises
     ------
     OptionError
-        The size is below 1, or the image has no texel.
+        The size is below 1, or the image has no texels.
     """
     pixels = np.require(image, np.float32, "C")
     if pixels.ndim != 3 or pixels.size == 0:
@@ -167,7 +169,7 @@ def from_latitude_longitude(
     size = max(width // 4, 1) if size is None else size
     if size < 1:
         raise OptionError(f"size: {size} is too small; it must be at least 1")
-    # A texel in the middle of a face is the widest, with 2 / size radians.
+    # Texels at the center of a face are the widest: 2 / size radians.
     finest = min(2 * math.pi / width, math.pi / height)
     n_lookups = max(1, math.ceil(2.0 / size / (finest / 2)))
     rows = _with_wide_texels(without_gaps(pixels), 2.0 / size / n_lookups)
@@ -183,14 +185,14 @@ def from_latitude_longitude(
 def to_latitude_longitude(
     cube: CubeMap, *, height: int | None = None, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Latitude-longitude image of a cube map.
+    """Convert a cube map to a latitude-longitude image.
 
     Parameters
     ----------
     cube
         The cube map.
     height
-        Of the image, which is twice as wide; None: twice the size of the cube map.
+        Height of the image, which is twice as wide. None: twice the size of the cube map.
 
     Returns
     -------
@@ -205,7 +207,7 @@ def to_latitude_longitude(
     if height < 1:
         raise OptionError(f"height: {height} is too small; it must be at least 1")
     texels = cube.bordered.reshape(-1, cube.n_channels)
-    # A texel in the middle of an edge, where faces are 1 / size radians a texel.
+    # Texels in the middle of an edge of a face are 1 / size radians wide.
     n_lookups = max(1, math.ceil(math.pi / height / (0.5 / cube.size)))
     out = np.empty((height, 2 * height, cube.n_channels), np.float32)
 
@@ -221,7 +223,7 @@ def to_latitude_longitude(
 def _with_wide_texels(image: npt.NDArray[np.float32], width_rad: float) -> npt.NDArray[np.float32]:
     """Average rows of an image over at least `width_rad` radians along its circle of latitude.
 
-    The mean of a row stays as it was; a row whose texels are as wide stays the same.
+    The mean of each row is preserved. Rows whose texels are wide enough are unchanged.
     """
     height, width, _ = image.shape
     out = image.copy()
@@ -229,13 +231,13 @@ def _with_wide_texels(image: npt.NDArray[np.float32], width_rad: float) -> npt.N
     widths = np.minimum(width_rad / np.cos(latitudes) * width / (2 * np.pi), width)
     centers = np.arange(width) + 0.5
     for row in np.flatnonzero(widths > 1.0):
-        # The integral from the left edge on, and once around more, so that windows can reach over.
+        # The integral from the left edge over two turns, so that windows can cross the right edge.
         whole = np.concatenate([image[row]] * 3).astype(np.float64)
         integral = np.concatenate([np.zeros((1, whole.shape[1])), np.cumsum(whole, axis=0)])
         ends = np.stack([centers - widths[row] / 2, centers + widths[row] / 2]) + width
         left = ends.astype(np.int64)
         at_ends = integral[left] + (ends - left)[..., None] * whole[left]
         out[row] = (at_ends[1] - at_ends[0]) / widths[row]
-        # Differences of sums leave a rounding error, which a constant row shall not show.
+        # Differences of sums have a rounding error, which a constant row must not show.
         np.clip(out[row], image[row].min(axis=0), image[row].max(axis=0), out=out[row])
     return out

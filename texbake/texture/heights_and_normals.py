@@ -1,11 +1,11 @@
-"""Height maps to normal maps and back.
+"""Convert height maps to normal maps and back.
 
 Heights to normals: the slopes of the height field give the vectors (-dh/dx, -dh/dy, 1), normalized.
-Where an image does not tile, it is continued by the parabola through its last three texels, so that
-heights that curve evenly have exact normals up to the border.
+An image that does not tile is extended by the parabola through its last three texels, so that
+heights of constant curvature have exact normals up to the border.
 
-Normals to heights: the surface whose slopes fit those of the normal map best. Both methods are a
-least-squares fit that one division in the frequency domain solves. Frankot and Chellappa fit the
+Normals to heights: find the surface whose slopes fit those of the normal map best. Both methods are
+a least-squares fit that one division in the frequency domain solves. Frankot and Chellappa fit the
 derivative, i w times a wave exp(i w x), to the slopes p. Poisson fits the steps h(x + 1) - h(x) to
 (p(x) + p(x + 1)) / 2. A map that does not tile is first mirrored at its right and lower border,
 which gives the Poisson equation its natural (Neumann) boundary and makes the transform a cosine
@@ -38,33 +38,33 @@ from texbake.texture.height_options import (
 )
 from texbake.texture.image import Image
 
-# Of three texels side by side, in sixteenths: what a derivative averages across its direction.
+# Weights, in sixteenths, of the three texels that a derivative averages across its direction.
 _ACROSS = {"central": (0, 16, 0), "sobel": (4, 8, 4), "scharr": (3, 10, 3)}
 
 
 def height_to_normal(
     heights: Image | npt.NDArray[Any], options: HeightToNormalOptions | None = None
 ) -> npt.NDArray[np.float32]:
-    """Normals of a height field, in tangent space.
+    """Compute the tangent-space normals of a height field.
 
     Parameters
     ----------
     heights : Image, or (H, W) or (H, W, 1) float
-        Row 0 at the top. Of an image the first channel, with the scale that its metadata tells.
+        Row 0 at the top. An `Image` gives its first channel, with the scale in its metadata.
     options
         None for `HeightToNormalOptions()`.
 
     Returns
     -------
     (H, W, 3) float32
-        Unit vectors, x to the right, y up. Where a height nearby is not finite: (0, 0, 1).
+        Unit vectors, x to the right, y up; (0, 0, 1) next to heights that are not finite.
 
     Raises
     ------
     OptionError
-        The shape is not that of heights.
+        The shape of the array is not one of these.
     FileFormatError
-        The image's metadata tells a scale that is no number.
+        The scale in the image's metadata is not a number.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def height_to_normal(
     options = options or HeightToNormalOptions()
     scale = height_scale(heights, options)
     field = _height_field(heights.pixels[..., :1] if isinstance(heights, Image) else heights)
-    # Heights in texels, so that slopes are differences.
+    # Heights in units of a texel, so that slopes are differences.
     field = field * (scale * field.shape[1] / options.width)
     with np.errstate(invalid="ignore", over="ignore"):
         extended = _extended(_extended(field, options.wrap).T, options.wrap).T
@@ -90,12 +90,12 @@ def height_to_normal(
 
 
 def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptions) -> float:
-    """Height that a change of 1 stands for: as the options or the image say, or by default.
+    """Return the height of a change of 1, from the options, the image's metadata or the default.
 
     Raises
     ------
     FileFormatError
-        The image says something that is no number.
+        The scale in the image's metadata is not a number.
     """
     if options.scale is not None:
         return options.scale
@@ -111,7 +111,7 @@ def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptio
 
 
 def _height_field(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Values (H, W) as float64, of such an array or one of a single channel."""
+    """Return an array (H, W) or (H, W, 1) as float64 (H, W)."""
     field = np.asarray(values, np.float64)
     field = field[..., 0] if field.ndim == 3 and field.shape[2] == 1 else field
     if field.ndim != 2 or field.size == 0:
@@ -120,32 +120,32 @@ def _height_field(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def _extended(field: npt.NDArray[np.float64], wrap: str) -> npt.NDArray[np.float64]:
-    """One row more above and below."""
+    """Add a row above and one below."""
     if wrap == "repeat":
         return np.concatenate([field[-1:], field, field[:1]])
     return np.concatenate([_row_before(field), field, _row_before(field[::-1])])
 
 
 def _row_before(field: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """(1, W): the row before the first, on the parabola or line that the first ones lie on."""
+    """Extrapolate the row before the first (1, W), by the parabola or line through the next."""
     if len(field) >= 3:
         return 3.0 * field[:1] - 3.0 * field[1:2] + field[2:3]
     return 2.0 * field[:1] - field[1:2] if len(field) == 2 else field
 
 
 def _difference(extended: npt.NDArray[np.float64], derivative: str) -> npt.NDArray[np.float64]:
-    """Slope along rows, a texel being 1 wide; one texel less on each side."""
+    """Return the slope along rows, for texels of width 1; one texel less on each side."""
     across = extended[1:-1]
     before, here, after = (weight / 16.0 for weight in _ACROSS[derivative])
-    if before:  # 0 times what is not finite would still spread it
+    if before:  # skip zero weights, because 0 times infinity is NaN
         across = before * extended[:-2] + here * across + after * extended[2:]
     return (across[:, 2:] - across[:, :-2]) / 2.0
 
 
 FloatArray = npt.NDArray[np.float64]
 
-# A surface steeper than this, or overhanging, is taken for one that is so steep: 1 in 100 of z is
-# a code and a half of 8 bits, below which a slope is rounding alone.
+# Steeper or overhanging surfaces count as this steep: a z of 1 in 100 is 1.5 codes of 8 bits, below
+# which a slope is nothing but rounding.
 _LEAST_Z = 0.01
 
 
@@ -156,12 +156,12 @@ class HeightField:
     Attributes
     ----------
     heights : (H, W) float32
-        In the unit of the options' width; their mean is 0, since normals do not tell it.
+        In the unit of the options' width. Their mean is 0, because normals do not determine it.
     n_steep : int
-        Normals too steep for a height field, or not finite, which counts as flat.
+        Number of normals too steep for a height field, or not finite, which count as flat.
     rms_slope_error : float
-        Root of the mean squared difference between the slopes of the heights, as the method takes
-        them, and those of the normals: 0 where the normals are those of a surface.
+        Root mean square difference between the slopes of the heights, as the method computes them,
+        and those of the normals; 0 if the normals are those of a surface.
     """
 
     heights: npt.NDArray[np.float32]
@@ -172,22 +172,22 @@ class HeightField:
 def normal_to_height(
     normals: Image | npt.NDArray[Any], options: NormalToHeightOptions | None = None
 ) -> HeightField:
-    """Heights of a normal map in tangent space.
+    """Compute the heights of a tangent-space normal map.
 
     Parameters
     ----------
     normals : Image or (H, W, 3) float
-        An array holds vectors of any length, x to the right, y up; an image is decoded as its
-        options or its metadata say.
+        An array holds vectors of any length, x to the right, y up. An `Image` is decoded with the
+        convention in the options or in its metadata.
     options
         None for `NormalToHeightOptions()`.
 
     Raises
     ------
     OptionError
-        The shape is not that of normals.
+        The shape of the array is not (H, W, 3).
     FileFormatError
-        The image says that its normals are not in tangent space, which alone has heights over it.
+        According to the image's metadata, its normals are not in tangent space.
 
     Examples
     --------
@@ -224,7 +224,7 @@ def _decoded(image: Image, convention: str | None) -> npt.NDArray[np.float32]:
 
 
 def _slopes(normals: npt.NDArray[Any]) -> tuple[tuple[FloatArray, FloatArray], int]:
-    """Slopes to the right and down of square texels, and how many normals have none."""
+    """Return the slopes to the right and down, and the number of normals without one."""
     vectors = normals.astype(np.float64)
     flat = ~np.isfinite(vectors).all(axis=2)
     vectors[flat] = (0.0, 0.0, 1.0)
@@ -239,14 +239,14 @@ def _slopes(normals: npt.NDArray[Any]) -> tuple[tuple[FloatArray, FloatArray], i
 
 
 def _mirrored(right: FloatArray, down: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slopes of the surface with its mirror images beside, below and diagonally below it."""
+    """Return the slopes of the surface with its mirror images on the right and below."""
     right = np.concatenate([right, -right[:, ::-1]], axis=1)
     down = np.concatenate([down, down[:, ::-1]], axis=1)
     return np.concatenate([right, right[::-1]]), np.concatenate([down, -down[::-1]])
 
 
 def _integrated(slopes: tuple[FloatArray, FloatArray], method: str) -> tuple[FloatArray, float]:
-    """Heights in texels that tile, and the root mean square of what they leave over."""
+    """Return heights that tile, in units of a texel, and the root mean square of the residual."""
     shape = slopes[0].shape
     axes = (1, 0)
     numerator = np.zeros((shape[0], shape[1] // 2 + 1), np.complex128)
@@ -255,7 +255,7 @@ def _integrated(slopes: tuple[FloatArray, FloatArray], method: str) -> tuple[Flo
         step, mean = _transfers(shape[axis], axis, method)
         numerator += np.conj(step) * mean * np.fft.rfft2(slope)
         denominator += np.abs(step) ** 2
-    denominator[denominator == 0.0] = 1.0  # only of the mean: it becomes 0
+    denominator[denominator == 0.0] = 1.0  # only for the mean, which becomes 0
     numerator /= denominator
     square = 0.0
     for axis, slope in zip(axes, slopes, strict=True):
@@ -268,10 +268,10 @@ def _integrated(slopes: tuple[FloatArray, FloatArray], method: str) -> tuple[Flo
 def _transfers(
     n: int, axis: int, method: str
 ) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128]]:
-    """What steps of heights and means of slopes multiply waves by, along rows (1) or columns (0).
+    """Return the factors of waves for steps of heights and means of slopes, along one axis.
 
-    Steps are derivatives and means are 1 with Frankot and Chellappa. Their fastest wave of an even
-    number of samples, +1 and -1 in turn, has slope 0 at every sample.
+    For Frankot and Chellappa, steps are derivatives and means are 1. With an even number of
+    samples, their fastest wave alternates between +1 and -1 and has slope 0 at every sample.
     """
     frequencies = 2.0 * np.pi * (np.fft.rfftfreq(n) if axis == 1 else np.fft.fftfreq(n))
     if method == "poisson":

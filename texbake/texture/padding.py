@@ -1,9 +1,9 @@
-"""Padding: values carried past the borders of charts, so that filtering never reads the background.
+"""Padding: extend maps beyond the borders of charts, so that filtering never reads the background.
 
-Padding is made by dilation: a texel that no chart owns takes the value of the nearest texel that
-one does, up to a given number of texels away. One search for the nearest owners serves all maps of
-a bake. Where wanted, push-pull then fills the rest of the image smoothly, so that no mip level
-shows the background.
+Padding is a dilation: a texel outside all charts takes the value of the nearest texel that a chart
+owns, up to a given number of texels away. All maps of a bake share one search for the nearest
+owners. Push-pull can fill the rest of the image smoothly, so that no mip level shows the
+background.
 
 Based on: Gortler et al., "The Lumigraph", 1996, section 4.3, for push-pull. Departs from it in that
 weights are 0 or 1 in every level. The search for owners is in `distance_transform`.
@@ -22,22 +22,22 @@ from texbake.parallel import run_bands
 from texbake.texture.distance_transform import NO_OWNER, column_kernel, row_kernel
 from texbake.texture.image_kernels import pull_kernel, push_kernel, spread_kernel
 
-# Columns of a band of the first pass, and rows of one of the second.
+# Columns per band of the first pass, and rows per band of the second.
 _COLUMN_BAND = 256
 _ROW_BAND = 128
 
 
 @dataclass(frozen=True)
 class NearestOwners:
-    """Where padding takes its values from.
+    """The texels from which padding takes its values.
 
     Attributes
     ----------
     indices : (H, W) int32
-        Flat index (row * W + column) of the nearest owner within the padding; a texel that a chart
-        owns has its own index, and one that is out of reach -1.
+        Flat index (row * W + column) of the nearest owner within the padding, -1 if there is none.
+        A texel that a chart owns has its own index.
     n_meeting : int
-        Texels that no chart owns, within the padding of two charts or more.
+        Number of texels outside all charts that lie within the padding of two charts or more.
     """
 
     indices: npt.NDArray[np.int32]
@@ -47,22 +47,22 @@ class NearestOwners:
 def nearest_owner(
     chart_ids: npt.NDArray[np.int32], padding: int, *, threads: int | None = None
 ) -> NearestOwners:
-    """Nearest owner of each texel, up to `padding` texels away.
+    """Find the nearest owner of each texel, up to `padding` texels away.
 
-    The time grows with the padding: the paddings in use, up to 64 texels, cost less than reading
-    the image; one as wide as the image costs as much as trying every column for every texel.
+    The time grows with the padding. Up to 64 texels, as in practice, it costs less than reading the
+    image; a padding as wide as the image costs as much as trying every column for every texel.
 
     Parameters
     ----------
     chart_ids : (H, W) int32
-        Chart that owns a texel, -1 where none does.
+        Chart that owns each texel, -1 for none.
     padding
-        Texels; 0 keeps only the owners.
+        In texels; 0 keeps only the owners.
 
     Returns
     -------
     NearestOwners
-        All -1 where no chart owns a texel.
+        All indices are -1 if no chart owns a texel.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def nearest_owner(
     height, width = charts.shape
     if charts.size >= 1 << 31:
         raise OptionError(f"size: {width} x {height} is more texels than 32 bits can number")
-    # No distance is greater than this.
+    # The greatest possible distance.
     reach = min(padding, height + width)
     nearest = np.empty((height, width), np.int16)
     other = np.empty((height, width), np.int16)
@@ -110,12 +110,12 @@ def spread(
     Parameters
     ----------
     values : (H, W, C) float32
-        Read at owners alone.
+        Only the values of owners are read.
     indices : (H, W) int32
         `NearestOwners.indices`.
     background
-        A number, or one per channel, for texels out of reach, and for those whose nearest owner is
-        not finite in all channels. An owner keeps its value whatever it is.
+        A number, or one per channel, for texels without an owner within the padding, and for those
+        whose nearest owner is not finite in all channels. Owners always keep their value.
 
     Returns
     -------
@@ -137,20 +137,20 @@ def spread(
 def push_pull(
     values: npt.NDArray[Any], mask: npt.NDArray[np.bool_], *, threads: int | None = None
 ) -> FloatImage:
-    """Fill everything outside `mask`, smoothly, from what is inside it.
+    """Fill the texels outside `mask` smoothly from those inside it.
 
     Parameters
     ----------
     values : (H, W, C) float32
-        Any size; it need not be a power of two.
+        An image of any size, not only powers of two.
     mask : (H, W) bool
-        Texels to keep. One that is not finite in all channels is kept, but fills nothing.
+        Texels to keep. Those that are not finite in all channels are kept but fill nothing.
 
     Returns
     -------
     (H, W, C) float32
-        `values`, bit-equal inside `mask`; a new array. Where the mask is empty it is `values`
-        everywhere, because there is nothing to fill with.
+        A new array, bit-equal to `values` inside `mask`. If the mask is empty, it equals `values`
+        everywhere.
     """
     level = np.array(values, np.float32)
     valid = np.require(mask, np.bool_, ["C", "W"])
@@ -168,7 +168,7 @@ def push_pull(
 def _pushed(
     values: FloatImage, mask: npt.NDArray[np.bool_], threads: int | None
 ) -> tuple[FloatImage, npt.NDArray[np.bool_]]:
-    """Return the next coarser level, of half the size rounded up, and where it is valid."""
+    """Return the next coarser level, of half the size rounded up, and the mask of valid texels."""
     height, width = (values.shape[0] + 1) // 2, (values.shape[1] + 1) // 2
     coarse = np.empty((height, width, values.shape[2]), np.float32)
     coarse_mask = np.empty((height, width), np.bool_)
@@ -183,7 +183,7 @@ def _pushed(
 def _pull(
     values: FloatImage, mask: npt.NDArray[np.bool_], coarse: FloatImage, threads: int | None
 ) -> None:
-    """Fill `values` in place, where not in `mask`, from the next coarser level."""
+    """Fill `values` in place, outside `mask`, from the next coarser level."""
 
     def work(start: int, stop: int) -> None:
         pull_kernel(values, mask, coarse, start, stop)
