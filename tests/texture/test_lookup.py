@@ -1,9 +1,18 @@
+"""Lookups in images, volumes and ramps: interpolation, wrap modes, and any coordinates."""
+
 import numpy as np
 import pytest
 
 from texbake.errors import OptionError
 from texbake.texture.interpolation import row_of_v
-from texbake.texture.lookup import WRAPS, lookup, texel_coordinates
+from texbake.texture.lookup import (
+    VOLUME_FILTERS,
+    WRAPS,
+    lookup,
+    ramp_lookup,
+    texel_coordinates,
+    volume_lookup,
+)
 
 
 @pytest.fixture
@@ -125,7 +134,7 @@ def test_what_is_not_a_number_counts_as_0(image):
         )
 
 
-def test_a_border_has_one_value_or_one_a_channel(image):
+def test_a_border_has_one_value_or_one_per_channel(image):
     outside = np.array([[-3.0, 0.5], [0.5, 7.0]])
     found = lookup(image, outside, wrap="border", border=(1.0, 2.0, 3.0))
     np.testing.assert_array_equal(found, [[1.0, 2.0, 3.0]] * 2)
@@ -146,3 +155,146 @@ def test_wrong_options_are_errors(image):
         lookup(image, np.zeros((1, 2)), wrap="tile")
     with pytest.raises(OptionError, match="shape"):
         lookup(np.zeros((4, 4), np.float32), np.zeros((1, 2)))
+
+
+MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge", "border": "constant"}
+
+
+def random_volume(depth, height, width, n_channels=2):
+    return np.random.default_rng(0).random((depth, height, width, n_channels), dtype=np.float32)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("size", [(4, 3, 5), (1, 1, 1), (1, 2, 1)])
+@pytest.mark.parametrize("name", VOLUME_FILTERS)
+def test_volume_reads_what_numpy_pads_with(name, size, wrap):
+    volume = random_volume(*size)
+    points = np.random.default_rng(1).uniform(-2.0, 3.0, (3000, 3))
+    border = {"constant_values": 0.25} if wrap == "border" else {}
+    around = np.pad(volume, ((16, 16),) * 3 + ((0, 0),), mode=MODES[wrap], **border)
+    # In texels; t goes up and rows go down.
+    s, t, r = points.T
+    places = np.stack([r * size[0], (1 - t) * size[1], s * size[2]], axis=1)
+    if name == "nearest":
+        expected = around[tuple(np.floor(places).astype(int).T + 16)]
+    else:
+        first = np.floor(places - 0.5).astype(int)
+        along = places - 0.5 - first
+        expected = np.zeros((len(points), 2))
+        for corner in np.ndindex(2, 2, 2):
+            weight = np.where(corner, along, 1 - along).prod(axis=1)
+            expected += weight[:, None] * around[tuple((first + corner).T + 16)]
+    found = volume_lookup(volume, points, filter=name, wrap=wrap, border=0.25)
+    np.testing.assert_allclose(found, expected, atol=5e-7)
+
+
+def test_a_slice_of_a_volume_is_an_image():
+    volume = random_volume(6, 4, 5)
+    uvs = np.random.default_rng(2).random((500, 2))
+    for k in range(6):
+        points = np.concatenate([uvs, np.full((500, 1), (k + 0.5) / 6)], axis=1)
+        np.testing.assert_allclose(volume_lookup(volume, points), lookup(volume[k], uvs), atol=1e-6)
+
+
+def test_a_linear_volume_is_reproduced():
+    axes = [(np.arange(n) + 0.5) / n for n in (8, 9, 10)]
+    r, t, s = np.meshgrid(axes[0], axes[1][::-1], axes[2], indexing="ij")
+    volume = (1.0 + s - 2.0 * t + 3.0 * r)[..., None]
+    points = np.random.default_rng(0).uniform(0.1, 0.9, (1000, 3))
+    expected = 1.0 + points @ [1.0, -2.0, 3.0]
+    np.testing.assert_allclose(volume_lookup(volume, points)[:, 0], expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("name", VOLUME_FILTERS)
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_a_constant_volume_stays_exactly_constant_wherever_it_is_read(name, wrap):
+    odd = [np.nan, np.inf, -np.inf, 1e300, -1e300, -1e-300, 1e18, 0.0, 0.4, 1.0]
+    points = np.array([[s, t, r] for s in odd for t in odd for r in odd])
+    volume = np.full((3, 4, 2, 1), np.float32(0.1))
+    values = volume_lookup(volume, points, filter=name, wrap=wrap, border=np.float32(0.1))
+    assert (values == np.float32(0.1)).all()
+
+
+def test_threads_change_no_volume_lookup():
+    volume, points = random_volume(8, 8, 8), np.random.default_rng(0).random((300_000, 3))
+    one, two = (volume_lookup(volume, points, threads=threads) for threads in (1, 2))
+    assert one.tobytes() == two.tobytes()
+
+
+def test_wrong_input_of_a_volume_lookup_is_an_error():
+    volume, points = random_volume(2, 2, 2), np.zeros((1, 3))
+    with pytest.raises(OptionError, match="filter: 'bicubic' is not known"):
+        volume_lookup(volume, points, filter="bicubic")
+    with pytest.raises(OptionError, match="wrap: 'tile' is not known"):
+        volume_lookup(volume, points, wrap="tile")
+    with pytest.raises(OptionError, match="volume: the shape"):
+        volume_lookup(volume[0], points)
+    with pytest.raises(OptionError, match="points: the shape"):
+        volume_lookup(volume, np.zeros((1, 2)))
+
+
+STOPS = np.array([[0.0, 1.0], [2.0, 0.5], [3.0, 4.0], [-1.0, 0.0]], np.float32)
+
+
+def at(values, **options):
+    return ramp_lookup(STOPS, np.asarray(values, np.float32), **options)
+
+
+def test_stops_of_a_ramp_are_evenly_spaced_from_0_to_1():
+    np.testing.assert_allclose(at([0, 1 / 3, 2 / 3, 1]), STOPS, atol=1e-6)
+
+
+def test_a_ramp_between_stops_is_what_numpy_interpolates():
+    values = np.random.default_rng(0).random(1000).astype(np.float32)
+    expected = np.stack([np.interp(values, np.arange(4) / 3, c) for c in STOPS.T], axis=1)
+    np.testing.assert_allclose(at(values), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_a_ramp_outside_goes_on_as_its_wrap_mode_says(wrap):
+    values = np.random.default_rng(0).uniform(-3, 4, 1000).astype(np.float32)
+    inside = {
+        "clamp": np.clip(values, 0, 1),
+        "repeat": values.astype(np.float64) % 1.0,
+        "mirror": 1.0 - abs(values.astype(np.float64) % 2.0 - 1.0),
+        "border": np.clip(values, 0, 1),
+    }[wrap]
+    expected = at(inside)
+    if wrap == "border":
+        expected[(values < 0) | (values > 1)] = (7.0, 8.0)
+    # Coordinates up to 4 are rounded differently here and there.
+    np.testing.assert_allclose(at(values, wrap=wrap, border=(7.0, 8.0)), expected, atol=5e-6)
+
+
+def test_both_ends_belong_to_a_ramp_with_a_border():
+    np.testing.assert_array_equal(at([0.0, 1.0], wrap="border", border=9.0), STOPS[[0, -1]])
+
+
+def test_one_stop_is_the_color_of_everything():
+    odd = np.array([-1.0, 0.0, 0.5, 1.0, np.nan, np.inf, -np.inf], np.float32)
+    for wrap in "clamp", "repeat", "mirror":
+        assert (ramp_lookup(STOPS[1:2], odd, wrap=wrap) == STOPS[1]).all()
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_odd_values_read_no_stop_that_is_not_there(wrap):
+    odd = np.array([np.nan, np.inf, -np.inf, 1e38, -1e38, -1e-45, 1.0], np.float32)
+    same = np.full((3, 1), np.float32(0.1))
+    assert (ramp_lookup(same, odd, wrap=wrap, border=np.float32(0.1)) == np.float32(0.1)).all()
+    assert at([np.nan], wrap=wrap).tolist() == [STOPS[0].tolist()]
+
+
+def test_threads_change_no_ramp_lookup():
+    values = np.random.default_rng(0).random(600_000).astype(np.float32)
+    assert at(values, threads=1).tobytes() == at(values, threads=2).tobytes()
+
+
+def test_wrong_input_of_a_ramp_lookup_is_an_error():
+    with pytest.raises(OptionError, match="stops: the shape"):
+        ramp_lookup(np.zeros(3), np.zeros(2))
+    with pytest.raises(OptionError, match="stops: the shape"):
+        ramp_lookup(np.zeros((0, 3)), np.zeros(2))
+    with pytest.raises(OptionError, match="values: the shape"):
+        ramp_lookup(STOPS, np.zeros((2, 2)))
+    with pytest.raises(OptionError, match="wrap: 'tile'"):
+        ramp_lookup(STOPS, np.zeros(2), wrap="tile")

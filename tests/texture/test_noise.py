@@ -1,0 +1,359 @@
+"""Gradient noise, its octaves and Worley noise against their definitions in plain Python."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from texbake.texture.procedures import evaluate, fractal_sum, signed_noise, turbulence_sum
+from texbake.texture.procedures.noise import WEIGHTS, _SplitMix64, gradients, lattice
+
+BOTH = pytest.mark.parametrize("weight", ["cubic", "quintic"])
+
+
+def random_points(n, seed=0, size=300.0):
+    return np.random.default_rng(seed).uniform(-size, size, (n, 3))
+
+
+def by_definition(point, weight, seed):
+    """Sum over corners of w(u) w(v) w(t) (G . (u, v, t)), one number at a time."""
+    phi = [int(number) for number in lattice(seed).permutation[:256]]
+    slopes = gradients(weight, seed).tolist()
+
+    def falloff(t):
+        t = abs(t)
+        if weight == "cubic":
+            return 2 * t**3 - 3 * t**2 + 1
+        return 1 - (6 * t**5 - 15 * t**4 + 10 * t**3)
+
+    total = 0.0
+    for step in product((0, 1), repeat=3):
+        i, j, k = (math.floor(c) + s for c, s in zip(point, step, strict=True))
+        off = [c - corner for c, corner in zip(point, (i, j, k), strict=True)]
+        index = phi[(i + phi[(j + phi[k % 256]) % 256]) % 256]
+        slope = sum(g * o for g, o in zip(slopes[index], off, strict=True))
+        total += math.prod(map(falloff, off)) * slope
+    return total
+
+
+@BOTH
+@settings(max_examples=60, deadline=None)
+@given(
+    point=st.tuples(*[st.floats(-1e5, 1e5)] * 3),
+    seed=st.integers(-5, 2**70),
+)
+def test_it_is_the_formula(weight, point, seed):
+    # Terms of a weight are up to 15 and cancel: 4e-15 of rounding in each of three factors of
+    # slopes up to 2.5, in the sum here and in the definition.
+    expected = by_definition(point, weight, seed)
+    assert signed_noise([point], weight=weight, seed=seed)[0] == pytest.approx(expected, abs=6e-14)
+
+
+@BOTH
+def test_it_is_0_at_lattice_points(weight):
+    corners = np.random.default_rng(0).integers(-(10**9), 10**9, (2000, 3)).astype(float)
+    assert (signed_noise(corners, weight=weight) == 0.0).all()
+
+
+@BOTH
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_how_smooth_it_is_at_planes_of_the_lattice(weight, axis):
+    """Along an axis it is a polynomial in each cell: fitted exactly, its derivatives compared."""
+    degree = 4 if weight == "cubic" else 6
+    nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+    places = np.random.default_rng(1).uniform(0.2, 0.8, (50, 3)) + 7.0
+    sides = []
+    for offset in (-1.0, 0.0):
+        points = np.repeat(places[:, None], degree + 1, axis=1)
+        points[:, :, axis] = 8.0 + offset + nodes
+        values = signed_noise(points.reshape(-1, 3), weight=weight).reshape(len(places), -1)
+        powers = np.polynomial.polynomial.polyfit(offset + nodes, values.T, degree)
+        sides.append(powers[:3])  # value, slope and half the curvature at the plane
+    jumps = np.abs(sides[0] - sides[1]).max(axis=1)
+    # Rounding of a fit on [0, 1], of a condition of about 1e4 with powers up to 6.
+    assert (jumps[:2] < 1e-10).all()
+    assert (jumps[2] < 1e-10) if weight == "quintic" else (jumps[2] > 0.1)
+
+
+@BOTH
+def test_bounds_mean_and_variance(weight):
+    values = np.concatenate(
+        [signed_noise(random_points(60_000, seed), weight=weight, seed=seed) for seed in range(8)]
+    )
+    known = WEIGHTS[weight]
+    assert np.abs(values).max() <= known.bound
+    assert np.abs(values).max() > 0.7 * known.bound
+    # Eight seeds lie within 3 sigma / sqrt(8) of the mean over seeds: 1 to 2 percent of it.
+    assert (values**2).mean() == pytest.approx(known.variance[1], rel=0.03)
+    assert np.abs(values).mean() == pytest.approx(known.size[1], rel=0.02)
+    # About 5e5 samples of deviation 0.18 or 0.27, and gradients that do not sum to 0 exactly.
+    assert abs(values.mean()) < 0.003
+
+
+def test_variance_of_the_cubic_form_has_a_closed_form():
+    t = (np.arange(10_000) + 0.5) / 10_000
+    w2 = (2 * t**3 - 3 * t**2 + 1) ** 2
+    plain, squared = 2 * w2.mean(), 2 * (w2 * t * t).mean()
+    # Gradients of length 1 and no correlation: a third along each axis. In a plane through lattice
+    # points only its four corners and the slopes along two axes count.
+    expected = (2 * squared * plain / 3, squared * plain * plain)
+    assert WEIGHTS["cubic"].variance == pytest.approx(expected, rel=1e-3)
+
+
+@BOTH
+def test_bound_is_that_of_eight_gradients_that_meet(weight):
+    """The greatest sum over corners of w |o|, or of w max(G . o), over a grid of points."""
+    known, slopes = WEIGHTS[weight], gradients(weight, 0)
+    t = np.linspace(0.0, 1.0, 41)
+    points = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3)
+    total = np.zeros(len(points))
+    for corner in product((0, 1), repeat=3):
+        off = points - corner
+        size = np.abs(off)
+        fall = 2 * size**3 - 3 * size**2 + 1
+        if weight == "quintic":
+            fall = 1 - size**3 * (6 * size**2 - 15 * size + 10)
+        reach = np.linalg.norm(off, axis=1)
+        if weight == "quintic":
+            reach = (off @ slopes[:16].T).max(axis=1)
+        total += fall.prod(axis=1) * reach
+    # A grid of 1/40 misses a smooth maximum by a curvature of about 5, times (1/80)^2 / 2.
+    assert known.bound - 1e-3 < total.max() <= known.bound + 1e-12
+
+
+@BOTH
+def test_it_repeats_after_256_cells_and_far_out(weight):
+    points = np.random.default_rng(0).integers(-500, 500, (500, 3)) / 16.0
+    here = signed_noise(points, weight=weight)
+    assert np.abs(here).max() > 0.2
+    # Sixteenths stay exact up to 2^49.
+    for far in (256.0, -256.0, 256.0 * 4_000_000, -(2.0**40), 2.0**48):
+        np.testing.assert_array_equal(signed_noise(points + far, weight=weight), here)
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e300, -(2.0**51)])
+def test_coordinates_that_are_not_finite_count_as_0(odd):
+    points = random_points(50)
+    for axis in range(3):
+        with_odd, with_0 = points.copy(), points.copy()
+        with_odd[:, axis], with_0[:, axis] = odd, 0.0
+        np.testing.assert_array_equal(signed_noise(with_odd), signed_noise(with_0))
+
+
+def test_two_coordinates_are_the_plane_z_0():
+    points = random_points(200)
+    points[:, 2] = 0.0
+    np.testing.assert_array_equal(signed_noise(points), signed_noise(points[:, :2]))
+
+
+@BOTH
+def test_seeds_differ_and_repeat(weight):
+    points = random_points(2000)
+    values = [signed_noise(points, weight=weight, seed=seed) for seed in (0, 1, -1, 0, 2**64)]
+    np.testing.assert_array_equal(values[0], values[3])
+    np.testing.assert_array_equal(values[0], values[4])
+    # Independent: 2000 samples leave a correlation of 1 / sqrt(2000) = 0.02 by chance.
+    assert abs(np.corrcoef(values[0], values[1])[0, 1]) < 0.1
+    assert abs(np.corrcoef(values[0], values[2])[0, 1]) < 0.1
+
+
+def test_the_generator_gives_the_published_numbers():
+    random = _SplitMix64(1234567)
+    assert [random._next() for _ in range(3)] == [
+        6457827717110365317, 3203168211198807973, 9817491932198370423,
+    ]  # fmt: skip
+
+
+def test_tables_are_what_they_say():
+    tables = lattice(3)
+    np.testing.assert_array_equal(np.sort(tables.permutation[:256]), np.arange(256))
+    np.testing.assert_array_equal(tables.permutation[256:], tables.permutation[:256])
+    np.testing.assert_allclose(np.linalg.norm(tables.sphere, axis=1), 1.0, rtol=1e-15)
+    assert {tuple(sorted(map(abs, row))) for row in tables.edges.tolist()} == {(0.0, 1.0, 1.0)}
+    assert len(np.unique(tables.edges, axis=0)) == 12
+    assert tables.places.min() >= 0.0
+    assert tables.places.max() < 1.0
+    # 256 unit vectors even over the sphere: their mean is about 1 / 16 long.
+    assert np.linalg.norm(tables.sphere.mean(axis=0)) < 0.2
+
+
+@pytest.fixture
+def points():
+    return np.random.default_rng(0).uniform(-50.0, 50.0, (20_000, 3))
+
+
+def test_fractal_and_turbulence_are_their_sums(points):
+    shift = np.array([37, 17, 59])
+    expected = sum(signed_noise(points * 2.0**i + i * shift, seed=5) / 2.0**i for i in range(6))
+    np.testing.assert_allclose(fractal_sum(points, seed=5), expected, atol=1e-15)
+    expected = sum(np.abs(signed_noise(points * 2.0**i, seed=5)) / 2.0**i for i in range(6))
+    np.testing.assert_allclose(turbulence_sum(points, seed=5), expected, atol=1e-15)
+
+
+def test_octaves_of_a_fractal_do_not_add_up_about_the_origin():
+    """Next to the origin the slopes of all octaves are those of six different lattice points."""
+    steps = 1e-6 * np.eye(3)
+    for seed in range(5):
+        shift = np.array([37, 17, 59])
+        slopes = [signed_noise(steps + i * shift, seed=seed) / 1e-6 for i in range(6)]
+        assert np.linalg.norm(np.sum(slopes, axis=0)) < 4.8  # 6 where they are all the same
+        found = fractal_sum(steps, seed=seed) / 1e-6
+        # Second-order terms of noise, 1e-6 times curvatures that double with each octave.
+        np.testing.assert_allclose(found, np.sum(slopes, axis=0), atol=1e-3)
+
+
+def test_lacunarity_and_gain(points):
+    expected = signed_noise(points) + 0.7 * signed_noise(points * 1.9 + np.array([37, 17, 59]))
+    found = fractal_sum(points, octaves=2, lacunarity=1.9, gain=0.7)
+    np.testing.assert_allclose(found, expected, atol=1e-15)
+    np.testing.assert_array_equal(fractal_sum(points, gain=0.0), signed_noise(points))
+
+
+@pytest.mark.parametrize("weight", ["cubic", "quintic"])
+def test_values_of_octaves_are_the_sums_scaled_to_0_and_1(points, weight):
+    bound = WEIGHTS[weight].bound
+    size = bound * sum(0.25**i for i in range(6)) ** 0.5
+    pairs = [
+        ("noise", 0.5 + signed_noise(points, weight=weight) / (2 * bound)),
+        ("fractal", 0.5 + fractal_sum(points, weight=weight) / (2 * size)),
+        ("turbulence", turbulence_sum(points, weight=weight) / size),
+    ]
+    for name, expected in pairs:
+        found = evaluate(name, points, parameters={"weight": weight})
+        np.testing.assert_allclose(found[:, 0], np.clip(expected, 0, 1), atol=1e-7)
+
+
+def test_octaves_keep_a_quarter_cell_per_pixel_and_fade_to_the_mean_at_one(
+    points,
+):
+    np.testing.assert_array_equal(
+        signed_noise(points, np.full(len(points), 0.25)), signed_noise(points)
+    )
+    assert (signed_noise(points, np.ones(len(points))) == 0.0).all()
+    size = WEIGHTS["cubic"].size[1]
+    faded = turbulence_sum(points, np.full(len(points), np.inf), octaves=3)
+    np.testing.assert_allclose(faded, size * 1.75, rtol=1e-12)
+
+
+def test_octaves_fade_from_the_finest(points):
+    """In a pixel of half a unit the octaves of 1/2 unit and finer are gone; the others are not."""
+    width = np.full(len(points), 0.5)
+    kept = 1.0 - (lambda t: t * t * (3.0 - 2.0 * t))((0.5 - 0.25) / 0.75)
+    np.testing.assert_allclose(fractal_sum(points, width), kept * signed_noise(points), atol=1e-15)
+
+
+@pytest.mark.parametrize("n_columns", [2, 3])
+@pytest.mark.parametrize("weight", ["cubic", "quintic"])
+@pytest.mark.parametrize("name", ["noise", "fractal", "turbulence"])
+def test_means_of_octaves_do_not_change_with_the_pixel(points, name, weight, n_columns):
+    plain = evaluate(name, points[:, :n_columns], parameters={"weight": weight}).mean()
+    for width in (0.1, 0.5, 10.0):
+        filtered = evaluate(
+            name, points[:, :n_columns], np.full(len(points), width), parameters={"weight": weight}
+        ).mean()
+        # One seed differs from the mean of all by up to 5 percent of a mean of 0.3, in the plane.
+        assert filtered == pytest.approx(plain, abs=0.015)
+
+
+@pytest.mark.parametrize("width", [0.3, 0.5, 0.8])
+def test_fading_is_between_the_point_and_the_mean_of_the_pixel(width):
+    """Against a mean over the pixel's square in a tilted plane: never more contrast than that."""
+    rng = np.random.default_rng(2)
+    centers = rng.uniform(-100, 100, (2000, 3))
+    across = rng.normal(size=(2000, 3))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    up = np.cross(across, rng.normal(size=(2000, 3)))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    steps = width * ((np.arange(8) + 0.5) / 8 - 0.5)
+    grid = (
+        centers[:, None, None]
+        + steps[:, None, None] * across[:, None, None]
+        + steps[:, None] * up[:, None, None]
+    )
+    exact = signed_noise(grid.reshape(-1, 3)).reshape(2000, 64).mean(axis=1)
+    faded = signed_noise(centers, np.full(2000, width))
+    assert np.std(faded) < 1.05 * np.std(exact)
+    assert np.corrcoef(faded, exact)[0, 1] > 0.95
+    if width <= 0.5:  # closer to the mean over the pixel than the point itself
+        assert np.abs(faded - exact).mean() < 0.2 * np.abs(exact).mean()
+
+
+def test_invalid_widths_count_as_0(points):
+    plain = signed_noise(points)
+    for odd in (0.0, -1.0, np.nan, -np.inf):
+        np.testing.assert_array_equal(signed_noise(points, np.full(len(points), odd)), plain)
+
+
+def test_signed_sums_check_their_parameters():
+    with pytest.raises(ValueError, match=r"fractal\.octave: it is not a parameter"):
+        fractal_sum([[0.0, 0.0, 0.0]], octave=3)
+
+
+def brute_force(points, jitter, seed, reach=4):
+    """Distances to the two nearest points of all cells within `reach`, by the definition."""
+    n_dimensions = points.shape[1]
+    tables = lattice(seed)
+    steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * n_dimensions), axis=-1)
+    cells = np.floor(points)[:, None] + steps.reshape(-1, n_dimensions)
+    index = np.zeros(cells.shape[:2], int)
+    for axis in reversed(range(n_dimensions)):
+        at = (cells[..., axis] + index) % 256
+        # In the plane the chain begins with phi(j), as it does where phi(k) is 0.
+        index = tables.permutation[at.astype(int)].astype(int)
+    places = 0.5 + jitter * (tables.places[index, :n_dimensions] - 0.5)
+    distances = np.linalg.norm(cells + places - points[:, None], axis=2)
+    return np.sort(distances, axis=1)[:, :2].T
+
+
+@pytest.mark.parametrize("n_dimensions", [2, 3])
+@pytest.mark.parametrize("jitter", [1.0, 0.4, 0.0])
+def test_worley_finds_the_two_nearest_of_all_points(n_dimensions, jitter):
+    points = np.random.default_rng(0).uniform(-300, 300, (800, n_dimensions))
+    nearest, second = brute_force(points, jitter, seed=6)
+    parameters = {"jitter": jitter, "seed": 6}
+    f1 = evaluate("worley", points, parameters=parameters)[:, 0]
+    border = evaluate("worley", points, parameters=parameters | {"feature": "f2-f1"})[:, 0]
+    np.testing.assert_allclose(f1, np.minimum(nearest, 1.0), atol=1e-6)
+    np.testing.assert_allclose(border, np.minimum(second - nearest, 1.0), atol=1e-6)
+
+
+def test_worley_without_jitter_points_are_the_middles_of_cells():
+    points = np.random.default_rng(0).uniform(-9, 9, (500, 3))
+    expected = np.linalg.norm(points - np.floor(points) - 0.5, axis=1)
+    found = evaluate("worley", points, parameters={"jitter": 0.0})[:, 0]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_worley_is_continuous_across_cells():
+    rng = np.random.default_rng(0)
+    before = rng.uniform(-9, 9, (3000, 3))
+    before[:, 0] = np.floor(before[:, 0])
+    step = np.array([1e-9, 0.0, 0.0])
+    for feature in ("f1", "f2-f1"):
+        sides = [
+            evaluate("worley", before + side, parameters={"feature": feature})
+            for side in (step, -step)
+        ]
+        # A distance changes by at most the way; float32 rounding of values up to 1.
+        np.testing.assert_allclose(*sides, atol=2e-7)
+
+
+@pytest.mark.parametrize("feature", ["f1", "f2-f1"])
+@pytest.mark.parametrize("n_dimensions", [2, 3])
+def test_worley_wide_pixels_are_the_mean(feature, n_dimensions):
+    points = np.random.default_rng(1).uniform(-200, 200, (40_000, n_dimensions))
+    parameters = {"feature": feature}
+    plain = evaluate("worley", points, parameters=parameters)
+    wide = evaluate("worley", points, np.full(len(points), 5.0), parameters=parameters)
+    assert np.ptp(wide) == 0.0
+    # Means of 40,000 and of 16,384 points with deviations up to 0.2: 0.002 each; three of them.
+    assert wide[0, 0] == pytest.approx(plain.mean(), abs=0.006)
+
+
+def test_worley_far_out_is_the_same_pattern():
+    points = np.random.default_rng(0).integers(-500, 500, (300, 3)) / 16.0
+    here = evaluate("worley", points)
+    np.testing.assert_array_equal(evaluate("worley", points + 256.0 * 4_000_000), here)
+    np.testing.assert_array_equal(evaluate("worley", points - 256.0 * 4_000_000), here)
