@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -22,8 +23,8 @@ finally:
     sys.path.remove(str(DOCS))
 
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])
+MADE = reference.pages()
 WITH_COMMANDS = [page for page in PAGES if commands.commands_of(page)]
-# The samples are the subject of this tutorial; all others work on meshes made below.
 LONGEST_SIDE = 128  # texels or pixels: what a page asks for is made smaller here
 NEVER_ENDS = {"watch"}
 
@@ -158,6 +159,19 @@ def test_tutorials_show_pictures_that_their_commands_draw():
             )
 
 
-@pytest.mark.parametrize("page", reference.pages(), ids=name_of)
+@pytest.mark.parametrize("page", MADE, ids=name_of)
 def test_the_reference_is_what_the_program_says(page):
-    assert page.read_text("utf-8") == reference.pages()[page], "run: python docs/reference.py"
+    assert page.read_text("utf-8") == MADE[page], "run: python docs/reference.py"
+
+
+def test_the_site_is_built_without_a_warning(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    done = subprocess.run(
+        [*command, "-f", DOCS / "mkdocs.yml", "-d", tmp_path],
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "reference" / "commands" / "index.html").exists()
