@@ -48,10 +48,10 @@ from texbake.rendering.effects.surfaces import DISPLACEMENT, PLACING
 from texbake.rendering.effects.transparency import LAYERS, TRANSPARENCY
 
 EFFECTS: tuple[Effect, ...] = (
-    # Where surfaces are; what is seen is found after these.
+    # Place the surfaces. Visibility is computed after these.
     PLACING,
     DISPLACEMENT,
-    # What they need once a scene or picture.
+    # Resources that are loaded once per scene or prepared once per picture.
     LAYERS,
     OCCLUSION_PICTURE,
     LIGHTS,
@@ -63,7 +63,7 @@ EFFECTS: tuple[Effect, ...] = (
     IRRADIANCE,
     PREFILTERED_ENVIRONMENT,
     RENDERED_ENVIRONMENT,
-    # Where fragments lie.
+    # Geometry of the fragments.
     POSITIONS,
     SHADOWS,
     VIEW_DIRECTIONS,
@@ -74,14 +74,14 @@ EFFECTS: tuple[Effect, ...] = (
     PROCEDURES,
     VERTEX_NORMALS,
     PARALLAX,
-    # What they are made of.
+    # Material values.
     SLOTS,
     PROJECTED_TEXTURES,
     NORMALS,
     TANGENTS,
     NORMAL_MAP,
     BUMP_MAP,
-    # The light that leaves them.
+    # Reflected and emitted light.
     UNLIT,
     AMBIENT_OCCLUSION,
     AMBIENT,
@@ -96,6 +96,6 @@ EFFECTS: tuple[Effect, ...] = (
     EMISSION,
     FOG,
     TRANSPARENCY,
-    # In place of all that.
+    # Shows a buffer instead of a shaded picture.
     BUFFER,
 )

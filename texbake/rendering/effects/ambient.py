@@ -1,12 +1,12 @@
 """Ambient light, ambient occlusion, emission and light maps.
 
-Ambient light is the base color times the light from above and below, weighted by how far the normal
-points up; times the base color for metals too, in place of what they would reflect. Emission adds
-its slot. A light map adds its slot times the color that a surface scatters.
+Ambient light is the base color times a blend of the light from above and from below, weighted by
+how far the normal points up. Metals use their base color too, instead of a reflection. Emission
+adds the value of its slot. A light map adds the value of its slot times the diffuse color.
 
-Ambient occlusion is two effects: a picture of how much of the light from everywhere the surfaces
-nearby hold back, from the depths that the camera sees; and its share for each fragment, by which
-ambient and environment light are multiplied. The algorithm is described in
+Ambient occlusion is two effects. The first computes a screen-space picture of the occlusion by
+nearby surfaces from the camera's depths. The second looks up the unoccluded share for each fragment
+and multiplies ambient and environment light by it. The algorithm is described in
 `texbake.rendering.kernels.occlusion`.
 """
 
@@ -35,10 +35,10 @@ from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Ambient
 from texbake.texture.image import FloatImage
 
-# Radius where none is given, in half the diagonal of what the picture is of.
+# Default radius, as a share of half the diagonal of the scene's bounding box.
 _RADIUS = 0.2
 
-# Rows of pixels a band.
+# Rows of pixels per band.
 _ROWS = 16
 
 
@@ -61,7 +61,7 @@ def _occlusion_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
 
 
 def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
-    """(H, W) float32: share of light from everywhere that arrives at each pixel's surface."""
+    """(H, W) float32: unoccluded share of ambient light at each pixel's surface."""
     occlusion = state.scene.lighting.occlusion
     assert occlusion is not None
     visibility, world, camera = state.visible.visibility, state.world, state.camera
@@ -139,7 +139,7 @@ def _ambient_needs(request: RenderRequest, target: Target) -> Iterator[str]:
 
 
 def arriving_share(fragments: Fragments) -> Floats:
-    """(n or 1,) float32: share of ambient light that neither the scene nor a map holds back."""
+    """(n or 1,) float32: share of ambient light that is not occluded by the scene or by a map."""
     occlusion = fragments.values.occlusion
     if occlusion is None:
         return fragments.ambient_share
@@ -151,20 +151,20 @@ def arriving_share(fragments: Fragments) -> Floats:
 def add_ambient(
     ambient: Ambient, up: str, normals: Floats | None, base: Floats, share: Floats, light: Floats
 ) -> None:
-    """Add ambient light, as a surface scatters it, to the light that leaves points.
+    """Add the ambient light that a diffuse surface reflects to the outgoing light of points.
 
     Parameters
     ----------
     ambient
         Light from above and below.
     up
-        Axis of the world that is up: `y` or `z`.
+        Up axis of the world: `y` or `z`.
     normals : (n, 3) float32
-        Unit vectors; None is enough where both lights are the same.
+        Unit vectors; may be None if the light from above and from below is the same.
     base : (n or 1, 3) float32
         Base color.
     share : (n or 1,) float32
-        How much of it arrives.
+        Unoccluded share of the ambient light.
     light : (n, 3) float32
         Added to in place.
     """

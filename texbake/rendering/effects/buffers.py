@@ -1,7 +1,7 @@
-"""Buffers of the renderer as pictures: what it knows at each pixel before anything is lit.
+"""Buffers of the renderer shown as pictures: depth, normals, texture coordinates and so on.
 
-One effect, with a picture for each name of `texbake.rendering.options.BUFFERS`. Nothing is shaded
-for it. Colors are those of the file: a normal n is shown as the code (n + 1) / 2.
+A single effect draws every buffer of `texbake.rendering.options.BUFFERS`, without any shading. Its
+colors are written to the file unchanged: a normal n is shown as the code (n + 1) / 2.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.sample import mip_levels
 
-# Texels a side of the texture that `texel-grid` and `mip-level` show where there is none.
+# Width of the texture that `texel-grid` and `mip-level` assume for a material without one.
 _TEXELS = 1024
-# Triangles on one sample from which on `overdraw` stays the brightest.
+# Number of triangles on one sample at which `overdraw` reaches full brightness.
 _MOST_TRIES = 16
-# Half a turn times the golden ratio: hues of neighbors lie far apart, however many there are.
+# The golden angle in degrees: consecutive hues are far apart, however many there are.
 _NEXT_HUE = 137.50776405
 
 
@@ -57,7 +57,7 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
 
 
 def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
-    """Return the nearest and farthest distance for `depth`, or the triangles on each sample.
+    """Compute the range of distances for `depth`, or the triangles per sample for `overdraw`.
 
     They are those of the whole picture, and kept for the first object that is seen.
     """
@@ -99,7 +99,7 @@ def _normals(fragments: Fragments, state: RenderState) -> Floats:
 
 
 def _uv(fragments: Fragments, state: RenderState) -> Floats:
-    """U as red, v as green, each within its tile."""
+    """Texture coordinates: u as red, v as green, each within its tile."""
     assert fragments.uvs is not None
     shown = np.zeros((len(fragments), 3))
     shown[:, :2] = fragments.uvs - np.floor(fragments.uvs)
@@ -107,7 +107,7 @@ def _uv(fragments: Fragments, state: RenderState) -> Floats:
 
 
 def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Floats]:
-    """(n, 2): place in texels of the base color's image; (n,): level that a pixel asks for."""
+    """(n, 2): position in texels of the base color's image; (n,): mip level of the pixel."""
     at, changes, width, height = fragments.uvs, fragments.uv_changes, _TEXELS, _TEXELS
     assert at is not None and changes is not None
     if _has_image(state.request, fragments.target):
@@ -119,7 +119,7 @@ def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Float
 
 
 def _mip_level(fragments: Fragments, state: RenderState) -> Floats:
-    """A hue for each level, mixed between two; gray where the texture is magnified."""
+    """A hue for each mip level, blended between levels; gray where the texture is magnified."""
     _, levels = _texels(fragments, state)
     shown = np.clip(levels, 0.0, 30.0)
     chroma = np.where(levels < 0.0, 0.0, 0.14)
@@ -127,7 +127,7 @@ def _mip_level(fragments: Fragments, state: RenderState) -> Floats:
 
 
 def _overdraw(fragments: Fragments, state: RenderState) -> Floats:
-    """Brighter the more triangles lie on the pixel's middle, up to 16."""
+    """Number of triangles that cover the pixel's center, brightest from 16 on."""
     tries = state.of(BUFFER_RANGES, min(state.visible.objects))
     side = state.options.supersampling
     columns, rows = (fragments.places.T * side).astype(np.int64)
@@ -140,10 +140,10 @@ def _object_id(fragments: Fragments, state: RenderState) -> Floats:
 
 
 def _texel_grid(fragments: Fragments, state: RenderState) -> Floats:
-    """Texels as a fine checker; gray where they are smaller than a pixel."""
+    """A checkerboard of texels; gray where they are smaller than a pixel."""
     texels, levels = _texels(fragments, state)
     odd = (np.floor(texels).sum(axis=1) % 2.0).astype(np.float32)
-    # Fades from texels of two pixels to texels of one.
+    # Fades out between texels of two pixels and texels of one pixel.
     sharp = np.clip(-levels, 0.0, 1.0)
     return _gray(0.5 + (odd - 0.5) * 0.7 * sharp)
 

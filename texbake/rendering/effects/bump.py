@@ -1,28 +1,28 @@
-"""Bump maps: a height d over the surface that tilts its normal, or only shades as though it did.
+"""Bump maps: a height d over the surface that tilts its normal, or embosses its shading.
 
-With P(u, v) the surface and N its unit normal, d moves it to P' = P + d N. Its normal there is that
-of P'_u x P'_v with
+With P(u, v) the surface and N its unit normal, the bumped surface is P' = P + d N. Its normal is
+the direction of P'_u x P'_v, with
 
     P'_u = P_u + d_u N + d N_u,    P'_v = P_v + d_v N + d N_v.
 
-`exact` is that cross product. `blinn` leaves out d N_u and d N_v, small where the surface is bent
-little over a height of d, which gives (P_u x P_v) + d_u (N x P_v) - d_v (N x P_u). On a plane both
-are the same. N is the shading normal that was there before, of the mesh or of a normal map; a flat
-d leaves it as it is.
+`exact` is that cross product. `blinn` drops d N_u and d N_v, which are small where d is small
+compared to the radius of curvature; this gives (P_u x P_v) + d_u (N x P_v) - d_v (N x P_u). On a
+plane both forms agree. N is the shading normal of the mesh or of a normal map; a constant d leaves
+it unchanged.
 
-d_u and d_v are central differences of the height, one texel apart, or one pixel where that is more:
-within a texel the height is linear, so that shorter steps would show the texels as facets. A
-procedure in space has no texture coordinates: there u and v are lengths along the triangle, and the
-step is a pixel.
+d_u and d_v are central differences of the height. The step is one texel or one pixel, whichever is
+larger: within a texel the height is linear, so shorter steps would show the texels as facets. A
+procedure in space has no texture coordinates; there u and v are lengths along the triangle, and the
+step is one pixel.
 
-`emboss` leaves the normal alone. To the diffuse light of every lamp it adds, per unit of light,
-f(u + L_u, v + L_v) - f(u - L_u, v - L_v), where (L_u, L_v) is the way that the light takes along
-the surface, as far as half a step of those differences. Divided by the length of that way it is the
-slope of d along the light: what to first order the tilted normal would add to N·L. Sides turned
-away from a lamp get nothing, and shine is not embossed.
+`emboss` leaves the normal unchanged. For each lamp it adds to the diffuse light, per unit of light,
+f(u + L_u, v + L_v) - f(u - L_u, v - L_v), where (L_u, L_v) is the direction of the light along the
+surface, scaled to half a step. Divided by its length this is the slope of d along the light, which
+is to first order what the tilted normal would add to N·L. Sides turned away from a lamp get
+nothing, and specular highlights are not embossed.
 
-Where a triangle has no area, in space or on the texture, nothing is tilted. Seen from behind, hills
-are hollows.
+Triangles without area, in space or on the texture, keep their normals. Seen from behind, bumps are
+dents.
 
 Based on: Blinn, "Simulation of wrinkled surfaces", SIGGRAPH 1978; Schlag, "Fast embossing effects
 on raster image data", Graphics Gems IV, 1994; Mikkelsen, "Bump mapping unparametrized surfaces on
@@ -63,18 +63,18 @@ _NAME = "bump_map.texture"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BumpSurface:
-    """A surface in its object's space, by corners of its faces once placed.
+    """A surface in its object's space, indexed by the face corners of the placed mesh.
 
     Attributes
     ----------
     positions, faces : (V, 3) float64, (F, 3) int32
     normals, normal_faces : (N, 3) float64, (F, 3) int32
     steps : (F, 4) float64
-        Growth of the weights for one more u, then v.
+        Growth of the barycentric weights per unit of u, then of v.
     to_object, to_world : (3, 3) float64
-        What takes normals there and back, up to their length.
+        Transform normals to object space and back, up to their length.
     directions_to_object : (3, 3) float64
-        What takes directions there.
+        Transforms directions to object space.
     """
 
     positions: FloatArray
@@ -88,12 +88,12 @@ class BumpSurface:
 
     @property
     def n_bytes(self) -> int:
-        """Memory that nothing else holds."""
+        """Memory in bytes, without arrays shared with the mesh."""
         return self.steps.nbytes
 
 
 def is_over_uvs(holder: BumpMap) -> bool:
-    """Whether d is a function of texture coordinates and not of the point in space."""
+    """Whether d depends on texture coordinates rather than on the point in space."""
     return isinstance(holder.texture, ImageTexture) or holder.texture.space == "uv"
 
 
@@ -106,7 +106,7 @@ def bump_of(request: RenderRequest, target: Target) -> BumpMap:
 
 
 def bump_surface(state: RenderState, target: Target) -> BumpSurface:
-    """Surface of an object with a bump map, for any camera."""
+    """Prepare the surface of an object with a bump map; it does not depend on the camera."""
     assert target is not None
     item = state.scene.objects[target]
     mesh = state.drawn(target).mesh
@@ -136,7 +136,7 @@ def bump_surface(state: RenderState, target: Target) -> BumpSurface:
 
 
 def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface) -> FloatArray:
-    """(n, 2) float64: how far apart d is looked up along u, and along v."""
+    """(n, 2) float64: step of the central differences of d along u and v."""
     holder = bump_of(state.request, fragments.target)
     if not is_over_uvs(holder):
         steps = np.empty((len(fragments), 2))
@@ -150,7 +150,7 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
         return np.asarray(pixels)
     image = image_of(state, fragments.target, _NAME)
     turn = np.eye(2) if image.turn is None else image.turn
-    # Texels that one more u, and one more v, are.
+    # Texels per unit of u and of v.
     scales = np.linalg.norm(turn * [[image.chain.width], [image.chain.height]], axis=0)
     texels = np.divide(1.0, scales, out=np.zeros(2), where=scales > 0.0)
     return np.asarray(np.maximum(pixels, texels))
@@ -159,7 +159,7 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
 def heights_at(
     fragments: Fragments, state: RenderState, surface: BumpSurface, shifts: FloatArray
 ) -> FloatArray:
-    """(n,) float64: d some way (n or 1, 2) in (u, v) from fragments, in units of the object."""
+    """(n,) float64: d at fragments shifted by (n or 1, 2) in (u, v), in units of the object."""
     holder = bump_of(state.request, fragments.target)
     texture = holder.texture
     if is_over_uvs(holder):
@@ -179,7 +179,7 @@ def heights_at(
 def kernel_arrays(
     fragments: Fragments, surface: BumpSurface
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return a surface and fragments on it as the kernels take them."""
+    """Return the arrays that kernels take for a surface and for the fragments on it."""
     return (
         (
             surface.positions, surface.faces, surface.normals, surface.normal_faces, surface.steps,
@@ -242,7 +242,7 @@ def _bump(fragments: Fragments, state: RenderState) -> None:
 
 
 def _over(rises: FloatArray, steps: FloatArray) -> FloatArray:
-    """Rises over steps; no slope where there is no step."""
+    """Rises divided by steps; 0 where the step is 0."""
     return np.divide(rises, steps, out=np.zeros_like(rises), where=steps > 0.0)
 
 

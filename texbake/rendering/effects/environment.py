@@ -1,8 +1,8 @@
-"""The environment: what lies infinitely far around, as what is seen behind and what lights.
+"""The environment at infinite distance, as background and as image-based light.
 
-Five effects: the environment as a cube map; the picture behind all surfaces;
-its light gathered by normal; the same blurred by roughness; and that light on surfaces, diffuse for
-all and mirrored for metallic-roughness.
+Five effects: the environment as a cube map, the background picture, its irradiance for each normal,
+its prefiltered levels for each roughness, and the light it casts on surfaces (diffuse for all, plus
+specular for metallic-roughness).
 
 Based on: Greene, "Environment mapping and other applications of world projections", 1986; Karis,
 "Real Shading in Unreal Engine 4", 2013, for the split of the mirrored part in two.
@@ -40,18 +40,18 @@ from texbake.texture.cube_map import CubeChain, CubeMap
 from texbake.texture.image import FloatImage
 from texbake.texture.prefilter import irradiance, specular_levels, split_sum_table
 
-# Of the prefiltered environment: texels a side of its sharpest level, and how many levels.
+# Prefiltered environment: width in texels of a face of its sharpest level, and number of levels.
 _SPECULAR_SIZE = 256
 
 _LEVELS = 6
 
-# Rows of pixels a band.
+# Rows of pixels per band.
 _ROWS = 32
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedEnvironment:
-    """A cube map, and the turn from world directions to its own."""
+    """A cube map with the rotation from world space to its own."""
 
     chain: CubeChain
     turn: FloatArray
@@ -62,14 +62,14 @@ class PlacedEnvironment:
         return self.chain.texels.nbytes
 
     def look(self, directions: Floats, levels: Floats | None = None) -> Floats:
-        """(n, 3) float32: light that comes from world directions (n, 3)."""
+        """(n, 3) float32: light from directions (n, 3) in world space."""
         turned = np.ascontiguousarray(directions @ self.turn.T.astype(np.float32))
         kind = "bilinear" if levels is None else "trilinear"
         return sample_cube(self.chain, turned, levels, filter=kind, threads=1)
 
 
 def turn_of(environment: Environment, up: str) -> FloatArray:
-    """(3, 3): world directions to those of the environment's image, whose up is +y."""
+    """(3, 3): rotation from world directions to those of the environment's image (+y up)."""
     radians = math.radians(environment.rotate)
     sine, cosine = math.sin(radians), math.cos(radians)
     about_up = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
@@ -118,7 +118,7 @@ def _background_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
 
 
 def _background(state: RenderState, target: Target) -> FloatImage:
-    """(H, W, 3): the environment at pixels that some surface does not fill; 0 at others."""
+    """(H, W, 3): the environment at pixels not fully covered by a surface; 0 elsewhere."""
     height, width = state.options.height, state.options.width
     side = state.options.supersampling
     environment = state.of(ENVIRONMENT_MAP)
@@ -158,7 +158,7 @@ def _load_irradiance(state: RenderState, target: Target) -> PlacedEnvironment:
 
 
 def _load_levels(state: RenderState, target: Target) -> PlacedEnvironment:
-    """Level i for the roughness i / (levels - 1)."""
+    """Prefilter the environment; level i is for the roughness i / (levels - 1)."""
     environment = state.of(ENVIRONMENT_MAP)
     size = min(_SPECULAR_SIZE, environment.chain.size)
     chain = specular_levels(

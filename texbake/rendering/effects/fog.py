@@ -1,8 +1,8 @@
-"""Fog: light fades into the fog's color with the distance from the eye.
+"""Fog: light fades into the fog's color with the distance from the camera.
 
-What is left of a surface's light after the distance d is (end - d) / (end - start) for `linear`
-fog, exp(-density d) for `exp` and exp(-(density d)^2) for `exp2`. What lies infinitely far behind
-all surfaces has faded altogether, so that a scene with fog shows no environment there.
+At the distance d the share (end - d) / (end - start) of a surface's light remains for `linear` fog,
+exp(-density d) for `exp`, and exp(-(density d)^2) for `exp2`. The background is infinitely far
+away and has faded completely, so a scene with fog does not show its environment there.
 """
 
 from __future__ import annotations

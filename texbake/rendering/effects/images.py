@@ -1,8 +1,7 @@
-"""Images of materials: read once, with mip levels where a filter needs them.
+"""Images of materials: each is read once, with mip levels if its filter needs them.
 
-Two effects: one reads every image that the shading of an object looks up; the other makes the mip
-levels of images whose filter is trilinear, EWA or the supersampled reference. `look_up` returns the
-values.
+Two effects: one reads the images that the shading of an object looks up, the other makes mip levels
+for images whose filter is trilinear, EWA or the supersampled reference. `look_up` samples them.
 """
 
 from __future__ import annotations
@@ -37,14 +36,14 @@ from texbake.texture.image import FloatImage
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 from texbake.texture.sample import sample
 
-# Slots that hold colors, of three channels; the others hold numbers.
+# Slots that hold colors with three channels; the others hold single numbers.
 COLOR_SLOTS = ("base_color", "specular", "emission", "light_map", "reflection.strength",
                "refraction.strength")  # fmt: skip
-# How far out of the unit square a coordinate may be by the rounding of float32 files.
+# How far rounding in float32 files may put a coordinate outside the unit square.
 _ROUNDING = 1e-6
 
 
-# File or array, and how its values are read.
+# The file or array, and how its values are read.
 Origin = tuple[Any, ...]
 
 
@@ -55,18 +54,19 @@ class LoadedImage:
     Attributes
     ----------
     chain : MipChain
-        Its only level, or all of them.
+        Level 0 alone, or all mip levels.
     kind : str
-        What its levels are made as: `color`, `data` or `normal`.
+        How its mip levels are computed: as `color`, `data` or `normal`.
     filter, wrap : str
     turn, offset : optional
-        (2, 2) and (2,): coordinates of the mesh to those of the image; None where they are equal.
+        (2, 2) and (2,): transform texture coordinates of the mesh to those of the image; None if
+        they are equal.
     space : str
-        Of a normal map.
+        Space of a normal map.
     origin : tuple, optional
-        What its texels come from: images of equal origins have the same.
+        Source of the texels; images of equal origin have equal texels.
     is_shared : bool
-        Whether they are in memory once for it and another image.
+        Whether another image holds the same texels in memory.
     """
 
     chain: MipChain
@@ -88,7 +88,7 @@ class LoadedImage:
 
     @cached_property
     def limits(self) -> tuple[Floats, Floats]:
-        """(C,) and (C,): least and greatest value of each channel."""
+        """(C,) and (C,): minimum and maximum of each channel."""
         return self.chain.texels.min(axis=0), self.chain.texels.max(axis=0)
 
 
@@ -127,7 +127,7 @@ def _loaded(
     texture: ImageTexture,
     others: Iterable[Mapping[str, LoadedImage]],
 ) -> LoadedImage:
-    """Return an image; it shares the texels of another image of the same origin."""
+    """Load an image; images of the same origin share their texels."""
     origin = _origin(state, target, name, texture)
     alike = (image for images in others for image in images.values() if image.origin == origin)
     known = next(alike, None)
@@ -167,10 +167,10 @@ def placed_image(
     name: str,
     space: str = "",
 ) -> LoadedImage:
-    """Return a texture with its texels and how they are looked up; only level 0.
+    """Read a texture as an image of level 0 with its filter, wrap mode and transform.
 
-    `uvs` are the coordinates that decide how it goes on outside the unit square where the texture
-    does not say; `name` is what messages call it.
+    If the texture sets no wrap mode, it follows from the texture coordinates `uvs`. Messages call
+    the texture `name`.
     """
     n_channels = pixels.shape[2]
     radians = math.radians(texture.rotate)
@@ -220,9 +220,9 @@ def _spread(value: float | tuple[float, ...], n_channels: int, name: str) -> Flo
 
 
 def wrap_of(uvs: FloatArray | None) -> str:
-    """How maps go on outside the unit square: "repeat" where coordinates leave it, else "clamp".
+    """Choose a wrap mode: "repeat" if coordinates leave the unit square, else "clamp".
 
-    Clamping keeps the opposite borders of a map from mixing within half a texel of them.
+    Clamping keeps opposite borders of a map from blending within half a texel.
     """
     if uvs is None or len(uvs) == 0:
         return "clamp"
@@ -243,7 +243,7 @@ def _mips_need(request: RenderRequest, target: Target) -> tuple[str, ...]:
 
 
 def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
-    """Return the images that have mip levels, with all of them."""
+    """Make the mip levels of the images whose filter needs them."""
     found: dict[str, LoadedImage] = {}
     for name, image in state.of(LOADED_IMAGES, target).items():
         if image.filter not in FILTERS_WITH_LEVELS:
@@ -262,13 +262,13 @@ def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
 
 
 def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImage:
-    """Return an image with its mip levels."""
+    """Return an image with all its mip levels."""
     chain = mip_chain(image.chain.level(0), kind=image.kind, wrap=image.wrap, threads=threads)
     return replace(image, chain=chain)
 
 
 def image_of(state: RenderState, target: int, name: str) -> LoadedImage:
-    """Return the image of a slot, with its mip levels where its filter wants them."""
+    """Return the image of a slot, with its mip levels if its filter needs them."""
     with_levels_too = state.get(IMAGES_WITH_LEVELS, target) or {}
     return with_levels_too.get(name) or state.of(LOADED_IMAGES, target)[name]
 
@@ -276,7 +276,7 @@ def image_of(state: RenderState, target: int, name: str) -> LoadedImage:
 def look_up(
     fragments: Fragments, state: RenderState, name: str, *, uvs: FloatArray | None = None
 ) -> Floats:
-    """(n, C) float32: values of an image at the coordinates of fragments, or at others."""
+    """(n, C) float32: values of an image at fragments, or at other coordinates `uvs`."""
     image = image_of(state, fragments.target, name)
     at = fragments.uvs if uvs is None else uvs
     changes = fragments.uv_changes if image.filter in FILTERS_WITH_FOOTPRINT else None
@@ -287,7 +287,7 @@ def look_up(
 def on_image(
     image: LoadedImage, at: FloatArray, changes: Floats | None
 ) -> tuple[FloatArray, Floats | None]:
-    """Coordinates (n, 2) of the mesh, and their changes (n, 4), as coordinates of the image."""
+    """Transform mesh coordinates (n, 2) and their derivatives (n, 4) to the image's."""
     if image.turn is None:
         return at, changes
     if changes is not None:
@@ -296,16 +296,16 @@ def on_image(
 
 
 def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:
-    """(n, C) float32: values of an image at coordinates of the mesh.
+    """(n, C) float32: values of an image at texture coordinates of the mesh.
 
-    `changes` (n, 4) are those from pixel to pixel, for a filter with a footprint; else None.
+    `changes` (n, 4) are the derivatives per pixel, for filters with a footprint; else None.
     """
     at, changes = on_image(image, at, changes)
     values = sample(
         image.chain, at, changes, filter=image.filter, wrap=image.wrap, border=image.border,
         threads=1,
     )  # fmt: skip
-    if image.filter == "bicubic":  # which swings beyond the values on both sides of an edge
+    if image.filter == "bicubic":  # overshoots at edges
         np.clip(values, *image.limits, out=values)
     if (image.factor != 1.0).any():
         values *= image.factor

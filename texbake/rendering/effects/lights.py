@@ -1,9 +1,9 @@
-"""Directional, point and spot lights, as they arrive at fragments.
+"""Directional, point and spot lights, and the light that arrives from them at fragments.
 
-A light's color times its intensity is what a white surface that faces it reflects; at distance d
-from a point or spot light, 1 / d^decay of that. A spot is full inside its inner cone and fades to 0
-at its outer one, smoothly (3t^2 - 2t^3). Right at a point light its light comes from along the
-normal, with the strength that it has at a thousandth of the scene's unit.
+A white surface that faces a light reflects its color times its intensity. Point and spot lights
+fall off as 1 / d^decay with the distance d. A spot has full strength inside its inner cone and
+fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. At the position of a point light itself, the
+light comes along the normal with its strength at a distance of 0.001.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from texbake.rendering.kernels.lighting import find_arriving_light
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 
-# Sine of the angle between a light's direction and its up below which rounding would turn it.
+# Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
 _PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedLight:
-    """A light in world space, as the kernels take it.
+    """A light in world space, in the form that the kernels take.
 
-    `direction` is the unit vector in which the light goes; `cosines` are those of the inner and
-    outer cone, both -1 for a point light.
+    `direction` is the unit vector along which the light travels; `cosines` belong to the inner and
+    outer cone, and are both -1 for a point light.
     """
 
     kind: str
@@ -56,9 +56,9 @@ class PlacedLight:
 
     @property
     def axes(self) -> FloatArray:
-        """(3, 3): rows right, up and back of a camera that looks where a light goes.
+        """(3, 3): rows right, up and back of a camera that looks along the light.
 
-        Where the light goes along its `up`, the axis of the world farthest from it is up.
+        If the light points along its `up`, the world axis farthest from it is used instead.
         """
         upward = self.up
         right = np.cross(upward, -self.direction)
@@ -86,7 +86,7 @@ def _prepare(state: RenderState, target: Target) -> PlacedLight:
 
 
 def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
-    """Return a light in world space; only one that follows the camera needs to know it."""
+    """Place a light in world space; `camera` is needed only for a light that follows it."""
     follows = light.follows_camera and camera is not None
     axes = camera.axes.T if follows and camera is not None else np.eye(3)
     position, direction, up = (
@@ -111,7 +111,7 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
 
 
 def in_world(light: Light, camera: Camera) -> Light:
-    """Return a light that stands where one that follows the camera is now; others as they are."""
+    """Fix a light that follows the camera at its present position; return others unchanged."""
     if not light.follows_camera:
         return light
     placed = placed_light(light, camera)
@@ -125,21 +125,21 @@ def in_world(light: Light, camera: Camera) -> Light:
 
 
 def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> Incident:
-    """Light of one lamp at points, with nothing in its way.
+    """Compute the unshadowed light that arrives from one lamp at points.
 
     Parameters
     ----------
     light
-        By `placed_light`.
+        Light from `placed_light`.
     points : (n, 3) float64
-        World space; None is enough for a directional light.
+        World space; may be None for a directional light.
     normals : (n, 3) float32
-        Of the surface: where the light comes from for a point that lies in the lamp itself.
+        Surface normals. At the position of the lamp itself they are the direction to the light.
 
     Returns
     -------
     Incident
-        One row for all points where the light is directional.
+        A single row for all points if the light is directional.
     """
     if light.kind == "directional":
         return Incident(directions=one_row(tuple(-light.direction), 3), radiance=light.radiance)
@@ -153,7 +153,7 @@ def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> 
 
 
 def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
-    """Light of one lamp as it reaches fragments, dimmed by whatever the plan has for it."""
+    """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
     assert fragments.normals is not None
     found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
     for item in state.plan.passes:
@@ -164,7 +164,7 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
 
 
 def shining(request: RenderRequest) -> tuple[int, ...]:
-    """Lights that are not dark."""
+    """Indices of the lights that are not dark."""
     return tuple(
         index
         for index, light in enumerate(request.scene.lighting.lights)

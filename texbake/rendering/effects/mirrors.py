@@ -1,15 +1,14 @@
-"""Reflection and refraction of an environment: the scene's, or one rendered from the scene itself.
+"""Reflection and refraction of an environment: the scene's own, or one rendered from the scene.
 
-A mirror shows what lies in the direction 2 (N·V) N - V; glass what lies in the direction that the
-law of Snell bends the view to on the way in, once, or mirrors it where it bends it back (only from
-inside). Their share replaces the surface's own light. Either looks the environment up by direction
-alone, as though it were infinitely far.
+A mirror shows the environment in the direction 2 (N·V) N - V. Glass shows it in the view direction
+refracted once by Snell's law; on total internal reflection it acts as a mirror. The reflected or
+refracted share replaces the surface's own light. The environment is looked up by direction alone,
+as if it were infinitely far away.
 
-An environment rendered from the scene is six square pictures of the other objects, taken from the
-middle of the object that shows it, over the scene's environment. Objects in it that would show such
-an environment themselves do so `options.bounces` times, one picture within another; what is left
-then shows the scene's environment, or black. So two mirrors face each other for as many reflections
-as were asked for, and no longer.
+A rendered environment is a cube map of the other objects in front of the scene's environment, taken
+from the center of the object that shows it. Objects in it may show rendered environments of their
+own, nested `options.bounces` deep; beyond that they show the scene's environment, or black. Two
+facing mirrors thus show a limited number of reflections.
 
 Based on: Blinn and Newell, "Texture and reflection in computer generated images", CACM 19(10),
 1976; Greene, "Environment mapping and other applications of world projections", 1986; Schlick, "An
@@ -48,7 +47,7 @@ from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.cube_map import CubeChain, CubeMap, cube_face_axes
 
-# Nearest that a rendered environment sees, in the size of its object.
+# Near plane of a rendered environment, relative to the size of its object.
 _NEAR = 1e-3
 
 
@@ -99,7 +98,7 @@ def _rendered_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
 
 
 def _load(state: RenderState, target: Target) -> PlacedEnvironment | None:
-    """Return what an object shows, once for all cameras where none of the lights follows them."""
+    """Render an object's environment once for all cameras, unless a light follows the camera."""
     return None if any(light.follows_camera for light in state.lights) else _render(state, target)
 
 
@@ -108,7 +107,7 @@ def _prepare(state: RenderState, target: Target) -> PlacedEnvironment:
 
 
 def _render(state: RenderState, target: Target) -> PlacedEnvironment:
-    """Six pictures of everything else, from the middle of the object's bounding box."""
+    """Render the other objects into a cube map at the center of the object's bounding box."""
     assert target is not None
     positions = state.drawn(target).positions
     low, high = positions.min(axis=0), positions.max(axis=0)
@@ -123,7 +122,7 @@ def _render(state: RenderState, target: Target) -> PlacedEnvironment:
         )
         for face in range(6)
     ]
-    # All are seen in a mirror but the mirror itself, which may yet be seen in others.
+    # A mirror shows all objects but itself. Other mirrors may show it, too.
     around = tuple(replace(item, visible=i != target) for i, item in enumerate(state.scene.objects))
     options = replace(
         state.options, width=size, height=size, supersampling=1, background=(0.0, 0.0, 0.0)
@@ -140,7 +139,7 @@ def _render(state: RenderState, target: Target) -> PlacedEnvironment:
 def _environment(
     fragments: Fragments, state: RenderState, mirror: Reflection | Refraction
 ) -> PlacedEnvironment | None:
-    """Return what a mirror shows; None is black."""
+    """Return the environment that a mirror shows; None stands for black."""
     found: PlacedEnvironment | None = None
     if mirror.environment == "rendered":
         found = state.get(RENDERED_ENVIRONMENTS, fragments.target)
@@ -148,7 +147,7 @@ def _environment(
 
 
 def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats) -> None:
-    """Replace a share of the light by what the environment shows."""
+    """Replace a share of the fragments' light by the environment's."""
     mirror = getattr(fragments.drawn.material, name)
     environment = _environment(fragments, state, mirror)
     strength = slot_values(fragments, state, f"{name}.strength", mirror.strength, 3)

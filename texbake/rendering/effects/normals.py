@@ -1,13 +1,14 @@
-"""Shading normals: those of the mesh, or those that a normal map has in their place.
+"""Shading normals: interpolated from the mesh, or taken from a normal map.
 
-Four effects: the normals of vertices and MikkTSpace tangents, once a scene; the interpolated normal
-of each fragment, on the side that is seen; and the normal of a map. Objects that no light falls on
-need none of them. A fragment without a normal, as on a face without area, gets the direction
-against the view.
+Four effects: vertex normals and MikkTSpace tangents, computed once per scene; the interpolated
+normal of each fragment, on the visible side; and the normal from a map. Unlit objects need none of
+them. A fragment without a normal, for example on a face without area, gets the direction to the
+camera.
 
-In tangent space the normal is x T + y B + z N, with tangent and normal interpolated over the
-triangle without renormalizing and B = w cross(N, T), normalized once at the end: what the bake
-inverts. Tangents are those of the file, else MikkTSpace's, and made only for such a map.
+In tangent space the normal is x T + y B + z N. Tangent T and normal N are interpolated over the
+triangle without renormalization, B = w cross(N, T), and the result is normalized once at the end;
+this is the inverse of what baking does. Tangents are read from the file, or else computed by
+MikkTSpace, and only for a tangent-space map.
 
 Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008.
 """
@@ -56,7 +57,7 @@ def _normals_called_for(request: RenderRequest) -> Iterator[Call]:
 
 
 def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
-    """(n, 3) float32: unit normals of the mesh, or of the finer triangles that are drawn."""
+    """(n, 3) float32: unit normals of the mesh, or of its displaced and subdivided triangles."""
     drawn = fragments.drawn
     if drawn.normals is not None and drawn.normal_faces is not None:
         normals, corners = drawn.normals, drawn.normal_faces

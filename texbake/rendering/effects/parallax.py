@@ -1,24 +1,23 @@
-"""Parallax occlusion: texture coordinates moved to where the eye's ray meets heights below.
+"""Parallax occlusion mapping: shifts texture coordinates to where the view ray meets a height map.
 
-White is the surface itself and black lies `depth` below it. The ray goes straight on below the
-surface, in the plane across its normal, until it is no higher than the map there. It is followed in
-even steps, one per texel that it crosses but no more than `layers` in all, so that the more slanted
-the view is, the more there are. Between the last step above the map and the first below it, where
-it meets is found by the rule of false position (Illinois), which is exact where the map is linear.
+White is the surface itself, and black lies `depth` below it. The view ray continues below the
+surface until it meets the heights. It is followed in even steps, one per texel that it crosses but
+at most `layers`, so slanted views take more steps. The intersection between the last step above the
+heights and the first step below is refined by the method of false position (Illinois variant),
+which is exact where the map is linear.
 
-All later lookups of the object are made there. Nothing else is changed: neither depth nor normals,
-and derivatives stay those of the surface. The outline is that of the mesh; a ray that leaves the
-texture goes on in what the texture has beyond its border. At grazing angles the ray is followed
-for at most one unit of texture coordinates, and where the surface is seen from the other side of
-its normal nothing is moved.
+All later lookups of the object use the shifted coordinates. Depth, normals and derivatives stay
+those of the surface, and the outline stays that of the mesh. A ray that leaves the texture
+continues by the texture's wrap mode. At grazing angles the ray is followed for at most one unit of
+texture coordinates. Fragments seen from behind their normal are not shifted.
 
-`depth` is in units of texture coordinates. Where those are stretched, one unit is the side of the
-square that is as large as what one unit square of the texture covers there.
+`depth` is in units of texture coordinates. On a stretched mapping, the length of one unit is the
+square root of the surface area that a unit square of the texture covers.
 
 Based on: Policarpo, Oliveira, Comba, "Real-time relief mapping on arbitrary polygonal surfaces",
 I3D 2005; Tatarchuk, "Dynamic parallax occlusion mapping with approximate soft shadows", I3D 2006.
-Departs from them in that steps are counted in texels, and that the ray is turned into texture space
-by the derivatives of the triangle itself, which tangents only approximate.
+Unlike these papers, steps are counted in texels, and the ray is transformed to texture space by the
+exact derivatives of the triangle, which tangents only approximate.
 """
 
 from __future__ import annotations
@@ -45,14 +44,14 @@ _NAME = "parallax.texture"
 
 @dataclass(frozen=True, eq=False)
 class TextureSlopes:
-    """How texture coordinates grow along each face.
+    """Gradients of texture coordinates on each face.
 
     Attributes
     ----------
     slopes : (F, 2, 3) float64
-        Growth of u and of v along the axes of the world, of faces that have any.
+        Gradients of u and of v in world space; 0 on degenerate faces.
     sizes : (F,) float64
-        World length of one unit of texture coordinates; 0 where there is none.
+        World length of one unit of texture coordinates; 0 on degenerate faces.
     """
 
     slopes: FloatArray
@@ -60,7 +59,7 @@ class TextureSlopes:
 
     @property
     def n_bytes(self) -> int:
-        """Memory that it takes."""
+        """Memory of the arrays in bytes."""
         return self.slopes.nbytes + self.sizes.nbytes
 
 
@@ -86,7 +85,7 @@ def _load(state: RenderState, target: Target) -> TextureSlopes:
 
 
 def _ways(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
-    """(n, 2) float64: how far in (u, v) the eye's ray gets while it falls by `depth`."""
+    """(n, 2) float64: distance in (u, v) that the view ray travels while it descends `depth`."""
     known = state.of(TEXTURE_SLOPES, fragments.target)
     assert fragments.to_eye is not None
     normals = interpolated_normals(fragments, state).astype(np.float64)
@@ -116,7 +115,7 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
 def _shares(
     image: LoadedImage, starts: FloatArray, steps: FloatArray, changes: Floats | None, layers: int
 ) -> FloatArray:
-    """(n,) float64: which share of its way to the lowest level each ray goes."""
+    """(n,) float64: position of each hit along its ray, from 0 (surface) to 1 (deepest)."""
     chain = image.chain
     levels = np.zeros(len(starts), np.int64)
     if image.filter in FILTERS_WITH_FOOTPRINT:

@@ -1,10 +1,10 @@
-"""Where fragments lie: in the world, seen from the eye, and on the texture.
+"""Positions of fragments in world space, directions to the camera, and texture coordinates.
 
-Three effects that others need: world positions, unit vectors to the eye, and texture coordinates
-with, where lookups are filtered over the pixel, their derivatives on the screen.
+Three effects that others need. Texture coordinates come with their screen-space derivatives if a
+lookup is filtered over the pixel.
 
-Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989. Departs from graphics
-hardware in that derivatives are exact, from the plane of the triangle, and not differences of
+Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989. Unlike on graphics
+hardware, derivatives are computed exactly from the plane of the triangle, not as differences of
 neighboring pixels.
 """
 
@@ -23,7 +23,7 @@ from texbake.rendering.kernels.interpolation import (
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
-    """Growth of the weights for one more u, then for one more v.
+    """Growth of the barycentric weights per unit of u, then per unit of v.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
     Returns
     -------
     (F, 4) float64
-        Of triangles without area on the texture, where (u, v) do not differ, all 0.
+        All 0 for triangles without area on the texture.
     """
     along, up = corner_uvs[:, 1] - corner_uvs[:, 0], corner_uvs[:, 2] - corner_uvs[:, 0]
     area = along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0]
@@ -41,7 +41,7 @@ def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
 
 
 def steps_along_surface(corners: FloatArray) -> FloatArray:
-    """Growth of the weights for one unit along the first edge, then for one across it.
+    """Growth of the barycentric weights per unit along the first edge, then per unit across it.
 
     Parameters
     ----------
@@ -51,13 +51,13 @@ def steps_along_surface(corners: FloatArray) -> FloatArray:
     Returns
     -------
     (F, 4) float64
-        Across is counter-clockwise seen from the front. Of triangles without area all 0.
+        Across is to the left of the edge, seen from the front. All 0 for triangles without area.
     """
     along, up = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     length = np.linalg.norm(along, axis=1)
     area = np.linalg.norm(np.cross(along, up), axis=1)
     shift = np.einsum("ij,ij->i", along, up)
-    # In the plane of the triangle its corners are (0, 0), (length, 0), (shift, area) / length.
+    # In the plane of the triangle the corners are (0, 0), (length, 0) and (shift, area) / length.
     first = _divided(np.stack([np.ones_like(length), np.zeros_like(length)], axis=1), length)
     second = _divided(np.stack([-shift, length * length], axis=1), area * length)
     steps = np.concatenate([first, second], axis=1)
@@ -65,7 +65,7 @@ def steps_along_surface(corners: FloatArray) -> FloatArray:
 
 
 def _divided(rows: FloatArray, by: FloatArray) -> FloatArray:
-    """Rows over numbers; 0 where that is beyond float64."""
+    """Rows divided by numbers; 0 where the quotient overflows float64."""
     with np.errstate(all="ignore"):
         quotients = rows / by[:, None]
     return np.where(np.isfinite(quotients).all(axis=1, keepdims=True), quotients, 0.0)
@@ -100,7 +100,7 @@ def _find_uvs(fragments: Fragments, state: RenderState) -> None:
 
 def _require_uvs(state: RenderState, target: Target) -> None:
     assert target is not None
-    state.drawn(target).mesh.corner_uvs()  # raises where there are none
+    state.drawn(target).mesh.corner_uvs()  # raises if there are none
 
 
 POSITIONS = Effect(
@@ -119,7 +119,7 @@ VIEW_DIRECTIONS = Effect(
     shade=_find_view,
 )
 
-# Computed together with the coordinates and the weights, and only with this in the plan.
+# Derivatives are computed together with coordinates and weights, if this effect is in the plan.
 DERIVATIVES = Effect(
     name="derivatives",
     does="finds how texture coordinates change from pixel to pixel",

@@ -1,22 +1,22 @@
-"""Pictures projected onto surfaces: slides in spots, and slide projectors.
+"""Pictures projected onto surfaces: slides of spot lights, and projected textures.
 
-The slide of a spot (a light profile) is the square around its outer cone, upright along the light's
-`up`; its light is multiplied by the picture. A projected texture takes the place of the base color,
-by its own opacity times its strength, one after another; nothing hides a surface from its
-projector. Behind a projector and outside the unit square of its picture it has no effect.
+The slide of a spot light (a light profile) fills the square around its outer cone, upright along
+the light's `up`, and multiplies its light. Projected textures are blended over the base color one
+after another, by their own opacity times their strength; other surfaces do not block them. Nothing
+is projected behind a projector or outside the unit square of its picture.
 
-A slide projector's matrix takes a point P of the world to s, t and q, each linear in P; the picture
-is looked up at (s/q, t/q). From one pixel to the next P moves by dP in the plane of its triangle,
-and by the rule of quotients the coordinate by
+A projector's matrix maps a point P in world space to s, t and q, each linear in P; the picture is
+looked up at (s/q, t/q). From one pixel to the next P moves by dP in the plane of its triangle, and
+by the quotient rule the coordinate changes by
 
     d(s/q) = (ds - (s/q) dq) / q
 
-with ds and dq the same linear functions of dP alone. dP is exact too: the ray of the next pixel,
-r + dr, meets the plane with normal n at P + t dr - t (n·dr) / (n·r) r, to first order, where P lies
-t times r before the eye.
+with ds and dq the linear parts applied to dP. dP follows from the plane as well: if P lies at t
+times the ray r from the camera, the ray r + dr of the next pixel meets the plane with normal n at
+P + t dr - t (n·dr) / (n·r) r, to first order.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
-texture mapping", SIGGRAPH 1992. Departs from it in that the derivatives are taken per point.
+texture mapping", SIGGRAPH 1992. Unlike there, the derivatives are computed per point.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def load_slide(
     name: str,
     threads: int | None = None,
 ) -> LoadedImage:
-    """Texels of a slide, with smaller levels where its filter has a footprint."""
+    """Load a slide, with mip levels if its filter has a footprint."""
     image = placed_image(
         texture, pixels, kind="color", filter_name=filter_name, uvs=None, name=name
     )
@@ -71,9 +71,9 @@ def load_slide(
 
 
 def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
-    """(n, 2, 3) float64: how far points move in the world for one pixel to the right, and down.
+    """(n, 2, 3) float64: motion of points in world space per pixel to the right, then down.
 
-    Not finite where a triangle is seen exactly edge-on.
+    Not finite for triangles seen exactly edge-on.
     """
     drawn = fragments.drawn
     steps = np.empty((len(fragments), 2, 3))
@@ -88,27 +88,27 @@ def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
 def thrown(
     image: LoadedImage, matrix: FloatArray, points: FloatArray, steps: FloatArray | None = None
 ) -> tuple[Floats, Floats]:
-    """Look a picture up where a projector throws it onto points.
+    """Look up a projected picture at points.
 
     Parameters
     ----------
     image
-        By `load_slide`.
+        Picture from `load_slide`.
     matrix : (4, 4) float64
-        World space to (s, t, r, q).
+        Transforms world space to (s, t, r, q).
     points : (n, 3) float64
         World space.
     steps : (n, 2, 3) float64, optional
-        By `pixel_steps`; None for points that are not those of pixels, which get level 0 of the
-        picture, bilinear at the least.
+        Result of `pixel_steps`. None for points that do not belong to pixels: level 0 of the
+        picture is used, with bilinear filtering or better.
 
     Returns
     -------
     values : (n, C) float32
-        Anything where the coverage is 0.
+        Undefined where the coverage is 0.
     coverage : (n,) float32
-        Share of the pixel inside the unit square, 0 behind the projector (q <= 0). Without steps 0
-        or 1.
+        Share of the pixel inside the unit square; 0 behind the projector (q <= 0). Without steps it
+        is 0 or 1.
     """
     n = len(points)
     filtered = steps is not None and image.filter in FILTERS_WITH_FOOTPRINT
@@ -124,7 +124,7 @@ def thrown(
 
 @dataclass(frozen=True, eq=False)
 class Slide:
-    """The picture in a spot; `matrix` (4, 4) takes world space to (s, t, r, q)."""
+    """The picture in a spot light; `matrix` (4, 4) transforms world space to (s, t, r, q)."""
 
     image: LoadedImage
     matrix: FloatArray
@@ -165,7 +165,7 @@ def _image_of(light: Light, filter_name: str, threads: int | None) -> LoadedImag
 
 
 def slide_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None) -> Slide:
-    """Return the slide of a spot that stands somewhere; its image is read where it is not given."""
+    """Return the slide of a placed spot light; reads its image unless `image` is given."""
     if image is None:
         image = _image_of(light, "bilinear", None)
     place, ahead = placed.position, placed.position + placed.direction
@@ -179,9 +179,9 @@ def slide_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None
 
 
 def slide_colors(slide: Slide, points: FloatArray, steps: FloatArray | None = None) -> Floats:
-    """(n, 3) float32: what the light that reaches points is multiplied by.
+    """(n, 3) float32: factor of the light at points.
 
-    `steps` are those of `texbake.rendering.effects.projectors.pixel_steps`, where they are pixels'.
+    `steps` come from `pixel_steps` if the points belong to pixels.
     """
     colors, coverage = thrown(slide.image, slide.matrix, points, steps)
     return colors * coverage[:, None]
@@ -221,7 +221,7 @@ LIGHT_PROFILES = Effect(
 
 @dataclass(frozen=True, eq=False)
 class ThrownPicture:
-    """A picture as it is looked up: four channels, colors times opacity and opacity."""
+    """A picture to project, with four channels: color premultiplied by opacity, and opacity."""
 
     image: LoadedImage
     matrix: FloatArray
@@ -251,7 +251,7 @@ def _thrown_picture(state: RenderState, item: ProjectedTexture, place: int) -> T
     if opacity is None:
         opacity = np.ones_like(colors[..., :1])
     factor = np.broadcast_to(np.asarray(texture.factor, np.float32), 3)
-    # Times the opacity before they are filtered, or what is clear would color what is not.
+    # Premultiply before filtering, so that transparent texels do not bleed into opaque ones.
     texels = np.concatenate([colors * factor * opacity, opacity], axis=2)
     image = load_slide(
         replace(texture, factor=1.0, border=(0.0,)),

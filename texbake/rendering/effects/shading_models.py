@@ -1,16 +1,16 @@
-"""How surfaces reflect the light of lamps: not at all, Lambert, Blinn-Phong, metallic-roughness.
+"""Shading models for the light of lamps: unlit, Lambert, Blinn-Phong and metallic-roughness.
 
-With C_b the base color, I_L the light that arrives, N, L, V unit vectors to the outside, the light
-and the eye and H halfway between the last two, a lamp in front of the surface adds
+With C_b the base color, I_L the arriving light, N the unit normal, L and V unit vectors to the
+light and to the camera, and H halfway between L and V, a lamp in front of the surface adds
 
     Lambert              I_L C_b (N·L)
     Blinn-Phong          I_L (C_b (N·L) + C_s (N·H)^e)
     metallic-roughness   I_L (N·L) ((1 - F) (1 - metalness) C_b + pi D V F)
 
-with F after Schlick from F_0 = mix(((ior - 1) / (ior + 1))^2, C_b, metalness), D of Trowbridge and
-Reitz and V of Smith, as glTF 2.0 (appendix B) has them; V in its height-correlated form, which
-masks the light of both directions together, as Khronos' own viewer does. The factor pi is there
-because I_L is what a white Lambert surface reflects.
+where F is Schlick's approximation with F_0 = mix(((ior - 1) / (ior + 1))^2, C_b, metalness), D the
+distribution of Trowbridge and Reitz, and V Smith's visibility term, as defined in glTF 2.0
+(appendix B). V is in its height-correlated form, as in Khronos' sample viewer. The factor pi
+appears because I_L is defined as the light that a white Lambert surface reflects.
 
 Based on: Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977;
 Khronos, "glTF 2.0 Specification", 2021; Heitz, "Understanding the masking-shadowing function in
@@ -44,7 +44,7 @@ def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
 
 
 def normals_effect(request: RenderRequest, target: int) -> str:
-    """Return the effect that an object's normals come from, before any bump."""
+    """Name the effect that computes an object's normals before bump mapping."""
     return "normals" if request.material(target).normal_map is None else "normal map"
 
 
@@ -58,7 +58,7 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
 
 
 def head_on(ior: float) -> float:
-    """Share of light that a surface of this index of refraction mirrors head on; 1 for index 0."""
+    """Reflectance at normal incidence for an index of refraction; 1 for an index of 0."""
     return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
@@ -66,7 +66,7 @@ _ONE = np.ones((1, 1), np.float32)
 
 
 def add_lambert(normals: Floats, arriving: Incident, base: Floats, light: Floats) -> None:
-    """Add a lamp's light, as a dull surface scatters it, to the light (n, 3) that leaves points."""
+    """Add a lamp's diffuse reflection to the outgoing light (n, 3) of points, in place."""
     reflect_lambert(normals, arriving.directions, arriving.radiance, base, light)
 
 

@@ -1,10 +1,10 @@
-"""The view of a light's shadow map: which objects cast, which visible ones receive, what it covers.
+"""Fitting the view of a light's shadow map to the casters and the visible receivers.
 
-A light looks at the scene as a camera does: a directional one along parallel lines, a spot in
-perspective, a point light through the six faces of a cube, and so a spot too wide for one picture.
-The view of a directional light is as large as what casters may cover of all that the picture shows
-of receivers, and no larger. Which object may shade which is decided by their bounding boxes; a flat
-one, such as a ground, shades nothing on its own side, and so not itself either.
+Directional lights use a parallel projection, spot lights a perspective one. Point lights, and spot
+lights too wide for one picture, use the six faces of a cube. The view of a directional light covers
+just the visible parts of receivers that casters may shadow. Bounding boxes decide which object may
+shadow which. A flat object such as a ground plane never shadows itself or anything on the light's
+side of it.
 
 Based on: Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978; Lauritzen, Salvi,
 Lefohn, "Sample distribution shadow maps", I3D 2011, for the fit to what is seen.
@@ -27,17 +27,17 @@ from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import SceneObject
 from texbake.texture.cube_map import cube_face_axes
 
-# A spot wider than this, in degrees, looks through the faces of a cube: one picture of it would
-# have texels at its rim four times as fine as in its middle, and ever more beyond.
+# A spot light wider than this angle in degrees uses a cube: in a single picture, texels at the rim
+# would be four times as fine as at the center, or finer still.
 WIDEST = 120.0
 
-# The near plane in units of the farthest caster's distance. Reversed depth is as precise anywhere.
+# Near plane relative to the distance of the farthest caster. Reversed depth keeps its precision.
 _NEAR = 2.0**-20
 
-# Of a distance from the eye: what a float32 depth leaves uncertain, four times.
+# Four times the relative error of a distance computed from a float32 depth.
 _DEPTH_ROUNDING = 2.0**-22
 
-# Of the largest coordinate: what transforming a flat box leaves of its flatness, many times.
+# A generous bound on the rounding when a flat box is transformed, relative to its coordinates.
 _FLATNESS = 2.0**-44
 
 _ROWS = 64
@@ -64,16 +64,16 @@ def box_of(state: RenderState, index: int) -> Box:
 
 
 def _corners(bounds: FloatArray) -> Box:
-    """Corners in the order of their indices in binary, x first."""
+    """Corners of bounds, ordered by their binary indices, x first."""
     return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def shading_pairs(
     light: PlacedLight, casters: Mapping[int, Box | None], receivers: Mapping[int, Box | None]
 ) -> list[Pair]:
-    """Pairs of objects of which the first may shade the second, by their boxes.
+    """List pairs of objects (caster, receiver) that may shadow one another, by bounding boxes.
 
-    A box that is not known yet (None) may do anything.
+    Boxes that are not known yet (None) are always paired.
     """
     return [
         (i, j)
@@ -84,9 +84,10 @@ def shading_pairs(
 
 
 def may_shade(light: PlacedLight, caster: Box, receiver: Box) -> bool:
-    """Whether some of one box can lie between a light and some of another; may say yes wrongly.
+    """Whether a caster's box can lie between a light and a receiver's box.
 
-    But for a flat caster, boxes count as the balls around them.
+    The test is conservative: it may return True wrongly. Except for flat casters, it uses the
+    bounding spheres of the boxes.
     """
     if _is_before(light, caster, receiver):
         return False
@@ -109,7 +110,7 @@ def may_shade(light: PlacedLight, caster: Box, receiver: Box) -> bool:
 
 
 def _is_before(light: PlacedLight, caster: Box, receiver: Box) -> bool:
-    """Whether a caster is flat, and a receiver lies in its plane or wholly on the light's side."""
+    """Whether a caster is flat and the receiver lies in its plane or on the light's side of it."""
     edges = caster[[4, 2, 1]] - caster[0]
     lengths = np.linalg.norm(edges, axis=1)
     thin = int(lengths.argmin())
@@ -135,12 +136,12 @@ def _angle(a: FloatArray, b: FloatArray) -> float:
 
 
 def margin_of(size: int, radius: float) -> int:
-    """Texels at each border of a map that are there for filters alone."""
+    """Border of a shadow map in texels that only filtering needs."""
     return min(math.ceil(radius) + 1, (size - 1) // 2)
 
 
 def perspective_views(light: Light, placed: PlacedLight, casters: Sequence[Box]) -> FloatArray:
-    """(1 or 6, 4, 4): clip space from world space, of a spot or a point light."""
+    """(1 or 6, 4, 4): matrices from world to clip space for a spot or point light."""
     assert light.shadow is not None
     farthest = max(float(np.linalg.norm(c - placed.position, axis=1).max()) for c in casters)
     near = _NEAR * farthest if farthest > 0.0 else 1.0
@@ -162,18 +163,18 @@ def perspective_views(light: Light, placed: PlacedLight, casters: Sequence[Box])
 def parallel_view(
     light: Light, placed: PlacedLight, pairs: Sequence[tuple[Box, FloatArray]]
 ) -> tuple[FloatArray, tuple[int, int]] | None:
-    """View of a directional light, and rows and columns of its map.
+    """Fit the view of a directional light; returns its matrix and the map's rows and columns.
 
     Parameters
     ----------
     pairs
-        Box (8, 3) of what may cast, in the world, and bounds (2, 3), along the light's axes, of
-        what is seen to receive.
+        For each pair, the caster's box (8, 3) in world space and the bounds (2, 3) of the visible
+        part of the receiver along the light's axes.
 
     Returns
     -------
     tuple or None
-        None where nothing that casts lies before anything that receives.
+        None if no caster lies in front of a receiver.
     """
     assert light.shadow is not None
     shared, depths = [], []
@@ -196,7 +197,7 @@ def parallel_view(
         widest = max(near - far, float(np.abs(low).max()) * 2.0**-40)
     margin = margin_of(size, light.shadow.filter_radius)
     texel = widest / (size - 2 * margin)
-    # Whole texels, so that they are square; a part of one that is rounding lies in the margin.
+    # Whole texels, so that they are square; a fraction due to rounding falls into the margin.
     counts = np.ceil((high - low) / texel * (1.0 - 2.0**-40)).astype(int) + 2 * margin
     counts = np.clip(counts, 1, size)
     middle, half = 0.5 * (low + high), 0.5 * texel * counts
@@ -217,10 +218,10 @@ def parallel_view(
 def seen_bounds(
     state: RenderState, placed: PlacedLight, receivers: Sequence[int]
 ) -> dict[int, FloatArray]:
-    """(2, 3) for each of some objects: bounds, along a light's axes, of what the picture shows.
+    """Bounds (2, 3) along a light's axes of the visible part of each receiver.
 
-    Of objects that light goes through, which no sample keeps, the whole box. Least above greatest
-    where nothing is seen.
+    Transparent objects, which the visibility buffer does not hold, get the bounds of their box. For
+    objects that are not visible the minimum is greater than the maximum.
     """
     visibility = state.visible.visibility
     height, width = visibility.face_ids.shape

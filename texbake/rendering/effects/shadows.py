@@ -1,36 +1,36 @@
-"""Shadow maps: how they are made, and how the light of a lamp is dimmed by them.
+"""Shadow maps: rendering them, and dimming the light of lamps by them.
 
 A map is rasterized for each light that casts shadows, unless no shadow can fall on anything in the
 picture. Each texel holds the depth and the triangle that the light sees at its center.
-`texbake.rendering.effects.shadow_fit` chooses the view. Surfaces that are partly opaque cast the
-shadow of opaque ones.
+`texbake.rendering.effects.shadow_fit` chooses the view. Partly transparent surfaces cast shadows as
+if they were opaque.
 
-The light at a point is multiplied by the share of a square of texels around it in which nothing
-lies between the light and the point's surface (percentage-closer filtering). Whether something
-does is decided without a constant that would have to be tuned. A point's depth holds at the point
-alone; over the filter's footprint the surface gets nearer and farther with its slope. So
+The light at a point is multiplied by the unoccluded share of a square of texels around it
+(percentage-closer filtering). The occlusion test has no bias to tune. A point's depth is valid only
+at the point itself, while the surface gets nearer or farther across the filter's footprint. A texel
+therefore occludes a point only if it passes these tests:
 
-1. the plane of the point's triangle is continued to the center of the texel, and only what lies
-   before that plane, by more than rounding, can shade;
-2. the plane of the triangle seen there is continued back to the point, and it must lie before that
-   too. Of two surfaces that meet between the point and the texel one passes neither test: at a
-   ridge the first leaves it out, in a groove the second. Nothing meets the point's surface, though,
-   where no texel about it sees that;
-3. where the triangle is one of the point's own object, the surface may go up and down between the
-   two, on triangles smaller than a texel, as steeply as the steeper of them does on either axis;
-   only what is nearer than that cannot be the same piece of surface.
+1. The plane of the point's triangle is extended to the center of the texel. The texel must lie in
+   front of that plane by more than rounding.
+2. The plane of the triangle in the texel is extended back to the point, and must lie in front of
+   it, too. Two surfaces that meet between the point and the texel fail one of these tests: the
+   first at a ridge, the second in a groove. This test is skipped if no texel around the point sees
+   the point's own surface.
+3. If the texel's triangle belongs to the point's own object, the surface in between may rise and
+   fall on triangles smaller than a texel, as steeply as the steeper of the two. The texel must be
+   nearer than that would allow.
 
-In clip space depth z/w is linear in x/w and y/w on any plane, so all that is a multiplication by
-the slope, which comes from the plane and not from differences of neighbors. The only other bias is
-what rounding leaves: a corner is moved by at most half a step of the rasterizer's grid on either
-axis, which the slope turns into depth, and depth is kept in float32.
+In clip space depth z/w is linear in x/w and y/w on any plane, so extending a plane is a
+multiplication by its slope, which is computed from the plane rather than from neighboring texels.
+The only remaining bias is for rounding: snapping moves a corner by at most half a step of the
+rasterizer's grid on either axis, which the slope turns into depth, and depths are float32.
 
 Based on: Reeves, Salesin, Cook, "Rendering antialiased shadows with depth maps", SIGGRAPH 1987, for
-the filter, here over an exact square in place of random samples; Isidoro, "Shadow mapping:
-GPU-based tips and techniques", GDC 2006, for the receiver's plane; Dou, Yan, Kerzner, Dai, Wyman,
-"Adaptive depth bias for shadow maps", I3D 2014, for the center of the texel as the place where
-planes are compared; Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978, for the
-maps. The second and third test are our own.
+the filter, here over an exact square instead of random samples; Isidoro, "Shadow mapping: GPU-based
+tips and techniques", GDC 2006, for the receiver plane; Dou, Yan, Kerzner, Dai, Wyman, "Adaptive
+depth bias for shadow maps", I3D 2014, for comparing planes at the texel's center; Williams,
+"Casting curved shadows on curved surfaces", SIGGRAPH 1978, for shadow maps. The second and third
+tests are original to this program.
 """
 
 from __future__ import annotations
@@ -71,18 +71,18 @@ from texbake.rendering.scene.lights import Light
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """What a light sees, in one view or through six faces of a cube.
+    """Depths and triangles seen from a light, in one view or the six faces of a cube.
 
     Attributes
     ----------
     views, inverses : (V, 4, 4) float64
-        Clip space from world space, and back.
+        Matrices from world to clip space, and their inverses.
     depths : (V, H, W) float32
-        z / w, greater is nearer to the light; 0 where it sees nothing.
+        z / w (greater is nearer to the light); 0 where the texel is empty.
     face_ids : (V, H, W) int32
-        Triangle of the world; -1 where it sees nothing.
+        Triangle of the world; -1 where the texel is empty.
     radius : float
-        Of the filter, in texels.
+        Filter radius in texels.
     """
 
     views: FloatArray
@@ -93,7 +93,7 @@ class ShadowMap:
 
     @property
     def n_bytes(self) -> int:
-        """Memory that it takes."""
+        """Memory of the map in bytes."""
         return self.depths.nbytes + self.face_ids.nbytes
 
 
@@ -108,20 +108,20 @@ def lit_radiance(
     *,
     own: tuple[int, int],
 ) -> Floats:
-    """(n, 3) float32: the light of one lamp that reaches points past what casts shadows.
+    """(n, 3) float32: light of one lamp that arrives at points, with shadows.
 
     Parameters
     ----------
     shadow, light, world
-        The map of a light, and what it was made of.
+        The shadow map with its light and the triangles it was rendered from.
     points, normals : (n, 3)
-        Of the surface, which light falls on where its normal faces the light.
+        Points of the surface; it is lit only where the normal faces the light.
     faces : (n,) int32
         Triangle of the world that each point lies on.
     incident
-        What would arrive without shadows.
+        Unshadowed light at the points.
     own
-        First face of the object that all these points belong to, and the first after it.
+        Range of faces (first, stop) of the object that all points belong to.
     """
     out = np.empty((len(points), 3), np.float32)
     dim_by_shadow(
@@ -135,9 +135,9 @@ def lit_radiance(
 def _pairs(
     request: RenderRequest, index: int, state: RenderState | None = None
 ) -> list[Pair] | str:
-    """Pairs of what may cast and what may receive shadows of a light, or why there are none.
+    """List pairs of casters and receivers for a light, or say why there are none.
 
-    With a state it is known which objects are visible, and how large displaced ones are.
+    With a state, visibility and the size of displaced objects are taken into account.
     """
     objects = request.scene.objects
     casters = [i for i, item in enumerate(objects) if item.casts_shadows]
@@ -179,7 +179,7 @@ def _unneeded(state: RenderState, target: Target) -> str | None:
 
 
 def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
-    """Rasterize the casters as a light sees them; None where none is before what is seen."""
+    """Rasterize the casters from a light; None if none is in front of a visible receiver."""
     assert target is not None
     light: Light = state.lights[target]
     placed = state.of(PLACED_LIGHTS, target)
@@ -254,7 +254,7 @@ SHADOW_MAPS = Effect(
     dim=_dim,
 )
 
-# How maps are looked up is what `dim` does; what it needs is of the objects that receive.
+# The lookup happens in `dim`; its requirements are declared for the objects that receive shadows.
 SHADOWS = Effect(
     name="shadows",
     does="looks up shadow maps",

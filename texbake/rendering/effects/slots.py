@@ -1,7 +1,7 @@
-"""The values of a material's slots at each fragment: constants, images, procedures.
+"""The values of a material's slots at each fragment: constants, images and procedures.
 
-A constant is one row for all fragments. A procedure is evaluated where the fragment lies, in the
-object's space, the world's or on the texture; with a ramp of colors its value is looked up there.
+A constant is a single row for all fragments. A procedure is evaluated at the fragment's position in
+object space, world space or texture coordinates; a color ramp, if any, maps its value to a color.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slo
 from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
 
-# Slots of which nothing below 0 or above 1 means anything, whatever an image or a factor says.
+# Slots that are clipped to the range from 0 to 1.
 _SHARES = ("roughness", "metalness")
 
 
@@ -52,7 +52,7 @@ def _look_up_all(fragments: Fragments, state: RenderState) -> None:
 def slot_values(
     fragments: Fragments, state: RenderState, name: str, slot: Slot, channels: int
 ) -> Floats:
-    """(n or 1, channels) float32: what a slot holds at each fragment."""
+    """(n or 1, channels) float32: value of a slot at each fragment."""
     if isinstance(slot, ImageTexture):
         return look_up(fragments, state, name)
     if isinstance(slot, ProcedureTexture):
@@ -61,7 +61,7 @@ def slot_values(
 
 
 def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: int) -> Floats:
-    """(n, channels) float32: a procedure at each fragment."""
+    """(n, channels) float32: value of a procedure at each fragment."""
     points, footprint = _points(fragments, texture)
     values = evaluate(
         texture.procedure, points, footprint, parameters=texture.parameters,
@@ -77,7 +77,7 @@ def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: 
 
 
 def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray, Floats | None]:
-    """Points of a procedure, (n, 2) on the texture or (n, 3) in space, and the pixel's widths."""
+    """Points for a procedure, (n, 2) on the texture or (n, 3) in space, and the pixel widths."""
     scale = np.broadcast_to(np.asarray(texture.scale, np.float64), 3)
     wanted = texture.filtered and len(fragments.changes) > 0
     if texture.space == "uv":
@@ -99,7 +99,7 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
 
 
 def vertex_colors(fragments: Fragments) -> Floats:
-    """(n, 3 or 4) float32: colors of the mesh's vertices, interpolated."""
+    """(n, 3 or 4) float32: interpolated vertex colors."""
     mesh = fragments.drawn.mesh
     assert mesh.colors is not None
     corners = mesh.colors[mesh.faces[fragments.faces]]

@@ -1,11 +1,10 @@
-"""The surfaces of a picture: every mesh in world space, displaced where its material says so.
+"""The surfaces of a picture: every mesh in world space, with displacement applied.
 
-Displacement moves the surface itself, and with it the silhouette. The surface is subdivided as
-finely as the picture shows it (`texbake.rendering.displaced`): edges are halved until they are at
-most `edge_px` pixels long, or no longer than a texel of the map, or there are `max_triangles`
-triangles.
+Displacement moves the surface itself, and with it the silhouette. The surface is subdivided
+adaptively (`texbake.rendering.displaced`): edges are halved until they are at most `edge_px` pixels
+long or no longer than a texel of the map, or until there are `max_triangles` triangles.
 
-A map is looked up with the filter of its texture. A filter with mip levels reads those for half of
+The map is looked up with its texture's filter. A filter with mip levels selects them for half of
 `edge_px`, the size of the smallest triangles; a procedure fades out finer detail.
 
 Based on: Cook, "Shade trees", SIGGRAPH 1984; Cook, Carpenter, Catmull, "The Reyes image rendering
@@ -77,13 +76,13 @@ PLACING = Effect(
 # Normals (N, 3), their indices (F, 3) and tangents (F, 3, 4) in the object's space.
 Frames = tuple[FloatArray, IntArray, Floats]
 
-# Lookups a band.
+# Lookups per band.
 _BAND = 1 << 15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relief:
-    """An object with the map that displaces it, for any camera.
+    """An object with its displacement map, independent of the camera.
 
     Attributes
     ----------
@@ -96,11 +95,11 @@ class Relief:
     texels : (F, 3, 2) float64, optional
         Corners of the faces in texels of the image.
     steps : (F, 4) float64, optional
-        How weights grow along the surface, where the lookup is filtered.
+        Growth of the barycentric weights along the surface, if the lookup is filtered.
     frames : tuple, optional
-        Of a map of vectors in tangent space.
+        Tangent frames, for vector displacement in tangent space.
     farthest : float
-        Bound on how far a point is moved, in world space.
+        Upper bound on the displacement in world space.
     """
 
     drawn: DrawnObject
@@ -114,7 +113,7 @@ class Relief:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the map and of what is known of each face."""
+        """Memory of the map and of the arrays per face, in bytes."""
         arrays = [self.surface.normals, self.texels, self.steps]
         own = sum(array.nbytes for array in arrays if array is not None)
         return own + (0 if self.image is None else self.image.n_bytes)
@@ -127,7 +126,7 @@ def _displacement_called_for(request: RenderRequest) -> Iterator[Call]:
 
 
 def _load_relief(state: RenderState, target: Target) -> Relief | DrawnObject:
-    """Return what each picture displaces; or the result, where it is the same for all."""
+    """Prepare the displacement; returns the displaced object if it is the same for all views."""
     assert target is not None
     relief = _relief(state, target)
     return relief if relief.holder.edge_px is not None else _cut(state, target, relief, MapView())
@@ -167,7 +166,7 @@ def _relief(state: RenderState, target: int) -> Relief:
 
 
 def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool) -> float:
-    """Bound on how far a point is moved, in the object's space."""
+    """Upper bound on the displacement in object space."""
     if image is not None:
         values = image.chain.level(0).astype(np.float64) * image.factor
         longest = math.sqrt(float(np.einsum("ijk,ijk->ij", values, values).max()))
@@ -182,7 +181,7 @@ def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool)
 def _loaded_image(
     state: RenderState, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
 ) -> LoadedImage:
-    drawn.mesh.corner_uvs()  # raises where there are none
+    drawn.mesh.corner_uvs()  # raises if there are none
     image = placed_image(
         texture,
         heights_from(
@@ -209,7 +208,7 @@ def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
 
 
 def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
-    """Normals and tangents of an object in its own space, by corners of its faces once placed."""
+    """Normals and tangents in object space, indexed by the face corners of the placed mesh."""
     normals, corners = shading_normals(mesh)
     tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
     order = corner_order(linear)
@@ -217,7 +216,7 @@ def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
 
 
 def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
-    """Return the heights of values of a procedure, which are from 0 to 1."""
+    """Convert the values of a procedure, from 0 to 1, to heights."""
     return (values - (holder.mid or 0.0)) * (1.0 if holder.height is None else holder.height)
 
 
@@ -233,7 +232,7 @@ def _displace(state: RenderState, target: Target) -> DrawnObject:
 
 
 def _cut(state: RenderState, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
-    """Subdivide a surface where its edges are too long, and displace it."""
+    """Subdivide a surface where its edges are too long, and displace its vertices."""
 
     def moves(places: Places, points: FloatArray) -> FloatArray:
         values = np.empty((len(places.vertices), 3 if relief.holder.vector else 1))
@@ -274,7 +273,7 @@ def _cut(state: RenderState, target: int, relief: Relief, view: EdgeView | MapVi
 def _values_at(
     relief: Relief, target: int, places: Places, rows: slice, widths: FloatArray
 ) -> FloatArray:
-    """(n, 1) heights or (n, 3) vectors in the object's space, at places on its faces."""
+    """(n, 1) heights or (n, 3) vectors in object space, at positions on the faces."""
     faces, weights = places.base_faces[rows], places.weights[rows].astype(np.float64)
     mesh = relief.drawn.mesh
     changes = np.empty((0, 4), np.float32)
@@ -319,7 +318,7 @@ def _values_at(
 def _from_tangent_space(
     frames: Frames, faces: IntArray, weights: FloatArray, values: Floats
 ) -> FloatArray:
-    """(n, 3): x T + y B + z N, with T and N as they are interpolated and B = w cross(N, T)."""
+    """(n, 3): x T + y B + z N, with T and N interpolated and B = w cross(N, T)."""
     normals, corners, tangents = frames
     shares = np.column_stack([1.0 - weights.sum(axis=1), weights])
     normal = np.einsum("nc,nck->nk", shares, normals[corners[faces]])

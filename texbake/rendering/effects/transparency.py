@@ -1,13 +1,13 @@
-"""Transparency: surfaces that let through what lies behind, in their order at every sample.
+"""Order-independent transparency by depth peeling.
 
-Two effects: one for each object whose opacity is not 1 everywhere, and the layers of all of them,
-peeled off from front to back by rasterizing again behind the last one. At a sample the light of a
-layer counts by its opacity and by what the layers before it have let through; the opaque surface,
-or the background, gets the rest. Objects may run through one another and through themselves.
+Two effects: one marks each object whose opacity is not 1 everywhere, the other computes their
+layers. Layers are peeled from front to back, each by rasterizing again behind the previous one. At
+each sample the light of a layer is weighted by its opacity and by what the layers in front of it
+let through; the opaque surface or the background gets the rest. Objects may intersect one another
+and themselves. At most `MAX_LAYERS` layers are drawn.
 
-After `MAX_LAYERS` layers what lies behind them is not seen.
-
-With `alpha_mode` `mask` a point is there or not: opaque from the cutoff on.
+With `alpha_mode` `mask`, a point is opaque if its opacity is at least the cutoff, and otherwise
+absent.
 
 Based on: Porter and Duff, "Compositing digital images", SIGGRAPH 1984; Everitt, "Interactive
 order-independent transparency", 2001.
@@ -42,7 +42,7 @@ from texbake.rendering.resolve import Sums
 
 MAX_LAYERS = 16
 
-# Nearer than the near plane, where reversed depth is 1.
+# In front of the near plane, where the reversed depth is 1.
 _BEFORE_ALL = 2.0
 
 ShadeRows = Callable[..., tuple[FragmentRows, list[Fragments]]]
@@ -64,7 +64,7 @@ def _called_for(request: RenderRequest) -> Iterator[Call]:
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """What each sample sees of transparent objects, the nearest first, before what is opaque."""
+    """Visibility of transparent objects in front of opaque ones, the nearest layer first."""
 
     layers: tuple[VisibilityBuffer, ...]
     opaque: VisibilityBuffer
@@ -77,7 +77,7 @@ class Layers:
     def compose(
         self, state: RenderState, sums: Sums, rows: tuple[int, int], shade_rows: ShadeRows
     ) -> None:
-        """Shade all layers in some rows of pixels, and add them to the sums."""
+        """Shade all layers of some rows of pixels and add them to the sums."""
         side = state.options.supersampling
         shape = (rows[1] - rows[0]) * side, state.options.width * side
         light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
@@ -107,18 +107,19 @@ def put_behind(
     *,
     opaque: bool,
 ) -> None:
-    """Put a layer behind those before it, in place.
+    """Composite a layer behind the layers in front of it, in place.
 
     Parameters
     ----------
     of_samples : (h, w) int32
-        Fragment of the layer that each sample sees, -1 for none.
+        Fragment of the layer at each sample; -1 for none.
     shaded
-        These fragments.
+        The shaded fragments.
     light, passed, normals, seen : (h, w, 3), (h, w), (h, w, 3) or empty, (h, w)
-        Light so far, the share that has been let through, sums of normals, what sees a surface.
+        Accumulated light, remaining transmittance, sums of normals, and whether the sample sees a
+        surface.
     opaque
-        Whether it lets nothing through.
+        Whether the layer is opaque.
     """
     if not shaded:
         return
@@ -138,9 +139,9 @@ def put_behind(
 
 
 def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
-    """(n,) float32: opacity of each fragment, the share that it hides of what lies behind.
+    """(n,) float32: opacity of each fragment.
 
-    The product of the opacity slot, of the base color's image and of vertex colors.
+    The product of the opacity slot, the alpha of the base color's image and that of vertex colors.
     """
     values = np.ones(len(fragments), np.float32)
     if fragments.values.opacity is not None:

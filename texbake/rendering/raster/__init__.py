@@ -1,1 +1,1 @@
-"""Triangles to what the samples and pixels of a picture see of them."""
+"""Rasterization: which triangle each sample of the picture sees, and the fragments to shade."""

@@ -1,14 +1,14 @@
-"""World space to clip space to the fixed-point grid of the screen.
+"""Clipping triangles, and snapping their corners to the fixed-point grid of the screen.
 
-Samples lie at the centers of the cells of a screen of width x height samples, rows down from the
-top. Positions on it are whole numbers of 1/256 of a sample, so that what a triangle covers is
-decided exactly. Corners in front of the near plane and within the guard band go straight to the
-grid; a triangle with any other corner is cut in homogeneous coordinates first.
+The screen has width x height samples, each at the center of its cell, with row 0 at the top.
+Positions are integers in 1/256 of a sample, so coverage is decided exactly. Corners in front of the
+near plane and within the guard band are snapped directly; a triangle with any other corner is first
+clipped in homogeneous coordinates.
 
 Based on: Sutherland and Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974; Blinn and Newell,
-"Clipping using homogeneous coordinates", SIGGRAPH 1978. The guard band lies so far out that hardly
-a triangle reaches it, and an edge is cut at the same point for both triangles that share it, for it
-is always cut starting from the end inside.
+"Clipping using homogeneous coordinates", SIGGRAPH 1978. The guard band is so wide that few
+triangles reach it. Intersections are always computed from the inner end of an edge, so two
+triangles that share an edge are cut at the same point.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ HALF = SUBPIXELS // 2
 # Samples on either side of the screen's center. With the 2^18 samples of the largest screen, grid
 # coordinates stay below 2^28 and edge functions below 2^60.
 GUARD = 2.0**19
-# Column of a vertex that is not on the grid.
+# Column that marks a vertex outside the grid.
 OFF_GRID = np.iinfo(np.int32).min
 # Corners of a triangle cut by five planes.
 MAX_CORNERS = 8
 
-# Vertices a band: about a millisecond of work.
+# Vertices per band: about a millisecond of work.
 _BAND = 65536
 
 
 @kernel
 def to_grid(x, y, w, width, height):  # type: ignore[no-untyped-def]
-    """Snap a point of clip space, w above 0, to the grid: column and row in 1/256 of a sample."""
+    """Snap a point of clip space (w > 0) to the grid: column and row in 1/256 of a sample."""
     column = (0.5 + 0.5 * x / w) * width
     row = (0.5 - 0.5 * y / w) * height
     return np.int64(np.floor(column * SUBPIXELS + 0.5)), np.int64(np.floor(row * SUBPIXELS + 0.5))
@@ -45,7 +45,7 @@ def to_grid(x, y, w, width, height):  # type: ignore[no-untyped-def]
 
 @kernel
 def to_clip(matrix, position, out):  # type: ignore[no-untyped-def]
-    """Homogeneous clip coordinates x, y, z, w of a position, written to `out`."""
+    """Write the homogeneous clip coordinates x, y, z, w of a position to `out`."""
     for i in range(4):
         out[i] = (
             matrix[i, 0] * position[0]
@@ -87,11 +87,11 @@ def project(
     positions : (V, 3) float64
         World space.
     clip_from_world : (4, 4) float64
-        Clip space keeps z from 0 (infinity) to w (the near plane).
+        Camera matrix. In clip space z runs from 0 (infinity) to w (the near plane).
     width, height
-        Of the screen, in samples.
+        Size of the screen in samples.
     threads
-        None for every processor.
+        Number of threads; None uses every processor.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def project(
         Column and row in 1/256 of a sample; the column is `OFF_GRID` behind the near plane and
         outside the guard band.
     depths : (V,) float32
-        z / w where the vertex is on the grid.
+        z / w of the vertices that are on the grid.
     """
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
@@ -113,7 +113,7 @@ def project(
 
 @kernel
 def _inside(corner, plane, guard_x, guard_y):  # type: ignore[no-untyped-def]
-    """How far a point of clip space is inside a plane: near, left, right, bottom, top."""
+    """Signed distance of a clip-space point to a plane (near, left, right, bottom, top)."""
     if plane == 0:
         return corner[3] - corner[2]
     if plane == 1:
@@ -127,7 +127,7 @@ def _inside(corner, plane, guard_x, guard_y):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cut(inside, outside, distance_in, distance_out, out):  # type: ignore[no-untyped-def]
-    """Point of an edge on a plane, always reckoned from the end inside."""
+    """Intersect an edge with a plane, always starting from the inner end."""
     along = distance_in / (distance_in - distance_out)
     for k in range(4):
         out[k] = inside[k] + along * (outside[k] - inside[k])
@@ -135,19 +135,19 @@ def _cut(inside, outside, distance_in, distance_out, out):  # type: ignore[no-un
 
 @kernel
 def clip_polygon(polygon, scratch, n_corners, width, height):  # type: ignore[no-untyped-def]
-    """Cut a convex polygon by the near plane and the guard band, in place.
+    """Clip a convex polygon in place against the near plane and the guard band.
 
     Parameters
     ----------
     polygon, scratch : (MAX_CORNERS, 4) float64
-        Clip coordinates of the corners, in order; and room to work in.
+        Clip coordinates of the corners in order, and working memory.
     n_corners : int
-        Corners of the polygon before.
+        Number of corners before clipping.
 
     Returns
     -------
     int
-        Corners after; 0 where nothing is left.
+        Number of corners after clipping; 0 if nothing is left.
     """
     guard_x = 2.0 * GUARD / width
     guard_y = 2.0 * GUARD / height
@@ -179,7 +179,7 @@ def clip_polygon(polygon, scratch, n_corners, width, height):  # type: ignore[no
 def clip_triangle(  # type: ignore[no-untyped-def]
     positions, corners, matrix, width, height, polygon, scratch, points, depths
 ):
-    """Cut a triangle by the near plane and the guard band, and snap what is left to the grid.
+    """Clip a triangle against the near plane and the guard band, and snap the rest to the grid.
 
     Parameters
     ----------
@@ -189,16 +189,16 @@ def clip_triangle(  # type: ignore[no-untyped-def]
     matrix : (4, 4) float64
         World space to clip space.
     polygon, scratch : (MAX_CORNERS, 4) float64
-        Room to work in; `polygon` is left with the clip coordinates.
+        Working memory; `polygon` receives the clip coordinates.
     points : (MAX_CORNERS, 2) int64
-        Gets columns and rows in 1/256 of a sample.
+        Receives columns and rows in 1/256 of a sample.
     depths : (MAX_CORNERS,) float32
-        Gets z / w.
+        Receives z / w.
 
     Returns
     -------
     int
-        Corners that are left; 0 for none, or where a coordinate is not finite.
+        Number of corners left; 0 for none, or if a coordinate is not finite.
     """
     for i in range(3):
         to_clip(matrix, positions[corners[i]], polygon[i])

@@ -1,13 +1,14 @@
-"""Samples to fragments: one for each triangle that a pixel sees, however many samples see it.
+"""Merging the samples of each pixel into fragments, one per visible triangle (multisampling).
 
-A fragment is what is shaded. A pixel inside a triangle is one fragment, with all of the pixel's
-samples, at its center; at an edge there is one for each triangle, where the mean of its samples
-lies. So edges are smooth and nothing is computed twice where there are none.
+Fragments are what gets shaded. A pixel inside one triangle yields a single fragment at the pixel's
+center that stands for all its samples. A pixel at an edge yields one fragment per triangle, at the
+mean position of the samples that see it. Edges are antialiased this way, and pixels without an edge
+are shaded once.
 
 Based on: Akeley, "RealityEngine graphics", SIGGRAPH 1993, for multisampling; Olano and Greer,
-"Triangle scan conversion using 2D homogeneous coordinates", Graphics Hardware 1997: weights come
-from the corners in clip space, so that they are correct in perspective and need no clipped
-triangle.
+"Triangle scan conversion using 2D homogeneous coordinates", Graphics Hardware 1997: barycentric
+weights are computed from the corners in clip space, so they are correct in perspective and the
+triangle need not be clipped.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.raster.clip import to_clip
 from texbake.rendering.raster.world import World, object_of
 
-# Triangles of a pixel that a sample is compared with; one seen again after more others than this
-# becomes one more fragment, which costs time and changes nothing else.
+# Number of a pixel's triangles that a sample is compared with. A triangle that is seen again after
+# more others than this gets a second fragment, which costs time and changes nothing else.
 _REMEMBERED = 8
 
 
 @dataclass(frozen=True, eq=False)
 class FragmentRows:
-    """Fragments of some rows of pixels, object after object, within one in the order of pixels.
+    """Fragments of some rows of pixels, sorted by object and then by pixel.
 
     Attributes
     ----------
@@ -40,7 +41,7 @@ class FragmentRows:
     pixels : (n,) int32
         Row and column of the pixel as one number, row * width + column.
     counts : (n,) float32
-        How many of the pixel's samples.
+        Number of the pixel's samples that the fragment covers.
     starts : (O + 1,) int64
         Fragments of object k are at starts[k] to starts[k + 1].
     of_samples : (rows * side, width * side) int32, optional
@@ -57,7 +58,7 @@ class FragmentRows:
 
 @kernel
 def _pixel(face_ids, row, column, side, merges, found, sums):  # type: ignore[no-untyped-def]
-    """Triangles of a pixel in `found`; how many samples of each and the sums of their places."""
+    """Collect the triangles of a pixel in `found`, with sample counts and summed positions."""
     n_found = 0
     for j in range(row * side, (row + 1) * side):
         for i in range(column * side, (column + 1) * side):
@@ -81,7 +82,7 @@ def _pixel(face_ids, row, column, side, merges, found, sums):  # type: ignore[no
 
 @kernel
 def _is_plain(face_ids, row, column, side, merges):  # type: ignore[no-untyped-def]
-    """Whether all samples of a pixel see one and the same triangle, or none."""
+    """Whether all samples of a pixel see the same triangle, or none does."""
     face = face_ids[row * side, column * side]
     if side == 1:
         return True
@@ -160,22 +161,22 @@ def fragment_rows(
     merges: bool = True,
     wants_samples: bool = False,
 ) -> FragmentRows:
-    """Fragments of some rows of pixels.
+    """Compute the fragments of some rows of pixels.
 
     Parameters
     ----------
     face_ids : (h, w) int32
-        Of all samples of the picture.
+        Triangle that each sample of the picture sees.
     world
-        The triangles that they see.
+        The triangles of the scene.
     rows : (first, stop)
-        Of pixels.
+        Range of pixel rows.
     side
-        Samples of a pixel along one side.
+        Samples along one side of a pixel.
     merges
-        Whether samples of a pixel that see the same triangle become one fragment.
+        Merge the samples of a pixel that see the same triangle into one fragment.
     wants_samples
-        Whether `of_samples` is filled; else it is empty.
+        Fill `of_samples`; otherwise it is empty.
     """
     counts = np.zeros(world.n_objects, np.int64)
     _count_kernel(face_ids, world.starts, side, merges, *rows, counts)
@@ -199,11 +200,11 @@ def fragment_rows(
 
 @kernel
 def corner_edges(positions, corners, matrix, affine, sx, sy, clip, edges):  # type: ignore[no-untyped-def]
-    """Write what each corner weighs as a linear function of column and row: (3, 3), x, y and 1.
+    """Write the barycentric weight of each corner as a linear function of column and row.
 
-    Up to a common factor, the determinants of two corners of clip space and the place. Nothing is
-    divided by w, so it may have any sign. `sx`, `sy` are the width and height of a pixel in clip
-    space.
+    `edges` (3, 3) receives the coefficients of x, y and 1, up to a common factor: determinants of
+    two corners in clip space and the position. Nothing is divided by w, so w may have any sign.
+    `sx` and `sy` are the width and height of a pixel in clip space.
     """
     for k in range(3):
         to_clip(matrix, positions[corners[k]], clip[k])
@@ -240,7 +241,7 @@ def _weights_kernel(  # type: ignore[no-untyped-def]
         weight2 = e[2, 0] * x + e[2, 1] * y + e[2, 2]
         sign = -1.0 if weight0 + weight1 + weight2 < 0.0 else 1.0
         back_facing[i] = sign < 0.0
-        # Snapping moves edges by up to half a grid step: a place may lie just outside.
+        # Snapping moves edges by up to half a grid step, so a position may lie just outside.
         weight0, weight1, weight2 = (
             max(sign * weight0, 0.0), max(sign * weight1, 0.0), max(sign * weight2, 0.0),
         )  # fmt: skip
@@ -265,33 +266,34 @@ def weights_at(
     affine: bool = False,
     wants_changes: bool = False,
 ) -> tuple[FloatArray, npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
-    """Where on its triangle each fragment lies.
+    """Compute the barycentric weights of fragments.
 
     Parameters
     ----------
     world
-        All triangles.
+        The triangles of the scene.
     clip_from_world : (4, 4) float64
-        The camera's.
+        Matrix of the camera.
     width, height
-        Of the picture in pixels.
+        Size of the picture in pixels.
     face_ids : (n,) int32
     places : (n, 2) float32
         As in `FragmentRows`.
     affine
-        Interpolate linearly on the screen, which is wrong in perspective. Triangles that reach
-        behind the camera are interpolated correctly all the same.
+        Interpolate linearly on the screen, which is wrong in perspective. Triangles that extend
+        behind the camera are still interpolated correctly.
     wants_changes
-        Whether the last result is computed; else it is empty.
+        Compute `changes`; otherwise it is empty.
 
     Returns
     -------
     weights : (n, 2) float64
-        Of the second and third corner, none below 0; 0 for a triangle without area in clip space.
+        Weights of the second and third corner, never below 0. Both are 0 for a triangle without
+        area in clip space.
     back_facing : (n,) bool
         Whether the triangle is seen from behind.
     changes : (n, 4) float32
-        By how much the two weights grow for one pixel to the right, and for one down.
+        Growth of the two weights for one pixel to the right, then for one pixel down.
     """
     n = len(face_ids)
     weights = np.empty((n, 2))

@@ -1,21 +1,21 @@
-"""Triangles to the samples that they are seen at.
+"""Rasterizing triangles into a visibility buffer.
 
-Two passes, each over bands of work that touch nothing of one another: triangles are sorted into
-bands of rows, leaving out what faces away, is off the screen or lies between samples; each band is
-drawn by one thread, in the order of the triangles. What a sample sees of its triangle is reckoned
-later, where it is wanted (`texbake.rendering.raster.fragments`).
+Two passes, each split into independent bands of work. The first sorts triangles into bands of rows
+and drops those that face away, are off the screen or fall between samples. The second draws each
+band on one thread, in the order of the triangles. Barycentric weights are computed later, and only
+where they are needed (`texbake.rendering.raster.fragments`).
 
 Coverage is decided with integers: edge functions of grid positions in int64 and the top-left rule,
-so that triangles which share an edge own each sample exactly once. The nearer surface wins, and of
-equally near ones the triangle of lower index.
+so each sample on a shared edge belongs to exactly one of the triangles. The nearest surface wins;
+at equal depth, the triangle with the lower index wins.
 
-With a layer given, only what lies behind it counts, and nothing behind a last surface: so one layer
-after another can be peeled off what is transparent.
+With `behind` and `before`, only surfaces between two depth layers are drawn, so that transparent
+surfaces can be peeled layer by layer.
 
 Based on: Pineda, "A parallel algorithm for polygon rasterization", SIGGRAPH 1988; Burns and Hunt,
 "The visibility buffer", JCGT 2(2), 2013; Everitt, "Interactive order-independent
-transparency", 2001, for peeling. Departs from the first in that a row of a wide triangle is not
-searched for its samples: its first and last are found by division.
+transparency", 2001, for peeling. Unlike Pineda, the first and last sample of a row of a wide
+triangle are computed by division instead of a search.
 """
 
 from __future__ import annotations
@@ -45,21 +45,21 @@ from texbake.rendering.raster.world import (
     object_of,
 )
 
-# Rows of samples a band, drawn by one thread: small enough for an even load and for its part of
-# the depth buffer to stay in cache.
+# Rows of samples per band, drawn by one thread: small enough to balance the load and to keep the
+# band's part of the depth buffer in cache.
 BAND_ROWS = 32
-# Triangles sorted together.
+# Triangles per sorting task.
 _CHUNK = 65536
-# Samples of a row up to which trying each is faster than dividing.
+# Up to this many samples in a row, testing each one is faster than dividing.
 _NARROW = 12
 
 
 @kernel
 def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-untyped-def]
-    """Grid positions and depths of the corners of what clipping leaves of a triangle.
+    """Write the grid positions and depths of a clipped triangle's corners.
 
     `scene` is (positions, faces, object starts, object modes, matrix, grid, vertex depths, width,
-    height). Returns the number of corners; 0 where nothing is left.
+    height). Returns the number of corners; 0 if nothing is left.
     """
     corners = scene[1][face]
     return clip_triangle(
@@ -69,7 +69,7 @@ def _clipped(face, scene, polygon, scratch, points, depths):  # type: ignore[no-
 
 @kernel
 def _doubled_area(points, i):  # type: ignore[no-untyped-def]
-    """Twice the area of piece i of a fan, in grid units squared; negative seen from the front."""
+    """Twice the area of triangle i of a fan, in grid units squared; negative if front-facing."""
     along_x = points[i + 1, 0] - points[0, 0]
     along_y = points[i + 1, 1] - points[0, 1]
     return along_x * (points[i + 2, 1] - points[0, 1]) - along_y * (points[i + 2, 0] - points[0, 0])
@@ -108,7 +108,7 @@ def _sort_kernel(scene, survivors, spans, counts, start, stop):  # type: ignore[
             for i in range(1, n_corners):
                 left, right = min(left, points[i, 0]), max(right, points[i, 0])
                 top, bottom = min(top, points[i, 1]), max(bottom, points[i, 1])
-        # The samples between the outermost corners; most tiny triangles have none.
+        # Samples within the bounding box; most tiny triangles contain none.
         first = (max(left, 0) + HALF - 1) >> SUBPIXEL_BITS
         last = (min(right, width * SUBPIXELS) - HALF) >> SUBPIXEL_BITS
         first_row = (max(top, 0) + HALF - 1) >> SUBPIXEL_BITS
@@ -134,7 +134,7 @@ def _scatter_kernel(survivors, spans, next_places, sorted_faces):  # type: ignor
 
 @kernel
 def _row_range(value, step, threshold, first, last):  # type: ignore[no-untyped-def]
-    """Narrow first..last to the k for which value + k step is at least the threshold."""
+    """Narrow first..last to the k for which value + k * step is at least the threshold."""
     if step > 0:
         first = max(first, -((value - threshold) // step))
     elif step < 0:
@@ -146,7 +146,7 @@ def _row_range(value, step, threshold, first, last):  # type: ignore[no-untyped-
 
 @kernel
 def _is_peeled(depth, face, row, column, peel):  # type: ignore[no-untyped-def]
-    """Whether a point lies on or before the layer already peeled off, or behind the last surface.
+    """Whether a point lies on or before the layer already peeled, or behind the last surface.
 
     `peel` is (depths and faces of the layer, depths of the last surface).
     """
@@ -158,11 +158,11 @@ def _is_peeled(depth, face, row, column, peel):  # type: ignore[no-untyped-def]
 
 @kernel
 def _draw(points, depths, i, face, show_back, rows, peels, peel, tries, face_ids, depth_buffer):  # type: ignore[no-untyped-def]
-    """Draw piece i of a fan, corners 0, i + 1 and i + 2, into some rows."""
+    """Draw triangle i of a fan (corners 0, i + 1 and i + 2) into some rows."""
     area = _doubled_area(points, i)
     if area == 0 or (area > 0 and not show_back):
         return
-    # Corners in the order that makes the area positive: clockwise as seen, since rows go down.
+    # Order the corners so that the area is positive: clockwise on the screen, as rows go down.
     b, c = (i + 1, i + 2) if area > 0 else (i + 2, i + 1)
     x0, y0, x1, y1, x2, y2 = (
         points[0, 0], points[0, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1],
@@ -172,8 +172,8 @@ def _draw(points, depths, i, face, show_back, rows, peels, peel, tries, face_ids
     right = min((max(x0, x1, x2) - HALF) >> SUBPIXEL_BITS, face_ids.shape[1] - 1)
     top = max((min(y0, y1, y2) + HALF - 1) >> SUBPIXEL_BITS, rows[0])
     bottom = min((max(y0, y1, y2) - HALF) >> SUBPIXEL_BITS, rows[1] - 1)
-    # Edge functions, each 0 on the edge opposite its corner. A sample on an edge is inside where
-    # the edge is a left one (going up) or a top one (going right): there 0 is enough, else 1.
+    # Edge functions, each 0 on the edge opposite its corner. By the top-left rule a sample on a
+    # left edge (going up) or a top edge (going right) is inside: least value 0 there, 1 elsewhere.
     least0 = 0 if y2 < y1 or (y2 == y1 and x2 > x1) else 1
     least1 = 0 if y0 < y2 or (y0 == y2 and x0 > x2) else 1
     least2 = 0 if y1 < y0 or (y1 == y0 and x1 > x0) else 1
@@ -193,7 +193,7 @@ def _draw(points, depths, i, face, show_back, rows, peels, peel, tries, face_ids
         for k in range(first, last + 1):
             e0, e1, e2 = edge0 + k * step0, edge1 + k * step1, edge2 + k * step2
             if e0 >= least0 and e1 >= least1 and e2 >= least2:
-                # z / w is linear on the screen; as a mean of the corners' it cannot leave them.
+                # z / w is linear on the screen; a weighted mean stays within the corners' range.
                 depth = np.float32((e0 * z0 + e1 * z1 + e2 * z2) * scale)
                 if len(tries) > 0:
                     tries[row, left + k] += 1
@@ -214,7 +214,7 @@ def _draw_kernel(scene, band_faces, rows, peels, peel, tries, face_ids, depth_bu
     for k in range(len(band_faces)):
         face = np.int64(band_faces[k])
         n_corners = 3
-        show_back = True  # what faces away was left out before
+        show_back = True  # culled faces were dropped when sorting
         for i in range(3):
             v = faces[face, i]
             points[i, 0] = grid[v, 0]
@@ -233,7 +233,7 @@ def _draw_kernel(scene, band_faces, rows, peels, peel, tries, face_ids, depth_bu
 
 @dataclass(frozen=True, eq=False)
 class _Bands:
-    """Faces of each band of rows, ascending: those of band b are at starts[b] to starts[b + 1]."""
+    """Faces of each band of rows, ascending; band b has those at starts[b] to starts[b + 1]."""
 
     faces: IntArray
     starts: npt.NDArray[np.int64]
@@ -279,30 +279,30 @@ def rasterize(
     tries: npt.NDArray[np.uint32] | None = None,
     threads: int | None = None,
 ) -> VisibilityBuffer:
-    """Find what each sample of a screen sees.
+    """Rasterize triangles: find the nearest one at each sample.
 
     Parameters
     ----------
     world
-        All triangles; front sides are counter-clockwise.
+        All triangles; front faces are counter-clockwise.
     clip_from_world : (4, 4) float64
-        Clip space keeps z from 0 (infinity) to w (the near plane).
+        Camera matrix. In clip space z runs from 0 (infinity) to w (the near plane).
     width, height
-        Of the screen, in samples.
+        Size of the screen in samples.
     modes : (O,) uint8
-        Of each object: `SKIP`, `CULL_BACK` or `SHOW_BACK`.
+        `SKIP`, `CULL_BACK` or `SHOW_BACK` for each object.
     behind, before
-        Both or neither: only what lies behind the one, or in the same place with a higher index,
-        and before the other is seen.
+        Give both or neither. Only surfaces that lie behind `behind` (or at the same depth with a
+        higher index) and in front of `before` are drawn.
     tries : (height, width) uint32, optional
-        Here the triangles that cover a sample are added up, seen or not.
+        Counts the triangles that cover each sample, visible or hidden; added to in place.
     threads
-        None for every processor.
+        Number of threads; None uses every processor.
 
     Returns
     -------
     VisibilityBuffer
-        A triangle without area on the grid is seen nowhere.
+        A triangle without area on the grid is not visible.
     """
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     scene = (

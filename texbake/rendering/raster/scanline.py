@@ -1,14 +1,13 @@
-"""Triangles drawn the classical way: down their edges row by row, along each row sample by sample.
+"""The classical scanline rasterizer: walk down the edges row by row, then along each row.
 
-Nothing is computed anew at a sample. From row to row the two edges step by what one row changes
-them, and from sample to sample the values on the row step by what one column changes them. Where an
-edge is, is a whole number over the edge's height, so that coverage is exact and the same as
-that of `texbake.rendering.raster.rasterize`.
+All values are updated incrementally: the two edges from row to row, the values on a row from sample
+to sample. Edge positions are integers over the edge's height, so coverage is exact and the same as
+in `texbake.rendering.raster.rasterize`.
 
-What steps are the three weights of the corners before division, each linear on the screen (over the
-corner's w, up to a common factor); dividing by their sum at each sample makes the interpolation
-hyperbolic, as perspective wants it. It is here to be looked at, and as a second opinion: it runs
-on one thread, and rounding gathers over a span.
+The values are depth and the three corner weights divided by w, which are linear on the screen up to
+a common factor. Dividing by their sum at each sample makes the interpolation correct in
+perspective. This rasterizer exists for teaching and as an independent check: it runs on one thread,
+and rounding errors accumulate along a span.
 
 Based on: Wylie, Romney, Evans and Erdahl, "Half-tone perspective drawings by computer", 1967;
 Blinn, "Hyperbolic interpolation", IEEE Computer Graphics and Applications 12(4), 1992; Hecker,
@@ -31,13 +30,13 @@ from texbake.rendering.raster.clip import (
 from texbake.rendering.raster.fragments import corner_edges
 from texbake.rendering.raster.world import SHOW_BACK, SKIP, VisibilityBuffer, World
 
-# Values that step: the weights of three corners before division, and depth.
+# Values that are updated incrementally: three corner weights before division, and depth.
 _N_VALUES = 4
 
 
 @kernel
 def _corners_of(face, scene, polygon, scratch, edges, points, depths, values):  # type: ignore[no-untyped-def]
-    """Corners of what clipping leaves of a triangle: grid positions, and the values there."""
+    """Write the grid positions of a clipped triangle's corners, and the values there."""
     positions, faces, matrix, width, height = scene
     n_corners = clip_triangle(
         positions, faces[face], matrix, width, height, polygon, scratch, points, depths
@@ -52,9 +51,9 @@ def _corners_of(face, scene, polygon, scratch, edges, points, depths, values):  
 
 @kernel
 def _edge_at(points, values, top, bottom, row, x, at):  # type: ignore[no-untyped-def]
-    """Start an edge at a row of samples: `x` gets what steps exactly, `at` the values there.
+    """Start an edge at a row of samples; writes its exact position to `x` and its values to `at`.
 
-    `x` holds the column times the edge's height in grid units, its step and that height.
+    `x` holds the column times the edge's height in grid units, its step, and that height.
     """
     tall = points[bottom, 1] - points[top, 1]
     down = row * SUBPIXELS + HALF - points[top, 1]
@@ -70,7 +69,7 @@ def _edge_at(points, values, top, bottom, row, x, at):  # type: ignore[no-untype
 
 @kernel
 def _step(x, at):  # type: ignore[no-untyped-def]
-    """Go one row down an edge."""
+    """Step an edge down by one row."""
     x[0] += x[1]
     for k in range(_N_VALUES):
         at[0, k] += at[1, k]
@@ -78,7 +77,7 @@ def _step(x, at):  # type: ignore[no-untyped-def]
 
 @kernel
 def _span(row, left_x, left, right_x, right, face, face_ids, depths, weights):  # type: ignore[no-untyped-def]
-    """Draw the samples of a row from the left edge, which owns them, to before the right one."""
+    """Draw the samples of a row from the left edge (included) to the right edge (excluded)."""
     width = face_ids.shape[1]
     first = -((HALF * left_x[2] - left_x[0]) // (SUBPIXELS * left_x[2]))
     stop = -((HALF * right_x[2] - right_x[0]) // (SUBPIXELS * right_x[2]))
@@ -106,7 +105,7 @@ def _span(row, left_x, left, right_x, right, face, face_ids, depths, weights):  
 
 @kernel
 def _triangle(points, values, i, face, shows_back, face_ids, depths, weights):  # type: ignore[no-untyped-def]
-    """Draw piece i of a fan, corners 0, i + 1 and i + 2, in its upper and then its lower part."""
+    """Draw triangle i of a fan (corners 0, i + 1 and i + 2), the upper part first."""
     top, middle, bottom = 0, i + 1, i + 2
     turn = (points[middle, 0] - points[top, 0]) * (points[bottom, 1] - points[top, 1]) - (
         points[middle, 1] - points[top, 1]
@@ -130,7 +129,7 @@ def _triangle(points, values, i, face, shows_back, face_ids, depths, weights):  
         _edge_at(points, values, top, bottom, first, long_x, long_side)
         _edge_at(points, values, above, below, first, short_x, short_side)
         for row in range(first, stop):
-            if turn > 0:  # the middle corner lies right of the long edge
+            if turn > 0:  # the middle corner is right of the long edge
                 _span(row, long_x, long_side, short_x, short_side, face, face_ids, depths, weights)
             else:
                 _span(row, short_x, short_side, long_x, long_side, face, face_ids, depths, weights)
@@ -170,7 +169,7 @@ def rasterize_scanlines(
     *,
     modes: npt.NDArray[np.uint8],
 ) -> tuple[VisibilityBuffer, FloatArray]:
-    """Find what each sample sees, and where on its triangle, step by step.
+    """Rasterize triangles by scanlines, with the barycentric weights at each sample.
 
     Parameters
     ----------
@@ -180,9 +179,9 @@ def rasterize_scanlines(
     Returns
     -------
     visibility : VisibilityBuffer
-        That of `rasterize`, but for samples where two surfaces are equally near to rounding.
+        The same as from `rasterize`, except where two surfaces are equally near up to rounding.
     weights : (height, width, 2) float64
-        Of the second and third corner; 0 where there is no triangle.
+        Weights of the second and third corner; 0 where there is no triangle.
     """
     face_ids = np.full((height, width), -1, np.int32)
     depths = np.zeros((height, width), np.float32)

@@ -1,4 +1,4 @@
-"""All triangles of a picture in one list, and which of them each sample sees.
+"""All triangles of a picture in one list, and the visibility buffer that refers to them.
 
 Based on: Burns and Hunt, "The visibility buffer: a cache-friendly approach to deferred shading",
 JCGT 2(2), 2013.
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# What is drawn of an object.
+# Which faces of an object are drawn.
 SKIP, CULL_BACK, SHOW_BACK = 0, 1, 2
 
 
@@ -28,7 +28,7 @@ class World:
     ----------
     positions : (V, 3) float64
     faces : (F, 3) int32
-        Front sides are counter-clockwise.
+        Front faces are counter-clockwise.
     starts : (O + 1,) int64
         Faces of object k are at starts[k] to starts[k + 1].
     """
@@ -50,14 +50,14 @@ class World:
 
 @dataclass(frozen=True, eq=False)
 class VisibilityBuffer:
-    """What each sample of a screen sees; row 0 at the top.
+    """The nearest triangle at each sample of a screen; row 0 is at the top.
 
     Attributes
     ----------
     face_ids : (h, w) int32
         Index of the nearest triangle in the world; -1 where there is none.
     depths : (h, w) float32
-        Reversed depth z / w, greater is nearer; 0 where there is no triangle.
+        Reversed depth z / w (greater is nearer); 0 where there is no triangle.
     """
 
     face_ids: IntArray
@@ -65,7 +65,7 @@ class VisibilityBuffer:
 
     @property
     def n_bytes(self) -> int:
-        """Memory that it takes."""
+        """Memory of the buffer in bytes."""
         return self.face_ids.nbytes + self.depths.nbytes
 
 
@@ -83,7 +83,7 @@ def object_of(face, starts):  # type: ignore[no-untyped-def]
 
 
 def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
-    """Join the positions and faces of objects; those of a single one are shared, not copied."""
+    """Join the positions and faces of objects; a single object's arrays are shared, not copied."""
     counts = [len(faces) for _, faces in parts]
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     if len(parts) == 1:
@@ -98,9 +98,9 @@ def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
 
 
 def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
-    """Return an array as the kernels take all that they only read: contiguous, of one type.
+    """Return a contiguous, read-only array of a type, as kernels expect their inputs.
 
-    numba compiles a kernel again for arrays that may be written to.
+    numba would compile a kernel again for writable arrays.
     """
     view = np.require(array, dtype, "C").view()
     view.flags.writeable = False

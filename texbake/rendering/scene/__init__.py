@@ -1,1 +1,1 @@
-"""What a picture is of: camera, lights, environment, objects and materials, as plain values."""
+"""Scenes: camera, lights, environment, objects and materials, as plain values."""

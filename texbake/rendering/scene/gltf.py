@@ -1,9 +1,8 @@
-"""Reading glTF 2.0 as a scene: objects with their materials, lights, and the first camera.
+"""Reading glTF 2.0 files as scenes: objects with their materials, lights, and the first camera.
 
-A light's intensity is in candela (lux, where it is directional), and a surface reflects the share
-1 / pi of what arrives to each side; here the intensity is what a white surface reflects, so that it
-is divided by pi. The `range` of a light is not kept: it is an aid for renderers that leave out
-lights far away.
+In glTF, a light's intensity is in candela (lux for directional lights), and a diffuse surface
+reflects 1 / pi of it in each direction. Here the intensity is what a white surface reflects, so it
+is divided by pi. The `range` of a light is ignored; it only lets renderers skip distant lights.
 
 Based on: Khronos Group, KHR_lights_punctual, 2020; glTF 2.0 Specification, section 3.10.
 """
@@ -28,7 +27,7 @@ from texbake.rendering.scene.gltf_materials import MaterialReader, TextureReader
 from texbake.rendering.scene.lights import Light, Lighting, Vector
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 
-# Extensions that are shown, or change nothing about how a scene looks.
+# Extensions that are supported, or do not affect how a scene looks.
 SHOWN = (
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -51,24 +50,24 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
     Parameters
     ----------
     path
-        The file. Images that lie beside it are read when a picture needs them, those inside it now.
+        The file. Embedded images are read now, external ones when a picture needs them.
     progress
-        Told of the one stage, ``read NAME``.
+        Receives the single stage, ``read NAME``.
 
     Returns
     -------
     Scene
-        One object a primitive that a node places, with the node's transform. Primitives without
-        normals are shaded flat, as the specification wants it; skins and morph targets are shown at
-        rest; points, lines, and what a node flattens, are left out. Of several cameras it is the
-        first. `notes` has what the file asks for and is not shown.
+        One object for each primitive of each node, with the node's transform. Primitives without
+        normals are shaded flat, as the specification requires. Skins and morph targets are shown in
+        their rest pose. Points, lines, and nodes scaled flat are left out. The view is that of the
+        first camera. `notes` lists features of the file that are not supported.
 
     Raises
     ------
     FileError
         The file, a buffer or an image beside it is missing or cannot be read.
     FileFormatError
-        It is not glTF 2.0, it is damaged, or it requires an extension that is not shown.
+        It is not glTF 2.0, it is damaged, or it requires an extension that is not supported.
     MeshError
         There are no triangles, or a coordinate is not finite.
     """
@@ -166,7 +165,7 @@ class _Reader:
                     name=name if len(primitives) == 1 else f"{name} {i}",
                 )
             except OptionError:
-                # The specification allows it, as a way to hide what a node holds.
+                # The specification allows this as a way to hide a node's content.
                 self.notes.append(f"the node {name!r} flattens what it holds; it is left out")
                 continue
             self.objects.append(item)
@@ -199,12 +198,12 @@ class _Reader:
         return mesh.replace(normals=normals, normal_faces=normal_faces)
 
 
-# A cone of half a turn, which glTF allows, is as good as one a little narrower.
+# glTF allows a cone of 180 degrees; a slightly narrower one looks the same.
 _WIDEST = 179.9
 
 
 def light_of(document: Document, node: dict[str, Any], matrix: FloatArray) -> Light | None:
-    """Light of a node, which shines along its -z; None where it has none."""
+    """Return the light of a node, which shines along the node's -z axis; None if it has none."""
     extension = document.mapping(document.mapping(node, "extensions"), "KHR_lights_punctual")
     if "light" not in extension:
         return None
@@ -247,7 +246,10 @@ def _cone(document: Document, light: dict[str, Any]) -> dict[str, Any]:
 def view_of(
     document: Document, node: dict[str, Any], matrix: FloatArray
 ) -> CameraView | str | None:
-    """View of a node's camera; why it is none, in words; or None where the node has no camera."""
+    """Return the view of a node's camera, or a reason why it is not supported.
+
+    None if the node has no camera.
+    """
     if "camera" not in node:
         return None
     camera = document.item("cameras", node["camera"])
@@ -262,7 +264,7 @@ def view_of(
     position = matrix[:3, 3]
     return CameraView(
         position=_vector(position),
-        # As far away as it takes to tell the two apart, wherever the camera stands.
+        # Far enough from the camera that rounding does not change the direction.
         target=_vector(position - _unit(document, matrix[:3, 2]) * (1.0 + np.abs(position).max())),
         up=_vector(_unit(document, matrix[:3, 1])),
         fov=fov,

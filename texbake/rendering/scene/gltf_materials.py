@@ -1,11 +1,11 @@
-"""glTF materials and their textures: factors times textures, to slots.
+"""Reading glTF materials and their textures into slots.
 
-Base color is the factor times the texture (and COLOR_0). Roughness is the green channel of its
-texture, metalness the blue one, occlusion the red one of its own. A base color's fourth channel
-covers what lies behind as `alphaMode` says.
+Base color is the factor times the texture (and COLOR_0). Roughness is the green and metalness the
+blue channel of one texture; occlusion is the red channel of another. The alpha of the base color is
+the opacity, used as `alphaMode` specifies.
 
-glTF has the origin of texture coordinates at the upper left with v down; here it is at the lower
-left with v up, and what moves coordinates is turned accordingly.
+In glTF the origin of texture coordinates is at the upper left with v down. Here it is at the lower
+left with v up, and texture transforms are converted accordingly.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
 extensions KHR_materials_unlit, KHR_materials_emissive_strength and KHR_materials_ior.
@@ -49,7 +49,7 @@ class TextureReader:
     document
         The file.
     notes
-        What it asks for and is not shown; added to.
+        Features of the file that are not supported; appended to.
     """
 
     document: Document
@@ -64,16 +64,16 @@ class TextureReader:
         channel: int | None = None,
         factor: Constant = 1.0,
     ) -> ImageTexture:
-        """Texture of a textureInfo object.
+        """Read the texture of a textureInfo object.
 
         Parameters
         ----------
         info
-            Of a material: `index`, and maybe KHR_texture_transform.
+            textureInfo of a material: `index`, and optionally KHR_texture_transform.
         color
-            Whether the codes of its image are sRGB.
+            Whether the image is coded in sRGB.
         channel, factor
-            As of `ImageTexture`.
+            As in `ImageTexture`.
         """
         texture = self.document.item("textures", info.get("index"))
         sampler = {}
@@ -90,7 +90,7 @@ class TextureReader:
         )
 
     def uv_set(self, info: dict[str, Any]) -> int:
-        """Number of the texture coordinates that a textureInfo object uses."""
+        """Return the number of the UV set that a textureInfo object uses."""
         transform = self._extension(info, "KHR_texture_transform")
         owner = transform if "texCoord" in transform else info
         return self.document.integer(owner, "texCoord", 0)
@@ -118,8 +118,8 @@ class TextureReader:
         angle = transform.get("rotation", 0.0)
         if not isinstance(angle, int | float) or not math.isfinite(angle):
             self.document.fail("the rotation of a texture is not a number")
-        # (u, v) -> (u, 1 - v) before and after: the turn keeps its sense as seen, and the
-        # origin, now the lower left corner, is moved to where (0, 1) was.
+        # Flip v before and after: the visible sense of the rotation stays the same, and the
+        # origin, now the lower left corner, moves to where (0, 1) was.
         return {
             "scale": (float(scale[0]), float(scale[1])),
             "rotate": math.degrees(angle),
@@ -142,7 +142,7 @@ class TextureReader:
         return self._images[index, color]
 
     def _opened(self, index: int, image: dict[str, Any], color: bool) -> Path | Image:
-        """Path of an image that lies beside the file, or the pixels of one inside it."""
+        """Return the path of an external image, or the pixels of an embedded one."""
         uri = image.get("uri")
         where = f"{self.document.path}: images[{index}]"
         if isinstance(uri, str) and not uri.startswith("data:"):
@@ -165,7 +165,7 @@ class TextureReader:
 
 
 def _filter(sampler: dict[str, Any]) -> str:
-    """Name of the filter; where magnified texels are to stay sharp, they do at any size."""
+    """Name the filter. NEAREST magnification selects nearest filtering at any size."""
     if sampler.get("magFilter") == _NEAREST:
         return "nearest"
     return "bilinear" if sampler.get("minFilter") in _FILTERS_WITHOUT_MIPS else "trilinear"
@@ -176,7 +176,7 @@ _ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
 @dataclass(frozen=True, eq=False)
 class ReadMaterial:
-    """A material, and the number of the texture coordinates that it is looked up with."""
+    """A material, and the number of the UV set that its textures use."""
 
     material: Material
     uv_set: int
@@ -192,7 +192,7 @@ class MaterialReader:
     _known: dict[int | None, ReadMaterial] = field(default_factory=dict)
 
     def material(self, index: int | None, *, vertex_colors: bool = False) -> ReadMaterial:
-        """Material by its index; None for what glTF gives a primitive that has none."""
+        """Read the material with an index; None stands for glTF's default material."""
         if index not in self._known:
             source = {} if index is None else self.document.item("materials", index)
             name = str(source.get("name") or ("material" if index is None else f"material {index}"))
@@ -234,7 +234,7 @@ class MaterialReader:
     def _of_one_uv_set(
         self, infos: dict[str, dict[str, Any]], name: str
     ) -> tuple[int, dict[str, dict[str, Any]]]:
-        """Texture coordinates of the first texture, and the textures that use them."""
+        """Return the UV set of the first texture, and the textures that use the same set."""
         sets = {key: self.textures.uv_set(info) for key, info in infos.items()}
         chosen = next(iter(sets.values()), 0)
         for key, uv_set in sets.items():

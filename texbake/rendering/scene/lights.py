@@ -1,4 +1,4 @@
-"""Lights: where their light comes from, and what it is stopped or colored by."""
+"""Lights of a scene: lamps with shadows and slides, ambient light, environment and fog."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ class Fog:
 
     @property
     def fades(self) -> bool:
-        """Whether there is any: not where its density is 0."""
+        """Whether the fog has any effect: False if its density is 0."""
         return self.mode == "linear" or self.density > 0.0
 
 

@@ -1,7 +1,7 @@
-"""A material: slots, and how what is in them becomes light.
+"""Materials: a shading model and the slots it reads.
 
-Every slot is a constant, an image or a procedure (`texbake.rendering.scene.textures`). A slot that
-is None is not there, and nothing is computed for it.
+Every slot holds a constant, an image or a procedure (`texbake.rendering.scene.textures`). Nothing
+is computed for a slot that is None.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _CONSTANT_SLOTS = ("base_color", "specular", "exponent", "gloss", "roughness", "
 
 
 def check_constant(name: str, slot: Slot | None) -> None:
-    """Raise `OptionError` where a slot holds a number that is not finite."""
+    """Raise `OptionError` if a slot holds a number that is not finite."""
     if slot is None or isinstance(slot, ImageTexture | ProcedureTexture):
         return
     numbers = slot if isinstance(slot, Iterable) else (slot,)

@@ -1,4 +1,4 @@
-"""Scenes from files: TOML scene files, and glTF with its own materials."""
+"""Reading scenes from files: TOML scene files, and glTF files with their own materials."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
 
 def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene:
-    """Read a scene.
+    """Read a scene file.
 
     Parameters
     ----------
     path
-        A `.toml` file, whose keys `docs/reference/scenes.md` lists; or a `.glb` or `.gltf` file, as
-        `texbake.rendering.scene.gltf.read_gltf_scene` says.
+        A `.toml` file with the keys listed in `docs/reference/scenes.md`, or a `.glb` or `.gltf`
+        file (see `texbake.rendering.scene.gltf.read_gltf_scene`).
     progress
-        Told of the stages.
+        Receives the stages.
 
     Returns
     -------
     Scene
-        Images are read when a picture needs them; that their files are there is checked now.
+        Images are read when a picture needs them; only their existence is checked now.
 
     Raises
     ------
     FileError
         The file is missing or cannot be read.
     FileFormatError
-        It is of another kind, or something in it is not as it should be: one line with the file,
-        the key, what is there and what was expected.
+        The format is not supported, or the content is not valid. The message is a single line with
+        the file, the key, the value and what was expected.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SCENE_SUFFIXES:
@@ -44,7 +44,7 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
             f"the known ones are {', '.join(SCENE_SUFFIXES)}"
         )
     data = map_file(path)
-    # pydantic, which checks scene files, takes a while to load.
+    # pydantic, which validates scene files, is slow to import.
     if suffix == ".toml":
         from texbake.rendering.scene.file.parse import parse_scene
 

@@ -1,7 +1,7 @@
-"""A scene: what `texbake preview SCENE.toml` reads and `render_scene` draws; and its cameras.
+"""Scenes, as read by `texbake preview SCENE.toml` and drawn by `render_scene`, and their cameras.
 
-A transform that mirrors an object turns its faces and tangents as `texbake.mesh.compose` says, so
-that an object and its mirror image both show their outside, with the same relief.
+A mirroring transform also flips faces and tangents (see `texbake.mesh.compose`), so that an object
+and its mirror image both show their outside, with the same relief.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from texbake.rendering.scene.lights import Lighting, Vector
 from texbake.rendering.scene.material import Material
 from texbake.schema import Option
 
-# Least over greatest stretch. Rounding leaves about 1e-16 of a direction that is flattened; above
-# this there are still three digits of it.
+# Least allowed ratio of the smallest to the largest singular value. Rounding leaves a flattened
+# axis at about 1e-16; above this limit it still has three significant digits.
 _SINGULAR = 1e-13
 
 
@@ -101,15 +101,15 @@ class Scene:
         At least one.
     lighting : Lighting
     view : CameraView, optional
-        None: as `RenderOptions` has it.
+        None uses the view of `RenderOptions`.
     name : str
-        What messages call it: the name of its file.
+        Name for messages: that of the file.
     render : mapping
-        Fields of `RenderOptions` that its file sets; `options` reads them.
+        Fields of `RenderOptions` that the file sets; read by `options`.
     notes : tuple of str
-        What its file asks for and is not shown, in words for people.
+        Features of the file that are not supported, as readable sentences.
     files : tuple of Path
-        That its file names: meshes, images, buffers. What writes pictures of it must spare them.
+        Files that the scene refers to: meshes, images, buffers. Output must not overwrite them.
     """
 
     objects: tuple[SceneObject, ...]
@@ -125,18 +125,17 @@ class Scene:
             raise OptionError(f"{self.name}: it has no objects; a scene needs at least one")
 
     def options(self, **changes: Any) -> RenderOptions:
-        """Return the options that its file sets, with some changed and the others at default."""
+        """Return the render options set in the file, with `changes` applied."""
         return replace(RenderOptions(), **{**self.render, **changes})
 
 
 def checked_transform(transform: FloatArray, name: str) -> FloatArray:
-    """Transform as a read-only (4, 4) float64.
+    """Return a transform as a read-only (4, 4) float64 array.
 
     Raises
     ------
     OptionError
-        It is not affine, or so singular that it flattens what it is applied to. `name` is what the
-        message calls it.
+        The transform is not affine, or is (nearly) singular. The message calls it `name`.
     """
     matrix = np.array(transform, np.float64)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
@@ -150,7 +149,7 @@ def checked_transform(transform: FloatArray, name: str) -> FloatArray:
 
 
 def placed(item: SceneObject) -> Mesh:
-    """Mesh of an object in world space: the same one where it has no transform."""
+    """Return the mesh of an object in world space; the mesh itself if it has no transform."""
     return item.mesh if item.transform is None else transformed(item.mesh, item.transform)
 
 
@@ -168,8 +167,8 @@ def outline(item: SceneObject) -> Mesh:
 
 UP_AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
-# The near plane of a camera that stands somewhere, in the smaller of its distance to the target and
-# the scene's radius.
+# Default near plane of a camera with a position, relative to the smaller of its distance to the
+# target and the scene's radius.
 _NEAR = 1e-3
 
 
@@ -179,18 +178,18 @@ def camera_of(scene: Scene, options: RenderOptions) -> Camera:
     Parameters
     ----------
     scene
-        A view with a `position` stands there. One with `angles` looks at the middle of all visible
-        objects (before displacement), as far away as `Camera.framing` does. What the view leaves
-        open, and all of it where there is none, is as `options` says.
+        A view with a `position` is used as given. A view with `angles` looks at the center of all
+        visible objects (before displacement) from the distance of `Camera.framing`. Values that the
+        view does not set come from `options`.
     options
-        `view`, `up`, `fov` and the picture's shape.
+        Gives `view`, `up`, `fov` and the picture's shape.
 
     Raises
     ------
     OptionError
         The camera stands on its target, looks along its up direction, or has no field of view.
     MeshError
-        The scene is beyond what float64 can square.
+        The coordinates are so large that their squares overflow float64.
     """
     view = scene.view or CameraView()
     fov = options.fov if view.fov is None else view.fov
@@ -211,7 +210,7 @@ def camera_of(scene: Scene, options: RenderOptions) -> Camera:
 
 
 def check_view(scene: Scene) -> None:
-    """Raise `OptionError` where the scene's own options and view make no camera."""
+    """Raise `OptionError` if the scene's own options and view do not make a valid camera."""
     view = scene.view
     if view is not None and view.position is not None and view.target is not None:
         axes_toward(view.position, view.target, _up_of(view, scene.options()))
@@ -222,20 +221,20 @@ def _up_of(view: CameraView, options: RenderOptions) -> Vector:
 
 
 def turntable_cameras(scene: Scene, options: RenderOptions, n_views: int) -> list[Camera]:
-    """Cameras that go once around a scene, as though it stood on a turntable.
+    """Cameras that circle a scene once, as if it stood on a turntable.
 
     Parameters
     ----------
     scene, options
-        As for `camera_of`, which is the first of them.
+        As for `camera_of`, which gives the first camera.
     n_views
-        How many; each stands 1 / n_views of a turn further counter-clockwise, seen from above,
-        about the axis through the scene's middle along `options.up`.
+        Number of cameras. Each is rotated by another 1 / n_views of a turn, counter-clockwise seen
+        from above, about the axis through the scene's center along `options.up`.
 
     Raises
     ------
     OptionError
-        There is to be no camera at all; or as `camera_of`.
+        `n_views` is below 1; or as for `camera_of`.
     """
     if n_views < 1:
         raise OptionError(f"turntable: {n_views} views are none; give 1 or more")
@@ -257,7 +256,7 @@ def turntable_cameras(scene: Scene, options: RenderOptions, n_views: int) -> lis
 
 
 def _turn_about(axis: FloatArray, angle: float) -> FloatArray:
-    """(3, 3): turn about a unit axis, counter-clockwise seen from where it points to."""
+    """(3, 3): rotation about a unit axis, counter-clockwise seen from the tip of the axis."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     along = np.outer(axis, axis)
@@ -265,6 +264,6 @@ def _turn_about(axis: FloatArray, angle: float) -> FloatArray:
 
 
 def _outlines(scene: Scene) -> list[Mesh]:
-    """Visible objects in world space; all of them where none is."""
+    """Visible objects in world space; all objects if none is visible."""
     seen = [item for item in scene.objects if item.visible]
     return [outline(item) for item in seen or scene.objects]

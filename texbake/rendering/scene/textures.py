@@ -1,7 +1,7 @@
-"""What a slot of a material can hold: a constant, an image or a procedure.
+"""The contents of a material's slot: a constant, an image or a procedure.
 
-A slot is written as one of these in a scene file and given as one of them in Python. Nothing here
-reads a file or computes a texel; that happens when the plan of a picture asks for it.
+These classes only describe textures, as in a scene file. Images are read and procedures evaluated
+when the plan of a picture needs them.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
 WRAPS = ("repeat", "mirror", "clamp", "border")
-# Filters that need to know how far apart the coordinates of neighboring pixels are.
+# Filters that need the derivatives of texture coordinates per pixel.
 FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
-# Filters that read smaller levels of an image.
+# Filters that need mip levels.
 FILTERS_WITH_LEVELS = ("trilinear", "ewa")
 SPACES = ("object", "world", "uv")
 

@@ -1,7 +1,7 @@
-"""Matrices that put objects into the world, and slide projectors' pictures onto them.
+"""Transformation matrices of objects and of projectors.
 
-A transform scales first, then turns about x, y and z in that order, then moves. A projector takes
-points of the world to places of its picture.
+An object's transform scales first, then rotates about x, y and z in that order, then translates. A
+projector's matrix maps points in world space to positions in its picture.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
 texture mapping", SIGGRAPH 1992, for projectors.
@@ -27,14 +27,14 @@ def transform_matrix(
     rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
     scale: float | tuple[float, float, float] = 1.0,
 ) -> FloatArray:
-    """(4, 4) float64 that scales, turns about x, y and z in that order, and moves.
+    """(4, 4) float64: matrix that scales, rotates about x, y and z in that order, and translates.
 
     Parameters
     ----------
     translate
         In world units.
     rotate
-        Degrees, counter-clockwise seen from where the axis points to. Quarter turns are exact.
+        In degrees, counter-clockwise seen from the tip of the axis. Quarter turns are exact.
     scale
         Along the object's own axes; negative to mirror.
 
@@ -64,7 +64,7 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
     return math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
 
 
-# Clip coordinates, from -w to w, to s and t, from 0 to q; r and q are the depth.
+# Maps clip coordinates from -w to w to s and t from 0 to q; r and q are the depth.
 _PICTURE_FROM_CLIP = np.array(
     [
         [0.5, 0.0, 0.0, 0.5],
@@ -83,37 +83,37 @@ def projector_matrix(
     fov: float = 35.0,
     aspect: float = 1.0,
 ) -> FloatArray:
-    """Matrix of a projector that stands at a point and looks at another.
+    """Matrix of a projector at a position that looks at a target.
 
     Parameters
     ----------
     position, target, up
-        As of a camera, in world space.
+        As for a camera, in world space.
     fov : float
-        Height of the picture, in degrees as seen from the projector.
+        Vertical field of view in degrees.
     aspect : float
         Width of the picture over its height.
 
     Returns
     -------
     (4, 4) float64
-        Takes (x, y, z, 1) to (s, t, r, q): (s / q, t / q) has (0, 0) and (1, 1) at the lower left
-        and upper right corner of the picture; q and r are the depth along the view.
+        Maps (x, y, z, 1) to (s, t, r, q). (s / q, t / q) is (0, 0) at the lower left and (1, 1) at
+        the upper right corner of the picture; q and r are the depth along the view.
 
     Raises
     ------
     OptionError
-        The projector stands on its target, looks along `up`, or throws no picture.
+        The projector is at its target, looks along `up`, or has no valid field of view or aspect.
     """
     if not 0.0 < aspect < math.inf:
         raise OptionError(f"aspect: {aspect} is not above 0; it is width over height")
-    # The near plane plays no part in s, t and q.
+    # The near plane does not affect s, t and q.
     camera = Camera.looking_at(position, target, up=up, fov=math.radians(fov), near=1.0)
     return _PICTURE_FROM_CLIP @ camera.clip_from_world(aspect)
 
 
 def picture_aspect(texture: ImageTexture) -> float:
-    """Width over height of the picture of a texture; of a file without reading its pixels."""
+    """Width over height of a texture's picture; a file's pixels are not read for this."""
     image = texture.image
     if isinstance(image, np.ndarray):
         height, width = image.shape[:2]
