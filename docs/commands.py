@@ -23,12 +23,12 @@ _SAVED = re.compile(r"Save this as `([\w.]+)`")
 
 
 def commands_of(page: Path) -> list[list[str]]:
-    """Words of every texbake command in the `sh` blocks of a page."""
+    """Words of every `texbake` and `mkdir` command in the `sh` blocks of a page."""
     blocks = (body for kind, body in _BLOCK.findall(page.read_text("utf-8")) if kind == "sh")
     lines = [line for body in blocks for line in body.replace("\\\n", " ").splitlines()]
     parts = [part for line in lines for part in line.split("&&")]
     words = [shlex.split(part, comments=True) for part in parts]
-    return [line for line in words if line and line[0] == "texbake"]
+    return [line for line in words if line and line[0] in ("texbake", "mkdir")]
 
 
 def files_of(page: Path) -> dict[str, str]:
@@ -55,6 +55,9 @@ def run_page(page: Path, folder: Path) -> None:
         (folder / name).write_text(text, "utf-8")
     for words in commands_of(page):
         print(shlex.join(words))
+        if words[0] == "mkdir":
+            (folder / words[1]).mkdir()
+            continue
         texbake = [sys.executable, "-c", "from texbake_cli.main import main; main()"]
         subprocess.run([*texbake, *words[1:]], cwd=folder, check=True)
 

@@ -115,7 +115,10 @@ def test_every_command_runs(page, world, tmp_path, monkeypatch):
     monkeypatch.chdir(folder)
     for name, text in commands.files_of(page).items():
         Path(name).write_text(text, "utf-8")
-    for _, *words in commands.commands_of(page):
+    for program, *words in commands.commands_of(page):
+        if program == "mkdir":
+            Path(words[0]).mkdir(exist_ok=True)
+            continue
         if words[0] in NEVER_ENDS:
             continue
         with pytest.raises(SystemExit) as stop:
