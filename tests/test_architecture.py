@@ -1,4 +1,4 @@
-"""The walls between the rooms, held up by reading the imports, also those inside functions."""
+"""The import rules between packages, checked on all imports, also those inside functions."""
 
 import ast
 import sys

@@ -29,7 +29,7 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
 
 
 def test_a_folder_must_be_open_to_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "access", lambda path, mode: False)  # what root is never told
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # an answer that root never gets
     with pytest.raises(FileError, match="cannot be written to"):
         check_folder(tmp_path / "a")
 
@@ -112,9 +112,9 @@ def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [link, pipe]
 
 
-def test_links_in_a_circle_are_told(tmp_path: Path) -> None:
+def test_links_in_a_circle_are_reported(tmp_path: Path) -> None:
     link = tmp_path / "a.png"
     link.symlink_to(link)
-    with pytest.raises(FileError, match="in a circle"):
+    with pytest.raises(FileError, match="its links form a circle"):
         check_writable(link)
     assert link.is_symlink()

@@ -1,4 +1,4 @@
-"""Small pipelines, and workers that are this process."""
+"""Small pipelines, and workers that run in this process."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -89,7 +89,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def run() -> Callable[..., tuple[BuildResult, list[str]]]:
-    """Build in this process; returns what came of it and which steps ran."""
+    """Build in this process; return the result and the names of the steps that ran."""
 
     def run(path: Path, **options: Any) -> tuple[BuildResult, list[str]]:
         crew = Inline()
@@ -101,7 +101,7 @@ def run() -> Callable[..., tuple[BuildResult, list[str]]]:
 
 @pytest.fixture
 def workers() -> Iterator[Callable[[int], LocalWorkers]]:
-    """Make real workers, which are ended with the test."""
+    """Make real workers that end with the test."""
     made: list[LocalWorkers] = []
 
     def workers(slots: int) -> LocalWorkers:
@@ -115,7 +115,7 @@ def workers() -> Iterator[Callable[[int], LocalWorkers]]:
 
 @pytest.fixture
 def contents() -> Callable[[Path], dict[str, bytes]]:
-    """Bytes of every file that was put out."""
+    """Bytes of every output file."""
 
     def contents(folder: Path) -> dict[str, bytes]:
         return {

@@ -1,4 +1,4 @@
-"""What runs again and what does not; what fails by itself; and that no bit goes wrong unseen."""
+"""What runs again and what does not, what fails alone, and that damage never goes unnoticed."""
 
 import errno
 import json
@@ -93,7 +93,7 @@ def test_less_memory_gives_the_same_bytes(
     again, steps = run(path, folder=path.parent / "small", max_memory="1M")
     assert again.ok and len(steps) == 6 and len(in_chunks) == 2
     assert contents(path.parent / "small") == before
-    # It is no setting: what is built stays so.
+    # It is not a setting: built steps stay valid.
     assert run(path, max_memory="1M")[1] == []
 
 
@@ -164,7 +164,7 @@ def test_a_bad_asset_fails_alone(scans: Path, run: Run, contents: Contents) -> N
     by_name = {asset["name"]: asset for asset in written["assets"]}
     assert by_name["b"]["error"] == failed.error
     assert by_name["b"]["steps"][1]["error"] == "it needs clean, which failed"
-    # Mended, it is built, and nothing else is.
+    # Once repaired, it is built, and nothing else is.
     write_mesh(uv_sphere(5, 8), scans.parent / "b.ply")
     assert run(scans)[1] == ["b.clean", "b.low"]
 
@@ -186,7 +186,7 @@ def test_an_input_that_vanishes_after_it_was_found(
     assert "there is no such file" in failed.error
 
 
-def test_an_input_that_changes_after_it_was_looked_at(scans: Path, inline: Any) -> None:
+def test_an_input_that_changes_after_the_plan(scans: Path, inline: Any) -> None:
     crew = inline(slots=9)
     submit = crew.submit
 
@@ -203,7 +203,7 @@ def test_an_input_that_changes_after_it_was_looked_at(scans: Path, inline: Any) 
 
 @pytest.mark.parametrize("step", ["clean", "low"])
 @pytest.mark.parametrize("kind", ["flipped", "cut", "gone", "manifest", "no manifest"])
-def test_a_damaged_store_is_found_and_mended(
+def test_a_damaged_store_is_noticed_and_repaired(
     step: str, kind: str, scans: Path, run: Run, contents: Contents
 ) -> None:
     first, _ = run(scans)
@@ -237,7 +237,7 @@ def test_a_damaged_store_is_found_and_mended(
 
 
 def believe(digests: Path, file: Path) -> None:
-    """Make what is remembered of a file that of now, but for its checksum."""
+    """Set the remembered signature of a file to its present one, except for the checksum."""
     known = json.loads(digests.read_text())["files"]
     known[str(file)][0] = list(locations.file_signature(file) or ())
     digests.write_text(json.dumps({"checksum": checksum(known), "files": known}))
@@ -253,7 +253,7 @@ def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_re
     data = bytearray(file.read_bytes())
     data[-9] ^= 1
     file.write_bytes(data)
-    # A disk changes bits and tells nobody: the remembered signature is made that of now.
+    # A disk changes bits silently: the remembered signature is set to the present one.
     digests = scans.parent / "build" / ".texbake" / "digests.json"
     believe(digests, file)
     assert run(scans)[1] == []
@@ -288,7 +288,7 @@ output = "{{asset}}_{number}.{{ext}}"
 
 @pytest.fixture
 def rotten(tmp_path: Path, write: Write, run: Run) -> Path:
-    """Two equal meshes that five steps of each are to be made of anew, their store damaged."""
+    """Two equal meshes with a damaged store, of each of which five steps are made anew."""
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         write_mesh(uv_sphere(8, 12), tmp_path / name / "a.ply")
@@ -312,7 +312,7 @@ def test_a_damaged_result_that_many_steps_read_is_made_again_once(
     rotten: Path, inline: Any, slots: int, order: str
 ) -> None:
     class Eager(inline):  # type: ignore[misc]
-        """Does tasks at once, and tells of them in some order: some damage is told late."""
+        """Does tasks at once and reports them in some order: damage may be reported late."""
 
         def submit(self, number: int, task: Task) -> None:
             self.tasks.append(task)
@@ -456,7 +456,7 @@ def test_a_store_without_space(scans: Path, run: Run, monkeypatch: pytest.Monkey
     assert run(scans)[0].ok
 
 
-def test_what_texbake_itself_gets_wrong_is_told_with_its_trace(
+def test_bugs_are_reported_with_their_traceback(
     scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from texbake.jobs import meshes
@@ -523,7 +523,7 @@ def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(
     assert build(path, workers=Nested()).ok
 
 
-def test_what_a_kill_left_of_a_removal_is_cleared(write: Write, run: Run) -> None:
+def test_an_interrupted_removal_is_completed(write: Write, run: Run) -> None:
     path = write()
     run(path)
     store = path.parent / "build" / ".texbake" / "store"
@@ -617,7 +617,7 @@ def test_ten_thousand_assets_are_planned_and_found_current(
     assert [step.asset for step in plan if step.state == "current"] == ["77"]
 
 
-def test_options_that_cannot_be() -> None:
+def test_invalid_options() -> None:
     for choice in ({"jobs": 0}, {"threads": -1}, {"max_memory": "much"}, {"scheduler": "there"}):
         with pytest.raises(OptionError):
             BuildOptions(**choice)  # type: ignore[arg-type]

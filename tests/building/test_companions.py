@@ -1,4 +1,4 @@
-"""Files that mesh files name are part of what a step depends on."""
+"""Steps depend on the files that their mesh files name, too."""
 
 import json
 import struct
@@ -57,7 +57,7 @@ def test_a_change_in_one_builds_again(
     assert run(path)[1] == []
 
 
-def test_what_a_changed_material_names_counts_from_then_on(
+def test_files_named_by_a_changed_material_count_from_then_on(
     tmp_path: Path, write: Any, run: Callable[..., Any]
 ) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
@@ -85,7 +85,7 @@ def test_two_libraries_of_one_line_both_count(
         assert run(path)[1] == []
 
 
-def test_an_image_that_comes_later_is_met_though_the_materials_are_as_they_were(
+def test_an_image_added_later_is_noticed_though_the_materials_did_not_change(
     tmp_path: Path, write: Any, run: Callable[..., Any]
 ) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
@@ -128,7 +128,7 @@ def test_those_of_a_usd_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) 
     assert "".join(capfd.readouterr()) == ""
 
 
-def test_one_that_changes_after_it_was_looked_at(tmp_path: Path, write: Any, inline: Any) -> None:
+def test_one_that_changes_after_the_plan(tmp_path: Path, write: Any, inline: Any) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
     (tmp_path / "my stuff.mtl").write_text(MTL)
     path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)

@@ -1,4 +1,4 @@
-"""What is remembered of files is believed only as long as it is what was written."""
+"""Remembered digests of files are used only while they are intact."""
 
 import json
 from pathlib import Path
@@ -26,18 +26,18 @@ def kept(tmp_path: Path, mesh: Path) -> Path:
     return path
 
 
-def test_what_was_kept_is_believed(mesh: Path, kept: Path) -> None:
+def test_remembered_digests_are_used(mesh: Path, kept: Path) -> None:
     assert Digests(kept).digest(str(mesh)) == "what was remembered"
     assert Digests(kept, trusting=False).digest(str(mesh)) == file_digest(mesh)
 
 
-def test_a_flipped_bit_is_not_believed(mesh: Path, kept: Path) -> None:
+def test_a_flipped_bit_discards_the_digests(mesh: Path, kept: Path) -> None:
     kept.write_text(kept.read_text().replace("was remembered", "was remembereD"))
     assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "7", "{}", '{"a": 3}', '{"files": 1}', "null"])
-def test_files_of_another_shape_are_as_none(content: str, mesh: Path, kept: Path) -> None:
+def test_files_of_another_form_are_ignored(content: str, mesh: Path, kept: Path) -> None:
     kept.write_text(content)
     assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
     assert LastKeys(kept)["a", "b"] is None

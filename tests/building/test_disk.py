@@ -17,7 +17,7 @@ from texbake.building.disk import clear, locked, owned_folder
 from texbake.building.options import BuildOptions
 
 
-def test_a_second_build_is_told_who_is_there(write: Any, inline: Any) -> None:
+def test_a_second_build_learns_who_holds_the_lock(write: Any, inline: Any) -> None:
     path = write()
     inside = path.parent / "build" / ".texbake"
     inside.mkdir(parents=True)
@@ -35,22 +35,22 @@ def test_a_second_build_is_told_who_is_there(write: Any, inline: Any) -> None:
 def test_it_waits_until_the_lock_is_let_go(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     path = tmp_path / "in" / "lock"
-    told: list[str] = []
+    notes: list[str] = []
     order: list[str] = []
 
     def second() -> None:
-        with locked(path, note=told.append):
+        with locked(path, note=notes.append):
             order.append("second")
 
     with locked(path):
         thread = threading.Thread(target=second)
         thread.start()
-        while not told:
+        while not notes:
             time.sleep(0.01)
         order.append("first")
     thread.join()
     assert order == ["first", "second"]
-    assert len(told) == 1 and told[0].endswith("waiting for it")
+    assert len(notes) == 1 and notes[0].endswith("waiting for it")
 
 
 def test_a_killed_holder_holds_nothing(tmp_path: Path) -> None:
@@ -127,8 +127,8 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr("fcntl.flock", refuse)
-    told = "cannot be locked: No locks available; give a `folder`"
-    with pytest.raises(FileError, match=told), locked(tmp_path / "lock"):
+    message = "cannot be locked: No locks available; give a `folder`"
+    with pytest.raises(FileError, match=message), locked(tmp_path / "lock"):
         pass
     with owned_folder(tmp_path / "tmp") as folder:
         clear(tmp_path / "tmp")

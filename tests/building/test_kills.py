@@ -1,4 +1,4 @@
-"""Builds and workers that are killed at any moment: the next run finishes, and nothing is wrong."""
+"""Builds and workers killed at any moment: the next run completes with the right files."""
 
 import os
 import random
@@ -46,7 +46,7 @@ def children(parent: int) -> list[int]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_random_kills(write: Any, tmp_path: Path, contents: Callable[..., Any]) -> None:
-    """`TEXBAKE_KILLS=30` for as many as the documentation tells of."""
+    """`TEXBAKE_KILLS=30` runs as many as the documentation reports."""
     assets = "".join(
         f'[[assets]]\nname = "{number}"\noptions.high.radius = {1 + number / 4}\n'
         for number in range(5)

@@ -1,4 +1,4 @@
-"""Lines of keys, against texts whose lines are known by how they were made."""
+"""Line numbers of keys, in texts that are built so that the lines are known."""
 
 import tomllib
 

@@ -95,7 +95,7 @@ output = "{asset}/mips"
     assert ran == ["c.clean"] and len(result.failed) == 1
 
 
-def test_what_cannot_be_reached(tmp_path: Path) -> None:
+def test_locations_that_cannot_be_opened(tmp_path: Path) -> None:
     pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
     with pytest.raises(FileError, match="nowhere://x: cannot be reached"):
         location_of("nowhere://x")
@@ -121,7 +121,7 @@ def test_patterns(tmp_path: Path) -> None:
     assert matches(str(tmp_path / "*.txt"), inside) == [str(tmp_path / "d.txt")]
 
 
-def test_a_disk_that_loses_what_is_written_is_told(
+def test_a_disk_that_loses_what_is_written_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     synchronized: list[str] = []

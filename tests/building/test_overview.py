@@ -1,4 +1,4 @@
-"""The page of a build: what it tells of each asset, and that its links lead somewhere."""
+"""The page of a build: what it shows of each asset, and links that lead to files."""
 
 import html.parser
 from collections.abc import Callable
@@ -112,7 +112,7 @@ def test_each_asset_has_its_row(
     assert Table(page).rows[0]["pictures"] == 1
 
 
-def test_what_is_not_put_out_is_not_linked(
+def test_files_without_an_output_are_not_linked(
     write: Callable[..., Path], run: Callable[..., tuple[BuildResult, list[str]]], tmp_path: Path
 ) -> None:
     steps = STEPS[: STEPS.rindex("output")]

@@ -1,4 +1,4 @@
-"""What changes a key, and what does not."""
+"""Which settings and inputs change the key of a step."""
 
 import dataclasses
 from typing import Any
@@ -61,7 +61,7 @@ def test_inputs_change_the_key_and_assets_do_not() -> None:
     assert key("repair", {}, asset="b") == base
 
 
-def test_threads_are_no_setting() -> None:
+def test_threads_are_not_part_of_the_key() -> None:
     assert not any("threads" in kind.choices for kind in STEP_KINDS.values())
 
 
@@ -69,7 +69,7 @@ def test_canonical_json_has_one_form() -> None:
     assert canonical({"b": 1, "a": [1.5, "ö"]}) == '{"a":[1.5,"ö"],"b":1}'.encode()
 
 
-def test_differences_say_what_changed() -> None:
+def test_differences_name_what_changed() -> None:
     kind = STEP_KINDS["unwrap"]
     files = {"mesh": [{"called": "a.ply", "sha256": "0"}]}
     before = ingredients_of(kind, kind.settings({}), files, "a")

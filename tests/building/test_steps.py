@@ -1,4 +1,4 @@
-"""Each kind of step, by itself and against what it stands for."""
+"""Each kind of step, alone and against the function of the library that it calls."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -49,7 +49,7 @@ def ball(tmp_path: Path) -> Path:
     return tmp_path / "ball.obj"
 
 
-def test_made_meshes_are_those_of_the_room(do: Do) -> None:
+def test_made_meshes_are_those_of_the_library(do: Do) -> None:
     files, figures = do("make", {"shape": "torus", "resolution": (12, 8), "format": "obj"})
     mesh = read_mesh(files["mesh"])
     expected = make("torus", resolution=(12, 8))
@@ -64,7 +64,7 @@ def test_relief_moves_along_the_normals_by_at_most_its_height(do: Do) -> None:
     assert radii.std() > 0.01
 
 
-def test_a_shape_is_given_what_it_reads(do: Do) -> None:
+def test_a_shape_gets_only_the_settings_that_it_reads(do: Do) -> None:
     with pytest.raises(OptionError, match="radius: the shape plane does not use it"):
         do("make", {"shape": "plane", "radius": 2.0})
     with pytest.raises(OptionError, match="profile: the shape revolution needs it"):
@@ -148,7 +148,7 @@ def test_a_page_of_files(do: Do, ball: Path) -> None:
     text = files["page"].read_text()
     assert "<title>a: baked from its high-poly mesh</title>" in text
     assert 'id="distances"' in text and 'id="errors"' in text and str(ball.parent) not in text
-    # A mesh baked onto itself: what is left comes from 8 and 16 bit codes and 64 pixels.
+    # A mesh baked onto itself: the remaining error comes from 8-bit and 16-bit codes and 64 pixels.
     assert figures["error_deg"] < 0.5 and figures["bare_error_deg"] < 0.5
     bare, figures = do("page", {}, high=ball, low=ball)
     assert 'id="errors"' not in bare["page"].read_text() and figures == {}

@@ -1,4 +1,4 @@
-"""What is saved is built again, once it is saved whole."""
+"""Saved files are built again, once they are complete."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ def test_saved_files_are_built_again(write: Any, inline: Any, monkeypatch: Any) 
     text = path.read_text()
     edits = [
         text.replace("padding = 1", "padding = 2"),
-        text.replace("padding = 1", "paddng = 2"),  # a slip of the hand, told and waited out
+        text.replace("padding = 1", "paddng = 2"),  # a typing error, which is reported
         text.replace("radius = 2.0", "radius = 2.5"),
     ]
     seen: list[Any] = []

@@ -1,4 +1,4 @@
-"""Workers that are killed, and memory that is shared out."""
+"""Workers that are killed, and memory divided between steps."""
 
 import os
 import signal
@@ -107,7 +107,7 @@ def test_workers_end_with_their_build(tmp_path: Path) -> None:
         os.kill(worker, 0)
 
 
-def test_a_worker_with_another_version_says_so(tmp_path: Path) -> None:
+def test_a_worker_with_another_version_is_refused(tmp_path: Path) -> None:
     task = orange_task(tmp_path, 1, 1000)
     outcome = run_task({**task.to_json(), "version": "9.9"})
     assert outcome["status"] == "failed"
@@ -196,7 +196,7 @@ def test_a_worker_that_cannot_be_started_fails_its_step(
         assert "no worker can be started: No such file" in outcome.error
 
 
-def test_an_answer_that_is_none_fails_its_step(
+def test_an_invalid_answer_fails_its_step(
     tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     babbler = tmp_path / "babbler"

@@ -87,7 +87,7 @@ BAKE = "bake-normals high.ply low.obj -o out.png --size 32"
         ("info mesh.xyz", 1, "'.xyz'"),
         ("preview low.obj --normal-map no_such.png -o p.png", 1, "no_such.png"),
         ("preview low.obj --normal-map words.obj -o p.png", 1, "words.obj"),
-        # meshes that do not do
+        # unsuitable meshes
         ("bake-normals high.ply bare.obj -o out.png", 1, "bare.obj: it has no texture coord"),
         ("bake-normals high.ply collapsed.obj -o out.png", 1, "collapsed.obj"),
         (f"{BAKE} --cage bare.obj", 1, "bare.obj"),
@@ -166,10 +166,10 @@ def test_one_line_the_exit_code_and_nothing_else(
     assert snapshot() == before
 
 
-def test_outputs_are_looked_at_before_the_work(
+def test_outputs_are_checked_before_the_work(
     snapshot: Callable[[], dict[str, bytes]], invoke: Invoke
 ) -> None:
-    # The mesh is wrong too, but that would be found out only by reading it.
+    # The mesh is wrong too, but that shows only when it is read.
     assert "there is no folder" in invoke("simplify cut.ply -o a/b.obj --faces 9", 1).stderr
     assert "'.gif'" in invoke("bake-normals cut.ply low.obj -o out.gif", 1).stderr
     assert "TGA" in invoke("bake-normals cut.ply low.obj -o o.tga --bits 32", 2).stderr
@@ -187,7 +187,7 @@ def test_outputs_are_looked_at_before_the_work(
 def test_a_folder_that_may_not_be_written_to(
     workplace: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
-    # Root, who may run the tests, may write anywhere: so the system's answer is put on.
+    # Root, who may run the tests, may write anywhere: so the system's answer is simulated.
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
     assert "cannot be written to" in invoke(line, 1).stderr
 
@@ -204,7 +204,7 @@ def test_a_folder_that_may_not_be_written_to(
 )
 def test_a_full_disk_loses_nothing(workplace: Path, run: Run, line: str) -> None:
     def fill_the_disk() -> None:
-        # A file may not grow past 4 KiB, as on a disk that has no more room.
+        # A file may not grow past 4 KiB, as on a full disk.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
 
@@ -252,8 +252,8 @@ def test_a_signal_in_the_middle_loses_nothing(
     output, errors = process.communicate(timeout=60)
     assert time.perf_counter() - start < 10
     assert process.returncode == exit_code
-    told = [row for row in errors.splitlines(keepends=True) if not row.startswith("{")]
-    assert told == [message]
+    lines = [row for row in errors.splitlines(keepends=True) if not row.startswith("{")]
+    assert lines == [message]
     assert output == ""
     assert Path("there.png").read_bytes() == b"what was there"
     assert names_in(workplace) == before

@@ -48,8 +48,8 @@ def test_a_plan_a_build_and_nothing_left_to_do(pipeline: Path, invoke: Invoke) -
 
 
 def test_a_page_does_not_overwrite_the_pipeline_file(pipeline: Path, invoke: Invoke) -> None:
-    told = invoke("build p.toml --html p.toml", exit_code=1).stderr
-    assert told == "texbake: p.toml: a page is no '.toml' file; use .html\n"
+    message = invoke("build p.toml --html p.toml", exit_code=1).stderr
+    assert message == "texbake: p.toml: a page is no '.toml' file; use .html\n"
     assert pipeline.read_text() == PIPELINE and not (pipeline.parent / "build").exists()
 
 
@@ -77,7 +77,7 @@ def test_failures_are_a_line_each_and_exit_code_1(pipeline: Path, invoke: Invoke
     assert [asset["state"] for asset in report["assets"]] == ["failed", "failed"]
 
 
-def test_what_is_wrong_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -> None:
+def test_an_error_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -> None:
     pipeline.write_text(PIPELINE.replace("resolution", "resolutoin"))
     done = invoke("build p.toml", exit_code=1)
     assert done.stderr == (
@@ -99,12 +99,12 @@ def test_watch_builds_what_is_saved_until_it_is_ended(pipeline: Path, script: Pa
         assert process.stdout is not None
 
         def until_watching() -> str:
-            told = ""
-            while not told.endswith("watching ...\n"):
+            output = ""
+            while not output.endswith("watching ...\n"):
                 line = process.stdout.readline()  # type: ignore[union-attr]
                 assert line, process.stderr.read()  # type: ignore[union-attr]
-                told += line
-            return told
+                output += line
+            return output
 
         assert "2 built" in until_watching()
         pipeline.write_text(PIPELINE.replace("3.0", "4.0"))
@@ -117,7 +117,7 @@ def test_watch_builds_what_is_saved_until_it_is_ended(pipeline: Path, script: Pa
         assert process.returncode == 130
 
 
-def test_the_live_table_says_what_runs_and_how_long_it_takes() -> None:
+def test_the_live_table_shows_running_steps_and_their_times() -> None:
     from rich.console import Console
     from texbake_cli.build_table import BuildTable
 

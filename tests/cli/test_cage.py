@@ -21,7 +21,7 @@ def pair(tmp_path: Path) -> tuple[str, str]:
     return str(high), str(low)
 
 
-def test_the_cage_is_taken_by_a_bake(pair: tuple[str, str], tmp_path: Path) -> None:
+def test_a_bake_accepts_the_cage(pair: tuple[str, str], tmp_path: Path) -> None:
     cage, normal = str(tmp_path / "cage.obj"), str(tmp_path / "normal.png")
     result = CliRunner().invoke(texbake, ["cage", *pair, "-o", cage])
     assert result.exit_code == 0, result.output
@@ -40,7 +40,7 @@ def test_the_low_poly_mesh_is_not_overwritten(pair: tuple[str, str]) -> None:
     assert Path(pair[1]).read_bytes() == before
 
 
-def test_what_no_cage_holds_is_told(tmp_path: Path) -> None:
+def test_parts_outside_any_cage_are_reported(tmp_path: Path) -> None:
     high, low = tmp_path / "high.ply", tmp_path / "low.obj"
     wide = plane(9, 9)
     write_mesh(wide.replace(positions=2.0 * wide.positions + [0.0, 0.0, 0.1]), high)

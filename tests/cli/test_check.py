@@ -41,7 +41,7 @@ def test_errors_fail_a_build(invoke: Invoke, overlapping: str) -> None:
     assert "texbake unwrap" in text  # what to do
 
 
-def test_what_fails_is_for_the_user_to_say(invoke: Invoke, overlapping: str) -> None:
+def test_the_user_chooses_what_fails(invoke: Invoke, overlapping: str) -> None:
     invoke(f"check {overlapping} --fail-on never")
     found = check_files("low.obj")
     assert not found.fails("error")
@@ -51,7 +51,7 @@ def test_what_fails_is_for_the_user_to_say(invoke: Invoke, overlapping: str) -> 
     assert found.fails("note")
 
 
-def test_json_and_the_report_are_what_the_api_says(invoke: Invoke, overlapping: str) -> None:
+def test_json_and_the_report_agree_with_the_api(invoke: Invoke, overlapping: str) -> None:
     printed = json.loads(invoke(f"check {overlapping} --json", exit_code=1).stdout)
     invoke(f"check {overlapping} --report check.json", exit_code=1)
     written = json.loads(Path("check.json").read_text())
@@ -68,13 +68,13 @@ def test_pictures_have_a_panel_for_each_finding(invoke: Invoke, overlapping: str
     assert sides.shape[1] > 3 * sides.shape[0] / n_low  # four panels in each row
 
 
-def test_what_cannot_be_drawn_is_said(invoke: Invoke) -> None:
+def test_findings_that_cannot_be_drawn_are_named(invoke: Invoke) -> None:
     result = invoke("check high.ply --layout layout.png")
     assert "layout.png: not drawn" in result.stderr
     assert not Path("layout.png").exists()
 
 
-def test_a_file_that_is_no_mesh_fails_a_build(invoke: Invoke) -> None:
+def test_a_file_that_is_not_a_mesh_fails_a_build(invoke: Invoke) -> None:
     Path("noise.obj").write_text("v 0 0 nan\nf 1 1 1\n")
     text = invoke("check noise.obj", exit_code=1).stdout
     assert "not a mesh" in text

@@ -76,8 +76,8 @@ def test_command_writes_its_files_and_no_others(line: str, workplace: Path, invo
     after = {path for path in workplace.rglob("*") if path.is_file()}
     assert after - before == {workplace / name for name in LINES[line]}
     assert before <= after
-    told = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
-    assert told == {Path(name) for name in LINES[line]}
+    written = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
+    assert written == {Path(name) for name in LINES[line]}
 
 
 @pytest.mark.parametrize("line", LINES)
@@ -97,7 +97,7 @@ def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
     assert done.stderr == ""
 
 
-def test_info_tells_what_is_there(workplace: Path, invoke: Invoke) -> None:
+def test_info_reports_what_a_file_holds(workplace: Path, invoke: Invoke) -> None:
     rows = dict(row.split(maxsplit=1) for row in invoke("info low.obj").stdout.splitlines())
     assert rows["faces"] == "112"
     assert rows["closed"].endswith("yes, genus 0") or "closed" in rows
@@ -132,7 +132,7 @@ def test_a_projector_can_be_a_matrix(workplace: Path, invoke: Invoke) -> None:
         ("--linear 0,1,0,1,0,0.5", lambda uv: uv[..., ::-1] + [0, 0.5]),
     ],
 )
-def test_what_comes_after_a_mapping(workplace, invoke, choices, by_hand) -> None:  # type: ignore[no-untyped-def]
+def test_steps_after_a_mapping(workplace, invoke, choices, by_hand) -> None:  # type: ignore[no-untyped-def]
     invoke(f"unwrap low.obj -o out.obj --method parametric {choices}")
     before, after = (read_mesh(name).corner_uvs() for name in ("low.obj", "out.obj"))
     np.testing.assert_allclose(after, by_hand(before), atol=1e-9)
@@ -200,12 +200,12 @@ def test_report_has_settings_figures_and_the_coding_of_heights(
     assert report["seconds"] == pytest.approx(sum(stage["seconds"] for stage in report["stages"]))
 
 
-def test_heights_that_cannot_be_coded_are_told(workplace: Path, invoke: Invoke) -> None:
+def test_clipped_heights_are_reported(workplace: Path, invoke: Invoke) -> None:
     line = "bake-displacement high.ply low.obj -o d.png --size 32 --padding 0 --quiet"
     assert invoke(line).stderr == ""
-    told = invoke(f"{line} --scale 0.001").stderr
-    assert "d.png: " in told
-    assert "are clipped" in told
+    message = invoke(f"{line} --scale 0.001").stderr
+    assert "d.png: " in message
+    assert "are clipped" in message
 
 
 def test_compare_finds_the_mapped_mesh_closer(workplace: Path, invoke: Invoke) -> None:

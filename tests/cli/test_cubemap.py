@@ -40,7 +40,7 @@ def test_to_six_faces_and_back(workplace: Path, invoke: Invoke) -> None:
     np.testing.assert_allclose(back.mean(axis=(0, 1)), sky.mean(axis=(0, 1)), rtol=0.05)
 
 
-def test_one_image_is_a_cross_and_what_it_clips_is_told(workplace: Path, invoke: Invoke) -> None:
+def test_one_image_is_a_cross_and_clipping_is_reported(workplace: Path, invoke: Invoke) -> None:
     result = invoke("cubemap sky.hdr -o cross.png --size 8 --convention inside")
     assert "warning: cross.png: " in result.stderr
     assert "were clipped; EXR and HDR files keep them" in result.stderr
@@ -106,7 +106,7 @@ def test_a_real_panorama_there_and_back(
         moved = np.roll(back, (down, right), axis=(0, 1))
         return float(np.sqrt(np.mean((moved - earth) ** 2)))
 
-    # Softened by two resamplings, but not moved: a texel to either side it is less alike, equally.
+    # Softened by two resamplings, but not moved: a texel to either side it is equally less similar.
     for step in (1, 0), (0, 1):
         there, here = error(*step), error(-step[0], -step[1])
         assert error(0, 0) < 0.8 * min(there, here)

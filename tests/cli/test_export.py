@@ -38,20 +38,20 @@ def test_a_folder_of_maps_and_single_ones(invoke, asset):
         ("export rock.obj --to blender --map normal=stone_normal.png --name stone -o .", "stone_n"),
     ],
 )
-def test_what_is_read_is_not_overwritten(invoke, asset, words, file):
+def test_inputs_are_not_overwritten(invoke, asset, words, file):
     write_mesh(uv_sphere(8, 12), asset / "maps" / "stone.obj")
     (asset / "stone_normal.png").write_bytes((asset / "maps" / "normal.png").read_bytes())
     before = {path: path.read_bytes() for path in asset.rglob("*.*")}
-    told = invoke(words, 2).stderr
-    assert file in told and "it is also an input; give the output another folder" in told
+    message = invoke(words, 2).stderr
+    assert file in message and "it is also an input; give the output another folder" in message
     assert all(path.read_bytes() == content for path, content in before.items())
 
 
 def test_maps_need_texture_coordinates(invoke, asset):
     mesh = read_mesh(asset / "rock.obj")
     write_mesh(mesh.replace(uvs=None, uv_faces=None), asset / "bare.obj")
-    told = invoke("export bare.obj --to unity --maps maps -o out", 1).stderr
-    assert "bare.obj: it has no texture coordinates for its maps" in told
+    message = invoke("export bare.obj --to unity --maps maps -o out", 1).stderr
+    assert "bare.obj: it has no texture coordinates for its maps" in message
     assert not (asset / "out").exists()
 
 

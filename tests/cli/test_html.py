@@ -1,4 +1,4 @@
-"""`--html` of the commands that have it; the pages themselves are looked at in tests/pages."""
+"""`--html` of the commands that have it; the pages themselves are tested in tests/pages."""
 
 import subprocess
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def sections(page: str) -> list[str]:
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_page_tells_what_there_is_and_how_to_make_it_again(
+def test_a_page_shows_the_results_and_the_command_that_makes_them(
     line: str, workplace: Path, invoke: Invoke
 ) -> None:
     result = invoke(f"{line} --html page.html")
@@ -56,21 +56,21 @@ def test_a_page_changes_no_other_file(workplace: Path, invoke: Invoke) -> None:
     "line",
     ["run high.ply -o job --faces 9 --html high.ply", "compare high.ply low.obj --html x.png"],
 )
-def test_a_page_is_written_over_no_mesh(line: str, workplace: Path, invoke: Invoke) -> None:
+def test_a_page_does_not_overwrite_a_mesh(line: str, workplace: Path, invoke: Invoke) -> None:
     before = (workplace / "high.ply").read_bytes()
     assert "use .html" in invoke(line, 1).output
     assert (workplace / "high.ply").read_bytes() == before
     assert not (workplace / "job").exists()
 
 
-def test_maps_of_the_page_alone_are_told(workplace: Path, invoke: Invoke) -> None:
+def test_maps_made_for_the_page_alone_are_named(workplace: Path, invoke: Invoke) -> None:
     invoke("bake high.ply low.obj -o maps --maps displacement --size 64 --html page.html")
     assert not (workplace / "maps" / "normal.png").exists()
     page = (workplace / "page.html").read_text(encoding="utf-8")
     assert page.count("Made for this page; there is no file of it.") == 1
 
 
-def test_what_a_page_cannot_be_is_said_before_the_work(workplace: Path, invoke: Invoke) -> None:
+def test_impossible_page_names_are_refused_before_the_work(workplace: Path, invoke: Invoke) -> None:
     line = "bake-normals high.ply low.obj -o n.png --size 64 --html"
     assert (
         "two outputs have this name"

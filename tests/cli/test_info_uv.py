@@ -39,9 +39,9 @@ def test_json_has_everything(invoke: Invoke) -> None:
 
 
 def test_a_mesh_without_coordinates(invoke: Invoke) -> None:
-    told = invoke("info high.ply --uv", exit_code=1).stderr
-    assert told.startswith("texbake: high.ply: it has no texture coordinates; make some with:")
-    assert told.count("\n") == 1
+    message = invoke("info high.ply --uv", exit_code=1).stderr
+    assert message.startswith("texbake: high.ply: it has no texture coordinates; make some with:")
+    assert message.count("\n") == 1
 
 
 @pytest.mark.parametrize(

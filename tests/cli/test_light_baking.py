@@ -44,7 +44,7 @@ def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "message"),
     [
         ("bake-lightmap -o m", "missing argument 'SCENE'"),
         ("bake-lightmap room.toml", "missing option '-o'"),
@@ -55,9 +55,9 @@ def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
         ("bake high.ply -o m", "missing argument 'LOW'"),
     ],
 )
-def test_wrong_usage_is_told(scene: Path, invoke: Invoke, line: str, told: str) -> None:
+def test_wrong_usage_is_reported(scene: Path, invoke: Invoke, line: str, message: str) -> None:
     result = invoke(line, exit_code=2)
-    assert told in " ".join(result.output.split())
+    assert message in " ".join(result.output.split())
     assert not (scene / "m").exists()
 
 

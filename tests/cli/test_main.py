@@ -1,4 +1,4 @@
-"""The frame around the commands: help, exit codes, one line for each failure, signals."""
+"""What all commands share: help, exit codes, one line for each failure, signals."""
 
 import os
 import re
@@ -47,7 +47,7 @@ def test_version(run: Run) -> None:
     assert (done.returncode, done.stdout) == (0, f"texbake, version {package.__version__}\n")
 
 
-def test_no_command_is_wrong_usage_and_shows_the_help() -> None:
+def test_a_missing_command_is_wrong_usage_and_shows_the_help() -> None:
     result = CliRunner().invoke(texbake, [])
     assert result.exit_code == 2
     assert "Commands:" in result.output
@@ -107,7 +107,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
         (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
     ],
 )
-def test_failures_are_told_in_one_line(error: BaseException, exit_code: int, line: str) -> None:
+def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) -> None:
     with (
         pytest.raises(click.ClickException) as caught,
         told_in_one_line(CONTEXT),

@@ -1,4 +1,4 @@
-"""Asking for an error or a time on the command line."""
+"""`--max-error` and `--time-budget` on the command line."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ def pair(tmp_path: Path) -> list[str]:
     return [str(path) for path in paths]
 
 
-def test_an_error_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
+def test_a_maximum_error_is_given_and_reported(pair: list[str], tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     line = ["bake-normals", *pair, "-o", str(tmp_path / "n.png"), "--size", "64"]
     result = CliRunner().invoke(texbake, [*line, "--max-error", "0.5deg", "--report", str(report)])
@@ -39,7 +39,7 @@ def test_heights_take_a_share_of_the_diagonal(pair: list[str], tmp_path: Path) -
     assert "model units" in result.output
 
 
-def test_a_time_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
+def test_a_time_budget_is_given_and_reported(pair: list[str], tmp_path: Path) -> None:
     line = ["bake", *pair, "-o", str(tmp_path / "maps"), "--size", "64", "--time-budget", "5min"]
     result = CliRunner().invoke(texbake, line)
     assert result.exit_code == 0, result.output
@@ -48,7 +48,7 @@ def test_a_time_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--max-error", "0.5"], "bounds nothing of normal"),
         (["--max-error", "small"], "is not an error"),
@@ -57,11 +57,11 @@ def test_a_time_is_asked_for_and_told(pair: list[str], tmp_path: Path) -> None:
         (["--samples", "some"], "samples: some is not one of"),
     ],
 )
-def test_wrong_asking_is_wrong_usage(
-    pair: list[str], tmp_path: Path, words: list[str], told: str
+def test_wrong_bounds_are_wrong_usage(
+    pair: list[str], tmp_path: Path, words: list[str], message: str
 ) -> None:
     line = ["bake-normals", *pair, "-o", str(tmp_path / "n.png"), *words]
     result = CliRunner().invoke(texbake, line)
     assert result.exit_code == 2
-    assert told in result.output
+    assert message in result.output
     assert not (tmp_path / "n.png").exists()

@@ -87,5 +87,5 @@ def test_a_format_not_offered_cannot_be_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)
-def test_images_are_known_in_every_format_offered(suffix: str) -> None:
+def test_images_are_recognized_in_every_format_offered(suffix: str) -> None:
     assert check_image_format(f"a{suffix}") in (8, 16, 32)

@@ -52,7 +52,7 @@ def heights(path):
     return read_image(path, color=False).pixels[:, :, 0]
 
 
-def test_a_dry_run_tells_and_bakes_nothing(run, folder, tmp_path):
+def test_a_dry_run_prints_the_matches_and_bakes_nothing(run, folder, tmp_path):
     report = tmp_path / "report.json"
     result = run(
         folder / "high.obj", folder / "low.obj", "--match-by-name", "--dry-run", "--report", report
@@ -63,12 +63,12 @@ def test_a_dry_run_tells_and_bakes_nothing(run, folder, tmp_path):
     assert "warning: y_low: no high-poly part of that name, so not baked" in result.output
     assert "warning: x_high: no low-poly part of that name, so not used" in result.output
     assert not (tmp_path / "maps").exists()
-    told = json.loads(report.read_text())["matching"]
-    assert told["matches"] == [
+    matching = json.loads(report.read_text())["matching"]
+    assert matching["matches"] == [
         {"base": "arm", "low": "arm_low", "high": ["arm_high"]},
         {"base": "LEG", "low": "LEG_low", "high": ["leg_high.001"]},
     ]
-    assert (told["low_left_over"], told["high_left_over"]) == (["y_low"], ["x_high"])
+    assert (matching["low_left_over"], matching["high_left_over"]) == (["y_low"], ["x_high"])
 
 
 @pytest.mark.parametrize("as_folders", [False, True], ids=["groups", "folders"])
@@ -115,7 +115,7 @@ def test_tiles_have_files_of_their_own(run, folder, tmp_path):
 
 
 def test_one_tile_is_a_plain_bake(run, folder, tmp_path):
-    """So that all that goes with one, such as a page or kept hits, does with such a pattern too."""
+    """A pattern with one tile allows whatever a plain bake allows, such as a page or kept hits."""
     result = run(
         folder / "high.obj", folder / "low.obj", "--name-pattern", "{map}_{udim}.{ext}",
         "--hits", tmp_path / "hits.npz",
@@ -135,7 +135,7 @@ def test_more_meshes_share_an_atlas(run, folder, tmp_path):
     np.testing.assert_allclose(found[8:24, 20:28], 0.2, rtol=1e-5)
 
 
-def test_images_turn_and_move_rays(run, folder, tmp_path):
+def test_images_skew_and_offset_rays(run, folder, tmp_path):
     from texbake import write_image
 
     mask = tmp_path / "mask 1001.png"
@@ -167,7 +167,7 @@ def test_images_turn_and_move_rays(run, folder, tmp_path):
         (["high.obj", "low.obj", "--time-budget", "1s", "--match-by-name"], 2, "time-budget"),
     ],
 )
-def test_what_cannot_be_is_one_line(run, folder, words, code, message, monkeypatch):
+def test_impossible_options_are_one_line(run, folder, words, code, message, monkeypatch):
     (folder / "empty").mkdir(exist_ok=True)
     monkeypatch.chdir(folder)
     result = run(*words)

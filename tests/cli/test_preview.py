@@ -1,4 +1,4 @@
-"""`texbake preview` of scenes: what it says of its plan, and pictures side by side and around."""
+"""`texbake preview` of scenes: the plan that it prints, pictures side by side and turntables."""
 
 import json
 
@@ -63,11 +63,11 @@ def test_a_transparent_background_is_written_with_its_opacity(invoke, scene):
     assert opacity.shape == (24, 32)
     assert opacity[0, 0] == 0.0
     assert opacity[12, 16] == 1.0
-    # A format that holds none says so, in place of dropping it.
+    # A format without opacity is an error; the opacity is not dropped silently.
     assert "not 4" in invoke("preview clear.toml -o clear.jpg --size 32x24", 2).stderr
 
 
-def test_options_that_are_given_stand_above_the_scene(invoke, scene):
+def test_options_override_the_scene(invoke, scene):
     invoke("preview ball.toml -o ball.png --size 40x30 --view 0,90")
     assert pixels("ball.png").shape == (30, 40, 3)
     # Not given: the scene's, whatever the default of the option is.
@@ -75,16 +75,16 @@ def test_options_that_are_given_stand_above_the_scene(invoke, scene):
     assert pixels("same.png").shape == (48, 64, 3)
 
 
-def test_explain_tells_just_the_passes_and_why(invoke, scene):
+def test_explain_lists_the_passes_and_their_reasons(invoke, scene):
     output = invoke("preview ball.toml -o ball.png --explain").stdout
     plan = plan_scene(read_scene("ball.toml"))
-    told, left_out = output.split("\n\n")
-    rows = [line.split("  ")[0] for line in told.splitlines()[1:]]
+    passes, left_out = output.split("\n\n")
+    rows = [line.split("  ")[0] for line in passes.splitlines()[1:]]
     assert set(rows) == {item.name for item in plan.passes} | {
         "rasterizing", "fragments", "pixels",
     }  # fmt: skip
-    assert 'its shading is lambert (object "ball")' in told
-    assert "ms" in told.splitlines()[0]
+    assert 'its shading is lambert (object "ball")' in passes
+    assert "ms" in passes.splitlines()[0]
     assert "fog" not in rows
     assert "the scene has no fog" in left_out
 
@@ -99,7 +99,7 @@ def test_a_plan_alone_draws_nothing(invoke, scene):
     assert json.loads((scene / "plan.json").read_text()) == plan
 
 
-def test_the_json_form_has_what_passes_took(invoke, scene):
+def test_json_has_the_times_of_the_passes(invoke, scene):
     invoke("preview ball.toml -o ball.png --report plan.json")
     plan = json.loads((scene / "plan.json").read_text())
     by_name = {item["name"]: item for item in plan["passes"]}
@@ -122,7 +122,7 @@ def test_the_json_form_has_what_passes_took(invoke, scene):
         ("--buffer uv --interpolation affine,perspective", 2),
     ],
 )
-def test_several_ways_are_laid_side_by_side(invoke, scene, options, n_panels):
+def test_variants_are_laid_side_by_side(invoke, scene, options, n_panels):
     invoke(f"preview ball.toml -o ways.png {options}")
     height, width, _ = pixels("ways.png").shape
     # Panels are at least twelve letters wide, each with a margin, and a caption below.
@@ -137,7 +137,7 @@ def test_a_turntable_is_a_folder_of_pictures(invoke, scene):
     first = pixels(scene / "frames" / "000.png")
     invoke("preview ball.toml -o alone.png")
     np.testing.assert_array_equal(first, pixels("alone.png"))
-    # A quarter of a turn under a light that stays: another picture.
+    # A quarter of a turn under a fixed light gives another picture.
     assert np.abs(first - pixels(scene / "frames" / "001.png")).max() > 0.05
 
 
@@ -163,7 +163,7 @@ def test_a_gltf_file_is_drawn_with_its_own_materials(invoke, tmp_path, monkeypat
         "preview s.toml --plan-only --report frames/000.png",
     ],
 )
-def test_what_a_scene_reads_is_not_overwritten(invoke, scene, line):
+def test_files_of_a_scene_are_not_overwritten(invoke, scene, line):
     (scene / "frames").mkdir()
     image = scene / "frames" / "000.png"
     write_image(np.full((2, 2, 3), 0.5, np.float32), image, color=True)
@@ -185,7 +185,7 @@ def test_a_report_does_not_replace_the_mesh_of_a_scene(invoke, scene):
 
 
 @pytest.mark.parametrize(
-    ("line", "exit_code", "told"),
+    ("line", "exit_code", "expected"),
     [
         ("preview ball.toml", 2, "--output"),
         ("preview ball.toml -o p.png --normal-map n.png", 2, "a scene has its own materials"),
@@ -199,15 +199,15 @@ def test_a_report_does_not_replace_the_mesh_of_a_scene(invoke, scene):
         ("preview ball.toml -o p.png --affine-vs-perspective --interpolation affine", 2, "names"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line(invoke, scene, line, exit_code, told):
+def test_impossible_requests_are_one_line(invoke, scene, line, exit_code, expected):
     result = invoke(line, exit_code)
     message = result.stderr.strip().splitlines()[-1]
-    assert told in message, result.stderr
+    assert expected in message, result.stderr
     assert not (scene / "p.png").exists()
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("shading =", "shadng =", "shading"),
         ('"lambert"', '"gouraud"', "lambert"),
@@ -216,11 +216,11 @@ def test_what_cannot_be_is_told_in_one_line(invoke, scene, line, exit_code, told
         ("direction = [-1, -1, -1]", "direction = [0, 0, 0]", "direction"),
     ],
 )
-def test_a_wrong_scene_is_told_with_file_and_key(invoke, scene, old, new, told):
+def test_an_error_in_a_scene_names_file_and_key(invoke, scene, old, new, expected):
     assert old in SCENE
     (scene / "wrong.toml").write_text(SCENE.replace(old, new))
     message = invoke("preview wrong.toml -o p.png", 1).stderr.strip()
     assert message.count("\n") == 0
     assert "wrong.toml" in message
-    assert told in message
+    assert expected in message
     assert not (scene / "p.png").exists()

@@ -43,13 +43,13 @@ def test_a_time_budget_is_given_and_reported(mesh: str, tmp_path: Path) -> None:
     assert '"predicted_seconds"' in result.output
 
 
-def test_a_plain_picture_tells_nothing_of_it(mesh: str, tmp_path: Path) -> None:
+def test_a_picture_without_a_bound_reports_no_error(mesh: str, tmp_path: Path) -> None:
     result = preview(mesh, tmp_path, "--explain")
     assert result.exit_code == 0, result.output
     assert "error in steps" not in result.output
 
 
-def test_turns_take_an_error(mesh: str, tmp_path: Path) -> None:
+def test_turntables_accept_a_bound(mesh: str, tmp_path: Path) -> None:
     line = ["preview", mesh, "-o", str(tmp_path / "turn"), "--size", "32", "--view", "turntable:2"]
     result = CliRunner().invoke(texbake, [*line, "--max-error", "0.02"])
     assert result.exit_code == 0, result.output
@@ -78,9 +78,7 @@ def test_wrong_options_are_wrong_usage(
     assert not (tmp_path / "cube.png").exists()
 
 
-def test_the_whole_job_takes_what_a_bake_takes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_accepts_the_bound_of_a_bake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     high = tmp_path / "ball.ply"
     write_mesh(icosphere(1), high)
     given = []
@@ -99,7 +97,7 @@ def test_the_whole_job_takes_what_a_bake_takes(
     ]  # fmt: skip
 
 
-def test_the_whole_job_refuses_both(tmp_path: Path) -> None:
+def test_run_refuses_a_bound_with_a_time_budget(tmp_path: Path) -> None:
     high = tmp_path / "ball.ply"
     write_mesh(icosphere(1), high)
     line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]

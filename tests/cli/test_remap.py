@@ -82,7 +82,7 @@ def test_files_are_named_by_a_pattern(baked, tmp_path):
     assert "two maps one name" in result.output
 
 
-def test_a_report_tells_the_colors_of_ids(baked, tmp_path):
+def test_the_report_lists_the_colors_of_ids(baked, tmp_path):
     result = run(
         "remap", baked / "a.npz", "-o", tmp_path, "--maps", "material-id",
         "--report", tmp_path / "a.json",
@@ -107,14 +107,14 @@ def test_a_report_tells_the_colors_of_ids(baked, tmp_path):
         (["--padding", "-1"], "padding: -1 is out of range"),
     ],
 )
-def test_wrong_wishes_are_one_line(baked, tmp_path, words, message):
+def test_wrong_options_are_one_line(baked, tmp_path, words, message):
     result = run("remap", baked / "a.npz", "-o", tmp_path / "maps", *words)
     assert result.exit_code == 2
     assert message in result.output
     assert not (tmp_path / "maps").exists()
 
 
-def test_what_is_no_trace_is_one_line(tmp_path):
+def test_a_file_that_is_not_a_trace_is_one_line(tmp_path):
     (tmp_path / "a.npz").write_text("hello")
     result = run("remap", tmp_path / "a.npz", "-o", tmp_path)
     assert result.exit_code == 1

@@ -21,11 +21,11 @@ def test_a_quick_study_of_two_knobs(tmp_path):
     )
     assert done.exit_code == 0
     assert "pays up to" in done.output and "study.html" in done.output
-    told = json.loads((folder / "study.json").read_text())
-    assert [item["knob"] for item in told["knobs"]] == ["bump-gradient", "noise"]
+    report = json.loads((folder / "study.json").read_text())
+    assert [item["knob"] for item in report["knobs"]] == ["bump-gradient", "noise"]
 
 
-def test_one_mesh_is_no_pair(tmp_path):
+def test_one_mesh_is_not_a_pair(tmp_path):
     write_mesh(plane(), tmp_path / "high.obj")
     with pytest.raises(OptionError, match="give both, or neither"):
         CliRunner().invoke(

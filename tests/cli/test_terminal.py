@@ -29,7 +29,7 @@ def test_json_lines_carry_every_field() -> None:
     sink = JsonLines(stream)
     sink.started("cast rays", 200, "rays")
     sink.advanced("cast rays", 100)
-    sink.advanced("cast rays", 200)  # within a tenth of a second of the one before: not told
+    sink.advanced("cast rays", 200)  # within a tenth of a second of the one before: not reported
     sink.finished("cast rays", 1.23456)
     sink.started("build", None, "")
     sink.finished("build", 0.5)
@@ -47,7 +47,7 @@ def test_json_lines_carry_every_field() -> None:
     assert events[2] == {
         "event": "finished",
         "stage": "cast rays",
-        "done": 200,  # though the last step itself was not told
+        "done": 200,  # though the last step itself was not reported
         "total": 200,
         "unit": "rays",
         "seconds": 1.235,
@@ -100,6 +100,6 @@ def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr() == ("", "texbake: warning: padding of two charts meets\n")
 
 
-def test_nobody_listens_where_stderr_is_no_terminal() -> None:
+def test_no_progress_where_stderr_is_no_terminal() -> None:
     with Terminal().progress() as progress:
         assert progress is None

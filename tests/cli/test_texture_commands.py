@@ -55,8 +55,8 @@ def test_command_writes_its_files_and_no_others(line: str, shop: Path, invoke: I
     result = invoke(line)
     after = {path for path in shop.rglob("*") if path.is_file()}
     assert after - before == {shop / name for name in LINES[line]}
-    told = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
-    assert told == {Path(name) for name in LINES[line]}
+    written = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
+    assert written == {Path(name) for name in LINES[line]}
 
 
 @pytest.mark.parametrize("line", [line for i, line in enumerate(LINES) if i in (0, 2, 5, 6, 7)])
@@ -114,7 +114,7 @@ def test_wrong_usage_is_one_line(line: str, message: str, shop: Path, invoke: In
         ("normal-to-height world.png -o h.png", "world.png: its normals are in world space"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_one_line(
+def test_an_error_in_a_file_is_one_line(
     line: str, message: str, shop: Path, invoke: Invoke
 ) -> None:
     Path("bad.toml").write_text("position = [0, 0, 4]\ntarget = [0, 0, 0]\nlens = 35\n")
@@ -145,7 +145,7 @@ def test_colors_are_srgb(shop: Path, invoke: Invoke) -> None:
     np.testing.assert_allclose(codes, np.broadcast_to((0x33, 0x66, 0x99), codes.shape), atol=1e-4)
 
 
-def test_packed_texels_are_the_very_codes(shop: Path, invoke: Invoke) -> None:
+def test_packed_texels_keep_their_codes(shop: Path, invoke: Invoke) -> None:
     rng = np.random.default_rng(0)
     deep = rng.integers(0, 65536, (20, 12, 3)).astype(np.uint16)
     for name, codes in (
@@ -172,7 +172,7 @@ def test_packed_meshes_are_moved(shop: Path, invoke: Invoke) -> None:
 
 
 def test_heights_come_back_through_files(shop: Path, invoke: Invoke) -> None:
-    """Heights to normals to heights, each file saying how the next command is to read it."""
+    """Heights to normals to heights: each file records how the next command must read it."""
     invoke("height-to-normal hill.png -o n.png --scale 0.2 --width 1 --convention directx")
     assert read_image("n.png", color=False).metadata[CONVENTION] == "directx"
     invoke("normal-to-height n.png -o h.png --width 1")

@@ -1,4 +1,4 @@
-"""The catalogue of hard cases, given to tests by name: `mesh_case`, `image_case` and so on.
+"""The catalog of hard cases, given to tests by name: `mesh_case`, `image_case` and so on.
 
 A test that names such a fixture runs once for every case of it. The cases themselves are plain
 modules in `catalog/`, which `table.py` reads as well.
@@ -58,7 +58,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture(scope="session")
 def attempt() -> Callable[..., Any]:
-    """Run a stage on a case: what it gives, or None where the case says that it is refused."""
+    """Run a stage on a case: its result, or None where the case lists it as refused."""
 
     def attempt(case: Case[Any], stage: str, function: Callable[[], Any]) -> Any:
         reason = case.refused.get(stage)
@@ -95,25 +95,25 @@ def in_cells() -> Callable[[Case[Mesh]], Mesh]:
 
 @pytest.fixture(scope="session")
 def case_named() -> Callable[[str], Case[Mesh]]:
-    """Find one mesh of the catalogue by its name."""
+    """Find one mesh of the catalog by its name."""
     return {case.name: case for case in MESHES}.__getitem__
 
 
 @pytest.fixture(scope="session")
 def case_of_pair() -> Callable[[str], Case[Any]]:
-    """Find one pair of the catalogue by its name."""
+    """Find one pair of the catalog by its name."""
     return {case.name: case for case in PAIRS}.__getitem__
 
 
 @pytest.fixture(scope="session")
 def case_of_mapping() -> Callable[[str], Case[Any]]:
-    """Find one mapping of the catalogue by its name."""
+    """Find one mapping of the catalog by its name."""
     return {case.name: case for case in MAPPINGS}.__getitem__
 
 
 @pytest.fixture(scope="session")
 def fuzz_minutes() -> float:
-    """Minutes that each format is to be fuzzed; 0 for the bytes of a common run alone."""
+    """Minutes of fuzzing per format; 0 for the number of bytes of a normal run."""
     return float(os.environ.get("TEXBAKE_FUZZ", "0"))
 
 

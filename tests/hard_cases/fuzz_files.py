@@ -3,8 +3,8 @@
     python tests/hard_cases/fuzz_files.py [FORMAT ...] [--bytes 1000000] [--minutes 0] [--seed 0]
 
 Each mutant must be read, or refused with a TexbakeError of one line, within `SECONDS`. The mutant
-at hand is kept in the folder given, so that what ends the process can be looked at. Prints a line
-of JSON for each format, with what was found.
+at hand is kept in the folder given, so that a file that ends the process can be examined. Prints a
+line of JSON for each format, with its result.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 SECONDS = 5  # for one file of a few kilobytes, on a machine that does other things as well
-MEMORY = 3 << 30  # bytes of address space beyond what the process has when all is loaded
+MEMORY = 3 << 30  # bytes of address space beyond those of the process with all readers loaded
 MAX_FAULTS = 5
 
 Maker = Callable[[Path], None]
@@ -231,7 +231,7 @@ def _read_hits(path: Path) -> Any:
     from texbake.baking.hits_file import read_hits
     from texbake.baking.remap import remap_hits
 
-    # What was let in must not lead kernels astray either.
+    # Accepted values must not make kernels fail either.
     return remap_hits(read_hits(path), BakeOptions(maps=("normal", "displacement")))
 
 
@@ -276,7 +276,7 @@ if find_spec("pxr") is not None:
         "usdz": (".usdz", _mesh_seed, _read_mesh),
     }
 
-# What is put into text: numbers and words that readers take to be counts, indices and keys.
+# Numbers and words put into text, which readers take for counts, indices and keys.
 WORDS = (
     b"-1", b"0", b"1e999", b"nan", b"-inf", b"4294967295", b"9999999999999", b"1e-400", b"\x00",
     b"\xff\xfe", b"'", b"[", b"{}", b"null", b"true", b"\n", b" ", b"//", b"\\\n", b"#", b'"',
@@ -322,7 +322,7 @@ def zip_mutant(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _fault(read: Reader, path: Path) -> str | None:
-    """Read one file; what is wrong with how that went, or None."""
+    """Read one file; return what went wrong, or None."""
     from texbake import TexbakeError
 
     start = time.monotonic()
@@ -332,7 +332,7 @@ def _fault(read: Reader, path: Path) -> str | None:
     except TexbakeError as error:
         if "\n" in str(error):
             return f"several lines: {error!r}"
-    except BaseException as error:  # whatever else it is, is what is looked for
+    except BaseException as error:  # any other exception is a fault
         frame = error.__traceback__
         while frame is not None and frame.tb_next is not None:
             frame = frame.tb_next
@@ -364,7 +364,7 @@ def fuzz(name: str, *, n_bytes: int, minutes: float, seed: int, folder: Path) ->
     faults: list[str] = []
     n_read, n_files = 0, 0
     while (n_read < n_bytes or time.monotonic() < end) and len(faults) < MAX_FAULTS:
-        # Checksums keep most damage from what reads the files in an archive.
+        # Checksums keep most damage from the readers of the files in an archive.
         inside = content.startswith(b"PK") and rng.random() < 0.5
         data = zip_mutant(content, rng) if inside else mutant(content, rng)
         candidate.write_bytes(data)

@@ -78,7 +78,7 @@ These cases are refused with one clear error, or cannot be handled better.
 
 
 def contrast_rows(contrasts: Sequence[Contrast]) -> Iterator[str]:
-    """Rows of the first table, measured now."""
+    """Rows of a table of contrasts, measured now."""
     yield "| case | what goes wrong | measured in | naive | ours | time, naive | ours | times |"
     yield "|---|---|---|---|---|---|---|---|"
     for contrast in contrasts:
@@ -117,7 +117,7 @@ def document() -> str:
     ):
         parts.append(f"### {title}\n\n" + "\n".join(contrast_rows(contrasts)) + "\n")
     parts.append(LIMITS)
-    parts.append("## The catalogue\n")
+    parts.append("## The catalog\n")
     for title, cases in (
         ("Geometry", GEOMETRY),
         ("Pairs to bake", PAIRS),

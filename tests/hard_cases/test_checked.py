@@ -1,4 +1,4 @@
-"""The preflight and the study over the catalogue: both take every mesh, and tell the truth."""
+"""The checks and the study on the whole catalog: both accept every mesh and report its faults."""
 
 import json
 
@@ -9,7 +9,7 @@ import texbake
 from texbake.study.case import Case as StudyCase
 from texbake.study.knobs import knob_named
 
-# What the preflight must say, at least, of the case of this name.
+# What the checks must report, at least, for the case of this name.
 SAID = {
     "zero-area faces": "zero-area-faces",
     "split vertices": "duplicate-vertices",
@@ -96,7 +96,7 @@ def test_every_scene_is_studied(scene_case):
     bench.close()
 
 
-def test_what_does_not_show_is_one_clear_error(case_named, in_cells):
+def test_a_mesh_that_does_not_show_is_one_clear_error(case_named, in_cells):
     """A strip of 1 by 1e6 falls between the pixels, so that no picture of it has an error."""
     mesh = in_cells(case_named("strip of 1 by 1e6"))
     options = texbake.StudyOptions(

@@ -14,13 +14,13 @@ from fuzz_files import FORMATS
 
 import texbake
 
-# Bytes of mutants a format in a common run; TEXBAKE_FUZZ=minutes goes on for so long in each.
+# Bytes of mutants per format in a normal run; TEXBAKE_FUZZ=minutes fuzzes each for that long.
 N_BYTES = 1_000_000
 
 
 @pytest.fixture(scope="module")
 def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
-    """What became of each format, all in one process; and what that said, if it ended early.
+    """The result of each format, all in one process, and the output of that if it ended early.
 
     Its last mutant, in the folder of the first format that is missing, is what ended it.
     """
@@ -29,7 +29,7 @@ def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
         sys.executable, str(hard_cases_dir / "fuzz_files.py"), "--bytes", str(N_BYTES),
         "--minutes", str(fuzz_minutes), "--folder", str(tmp_path_factory.mktemp("mutants")),
     ]  # fmt: skip
-    # Libraries say what they like beside it, in any bytes.
+    # Libraries print other text beside it, in any bytes.
     run = subprocess.run(
         command, capture_output=True, text=True, errors="replace", timeout=limit, check=False
     )

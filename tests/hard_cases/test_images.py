@@ -1,4 +1,4 @@
-"""Every stage over every image of the catalogue."""
+"""Every stage on every image of the catalog."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from texbake.texture.encoding import (
 )
 from texbake.texture.padding import nearest_owner, push_pull, spread
 
-# Coordinates at the ends of what there is.
+# Coordinates at the ends of the range of floats.
 PLACES = np.array(
     [0.0, 1.0, -1e-20, 1.0 - 2**-53, 0.5, 1e9, -1e9, 1e300, np.nan, np.inf, -np.inf, 1e-320]
 )

@@ -1,4 +1,4 @@
-"""Light maps of every scene of the catalogue."""
+"""Light maps of every scene of the catalog."""
 
 import numpy as np
 

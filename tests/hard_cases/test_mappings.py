@@ -1,4 +1,4 @@
-"""Mappings at the places where they have no answer: finite, and no face smeared."""
+"""Mappings where they are undefined: finite coordinates, and no smeared face."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def test_coordinates_are_finite_and_no_face_is_smeared(mapping_case):
 
 
 def test_a_cap_of_1e_9_about_the_pole_keeps_its_angles(case_of_mapping):
-    """Closed form: t is the angle from the pole over π, which the arc cosine cannot tell from 0."""
+    """Closed form: t is the angle from the pole over π, which is 0 by the arc cosine."""
     case = case_of_mapping("arccos at its ends").make()
     mapped = texbake.unwrap(case.mesh, **case.options)
     rim = mapped.corner_uvs()[:6, :2, 1]

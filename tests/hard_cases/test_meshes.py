@@ -1,4 +1,4 @@
-"""Every stage over every mesh of the catalogue: its result holds, or it is one clear refusal."""
+"""Every stage on every mesh of the catalog: a valid result or one clear error."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def assert_unit(vectors, *, or_zero=False):
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply"])
-def test_what_is_written_is_read_bit_for_bit(mesh_case, suffix, tmp_path):
+def test_written_meshes_are_read_bit_for_bit(mesh_case, suffix, tmp_path):
     mesh = mesh_case.make()
     path = tmp_path / f"mesh.{suffix}"
     texbake.write_mesh(mesh, path)

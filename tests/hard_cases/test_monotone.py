@@ -1,4 +1,4 @@
-"""A knob turned up makes the error smaller, each step of the way."""
+"""Each step of a setting makes the error smaller."""
 
 from itertools import pairwise
 
@@ -100,7 +100,7 @@ def test_knobs_of_the_study_against_their_truths(knob):
 
 
 def test_filters_of_a_checker_to_the_horizon():
-    """Each reads more of what a pixel sees than the one before it."""
+    """Each filter reads more of the area of a pixel than the one before it."""
     bench = knob_named("texture-lookup").prepare(Case(quick=True, threads=1))
     errors = {s.label: bench.judge(s.value, bench.work(s.value)).error for s in bench.settings}
     bench.close()

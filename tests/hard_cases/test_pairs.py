@@ -1,4 +1,4 @@
-"""Every stage that takes two meshes over every pair of the catalogue."""
+"""Every stage that takes two meshes, on every pair of the catalog."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_heights_are_those_of_the_surface_in_front(pair_case):
     np.testing.assert_allclose(heights[near], pair.height, rtol=0, atol=1e-6)
 
 
-def test_nothing_is_found_where_there_is_nothing(case_of_pair):
+def test_rays_miss_where_there_is_no_surface(case_of_pair):
     hole = baked(case_of_pair("high-poly mesh with a hole").make())
     assert 0 < hole.report.texels_missed < hole.report.texels_covered
     inside_out = baked(case_of_pair("high-poly mesh inside out").make())
@@ -45,7 +45,7 @@ def test_nothing_is_found_where_there_is_nothing(case_of_pair):
     assert inside_out.report.counts.rays_past_back_faces > 0
 
 
-# What the preflight must say of each pair; of the others, nothing but notes.
+# What the checks must report for each pair; for the others, nothing but notes.
 SAID = {
     "high-poly mesh coarser than the low-poly one": "high-is-coarser",
     "wall thinner than the cage": "thin-walls",
@@ -55,7 +55,7 @@ SAID = {
 }
 
 
-def test_the_preflight_names_it(pair_case):
+def test_the_checks_name_it(pair_case):
     pair = pair_case.make()
     report = texbake.check(pair.high, pair.low, texbake.CheckOptions(size=48))
     name = SAID.get(pair_case.name)

@@ -77,7 +77,7 @@ def test_no_hole_from_ten_thousand_directions(closed_case):
     assert (faces != NO_HIT).all()
 
 
-def test_aimed_rays_hit_where_they_are_aimed(ray_case):
+def test_aimed_rays_hit_their_target(ray_case):
     """Or, where they only touch, nowhere else than near there."""
     aimed = ray_case.make()
     rays = from_outside(aimed.targets, aimed.directions)
@@ -91,7 +91,7 @@ def test_aimed_rays_hit_where_they_are_aimed(ray_case):
 
 
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
-def test_a_ball_is_hit_where_its_radius_says(level):
+def test_a_ball_is_hit_at_its_radius(level):
     """Closed form: rays to the center of a polyhedron end between its inner and outer radius."""
     mesh = icosphere(level)
     frame = LocalFrame.around(mesh)

@@ -1,4 +1,4 @@
-"""Every scene of the catalogue, and random ones, through the renderer."""
+"""Every scene of the catalog, and random ones, through the renderer."""
 
 import os
 
@@ -81,7 +81,7 @@ def test_ground_below_the_horizon_is_covered_and_above_it_not():
 
 
 @pytest.mark.parametrize("distance", [1.0, 1e3, 1e6])
-def test_what_lies_a_thousandth_in_front_hides_what_is_behind(distance):
+def test_a_surface_a_thousandth_in_front_hides_the_one_behind(distance):
     """With near planes of 1e-3 and so depths of 1e-9: reversed depth keeps them apart."""
     wall = plane()
     near, far = (

@@ -1,4 +1,4 @@
-"""Random triangle soups through every stage, and whatever a mesh can be told of itself."""
+"""Random triangle soups through every stage and every measurement."""
 
 import os
 
@@ -39,7 +39,7 @@ def soups(draw, *, with_uvs=False):
 
 
 def attempted(function, *expected):
-    """What a function gives, or None where it refuses by an error of the kinds that it may."""
+    """The result of a function, or None where it raises one of the permitted errors."""
     try:
         return function()
     except expected as error:
@@ -162,7 +162,7 @@ def test_pictures_of_soups(mesh, azimuth):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("field", ["positions", "uvs", "normals", "tangents", "colors"])
-def test_numbers_that_are_none_are_refused_where_they_enter(bad, field):
+def test_numbers_that_are_not_finite_are_refused_where_they_enter(bad, field):
     corners = np.array([[0, 1, 2]], np.int32)
     fields = {
         "positions": [[0.0, 0, 0], [1, 0, 0], [0, 1, 0]],

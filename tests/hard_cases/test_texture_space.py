@@ -1,4 +1,4 @@
-"""Which face owns a texel, counted; and tangents where they are hard."""
+"""Which face owns a texel, by exact counts, and tangents in hard places."""
 
 import numpy as np
 import pytest

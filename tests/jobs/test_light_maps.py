@@ -1,4 +1,4 @@
-"""Light maps: closed forms, and the same picture with lamps and with the maps of them."""
+"""Light maps: closed forms, and the same picture with lights and with their light maps."""
 
 import math
 from dataclasses import replace
@@ -74,14 +74,14 @@ def test_a_point_light_falls_off_as_the_square_of_its_distance() -> None:
     )
 
 
-def test_a_shadow_is_exactly_where_rays_say() -> None:
+def test_a_shadow_is_exactly_where_rays_are_blocked() -> None:
     lamp = Light(kind="point", position=(1.0, 4.0, 0.5), decay=0.0, shadow=SHADOW)
     lit = baked(FLOOR, BALL, lights=(replace(lamp, shadow=None),))[0].values[..., 0]
     found = baked(FLOOR, BALL, lights=(lamp,))[0].values[..., 0] / lit
     toward = np.array(lamp.position) - floor_points()
     toward /= np.linalg.norm(toward, axis=-1, keepdims=True)
     passed = np.linalg.norm(np.cross(CENTER - floor_points(), toward), axis=-1)
-    # The ball's faces lie inside it, by less than an edge of a 48th of a half turn tells.
+    # The ball's faces lie inside it, by less than the sag of an edge of a 48th of a half turn.
     sag = RADIUS * (1.0 - math.cos(math.pi / 48))
     assert (found[passed < RADIUS - sag] == 0.0).all()
     assert (found[passed > RADIUS] == 1.0).all()
@@ -218,7 +218,7 @@ def test_threads_change_no_byte() -> None:
         assert a.values.tobytes() == b.values.tobytes()
 
 
-def test_padding_surrounds_charts_and_what_is_not_covered_is_black() -> None:
+def test_padding_extends_charts_and_the_background_is_black() -> None:
     mesh = plane()
     assert mesh.uvs is not None
     item = replace(FLOOR, mesh=mesh.replace(uvs=0.25 + 0.5 * mesh.uvs))
@@ -229,7 +229,7 @@ def test_padding_surrounds_charts_and_what_is_not_covered_is_black() -> None:
     assert (map_.values[31:97, 32:96] == 1.0).all() and (map_.values[:29] == 0.0).all()
 
 
-def test_objects_without_coordinates_are_told() -> None:
+def test_objects_without_coordinates_are_reported() -> None:
     bare = SceneObject(mesh=Mesh(positions=BALL.mesh.positions, faces=BALL.mesh.faces), name="bare")
     scene = Scene(objects=(FLOOR, bare), lighting=Lighting(lights=(Light(),)), name="room.toml")
     maps = bake_light_maps(scene, BakeOptions(size=8))
@@ -241,7 +241,7 @@ def test_objects_without_coordinates_are_told() -> None:
         bake_light_maps(replace(scene, objects=(bare,)))
 
 
-def test_overlaps_and_tiles_are_told() -> None:
+def test_overlaps_and_tiles_are_reported() -> None:
     mesh = plane(2, 1)
     assert mesh.uvs is not None
     folded = mesh.replace(uvs=np.abs(mesh.uvs * [2.0, 1.0] - [1.0, 0.0]))

@@ -1,4 +1,4 @@
-"""What the whole job asks of its bake."""
+"""Options that `run` passes on to its bake."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from texbake.errors import OptionError
 from texbake.jobs.options import DEFAULT_SAMPLES, RunOptions
 
 
-def test_samples_are_the_defaults_where_nothing_is_asked_for():
+def test_samples_have_defaults_where_nothing_is_given():
     assert RunOptions().bake_options().samples == DEFAULT_SAMPLES
 
 
@@ -22,7 +22,7 @@ def test_an_error_and_a_time_are_passed_on():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ({"samples": 4, "max_error": "1deg"}, "leave nothing to choose"),
         ({"samples": "some"}, "samples: some"),
@@ -30,6 +30,6 @@ def test_an_error_and_a_time_are_passed_on():
         ({"time_budget": "later"}, "is not a duration"),
     ],
 )
-def test_what_cannot_be_is_told_before_the_work(options, told):
-    with pytest.raises(OptionError, match=told):
+def test_impossible_options_are_refused_before_the_work(options, message):
+    with pytest.raises(OptionError, match=message):
         RunOptions(**options)

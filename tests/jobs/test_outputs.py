@@ -17,7 +17,7 @@ def test_a_report_comes_back_as_it_was(tmp_path: Path) -> None:
     assert read == {**report, "e": [1, 2], "f": "g/h.png"}
 
 
-def test_what_json_has_no_number_for_is_null(tmp_path: Path) -> None:
+def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
     write_report(tmp_path / "r.json", {"psnr": math.inf, "deep": [{"mean": math.nan}]})
     text = (tmp_path / "r.json").read_text()
     assert json.loads(text) == {"psnr": None, "deep": [{"mean": None}]}

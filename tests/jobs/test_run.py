@@ -1,4 +1,4 @@
-"""The whole job: what it leaves in its folder, and what it leaves alone."""
+"""`run`: the files that it writes to its folder, and those that it leaves alone."""
 
 import json
 import struct
@@ -95,7 +95,7 @@ def test_the_map_in_the_glb_is_opengl(result: RunResult, tmp_path: Path) -> None
     assert np.abs(opengl[..., [0, 2]] - directx[..., [0, 2]]).max() <= tolerance
 
 
-def test_the_report_says_what_the_result_says(result: RunResult) -> None:
+def test_the_report_agrees_with_the_result(result: RunResult) -> None:
     report = json.loads(result.files["report"].read_text())
     assert report["compare"]["mapped"]["mean_deg"] == result.comparison.mapped.mean_deg
     assert report["bake"]["texels_covered"] == result.baked.report.texels_covered
@@ -128,7 +128,7 @@ def test_threads_change_no_byte(result: RunResult, high: Mesh, tmp_path: Path) -
             assert path.read_bytes() == result.files[name].read_bytes(), name
 
 
-def test_what_a_failed_stage_did_not_reach_is_kept(
+def test_a_failed_stage_keeps_earlier_files(
     high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in FILES:
@@ -146,10 +146,10 @@ def test_what_a_failed_stage_did_not_reach_is_kept(
     assert {path.name for path in tmp_path.iterdir()} == FILES
 
 
-def test_a_folder_that_cannot_be_is_told_before_the_work(
+def test_an_impossible_folder_is_refused_before_the_work(
     high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_module, "simplify_with_report", None)  # must not be come to
+    monkeypatch.setattr(run_module, "simplify_with_report", None)  # must not be reached
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="file/folder: the folder cannot be made"):
         run(high, tmp_path / "file" / "folder")
@@ -172,7 +172,7 @@ def test_a_folder_that_cannot_be_is_told_before_the_work(
         ({"threads": 0}, "threads: 0"),
     ],
 )
-def test_wrong_options_are_told_when_they_are_made(wrong: dict, message: str) -> None:
+def test_wrong_options_are_refused_when_they_are_made(wrong: dict, message: str) -> None:
     with pytest.raises(OptionError, match=message):
         RunOptions(**wrong)
 

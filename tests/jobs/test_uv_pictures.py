@@ -76,7 +76,7 @@ def test_a_checker_repeated_often_is_drawn_with_fewer_texels() -> None:
     finer = front_of(render_checker(often, replace(FRONT, supersampling=16), n_cells=2))
     # What more samples would still change is aliasing. Cells are 4 pixels wide here.
     assert np.abs(picture - finer).mean() < 0.02
-    assert picture.std() > 0.05  # and the cells are still told apart
+    assert picture.std() > 0.05  # and the cells can still be told apart
 
 
 def test_wrong_input() -> None:

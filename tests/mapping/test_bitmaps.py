@@ -120,7 +120,7 @@ def test_charts_on_one_heap_are_moved_apart(padding: int) -> None:
     assert (apart[:, :2] + boxes <= size).all()
 
 
-def test_charts_that_have_no_room_overlap_as_told() -> None:
+def test_charts_without_room_overlap_by_the_amount_reported() -> None:
     shapes = shapes_of(random_bitmaps(4, 12), np.zeros(1, dtype=np.int32), turns=4)
     places = np.zeros((12, 3), dtype=np.int32)
     weights = pair_weights(np.full(12, 60.0))

@@ -124,7 +124,7 @@ def test_a_mirrored_chart_is_laid_out_anew() -> None:
     assert worst(checked(mesh, charts)) <= 1.01
 
 
-def test_a_face_too_thin_to_lay_flat_is_told() -> None:
+def test_a_face_too_thin_to_flatten_is_reported() -> None:
     square = plane()
     positions = np.concatenate([square.positions, [[0.5, -1e-300, 0.0]]])
     mesh = Mesh(positions=positions, faces=np.concatenate([square.faces, [[0, 4, 1]]]))

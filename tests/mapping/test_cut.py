@@ -106,7 +106,7 @@ def test_a_mesh_without_area_is_one_clear_error(positions: list[list[float]]) ->
         cut_charts(mesh)
 
 
-def test_faces_too_thin_for_the_grid_are_told_apart_from_faces_without_area() -> None:
+def test_faces_too_thin_for_the_grid_are_distinguished_from_faces_without_area() -> None:
     far = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1e8, 0, 0], [1e8 + 1, 0, 0], [1e8, 1, 0]]
     mesh = Mesh(positions=far, faces=[[0, 1, 2], [3, 4, 5]], name="far.obj")
     with pytest.raises(UnwrapError, match=r"far\.obj: each of its 2 faces is narrower than 4 mill"):
@@ -143,13 +143,15 @@ def test_what_xatlas_fails_on_is_cut_by_normals(
 def test_an_interrupt_takes_the_worker_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = tmp_path / "pid"
+    pid_file = tmp_path / "pid"
     worker(
-        tmp_path, monkeypatch, f"open({str(told)!r}, 'w').write(str(os.getpid())); time.sleep(100)"
+        tmp_path,
+        monkeypatch,
+        f"open({str(pid_file)!r}, 'w').write(str(os.getpid())); time.sleep(100)",
     )
 
     def interrupt(*_: object) -> None:
-        if told.exists() and told.read_text():
+        if pid_file.exists() and pid_file.read_text():
             raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGALRM, interrupt)
@@ -161,7 +163,7 @@ def test_an_interrupt_takes_the_worker_along(
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     with pytest.raises(ProcessLookupError):
-        os.kill(int(told.read_text()), 0)
+        os.kill(int(pid_file.read_text()), 0)
 
 
 def test_without_xatlas(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,9 +246,9 @@ def test_faces_of_different_regions_share_no_chart(n: int) -> None:
 
 def test_progress_tells_of_all_faces() -> None:
     for mesh in (cube(), noisy_sphere(12, 0.01)):
-        told: list[int] = []
-        cut_charts(mesh, advance=told.append)
-        assert sum(told) == mesh.n_faces
+        steps: list[int] = []
+        cut_charts(mesh, advance=steps.append)
+        assert sum(steps) == mesh.n_faces
 
 
 def test_vertices_that_a_file_repeats_cut_nothing() -> None:

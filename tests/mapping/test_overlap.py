@@ -144,7 +144,7 @@ def test_slivers_along_a_diagonal_and_around_a_point_only_touch() -> None:
     assert covered.overlapping.all()
 
 
-def test_what_would_take_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_check_that_would_take_too_long_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(overlap, "_MOST_PAIRS", 0)
     monkeypatch.setattr(overlap, "_LEAST_PAIRS_OF_A_FACE", 4)
     angles = np.linspace(0.1, 1.3, 101)

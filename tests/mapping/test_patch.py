@@ -1,4 +1,4 @@
-"""Layouts that cover something twice, told from their boundaries."""
+"""Layouts that overlap themselves are recognized by their boundaries."""
 
 import math
 

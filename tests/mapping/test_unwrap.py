@@ -117,7 +117,7 @@ def test_options_and_changes_say_the_same() -> None:
         unwrap(mesh, size=0)
 
 
-def test_the_report_is_json_and_the_stages_are_told() -> None:
+def test_the_report_is_json_and_the_stages_are_announced() -> None:
     class Listener(ProgressSink):
         def __init__(self) -> None:
             self.stages: list[str] = []
@@ -171,7 +171,7 @@ def test_classical_methods_keep_everything_but_the_coordinates(method: str) -> N
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["options"]["method"] == method
 
 
-def test_a_function_is_told_by_its_name() -> None:
+def test_a_function_is_given_by_its_name() -> None:
     def shear(points: np.ndarray) -> np.ndarray:
         return points @ [[1.0, 0.0], [0.5, 1.0]]
 

@@ -136,21 +136,21 @@ def test_write_replaces_whole_or_not_at_all(tmp_path, square, suffix):
 
 
 def test_progress_is_one_stage(tmp_path, square):
-    told = []
+    events = []
 
     class Sink:
         def started(self, stage, total, unit):
-            told.append(("started", stage))
+            events.append(("started", stage))
 
         def advanced(self, stage, done):
-            told.append(("advanced", stage))
+            events.append(("advanced", stage))
 
         def finished(self, stage, seconds):
-            told.append(("finished", stage))
+            events.append(("finished", stage))
 
     write_mesh(square, tmp_path / "mesh.ply")
     read_mesh(tmp_path / "mesh.ply", progress=Sink())
-    assert told == [("started", "read mesh.ply"), ("finished", "read mesh.ply")]
+    assert events == [("started", "read mesh.ply"), ("finished", "read mesh.ply")]
 
 
 def mutated(content, rng):
@@ -206,7 +206,7 @@ def test_memory_is_bounded_by_the_file(tmp_path):
         "    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used)\n"
     )
     if sys.platform != "linux":
-        pytest.skip("resident memory is told in other units elsewhere")
+        pytest.skip("resident memory is reported in other units elsewhere")
     done = subprocess.run(
         [sys.executable, "-c", script, tmp_path / "mesh.ply"],
         capture_output=True,

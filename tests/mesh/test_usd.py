@@ -135,7 +135,7 @@ def test_axes_and_unit_become_the_houses(stage_file):
 
 
 def test_z_up_keeps_faces_outside(path):
-    """A sphere of outward faces, told Z up, has outward faces still."""
+    """A sphere whose faces look outward keeps them so where the file says Z up."""
     write_mesh(uv_sphere(8, 12), path)
     path.write_text(path.read_text().replace('upAxis = "Y"', 'upAxis = "Z"'))
     ball = read_usd(path)

@@ -37,7 +37,7 @@ def psnr(codes, others):
     return 10 * np.log10(255**2 / np.mean((codes.astype(float) - others) ** 2))
 
 
-# dB that the encoders reach on a photograph, less 1: 4, 8 and 8 bits a texel.
+# dB that the encoders reach on a photograph, less 1: 4, 8 and 8 bits per texel.
 @pytest.mark.parametrize(("block_format", "least"), [("bc1", 31), ("bc3", 31), ("bc7", 42)])
 def test_colors_come_back(path, photo, block_format, least):
     write_dds(photo, path, block_format=block_format)

@@ -146,7 +146,7 @@ def test_frankot_chellappa_is_not_exact_where_a_map_ends() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_round_trip_of_waves_loses_what_the_closed_form_says(method: str) -> None:
-    """A wave of w a texel comes back as sin w / w (one derivative) or cos² w/2 of itself."""
+    """A wave of w radians per texel returns as sin w / w (one derivative) or cos² w/2 of itself."""
     n, k = 64, 4
     w = 2 * np.pi * k / n
     heights = np.tile(np.sin(w * np.arange(n)), (n, 1))
@@ -197,9 +197,9 @@ def test_slopes_of_no_surface_are_fitted_and_told() -> None:
 def test_an_image_is_read_as_it_says_of_itself() -> None:
     heights, right, up = waves(32, 48)
     pixels = ((normals_of(right, -up) + 1) / 2).astype(np.float32)
-    told = Image(pixels, {CONVENTION: "directx"})
+    labeled = Image(pixels, {CONVENTION: "directx"})
     silent = NormalToHeightOptions(convention="directx", width=48.0)
-    for image, options in ((told, NormalToHeightOptions(width=48.0)), (Image(pixels), silent)):
+    for image, options in ((labeled, NormalToHeightOptions(width=48.0)), (Image(pixels), silent)):
         field = normal_to_height(image, options)
         assert field.rms_slope_error < 0.01
         assert np.corrcoef(field.heights.ravel(), heights.ravel())[0, 1] > 0.9999

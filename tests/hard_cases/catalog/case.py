@@ -1,4 +1,4 @@
-"""What a hard case is: something made by code, and a sentence on what it does to naive code."""
+"""A hard case: an input made by code, and a sentence on what goes wrong in naive code."""
 
 from __future__ import annotations
 

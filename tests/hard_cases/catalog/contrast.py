@@ -1,4 +1,4 @@
-"""A naive formula beside ours on the same hard input, measured by the same yardstick."""
+"""A naive formula beside ours on the same hard input, with the same measure of error."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contrast:
-    """What a cure does, and what it costs.
+    """A naive formula and ours: their errors and their times.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Contrast:
     bound : float
         Ours is to be at most this, and the naive result above it.
     why : str
-        Why the bound is what it is.
+        The reason for the bound.
     alike : bool
         Whether both do the same work, so that their times can be compared: not where ours is a
         whole picture and the naive formula a line.
@@ -47,7 +47,7 @@ class Contrast:
     alike: bool = True
 
     def measured(self) -> tuple[float, float]:
-        """Errors of the naive result and of ours; what is not a number is infinite."""
+        """Errors of the naive result and of ours; NaN counts as infinite."""
         data = self.prepare()
         with np.errstate(all="ignore"):
             naive = float(self.error(data, self.naive(data)))
@@ -55,23 +55,23 @@ class Contrast:
         return (naive if naive == naive else np.inf), (ours if ours == ours else np.inf)
 
     def seconds(self, rounds: int = 7) -> tuple[float, float]:
-        """Least time of either, over rounds that take turns."""
+        """Least time of either, over alternating rounds."""
         data = self.prepare()
-        ways = (self.naive, self.ours)
+        functions = (self.naive, self.ours)
         best = [np.inf, np.inf]
         with np.errstate(all="ignore"):
-            for way in ways:
-                way(data)  # compiles, and warms the caches
+            for function in functions:
+                function(data)  # compiles, and warms the caches
             for _ in range(rounds):
-                for i, way in enumerate(ways):
+                for i, function in enumerate(functions):
                     start = time.perf_counter()
-                    way(data)
+                    function(data)
                     best[i] = min(best[i], time.perf_counter() - start)
         return best[0], best[1]
 
 
 def not_finite(_: Any, result: Any) -> float:
-    """Count of results that are no numbers."""
+    """Number of results that are not finite."""
     return float(np.count_nonzero(~np.isfinite(np.asarray(result)).reshape(len(result), -1).all(1)))
 
 

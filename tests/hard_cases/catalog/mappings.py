@@ -48,22 +48,28 @@ def _rays_along(surface: str, via: str) -> Mapping:
 _SIXTEENTH = 1.0 / 16.0 + 1e-12
 
 MAPPINGS: tuple[Case[Mapping], ...] = (
-    *(Case(name=f"points on the axis, {method}", wrong="they have no angle: atan2(0, 0)",
+    *(Case(name=f"points on the axis, {method}",
+           wrong="the point has no angle: atan2(0, 0)",
            make=lambda method=method: Mapping(
                _around_an_axis(), {"method": method, "axis": "y", "center": (0, 0, 0)}))
       for method in ("cylindrical", "spherical")),
-    Case(name="point in the center of the sphere", wrong="0 / 0 in every direction",
+    Case(name="point in the center of the sphere",
+         wrong="the direction is 0 / 0",
          make=lambda: Mapping(_around_an_axis(), {"method": "spherical", "center": (0, 0, 0)})),
-    Case(name="arccos at its ends", wrong="1 + 2^-52 has none, and 1 - 1e-18 is 1",
+    Case(name="arccos at its ends",
+         wrong="the arc cosine of 1 + 2^-52 is NaN, and 1 - 1e-18 rounds to 1",
          make=lambda: Mapping(
              _near_the_pole(), {"method": "spherical", "axis": "y", "center": (0, 0, 0)})),
-    *(Case(name=f"faces over the ±π seam, {method}", wrong="a face runs back over the texture",
+    *(Case(name=f"faces over the ±π seam, {method}",
+           wrong="the face runs backwards over the whole texture",
            make=lambda method=method: Mapping(
                _ball(), {"method": method, "axis": "z"}, (_SIXTEENTH, np.inf)))
       for method in ("cylindrical", "spherical")),
-    Case(name="pole within a face", wrong="its corners lie around the pole, a half turn apart",
+    Case(name="pole within a face",
+         wrong="the corners lie around the pole, up to half a turn apart",
          make=lambda: Mapping(icosphere(1), {"method": "spherical", "axis": (0.3, 0.5, 0.81)})),
-    *(Case(name=f"rays parallel to the {surface}, {via}", wrong="they never meet it: 1 / 0",
+    *(Case(name=f"rays parallel to the {surface}, {via}",
+           wrong="the ray never meets the surface: 1 / 0",
            make=lambda surface=surface, via=via: _rays_along(surface, via))
       for surface, via in (("plane", "object-normal"), ("cylinder", "object-normal"),
                            ("plane", "centroid"), ("box", "object-normal"))),

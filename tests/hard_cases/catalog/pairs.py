@@ -46,20 +46,26 @@ def _one_triangle() -> Pair:
 
 
 PAIRS: tuple[Case[Pair], ...] = (
-    Case(name="high-poly mesh coarser than the low-poly one", wrong="distance is measured from few "
-         "vertices alone, and rays end before it", make=_one_triangle),
-    Case(name="wall thinner than the cage", wrong="rays pass through it and take the other side",
+    Case(name="high-poly mesh coarser than the low-poly one",
+         wrong="the ray distance is measured from a few vertices, and rays end before the surface",
+         make=_one_triangle),
+    Case(name="wall thinner than the cage",
+         wrong="rays pass through the wall and hit its other side",
          make=_thin_wall),
-    Case(name="high-poly mesh equal to the low-poly one", wrong="a ray distance of 0 hits nothing",
+    Case(name="high-poly mesh equal to the low-poly one",
+         wrong="a ray distance of 0 hits nothing",
          make=lambda: Pair(plane(4, 4), plane(4, 4), 0.0)),
-    Case(name="high-poly mesh with a hole", wrong="what is beside it is smeared over it",
+    Case(name="high-poly mesh with a hole",
+         wrong="the colors around the hole are smeared over it",
          make=lambda: Pair(
              mesh_of(plane(8, 8).positions, np.delete(plane(8, 8).faces, slice(40, 60), axis=0)),
              plane(4, 4), 0.0)),
-    Case(name="high-poly mesh inside out", wrong="every hit is culled, and the map is empty",
+    Case(name="high-poly mesh inside out",
+         wrong="every hit is culled, and the map is empty",
          make=lambda: Pair(
              mesh_of(plane(4, 4).positions, plane(4, 4).faces[:, ::-1]), plane(4, 4), 0.0)),
-    Case(name="high-poly mesh elsewhere", wrong="rays without bound find whatever lies behind",
+    Case(name="high-poly mesh elsewhere",
+         wrong="rays of unlimited length hit whatever lies behind",
          make=lambda: Pair(moved(icosphere(1), 1.0, (1e3, 0.0, 0.0)), uv_sphere(6, 12), 0.0),
          traits=frozenset({"apart"})),
 )  # fmt: skip

@@ -60,14 +60,22 @@ def _touching() -> Aimed:
 
 
 RAYS: tuple[Case[Aimed], ...] = (
-    Case(name="closed mesh hit at vertices", wrong="each triangle leaves it to its neighbors",
+    Case(name="closed mesh hit at vertices",
+         wrong="each triangle leaves the hit to its neighbors",
          make=lambda: _at_vertices(icosphere(4))),
-    Case(name="cube hit at corners", wrong="along the diagonal all sides are hit at their ends",
+    Case(name="cube hit at corners",
+         wrong="along the diagonal, all sides are hit at their corners",
          make=lambda: _at_vertices(cube())),
-    Case(name="closed mesh hit at edges", wrong="both faces leave it to the other, or count it",
+    Case(name="closed mesh hit at edges",
+         wrong="both faces leave the hit to the other one, or both count it",
          make=lambda: _at_edges(icosphere(3))),
-    Case(name="cube hit at edges", wrong="barycentrics are -1e-17", make=lambda: _at_edges(cube())),
-    Case(name="closed mesh hit tangentially", wrong="the ray slips in and ends within",
+    Case(name="cube hit at edges",
+         wrong="barycentric coordinates come out as -1e-17",
+         make=lambda: _at_edges(cube())),
+    Case(name="closed mesh hit tangentially",
+         wrong="the ray enters through an edge and ends inside",
          make=_touching),
-    Case(name="rays in the plane of a face", wrong="the distance is 0 / 0", make=_along_faces),
+    Case(name="rays in the plane of a face",
+         wrong="the distance is 0 / 0",
+         make=_along_faces),
 )  # fmt: skip

@@ -38,10 +38,10 @@ def scene(
     *objects: SceneObject,
     lights: tuple[Light, ...] = (SUN,),
     view: CameraView | None = None,
-    **light: object,
+    **options: object,
 ) -> Scene:
-    """Scene of some objects under a few lights and a little light from everywhere."""
-    lighting = Lighting(lights=lights, ambient=Ambient(color=(0.1, 0.1, 0.1)), **light)
+    """Scene of objects under a few lights and a little ambient light."""
+    lighting = Lighting(lights=lights, ambient=Ambient(color=(0.1, 0.1, 0.1)), **options)
     return Scene(objects=objects, lighting=lighting, view=view)
 
 
@@ -130,70 +130,97 @@ def _with_normal_map(value: float) -> Callable[[], Scene]:
 
 
 SCENES: tuple[Case[Scene], ...] = (
-    Case(name="w through 0", wrong="a corner behind the eye is divided by a negative w and comes "
-         "out in front", make=lambda: scene(
+    Case(name="w through 0",
+         wrong="a corner behind the camera is divided by a negative w and appears in front",
+         make=lambda: scene(
              SceneObject(mesh=floor(1e3)), view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)))),
-    Case(name="eye in the plane of a face", wrong="w and the area are 0 at once",
+    Case(name="eye in the plane of a face",
+         wrong="w and the area are both 0",
          make=lambda: scene(SceneObject(mesh=floor()),
                             view=looking((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)))),
-    Case(name="eye at a vertex", wrong="w is 0 at it", make=lambda: scene(
-        SceneObject(mesh=cube()), view=looking((0.5, 0.5, 0.5), (0.0, 0.0, 0.0)))),
-    Case(name="everything behind the eye", wrong="it is turned over and drawn",
+    Case(name="eye at a vertex",
+         wrong="w is 0 at that vertex",
+         make=lambda: scene(
+             SceneObject(mesh=cube()), view=looking((0.5, 0.5, 0.5), (0.0, 0.0, 0.0)))),
+    Case(name="everything behind the eye",
+         wrong="the picture shows it, upside down",
          make=lambda: scene(_ball(), view=looking((0.0, 0.0, 5.0), (0.0, 0.0, 9.0))),
          traits=frozenset({"empty"})),
-    *(Case(name=f"checker to the horizon, {name}", wrong="derivatives grow to infinity, and so "
-           "does the level", make=lambda name=name: _grazing(name))
+    *(Case(name=f"checker to the horizon, {name}",
+           wrong="derivatives grow to infinity, and the mip level with them",
+           make=lambda name=name: _grazing(name))
       for name in ("nearest", "bilinear", "trilinear", "ewa")),
-    Case(name="far over near of 1e9", wrong="depths of all that is far are one float32",
+    Case(name="far over near of 1e9",
+         wrong="all distant depths round to one float32",
          make=lambda: scene(
              SceneObject(mesh=moved(uv_sphere(8, 16), 1e5, (0.0, 0.0, -1e6))),
              SceneObject(mesh=moved(uv_sphere(8, 16), 1e-3, (0.0, 0.0, -5e-3))),
              view=CameraView(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), near=1e-3))),
-    Case(name="coplanar faces", wrong="which is seen flickers from pixel to pixel",
+    Case(name="coplanar faces",
+         wrong="the visible face changes from pixel to pixel",
          make=lambda: scene(
              SceneObject(mesh=floor(), material=Material(shading="unlit", base_color=(1, 0, 0))),
              SceneObject(mesh=floor(), material=Material(shading="unlit", base_color=(0, 1, 0)))),
          traits=frozenset({"coplanar"})),
-    Case(name="a million overdraws", wrong="every one is shaded", make=lambda: scene(
-        SceneObject(mesh=_layers(700)), view=looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))),
-    Case(name="mirror at 90 degrees", wrong="the reflected ray lies in the surface, and Fresnel "
-         "divides by 0", make=lambda: scene(
+    Case(name="a million overdraws",
+         wrong="every hidden fragment is shaded too",
+         make=lambda: scene(
+             SceneObject(mesh=_layers(700)), view=looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))),
+    Case(name="mirror at 90 degrees",
+         wrong="the reflected ray lies in the surface, and Fresnel divides by 0",
+         make=lambda: scene(
              SceneObject(mesh=floor(50.0), material=Material(
                  reflection=Reflection(fresnel=True), roughness=0.0)),
              environment=_sky(), view=looking((0.0, 1e-3, 3.0), (0.0, 1e-3, 0.0)))),
-    Case(name="refraction past the critical angle", wrong="the root of a negative number",
+    Case(name="refraction past the critical angle",
+         wrong="the square root of a negative number",
          make=_inside_glass(1.5)),
-    Case(name="refraction of index below 1", wrong="the same, from outside",
+    Case(name="refraction of index below 1",
+         wrong="the same, from outside the glass",
          make=_inside_glass(0.5)),
-    Case(name="point light in the plane of a face", wrong="n · l is rounding, and its shadow is a "
-         "line", make=_light_at((0.5, 0.0, 0.25))),
-    Case(name="point light at a vertex", wrong="the direction is 0 / 0, and 1 / d² infinite",
+    Case(name="point light in the plane of a face",
+         wrong="n · l is pure rounding, and the shadow shrinks to a line",
+         make=_light_at((0.5, 0.0, 0.25))),
+    Case(name="point light at a vertex",
+         wrong="the direction is 0 / 0, and 1 / d² is infinite",
          make=_light_at((0.0, 0.0, 0.0))),
-    Case(name="spot light in the plane of a face", wrong="its map has no depth",
+    Case(name="spot light in the plane of a face",
+         wrong="the shadow map has no depth",
          make=_light_at((-2.0, 0.0, 0.0), "spot")),
-    Case(name="sun along the surface", wrong="every texel of the shadow map is at the same place",
+    Case(name="sun along the surface",
+         wrong="every texel of the shadow map falls on the same place",
          make=lambda: scene(SceneObject(mesh=floor()), lights=(
              Light(direction=(1.0, 0.0, 0.0), shadow=Shadow(size=64)),))),
-    Case(name="materials at their ends", wrong="0^0, 1 / roughness², and a power of 1e9",
+    Case(name="materials at their ends",
+         wrong="0^0, 1 / roughness², and an exponent of 1e9",
          make=_materials_at_their_ends),
-    Case(name="normal map with NaN", wrong="a pixel of NaN, and after filtering more",
+    Case(name="normal map with NaN",
+         wrong="one pixel is NaN, and filtering spreads it",
          make=_with_normal_map(np.nan)),
-    Case(name="normal map of zeros", wrong="a vector without length is normalized",
+    Case(name="normal map of zeros",
+         wrong="a vector of length 0 is normalized",
          make=_with_normal_map(0.0)),
-    Case(name="normal map that points inwards", wrong="light from below the horizon",
+    Case(name="normal map that points inwards",
+         wrong="the surface is lit from below its horizon",
          make=_with_normal_map(-1.0)),
-    Case(name="bump without coordinates", wrong="the derivative of what is not there",
+    Case(name="bump without coordinates",
+         wrong="the derivative of coordinates that do not exist",
          make=lambda: scene(SceneObject(
              mesh=cube(), material=Material(bump_map=BumpMap(
                  texture=ProcedureTexture(procedure="noise", scale=1e6), height=10.0))))),
-    Case(name="thick fog", wrong="exp of -1e300, or of its square", make=lambda: scene(
-        _ball(), fog=Fog(mode="exp2", density=1e200))),
-    Case(name="nearly singular transform", wrong="normals by the inverse of a map of determinant "
-         "1e-12", make=lambda: scene(SceneObject(
+    Case(name="thick fog",
+         wrong="the exponential of -1e300, or of its square",
+         make=lambda: scene(
+             _ball(), fog=Fog(mode="exp2", density=1e200))),
+    Case(name="nearly singular transform",
+         wrong="normals are divided by a determinant of 1e-12",
+         make=lambda: scene(SceneObject(
              mesh=uv_sphere(8, 16), transform=np.diag([1.0, 1e-12, 1.0, 1.0])))),
-    Case(name="faces without area", wrong="their normals are NaN, and they cover pixels",
+    Case(name="faces without area",
+         wrong="their normals are NaN, and yet they cover pixels",
          make=lambda: scene(SceneObject(mesh=mesh_of(
              [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 0, 1], [0, 1, 3]])))),
-    Case(name="size 1e-12, far away", wrong="a near plane of 0.01 cuts all of it off",
+    Case(name="size 1e-12, far away",
+         wrong="a fixed near plane of 0.01 cuts the whole object off",
          make=lambda: scene(SceneObject(mesh=moved(uv_sphere(8, 16), 1e-6, (1.0, 1.0, 1.0))))),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Asset folders for other programs, each by what its files hold."""
+"""Asset folders for other programs: the content of their files."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def codes_of(path):
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_green_points_as_the_program_has_it(export, maps, target):
+def test_green_follows_the_convention_of_the_program(export, maps, target):
     result = export(target)
     (normal,) = [written.path for written in result.maps if written.kind == "normal"]
     image, source = (read_image(path, color=False) for path in (normal, maps / "rock_normal.png"))
@@ -86,7 +86,7 @@ def test_a_directx_map_is_turned_for_an_opengl_program_and_back(tmp_path, mesh, 
     assert (green[given == 32768] == 32768).all()
 
 
-def test_maps_that_do_not_say_their_convention_are_taken_as_told(tmp_path, mesh):
+def test_maps_without_a_convention_use_the_option(tmp_path, mesh):
     codes = np.full((4, 4, 3), (128, 200, 220), np.uint8)
     write_image(codes, tmp_path / "n.png")
     for convention, green in ("opengl", 200), ("directx", 55):
@@ -96,7 +96,7 @@ def test_maps_that_do_not_say_their_convention_are_taken_as_told(tmp_path, mesh)
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_heights_are_what_the_settings_say(export, maps, target):
+def test_heights_follow_the_settings(export, maps, target):
     result = export(target, meters_per_unit=0.01)
     (written,) = [written for written in result.maps if written.kind == "displacement"]
     levels = read_image(written.path, color=False).pixels[..., 0].astype(float)
@@ -127,7 +127,7 @@ def test_channels_are_packed_as_each_program_reads_them(export, maps):
     np.testing.assert_array_equal(codes_of(mask), np.stack(expected, axis=2))
 
 
-def test_what_is_not_given_is_constant_and_said(tmp_path, mesh, maps):
+def test_missing_maps_are_constant_and_reported(tmp_path, mesh, maps):
     given = {"roughness": maps / "rock_roughness.png"}
     result = export_asset(mesh, given, tmp_path, ExportOptions(target="unreal"))
     assert result.notes == ("T_rock_ORM.png: no ao and no metalness was given; it is constant "
@@ -153,7 +153,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_files_have_the_names_that_the_program_is_used_to(export, target):
+def test_files_have_the_names_that_the_program_expects(export, target):
     result = export(target)
     found = sorted(path.name for path in result.mesh.parent.iterdir())
     assert found == sorted([*NAMES[target].split(), SETTINGS])
@@ -164,7 +164,7 @@ def test_files_have_the_names_that_the_program_is_used_to(export, target):
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_an_obj_file_is_told_apart_from_gltf(export, target):
+def test_an_obj_file_is_distinguished_from_gltf(export, target):
     name = "a-long-name-of-many-words-that-no-line-has-room-for-beside-anything-else"
     result = export(target, mesh_format="obj", name=name)
     text = result.settings.read_text(encoding="utf-8")
@@ -296,7 +296,7 @@ def settings_of(result):
 
 
 @pytest.mark.parametrize("target", ["threejs", "godot", "blender"])
-def test_only_a_glb_without_tiles_is_said_to_hold_maps(target, export, mesh, maps, tmp_path):
+def test_only_a_glb_without_tiles_is_reported_to_hold_maps(target, export, mesh, maps, tmp_path):
     held = {"threejs": "ORM maps are in it", "godot": "maps already", "blender": "maps already"}
     assert held[target] in settings_of(export(target))
     tiled = {f"{kind}:{tile}": maps / f"rock_{kind}.png" for kind in ("normal", "ao")

@@ -1,8 +1,8 @@
-"""Exported assets, shown by three.js and by Blender, and looked at beside texbake's own picture.
+"""Exported assets, shown by three.js and by Blender, and compared with texbake's own picture.
 
 three.js runs in Chromium, as `tests/benchmarks/peer_gltf_threejs.py` says; Blender where
 TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1. Where one cannot be had, its tests are skipped
-with the reason. `pytest -rP` tells how alike the pictures are.
+with the reason. `pytest -rP` prints how similar the pictures are.
 """
 
 import json
@@ -29,7 +29,7 @@ from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_normals
 
 PROGRAMS = Path(__file__).parents[2] / "benchmarks"
-UNAVAILABLE = 3  # exit code of a peer that is not here
+UNAVAILABLE = 3  # exit code of a program that is not installed
 WIDTH, HEIGHT = 240, 180
 TO_LIGHT = np.array([0.5, 0.6, 0.62]) / np.linalg.norm([0.5, 0.6, 0.62])
 LIGHT = (0.8, 0.75, 0.7)
@@ -39,8 +39,8 @@ CAMERA = Camera.looking_at((1.2, 1.0, 2.6), (0, 0, 0), fov=np.radians(40.0), nea
 def write_maps(folder, *, green=1.0):
     """Maps of a ball with bumps and bands; `green` of -1 makes the normals wrong.
 
-    It is no metal: on those both programs add the light of several bounces between microfacets,
-    which glTF's formula leaves out.
+    It is not metallic: on metals both programs add the light of several bounces between
+    microfacets, which glTF's formula leaves out.
     """
     y, x = np.mgrid[:256, :512] / 256 * 2 * np.pi * 10
     ones = np.ones_like(x)
@@ -74,7 +74,7 @@ def assets(tmp_path_factory):
 
 
 def job_of(file, **more):
-    """A picture as the peers take it; near and far are three.js's own to choose."""
+    """A picture as the other programs need it; three.js chooses near and far itself."""
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = CAMERA.axes.T
     world_from_camera[:3, 3] = CAMERA.eye
@@ -168,7 +168,7 @@ def test_threejs_shows_the_compressed_file_as_the_plain_one(assets, by_threejs):
 
 
 def test_a_wrong_green_channel_would_be_seen(assets, by_threejs):
-    """The measure tells: one channel turned round costs half of it."""
+    """The measure detects errors: one inverted channel costs half of it."""
     psnr, _ = alike(by_texbake(assets["ball"], 1), by_threejs["wrong"])
     assert psnr < 30.0
 
