@@ -1,4 +1,4 @@
-"""What tests of every room share."""
+"""Fixtures shared by all tests."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""What a script imports, and what importing it costs."""
+"""The names that a script imports, and the cost of importing them."""
 
 import inspect
 import re

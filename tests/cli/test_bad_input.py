@@ -294,7 +294,8 @@ def test_no_input_is_overwritten(snapshot: Callable[[], dict[str, bytes]], invok
 
 def test_links_in_a_circle(workplace: Path, invoke: Invoke) -> None:
     Path("round.png").symlink_to("round.png")
-    assert "its links form a circle" in invoke("bake-normals high.ply low.obj -o round.png", 1).output
+    result = invoke("bake-normals high.ply low.obj -o round.png", 1)
+    assert "its links form a circle" in result.output
 
 
 def test_a_closed_standard_output(workplace: Path, script: Path) -> None:

@@ -1,4 +1,4 @@
-"""Checksums of what the program writes: the demo, the samples, a pipeline, every command.
+"""Checksums of the files that the program writes: the demo, the samples, a pipeline, every command.
 
     python tests/goldens/record.py                   # write goldens.json anew
     python tests/goldens/record.py commands out      # leave one group's files in a folder
@@ -143,7 +143,7 @@ def run_command(*words: str) -> None:
 
 
 def run_demo() -> None:
-    """Run the demo, on fewer triangles and texels than it has by default."""
+    """Run the demo with fewer triangles and texels than by default."""
     run_command("demo", "-o", "demo", "--triangles", "100000", "--size", "512")
 
 
@@ -160,7 +160,7 @@ def run_sample(name: str, *arguments: str) -> Callable[[], None]:
 
 
 def run_gallery() -> None:
-    """Draw the gallery's sources and pictures, in small."""
+    """Draw the sources and pictures of the gallery at a small size."""
     sys.path.insert(0, str(SAMPLES))
     import gallery
     import gallery_sources
@@ -171,8 +171,8 @@ def run_gallery() -> None:
     shutil.copytree(SAMPLES / "scenes", gallery.SCENES)
     gallery_sources.main(gallery.SCENES)
     for shot in gallery.shots():
-        scene, ways = gallery.opened(shot, width=160, height=100)
-        for i, (_, options) in enumerate(ways):
+        scene, variants = gallery.opened(shot, width=160, height=100)
+        for i, (_, options) in enumerate(variants):
             color = texbake.render_scene(scene, options).color[:, :, :3]
             texbake.write_image(color, f"{shot.name}_{i}.png", color=True, bits=16)
 
@@ -217,7 +217,7 @@ def checksum(path: Path) -> str:
 
 
 def record(group: str) -> dict[str, str]:
-    """Run a group in a process of its own and return the checksums of what it wrote."""
+    """Run a group in a separate process and return the checksums of its files."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
             [sys.executable, __file__, group, folder],

@@ -1,4 +1,4 @@
-"""What the program writes is byte for byte what goldens.json has of it."""
+"""Every file that the program writes has the checksum recorded in goldens.json."""
 
 import json
 import sys

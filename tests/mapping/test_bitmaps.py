@@ -68,7 +68,7 @@ def test_charts_without_a_place_are_left_out() -> None:
     assert place_charts(bitmaps, order[found], grid).n_missing == 0
 
 
-def test_shapes_are_the_cells_of_turned_bitmaps_and_what_is_near_them() -> None:
+def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood() -> None:
     bitmaps = random_bitmaps(2, 6)
     grid = PackingGrid.over((64, 64), 2, most_cells=64)
     shapes = shapes_of(bitmaps, grid.half_widths, turns=4)
@@ -91,7 +91,7 @@ def test_shapes_are_the_cells_of_turned_bitmaps_and_what_is_near_them() -> None:
 
 
 def overlap_of(shapes: Shapes, places: np.ndarray, size: tuple[int, int]) -> int:
-    """Cells of each chart in the reach of each later one."""
+    """Cells of each chart in the neighborhood of each later one."""
     masks = np.zeros((2, len(places), size[1] + 40, size[0] + 40), dtype=bool)
     for chart, (x, y, orientation) in enumerate(places):
         for kind, (runs, starts) in enumerate(

@@ -1,4 +1,4 @@
-"""Box mapping: six upright pictures in one scale, and which face goes to which."""
+"""Box mapping: six upright pictures at one scale, and the side that each face goes to."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_sides_are_upright_in_one_scale_and_apart(size, padding):
     assert scales[0] == pytest.approx((free / (14.0, 8.0)).min(), rel=1e-3)  # at triangles' tips
 
 
-def test_no_face_is_mirrored_or_stretched_beyond_what_is_said():
+def test_no_face_is_mirrored_or_stretched_beyond_its_bound():
     for mesh in ellipsoid(), noisy_slope(0.3):
         found = mapped(mesh)
         areas = signed_areas(found.corners)
@@ -101,7 +101,7 @@ def test_overlap_lays_all_sides_over_the_whole_square():
 def test_the_center_stays_in_the_middle_of_each_picture():
     mesh = cube()
     corners = mapped(mesh, overlap=True, center=(0.5, 0.0, 0.0)).corners
-    # It reaches 1 to the left of the center; so that is half of the square.
+    # It extends 1 to the left of the center, which is half of the square.
     front = corners[box_sides(mesh).sides == 4].reshape(-1, 2)
     assert front.min(axis=0) == pytest.approx([0.0, 0.25], abs=1e-12)
     assert front.max(axis=0) == pytest.approx([0.5, 0.75], abs=1e-12)

@@ -33,7 +33,7 @@ def test_charts_keep_their_shapes_and_sizes() -> None:
     assert np.array_equal(chart_ids(packed), chart_ids(mesh))
 
 
-def test_what_lay_on_one_another_lies_side_by_side() -> None:
+def test_overlapping_faces_are_moved_side_by_side() -> None:
     mesh = stacked(cube())
     assert overlapping_faces(mesh.corner_uvs()).all()
     packed, report = unwrap_with_report(mesh, keep=True)

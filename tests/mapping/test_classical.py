@@ -1,4 +1,4 @@
-"""What plane, cylinder, sphere and box have in common: bad input, size and place."""
+"""Tests shared by plane, cylinder, sphere and box: bad input, size and place."""
 
 import numpy as np
 import pytest

@@ -66,7 +66,7 @@ def test_a_group_that_is_not_there_names_those_that_are(name: str) -> None:
         faces_of_group(cube(), name)
 
 
-def test_faces_keep_what_is_theirs() -> None:
+def test_selected_faces_keep_coordinates_and_groups() -> None:
     mesh = grouped(plane(3, 3))
     part = selected(mesh, faces_of_group(mesh, "b"))
     assert np.array_equal(part.corner_uvs(), mesh.corner_uvs()[1::3])

@@ -21,7 +21,7 @@ from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
 
 
 def worker(folder: Path, monkeypatch: pytest.MonkeyPatch, code: str) -> None:
-    """Let a script of the test take the place of the worker."""
+    """Replace the worker by a script of the test."""
     script = folder / "worker.py"
     script.write_text(f"import os, sys, time\n{code}\n")
     monkeypatch.setattr(xatlas_charts, "_WORKER", script)
@@ -85,7 +85,7 @@ def test_points_that_no_face_uses_do_not_matter() -> None:
     assert np.array_equal(cut_charts(mesh.replace(positions=stray)).uvs, cut_charts(mesh).uvs)
 
 
-def test_charts_agree_with_what_the_coordinates_say() -> None:
+def test_charts_agree_with_the_coordinates() -> None:
     mesh = grid_sphere(16, 32)
     cut = cut_charts(mesh)
     found = chart_ids(mesh.replace(uvs=cut.uvs, uv_faces=cut.faces))
@@ -125,7 +125,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize("code", FAILURES)
-def test_what_xatlas_fails_on_is_cut_by_normals(
+def test_parts_that_xatlas_fails_on_are_cut_by_normals(
     code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker(tmp_path, monkeypatch, f"sys.stdin.buffer.read(8)\n{code}\ntime.sleep(100)")

@@ -156,7 +156,7 @@ def test_caps_are_folded_out_from_the_front():
     assert below[left][0] < below[right][0]
 
 
-def test_what_looks_less_than_45_degrees_from_the_axis_is_a_cap():
+def test_faces_within_45_degrees_of_the_axis_are_a_cap():
     mesh = icosphere(3)
     axis = np.array([0.3, 1.0, 0.2])
     cosines = face_normals(mesh) @ axis / np.linalg.norm(axis)

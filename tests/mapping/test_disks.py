@@ -34,7 +34,7 @@ def test_a_closed_part_is_divided_until_it_is_flat_enough() -> None:
     assert 2 <= few[0][0].n_charts < many[0][0].n_charts <= 32
 
 
-def test_noise_is_no_reason_to_divide() -> None:
+def test_noise_does_not_divide_a_chart() -> None:
     mesh = plane(40, 40)
     noise = 0.012 * np.random.default_rng(1).standard_normal(mesh.n_vertices)
     rough = mesh.replace(positions=mesh.positions + noise[:, None] * [0.0, 0.0, 1.0])

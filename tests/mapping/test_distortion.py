@@ -36,7 +36,7 @@ def squares_of_scales(*scales: float) -> Mesh:
 
 @settings(deadline=None)  # the first call compiles a kernel
 @given(st.floats(0.0, 6.3), st.floats(-3.0, 3.0), st.floats(-6.0, 6.0))
-def test_what_keeps_the_shape_is_perfect(angle: float, log_size: float, log_texture: float) -> None:
+def test_similarities_have_no_distortion(angle: float, log_size: float, log_texture: float) -> None:
     mesh = plane(3, 2)
     cos, sin = math.cos(angle), math.sin(angle)
     mesh = mapped(mesh, np.array([[cos, -sin], [sin, cos]]) * 10.0**log_texture)
@@ -176,7 +176,7 @@ def test_two_charts_and_the_worst_faces_are_named() -> None:
     assert (first.area, first.fill) == pytest.approx((1.0, 1.0))
     assert (second.area, second.fill) == pytest.approx((1.0, 4.0))
     assert (first.texel_density, second.texel_density) == pytest.approx((100.0, 200.0))
-    # Each by itself is a square as it should be.
+    # Each alone is an undistorted square.
     assert (first.l2_alone, second.l2_alone) == pytest.approx((1.0, 1.0))
     assert [face.face for face in found.worst_faces] == [0, 1, 2, 3]
     assert [face.chart for face in found.worst_faces] == [0, 0, 1, 1]
@@ -219,7 +219,7 @@ def test_one_mirrored_face_among_many() -> None:
     assert found.seam_length == pytest.approx(np.linalg.norm(sides, axis=1).sum())
 
 
-def test_tiles_that_faces_lie_in() -> None:
+def test_tiles_of_faces() -> None:
     mesh = squares_of_scales(1.0, 1.0)  # at u 0 and 20
     found = distortion(mesh)
     assert (found.n_tiles, found.fill, found.packing_efficiency) == pytest.approx((2, 2.0, 1.0))

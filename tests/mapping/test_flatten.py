@@ -163,7 +163,7 @@ def test_no_flips_on_rough_disks():
     rows=st.integers(1, 8),
     roughness=st.sampled_from([0.0, 0.1, 1.0, 10.0]),
 )
-def test_injective_is_what_the_faces_say(seed, columns, rows, roughness):
+def test_injectivity_agrees_with_the_faces(seed, columns, rows, roughness):
     noise = np.random.default_rng(seed).normal(size=(rows + 1, columns + 1)) * roughness
     points, faces = sheet(columns, rows, lambda u, v: (u, v, noise))
     flat = flatten(points, faces)

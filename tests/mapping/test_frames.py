@@ -228,7 +228,7 @@ def test_where_the_centroid_is_on_the_axis_the_first_corner_off_it_counts():
     assert around.tallies() == {"faces around the axis": 1}
 
 
-def test_what_rounding_leaves_on_the_axis_is_on_it():
+def test_points_within_rounding_of_the_axis_lie_on_it():
     near = [(1e-16, 0.0), (1.0, 0.0), (0.0, 1.0)]
     assert not wrapped(near).on_axis.any()
     assert wrapped(near, rounding=1e-15).on_axis.tolist() == [[True, False, False]]

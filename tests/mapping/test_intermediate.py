@@ -73,7 +73,7 @@ def test_a_sphere_is_always_met_and_a_cylinder_unless_far_away(seed: int) -> Non
     assert np.array_equal(missed, far)
 
 
-def test_what_misses_a_plane() -> None:
+def test_rays_that_miss_a_plane() -> None:
     # Corners of the unit square at height 0, and one point at height 1: the plane is z = 1.
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 1, 2], [1, 2, 3], [0, 1, 4]])
@@ -96,7 +96,7 @@ def test_what_misses_a_plane() -> None:
     assert plane.hits(points, far)[1].tolist() == [False, True, False, True, False]
 
 
-def test_what_misses_a_cylinder() -> None:
+def test_rays_that_miss_a_cylinder() -> None:
     points = np.array([[1.0, 0, -1], [0, 1, 1], [0, 0, 0], [0, 0, 0.5]])
     faces = np.array([[0, 1, 2], [1, 2, 3]])
     cylinder = around("cylinder", LocalPoints(points, 1.0, 1e-15), faces)

@@ -1,4 +1,4 @@
-"""Charts joined: developable surfaces come out whole, and bounds and borders are kept."""
+"""Charts joined: developable surfaces become one chart, and bounds and borders are kept."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from texbake.mesh.shapes import cube, icosphere, plane
 
 
 def charts_by(labels: IntArray, points: FloatArray, faces: IntArray) -> Charts:
-    """Lay each group of faces flat by itself, with the vertices that they share by index."""
+    """Flatten each group of faces alone, with the vertices that they share by index."""
     uvs, chart_ids = [np.empty((0, 2))], [np.empty(0, dtype=np.int32)]
     uv_faces = np.empty_like(faces)
     for chart, label in enumerate(np.unique(labels)):

@@ -23,7 +23,7 @@ def triangle(*uvs: tuple[float, float]) -> Mesh:
     )
 
 
-def test_row_0_is_the_top_and_the_rest_is_light() -> None:
+def test_row_0_is_the_top_and_the_rest_is_bright() -> None:
     picture = draw_layout(triangle((0, 0.5), (0.5, 1), (0, 1)), size=(80, 40))
     assert picture.shape == (40, 80, 3)
     assert picture.dtype == np.float32
@@ -47,9 +47,9 @@ def test_a_chart_is_outlined_all_around_and_inner_edges_are_fainter() -> None:
     mesh = plane(1, 1)
     assert mesh.uvs is not None
     picture = draw_layout(mesh.replace(uvs=mesh.uvs * 0.5 + 0.25), 64)
-    light = picture.sum(axis=2)
-    inside, diagonal = light[25, 34], light[32, 31]
-    borders = [light[16, 40], light[47, 24], light[40, 16], light[24, 47]]
+    brightness = picture.sum(axis=2)
+    inside, diagonal = brightness[25, 34], brightness[32, 31]
+    borders = [brightness[16, 40], brightness[47, 24], brightness[40, 16], brightness[24, 47]]
     assert max(borders) < diagonal < inside
 
 
@@ -91,12 +91,12 @@ def test_tiles_stand_side_by_side_with_borders_and_numbers() -> None:
             assert corner[:, :40].min() < 0.1
 
 
-def test_what_leaves_the_unit_square_a_little_is_shown_as_well() -> None:
+def test_faces_slightly_outside_the_unit_square_are_shown() -> None:
     picture = draw_layout(triangle((0.5, 0.1), (1.25, 0.1), (0.5, 0.9)), 500)
     assert picture.shape == (400, 500, 3)
     colored = np.ptp(picture, axis=2) > 0.05
     assert np.nonzero(colored)[1].max() > 480
-    # Rounding is no reason to show another tile.
+    # Rounding does not show another tile.
     assert draw_layout(triangle((0, 0), (1 + 1e-7, 0), (0, 1)), 64).shape == (64, 64, 3)
 
 
@@ -137,7 +137,7 @@ def test_heat_is_amber_where_the_texture_is_stretched_and_blue_where_compressed(
     assert np.abs(scale - expected).max(axis=1).min() < 0.02
 
 
-def test_a_perfect_map_has_no_heat_and_what_cannot_be_measured_is_gray() -> None:
+def test_a_perfect_map_has_no_heat_and_unmeasurable_faces_are_gray() -> None:
     picture = draw_layout(plane(4, 4), 400, heat=True)
     assert np.ptp(picture[170, 140]) < 1e-3
     flat = triangle((0, 0), (1, 0), (0, 1)).replace(positions=np.zeros((3, 3)))
@@ -157,8 +157,8 @@ def test_cuts_are_darker_than_the_ends_of_the_surface() -> None:
     apart[2:] += np.array([0.2, 0.2])
     each = np.arange(12, dtype=np.int32).reshape(-1, 3)
     picture = draw_layout(mesh.replace(uvs=apart.reshape(-1, 2), uv_faces=each), 400)
-    light = picture.sum(axis=2)
-    end, cut = light[400 - 60, 16:24].min(), light[400 - 60, 96:104].min()
+    brightness = picture.sum(axis=2)
+    end, cut = brightness[400 - 60, 16:24].min(), brightness[400 - 60, 96:104].min()
     assert cut < 0.7 * end
 
 
@@ -177,34 +177,34 @@ def inwards(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance of points from the nearest edge line of a triangle, negative outside."""
     edges = np.roll(corners, -1, axis=0) - corners
     area = edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0]
-    ways = [
+    distances = [
         (e[0] * (points[..., 1] - c[1]) - e[1] * (points[..., 0] - c[0])) / np.hypot(*e)
         for c, e in zip(corners, edges, strict=True)
     ]
-    return np.min(ways, axis=0) if area > 0 else -np.max(ways, axis=0)
+    return np.min(distances, axis=0) if area > 0 else -np.max(distances, axis=0)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_faces_cover_what_every_sample_says(seed: int) -> None:
+def test_faces_cover_the_samples_inside_them(seed: int) -> None:
     random = np.random.default_rng(seed)
     # Small, large, thin, and partly outside.
     sizes = random.choice([0.3, 2.0, 30.0], (6, 1, 1)) * random.choice([1.0, 0.01], (6, 1, 2))
     middle = random.random((6, 1, 2)) * [WIDTH, HEIGHT] + [0, TOP]
     pixels = middle + (random.random((6, 3, 2)) - 0.5) * sizes
-    colors, half, light = random.random((6, 3)), 0.35, 0.7
+    colors, half, border_shade = random.random((6, 3)), 0.35, 0.7
     sums = np.zeros((HEIGHT, WIDTH, 4))
-    add_faces(pixels, colors, TOP, half, light, sums)
+    add_faces(pixels, colors, TOP, half, border_shade, sums)
     expected = np.zeros_like(sums)
     for corners, color in zip(pixels, colors, strict=True):
-        ways = inwards(corners, samples())
-        shade = (ways >= 0.0) * np.where(ways < half, light, 1.0)
+        distances = inwards(corners, samples())
+        shade = (distances >= 0.0) * np.where(distances < half, border_shade, 1.0)
         expected[..., :3] += shade.sum(axis=2)[..., None] * color
-        expected[..., 3] += (ways >= 0.0).sum(axis=2)
+        expected[..., 3] += (distances >= 0.0).sum(axis=2)
     np.testing.assert_allclose(sums, expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_lines_cover_what_every_sample_says(seed: int) -> None:
+def test_lines_cover_the_samples_near_them(seed: int) -> None:
     random = np.random.default_rng(seed)
     ends = (random.random((4, 2, 2)) * 2.0 - 0.5) * [WIDTH, HEIGHT] + [0, TOP]
     ends[1, :, seed % 2] = ends[1, 0, seed % 2]  # along an axis
@@ -221,7 +221,7 @@ def test_lines_cover_what_every_sample_says(seed: int) -> None:
 
 
 def test_of_many_layers_some_dozens_are_mixed() -> None:
-    """A thousand faces over everything, every fourth red: a quarter of the light is."""
+    """A thousand faces over everything, every fourth red: so a quarter of the sum is."""
     whole = np.array([[-99.0, -99.0], [99.0, -99.0], [0.0, 199.0]])
     colors = np.zeros((1000, 3))
     colors[::4, 0] = 1.0

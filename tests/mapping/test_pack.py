@@ -105,7 +105,7 @@ def test_a_square_fills_the_shorter_side(size: tuple[int, int]) -> None:
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     packing = pack_charts(uvs, faces, np.zeros(4, np.int32), size=size, padding=3)
     side = min(size) - 6
-    # The search stops a step of 0.4 % short, at most; a chart never reaches into the padding.
+    # The search stops a step of 0.4 % short, at most; a chart never enters the padding.
     assert side * 0.992 <= packing.texels_per_unit * 7.0 <= side
 
 
@@ -172,7 +172,7 @@ def test_squares_that_fill_a_square_leave_only_their_gaps(effort: str) -> None:
     for sides in ([1.0] * 16, [3.0] + [1.0] * 7):
         packing = pack_charts(*squares(sides), size=(256, 256), padding=1, effort=effort)
         # In a row of 4 cells of the pattern lie 3 gaps of at least 2 whole texels, and 1 texel at
-        # either border; a texel a square is lost where its sides do not fall on texels.
+        # either border; a texel per square is lost where its sides do not fall on texels.
         side = (256 - 2 - 3 * 2) / 4
         assert side * 0.992 - 1.0 <= packing.texels_per_unit <= side
 

@@ -37,7 +37,7 @@ def test_a_map_that_flattens_is_allowed() -> None:
     assert (parametric(plane(2, 2), flat).corners[..., 1] == 0.5).all()
 
 
-def test_a_mesh_without_parameters_says_so() -> None:
+def test_a_mesh_without_parameters_is_an_error() -> None:
     with pytest.raises(UvError, match="no texture coordinates"):
         parametric(cube(), UnwrapOptions(method="parametric"))
 

@@ -45,7 +45,7 @@ def test_parts_are_connected_and_of_like_size(noise: float) -> None:
     sizes = np.bincount(labels)
     assert 10 <= len(sizes) <= 14
     assert sizes.min() >= 500
-    assert sizes.max() <= 1600  # 1.5 times as many as asked for, and teeth of the borders
+    assert sizes.max() <= 1600  # 1.5 times as many as requested, and teeth of the borders
     inside = np.flatnonzero(labels[opposite // 3] == np.repeat(labels, 3)).astype(np.int32)
     assert merged_labels(len(labels), inside // 3, opposite[inside] // 3).max() + 1 == len(sizes)
 

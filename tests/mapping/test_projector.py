@@ -72,7 +72,7 @@ def test_a_framed_mesh_lies_in_the_picture() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_matrix_does_what_numpy_does_with_it(seed: int) -> None:
+def test_a_matrix_agrees_with_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mesh = icosphere(2)
     matrix = rng.normal(size=(4, 4))
@@ -93,7 +93,7 @@ def test_a_constant_q_divides_whatever_its_sign() -> None:
         assert "faces behind the projector" not in found.tallies
 
 
-def test_of_a_convex_mesh_what_looks_to_the_projector_is_seen() -> None:
+def test_faces_of_a_convex_mesh_toward_the_projector_are_seen() -> None:
     mesh = icosphere(3)
     distance = 4.0  # all of it is in the picture
     found = cast(mesh, camera=(0.0, 0.0, distance))
@@ -164,7 +164,7 @@ def test_hidden_faces_are_those_that_brute_force_finds() -> None:
             assert np.array_equal(found, expected)
 
 
-def test_r_says_from_which_side_parallel_light_comes() -> None:
+def test_r_gives_the_side_from_which_parallel_light_comes() -> None:
     up = (*DOWN[:2], (0.0, 0.0, 1.0, 0.0), DOWN[3])
     silent = (*DOWN[:2], (0.0, 0.0, 0.0, 0.0), DOWN[3])
     mirrored = ((-1.0, 0.0, 0.0, 1.0), *DOWN[1:])

@@ -1,4 +1,4 @@
-"""Charts relaxed: never worse, never on themselves, the same for any number of threads."""
+"""Relaxed charts: never worse, without overlaps, the same for any number of threads."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_repeated_vertices_stay_together():
     assert spread[0] == pytest.approx(spread[1], rel=1e-6)
 
 
-def test_what_hangs_together_at_no_edge_comes_apart():
+def test_faces_that_share_no_edge_are_separated():
     """Two triangles that share a corner become two charts; degenerate faces keep a coordinate."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [5, 5, 5]])
     points = points.astype(np.float64)
@@ -89,7 +89,7 @@ def test_what_hangs_together_at_no_edge_comes_apart():
     np.testing.assert_array_equal(after.faces[3], after.faces[1, [2, 2, 2]])
 
 
-def test_a_chart_that_would_lie_on_itself():
+def test_a_chart_that_would_overlap_itself():
     """A ring of more than a full turn, squeezed into less: it opens as far as it can."""
     n, turns = 40, 1.1
     angle = np.linspace(0, 2 * np.pi * turns, n + 1)

@@ -14,7 +14,7 @@ NO_CHART = 2**32 - 1
 
 
 def repaired(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts | None:
-    """Mend coordinates that every vertex of a mesh has one of."""
+    """Repair coordinates that are stored per vertex."""
     return repair_charts(
         mesh.positions[mesh.faces],
         mesh.faces.astype(np.uint32),

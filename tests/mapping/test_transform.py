@@ -21,7 +21,7 @@ from texbake.mesh.shapes import icosphere, plane
 POINTS = np.random.default_rng(5).random((40, 3, 2)) * 3 - 1
 
 
-def test_nothing_asked_for_changes_no_bit() -> None:
+def test_default_options_change_no_bit() -> None:
     assert np.array_equal(transform_uvs(POINTS, UnwrapOptions()), POINTS)
 
 
@@ -51,7 +51,7 @@ def test_a_rotation_keeps_lengths_and_turns_counter_clockwise() -> None:
 
 @pytest.mark.parametrize("size", [1024, (2048, 256)])
 @pytest.mark.parametrize("method", ["planar", "atlas"])
-def test_the_mesh_has_the_texel_density_asked_for(size: object, method: str) -> None:
+def test_the_mesh_has_the_requested_texel_density(size: object, method: str) -> None:
     options = UnwrapOptions(method=method, size=size, texel_density=90.0)  # type: ignore[arg-type]
     mesh = plane(4, 4) if method == "planar" else icosphere(2)
     assert distortion(unwrap(mesh, options), size).texel_density == pytest.approx(90.0, rel=1e-3)  # type: ignore[arg-type]

@@ -129,7 +129,7 @@ def test_pairs_against_closed_forms(surface: str, via: str) -> None:
     else:
         latitude = np.arctan2(met[..., 1], np.hypot(met[..., 0], met[..., 2]))
         expected = s_and_t(np.arctan2(met[..., 0], met[..., 2]), 0.5 + latitude / np.pi)
-    # Rays that come to the surface, no further away than it reaches, by all corners of a face.
+    # Rays that come to the surface, no further away than its size, by all corners of a face.
     near = (np.abs(expected - 0.5).max(axis=2) <= 4.4) & (steps > 0.0)
     whole = near.all(axis=1)
     assert whole.sum() > 100
@@ -263,7 +263,7 @@ def test_vertices_that_a_file_split_map_to_equal_bits(surface: str, via: str) ->
     assert np.array_equal(found.corners, mapped(mesh, surface, via).corners)
 
 
-def test_what_looks_away_from_the_plane_is_put_where_it_stands() -> None:
+def test_faces_turned_away_from_the_plane_take_its_nearest_points() -> None:
     mesh = plane(3, 3)
     away = Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1])
     found = mapped(away, "plane", "object-normal")

@@ -34,7 +34,7 @@ HARD = {
 
 
 def assert_sound(before: Mesh, after: Mesh, padding: int, size: tuple[int, int]) -> None:
-    """Everything that holds for any mesh that was unwrapped."""
+    """Check the properties of every unwrapped mesh."""
     assert after.positions is before.positions or np.array_equal(after.positions, before.positions)
     assert np.array_equal(after.faces, before.faces)
     corners = after.corner_uvs()
@@ -140,7 +140,7 @@ def test_the_report_is_json_and_the_stages_are_announced() -> None:
     assert written["charts"] == report.n_charts
     assert written["options"]["size"] == [256, 128]
     assert written["options"]["method"] == "atlas"
-    assert "theta" not in written["options"]  # nothing that an atlas does not read
+    assert "theta" not in written["options"]  # only what an atlas reads
     assert written["distortion"]["l2"] == report.distortion.stretch.l2
     assert written["seconds"] == pytest.approx(sum(s["seconds"] for s in written["stages"]))
 
@@ -148,7 +148,7 @@ def test_the_report_is_json_and_the_stages_are_announced() -> None:
 @pytest.mark.realdata
 @pytest.mark.parametrize(
     ("name", "least_fill"),
-    # xatlas' own packing with 2 texels between charts fills 0.55 and 0.48, and not the size asked.
+    # xatlas' own packing with 2 texels between charts fills 0.55 and 0.48, at another size.
     [("pairs/spot/low.obj", 0.67), ("pairs/koala/low.obj", 0.69)],
 )
 def test_real_meshes(name: str, least_fill: float, data_dir: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from texbake.mapping.atlas.cutting import workers
 from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
 
-# A worker that answers with its process id and what it was sent, or does what that says.
+# A worker that answers with its process id and the request, or runs the request as code.
 SCRIPT = """
 import os, sys, time
 requests = sys.stdin.buffer
@@ -20,7 +20,7 @@ while head := requests.read(8):
 """
 
 
-def asked(
+def answers_to(
     folder: Path, bodies: list[str], *, timeout: float = 60.0, threads: int = 1
 ) -> list[tuple[int, str] | WorkerFailure]:
     script = folder / "worker.py"
@@ -39,44 +39,44 @@ def asked(
 
 def test_one_worker_answers_request_after_request(tmp_path: Path) -> None:
     bodies = [f"x = {number}" for number in range(5)]
-    answers = asked(tmp_path, bodies)
+    answers = answers_to(tmp_path, bodies)
     assert [body for _, body in answers] == bodies  # type: ignore[misc]
     assert len({pid for pid, _ in answers}) == 1  # type: ignore[misc]
 
 
 def test_answers_come_in_the_order_of_requests_for_any_number_of_workers(tmp_path: Path) -> None:
     bodies = [f"time.sleep({0.2 - 0.05 * number})" for number in range(4)]
-    answers = asked(tmp_path, bodies, threads=4)
+    answers = answers_to(tmp_path, bodies, threads=4)
     assert [body for _, body in answers] == bodies  # type: ignore[misc]
     assert len({pid for pid, _ in answers}) == 4  # type: ignore[misc]
 
 
-def test_no_request_is_no_worker(tmp_path: Path) -> None:
-    assert asked(tmp_path, []) == []
+def test_without_requests_no_worker_starts(tmp_path: Path) -> None:
+    assert answers_to(tmp_path, []) == []
 
 
 def test_a_worker_that_crashes_is_replaced(tmp_path: Path) -> None:
-    first, crash, last = asked(tmp_path, ["", "print('oh', file=sys.stderr); os._exit(7)", ""])
+    first, crash, last = answers_to(tmp_path, ["", "print('oh', file=sys.stderr); os._exit(7)", ""])
     assert crash == WorkerFailure("crashed (exit code 7, oh)", 7)
     assert isinstance(first, tuple) and isinstance(last, tuple)
     assert first[0] != last[0]
 
 
 def test_a_worker_that_talks_much_to_stderr_does_not_hang(tmp_path: Path) -> None:
-    (answer,) = asked(tmp_path, ["sys.stderr.write('x' * 1_000_000)"])
+    (answer,) = answers_to(tmp_path, ["sys.stderr.write('x' * 1_000_000)"])
     assert isinstance(answer, tuple)
 
 
 def test_a_worker_that_hangs_is_killed_and_replaced(tmp_path: Path) -> None:
     start = time.perf_counter()
-    hang, after = asked(tmp_path, ["time.sleep(100)", ""], timeout=1.0)
+    hang, after = answers_to(tmp_path, ["time.sleep(100)", ""], timeout=1.0)
     assert hang == WorkerFailure("took longer than 1 s")
     assert isinstance(after, tuple)
     assert time.perf_counter() - start < 20.0
 
 
 def test_hanging_is_not_waited_for_again_and_again(tmp_path: Path) -> None:
-    answers = asked(tmp_path, ["time.sleep(100)"] * 20, timeout=0.5)
+    answers = answers_to(tmp_path, ["time.sleep(100)"] * 20, timeout=0.5)
     slow = [WorkerFailure("took longer than 0.5 s")] * 3
     assert answers == slow + [WorkerFailure("took too long on others")] * 17
 
@@ -85,17 +85,17 @@ def test_hanging_is_not_waited_for_again_and_again(tmp_path: Path) -> None:
     "garbage",
     [
         "os.write(1, b'\\xff' * 100)",  # a length beyond all bounds
-        "os.write(1, (3).to_bytes(8, 'little') + b'abc')",  # no number
+        "os.write(1, (3).to_bytes(8, 'little') + b'abc')",  # not a number
     ],
 )
-def test_what_makes_no_sense_is_no_answer(tmp_path: Path, garbage: str) -> None:
-    nonsense, after = asked(tmp_path, [garbage, ""])
+def test_invalid_output_is_not_an_answer(tmp_path: Path, garbage: str) -> None:
+    nonsense, after = answers_to(tmp_path, [garbage, ""])
     assert nonsense == WorkerFailure("gave an invalid answer")
     assert isinstance(after, tuple)
 
 
 def test_no_worker_is_left(tmp_path: Path) -> None:
-    answers = asked(tmp_path, ["time.sleep(0.1)"] * 4, threads=2)
+    answers = answers_to(tmp_path, ["time.sleep(0.1)"] * 4, threads=2)
     for answer in answers:
         assert isinstance(answer, tuple)
         with pytest.raises(ProcessLookupError):

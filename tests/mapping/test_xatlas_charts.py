@@ -31,7 +31,7 @@ def test_charts_are_connected() -> None:
     assert found.max() == ids.max()
 
 
-def test_faces_without_area_lie_by_themselves() -> None:
+def test_faces_without_area_are_charts_of_their_own() -> None:
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 1, 3]]
     )

@@ -27,7 +27,7 @@ def test_faces_keep_their_corners_and_coordinates() -> None:
     assert joined.face_groups.tolist() == [0] * 4 + [1] * 6
 
 
-def test_what_one_has_not_all_go_without() -> None:
+def test_attributes_that_one_mesh_lacks_are_dropped_from_all() -> None:
     joined = join_meshes([plane(), icosphere(1)])
     assert joined.uvs is None
     assert joined.group_names == ("plane", "icosphere")

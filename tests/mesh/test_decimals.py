@@ -89,7 +89,7 @@ def test_words_for_not_a_number_are_nan():
 @pytest.mark.parametrize(
     "word", ["1,5", "1.2.3", "1e", "1e+", "--1", "abc", "1_0", "0x10", ".", "+"]
 )
-def test_what_is_no_number_is_an_error_with_its_line(word):
+def test_invalid_numbers_are_errors_with_their_line(word):
     with pytest.raises(FileFormatError, match=r"file: line 3: .* is not a number"):
         parse_numbers("file", as_bytes(f"1 2\n3\n4 {word} 5"))
 

@@ -24,7 +24,7 @@ CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 
 
 class Builder:
-    """A glTF asset built by hand, from what the specification says alone."""
+    """A glTF asset built by hand, from the specification alone."""
 
     def __init__(self):
         self.json = {
@@ -96,7 +96,7 @@ def grouped():
 
 
 def corner_values(mesh):
-    """All that a renderer sees, corner by corner, in float32."""
+    """All attributes that a renderer uses, corner by corner, in float32."""
     values = [mesh.positions[mesh.faces]]
     if mesh.uvs is not None:
         values.append(mesh.corner_uvs())
@@ -112,7 +112,7 @@ def corner_values(mesh):
 # Writing, and reading what was written
 
 
-def test_what_is_written_comes_back(path, grouped):
+def test_written_meshes_come_back(path, grouped):
     write_glb(grouped, path)
     back = read_gltf(path)
     order = np.argsort(grouped.face_groups, kind="stable")
@@ -127,7 +127,7 @@ def test_what_is_written_comes_back(path, grouped):
     np.testing.assert_array_equal(theirs[..., -4:], ours[..., -4:])
 
 
-def test_writing_what_was_read_gives_the_same_bytes(tmp_path, grouped):
+def test_reading_and_writing_again_gives_the_same_bytes(tmp_path, grouped):
     write_glb(grouped, tmp_path / "1.glb", name="x")
     write_glb(read_gltf(tmp_path / "1.glb"), tmp_path / "2.glb", name="x")
     assert (tmp_path / "1.glb").read_bytes() == (tmp_path / "2.glb").read_bytes()
@@ -267,7 +267,7 @@ def test_maps_that_gltf_cannot_mean_are_errors(tmp_path, path):
     assert not path.exists()
 
 
-def test_what_float32_cannot_hold_is_an_error(path):
+def test_values_beyond_float32_are_an_error(path):
     mesh = Mesh(positions=1e39 * np.array(CORNERS, float), faces=[[0, 1, 2]])
     with pytest.raises(MeshError, match="beyond float32"):
         write_glb(mesh, path)
@@ -327,7 +327,7 @@ def test_normals_turn_by_the_inverse_transpose(asset, path):
     np.testing.assert_allclose(result.normals[0], expected, atol=1e-7)  # float32 input
 
 
-def test_strips_fans_and_what_is_no_triangle(asset, path):
+def test_strips_fans_and_primitives_other_than_triangles(asset, path):
     square = asset.accessor([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]], "f")
     for mode in (5, 6, 0, 1, 3, None):
         fields = {} if mode is None else {"mode": mode}
@@ -508,7 +508,7 @@ def damage(asset, *keys, value):
         (("extensionsRequired",), "KHR"),
     ],
 )
-def test_what_does_not_fit_together_is_one_clear_line(asset, path, keys, value):
+def test_inconsistent_files_are_one_clear_line(asset, path, keys, value):
     positions, indices = asset.accessor(CORNERS, "f"), asset.accessor([0, 1, 2], "B")
     mesh = asset.mesh({"attributes": {"POSITION": positions}, "indices": indices})
     asset.json |= {"nodes": [{"mesh": mesh}], "scenes": [{"nodes": [0]}], "scene": 0}

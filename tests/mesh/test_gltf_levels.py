@@ -33,7 +33,7 @@ def grouped():
 
 
 def triangle_rows(mesh: Mesh) -> np.ndarray:
-    """All that a mesh says at its corners: rows of triangles, sorted, the least corner first."""
+    """All attributes of the corners: rows of triangles, sorted, the least corner first."""
     normals, tangents = mesh.normals[mesh.normal_faces], mesh.tangents
     columns = [mesh.positions[mesh.faces], mesh.corner_uvs(), normals, tangents]
     columns.append(mesh.colors[mesh.faces])
@@ -54,7 +54,7 @@ def test_compression_changes_no_value(tmp_path, grouped):
     assert sizes[1] < 0.8 * sizes[0]
 
 
-def test_a_compressed_file_is_as_the_extension_says(path, grouped):
+def test_a_compressed_file_follows_its_extension(path, grouped):
     write_glb(grouped, path, compress=True)
     document = read_document(path)
     assert document.content["extensionsRequired"] == ["EXT_meshopt_compression"]
@@ -191,7 +191,7 @@ def test_levels_stand_behind_the_finest(path):
         counts.append(content["accessors"][primitive["indices"]]["count"] // 3)
     assert counts == [level.n_faces for level in levels]
     assert nodes[root]["extras"]["MSFT_screencoverage"] == [0.25, 0.0625, 0.0]
-    # Whoever does not know of levels sees the finest alone.
+    # A reader without support for levels reads only the finest.
     assert read_mesh(path).n_faces == levels[0].n_faces
 
 

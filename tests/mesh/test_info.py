@@ -106,7 +106,7 @@ def test_json():
         ("broken/cycloidal.ply", {"closed": False, "n_boundary_edges": 0, "genus": None}),
     ],
 )
-def test_real_meshes_are_as_their_index_says(data_dir, name, facts):
+def test_real_meshes_agree_with_their_index(data_dir, name, facts):
     info = mesh_info(read_mesh(data_dir / name))
     assert {fact: getattr(info, fact) for fact in facts} == facts
 

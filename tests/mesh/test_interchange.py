@@ -1,4 +1,4 @@
-"""Meshes of trimesh and back, and what counts as a mesh."""
+"""Meshes from trimesh and back, and the objects that are accepted as meshes."""
 
 from pathlib import Path
 
@@ -111,7 +111,7 @@ def test_a_scene_is_placed_and_joined() -> None:
 @pytest.mark.parametrize(
     "value", [None, 3, [[0, 0, 0]], trimesh.PointCloud([[0, 0, 0]]), trimesh.Trimesh()]
 )
-def test_what_is_not_a_mesh_is_one_error(value: object) -> None:
+def test_objects_other_than_meshes_are_one_error(value: object) -> None:
     with pytest.raises(MeshError):
         as_mesh(value)  # type: ignore[arg-type]
 

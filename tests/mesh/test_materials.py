@@ -130,7 +130,7 @@ def test_gltf_images_are_read_from_beside_and_from_inside(tmp_path, uri):
 
 
 @pytest.mark.parametrize("data", ["YQ", "\u00e9"])
-def test_embedded_data_that_is_no_base64_is_one_clear_line(tmp_path, data):
+def test_embedded_data_that_is_not_base64_is_one_clear_line(tmp_path, data):
     imaged = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     path = gltf_with(tmp_path, imaged, images=[{"uri": f"data:image/png;base64,{data}"}], **IMAGED)
     with pytest.raises(FileFormatError, match="not base64"):

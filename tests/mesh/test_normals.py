@@ -1,4 +1,4 @@
-"""Normals: closed forms, an oracle, invariances, and what degenerate faces get."""
+"""Normals: closed forms, an oracle, invariances, and degenerate faces."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def octahedral_sphere(levels):
 
 
 def oracle(positions, faces):
-    """Angle-weighted normals in plain numpy, each angle by itself."""
+    """Angle-weighted normals in plain numpy, one angle at a time."""
     edges = positions[faces[:, [1, 2, 0]]] - positions[faces]
     back = -edges[:, [2, 0, 1]]
     cross = np.cross(edges, back)

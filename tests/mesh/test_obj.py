@@ -92,7 +92,7 @@ def test_colors(read):
     assert mesh.colors.tolist() == [[1, 0, 0, 0.5], [0, 1, 0, 1], [0, 0, 1, 1]]
 
 
-def test_weight_is_no_coordinate(read):
+def test_a_weight_is_not_a_coordinate(read):
     mesh = read("v 0 0 0 2\nv 2 0 0 2.0\nv 2 2 0 1\nf 1 2 3")
     assert mesh.positions[1].tolist() == [2, 0, 0]
     assert mesh.colors is None

@@ -83,7 +83,7 @@ def test_values_out_of_range(shape, options, message):
     assert message in str(caught.value)
 
 
-def test_the_most_triangles_are_what_the_message_says():
+def test_the_limit_of_triangles_is_that_of_the_message():
     side = int((MAX_TRIANGLES / 2) ** 0.5)
     MakeOptions(resolution=side).settings("plane")
     with pytest.raises(OptionError, match="are the most"):
@@ -106,7 +106,7 @@ def test_it_comes_out_the_same_each_time_and_in_any_size(shape):
 
 @pytest.mark.parametrize("scale", [2.0**-20, 2.0**20])
 @pytest.mark.parametrize("shape", ["sphere", "cylinder", "cone", "torus", "mobius", "plane"])
-def test_size_changes_nothing_but_size(shape, scale):
+def test_size_changes_only_the_size(shape, scale):
     lengths = {"radius": 1.5, "height": 0.7, "width": 0.3, "minor_radius": 0.2}
     lengths = {name: length for name, length in lengths.items() if name in SHAPE_DEFAULTS[shape]}
     one = make(shape, **lengths)

@@ -1,4 +1,4 @@
-"""Profiles and patches as files, in every layout, and what is wrong with a wrong one."""
+"""Profiles and patches as files, in every layout, and the errors of invalid ones."""
 
 from pathlib import Path
 
@@ -188,7 +188,7 @@ def without(text, number):
         ("999999999999\n1 2 3 4", "line 2: patch 1 of 999999999999 has 4 indices"),
     ],
 )
-def test_a_hole_is_told_with_its_patch_and_line(written, content, message):
+def test_a_hole_is_reported_with_its_patch_and_line(written, content, message):
     path = written(content)
     with pytest.raises(FileFormatError) as caught:
         make("bezier", patches=path)

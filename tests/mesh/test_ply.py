@@ -282,7 +282,7 @@ def test_written_types_are_the_least_that_lose_nothing(tmp_path):
     assert b"property float red" in path.read_bytes()
 
 
-def test_other_programs_read_what_is_written(tmp_path):
+def test_other_programs_read_written_files(tmp_path):
     import trimesh
 
     rng = np.random.default_rng(0)

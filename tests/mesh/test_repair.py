@@ -1,4 +1,4 @@
-"""Safe repairs: what they restore, and what they leave alone."""
+"""Safe repairs: the faults that they fix, and meshes that they leave alone."""
 
 import numpy as np
 import pytest

@@ -167,6 +167,6 @@ def test_too_small_counts_are_errors(make):
 
 
 @pytest.mark.parametrize("make", [lambda: icosphere(30), lambda: orange(10**11)])
-def test_what_would_fill_the_memory_is_refused_at_once(make):
+def test_headers_that_claim_too_much_memory_are_refused_at_once(make):
     with pytest.raises(OptionError, match="it must be at most"):
         make()

@@ -1,4 +1,4 @@
-"""Lighter meshes: counts reached, what is kept, and how close they come."""
+"""Simplified meshes: face counts, preserved attributes, and distances to the original."""
 
 import numpy as np
 import pytest
@@ -314,7 +314,7 @@ def test_a_crash_of_the_library_costs_no_more_than_the_attempt(monkeypatch, tmp_
     assert any("PyMeshLab crashed" in note for note in report.notes)
 
 
-def test_a_library_that_does_not_load_is_told_and_not_passed_over(monkeypatch, tmp_path):
+def test_a_library_that_does_not_load_is_an_error_and_not_ignored(monkeypatch, tmp_path):
     from texbake.mesh import decimate
 
     (tmp_path / "pymeshlab.py").write_text("raise ImportError('libGL.so.1: no such file')")

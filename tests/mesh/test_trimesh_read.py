@@ -80,7 +80,7 @@ def test_a_file_is_not_written_in_a_format_that_is_only_read(tmp_path: Path) -> 
             texbake.write_mesh(cube(), tmp_path / f"cube{suffix}")
 
 
-def test_a_missing_package_says_what_to_install(
+def test_a_missing_package_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "a.dae").write_text("<COLLADA/>")
@@ -116,7 +116,7 @@ def test_a_damaged_draco_file_is_one_error(tmp_path: Path) -> None:
         texbake.read_mesh(path)
 
 
-def test_draco_without_its_library_says_what_to_install(
+def test_draco_without_its_library_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "cube.glb"

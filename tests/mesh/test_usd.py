@@ -78,7 +78,7 @@ def image(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_is_written_comes_back(tmp_path, grouped, suffix):
+def test_written_meshes_come_back(tmp_path, grouped, suffix):
     path = tmp_path / f"a{suffix}"
     write_mesh(grouped, path)
     back = read_mesh(path)
@@ -219,7 +219,7 @@ def test_subsets_are_groups_and_the_rest_is_the_mesh(stage_file):
     assert mesh.face_groups.tolist() == [0, 0, 1, 1]
 
 
-def test_holes_and_what_is_hidden_are_left_out(stage_file):
+def test_holes_and_hidden_meshes_are_left_out(stage_file):
     assert read_usd(stage_file("int[] holeIndices = [0]")).n_faces == 2
     for hidden in 'token visibility = "invisible"', 'uniform token purpose = "guide"':
         with pytest.raises(MeshError, match="it has no faces"):
@@ -294,7 +294,7 @@ def test_a_package_holds_its_textures_where_readers_map_them(tmp_path, image):
     assert shader.GetInput("file").Get().resolvedPath.endswith("a.usdz[textures/normal.png]")
 
 
-def test_what_usd_cannot_mean_is_an_error(tmp_path, path, image):
+def test_invalid_usd_data_is_an_error(tmp_path, path, image):
     with pytest.raises(UvError, match="no texture coordinates"):
         write_mesh(grid_sphere(4, 6), path, normal_map=image)
     with pytest.raises(OptionError, match="factors between 0 and 1"):
@@ -317,7 +317,7 @@ def test_what_usd_cannot_mean_is_an_error(tmp_path, path, image):
         (("[4, 4]", "[4, 4"), "not a USD file, or damaged"),
     ],
 )
-def test_what_does_not_fit_together_is_one_clear_line(stage_file, change, message):
+def test_inconsistent_files_are_one_clear_line(stage_file, change, message):
     path = stage_file()
     path.write_text(path.read_text().replace(*change))
     with pytest.raises((FileFormatError, MeshError), match=re.escape(message)) as error:
@@ -346,7 +346,7 @@ def test_more_values_than_corners_are_one_clear_line(stage_file):
         read_usd(stage_file(body))
 
 
-def test_text_that_is_no_utf8_is_one_clear_line(stage_file):
+def test_text_that_is_not_utf8_is_one_clear_line(stage_file):
     path = stage_file()
     path.write_bytes(path.read_bytes().replace(b"faceVertexCounts", b"face\xffCounts"))
     with pytest.raises(FileFormatError, match="not a USD file, or damaged") as error:
@@ -381,7 +381,7 @@ def test_a_file_cut_anywhere_is_one_clear_line_or_whole(tmp_path, grouped, suffi
             assert length == len(data) - 1
 
 
-def test_a_missing_file_or_library_is_told(tmp_path, path, monkeypatch):
+def test_a_missing_file_or_library_is_reported(tmp_path, path, monkeypatch):
     with pytest.raises(FileError, match="there is no such file"):
         read_usd(path)
     monkeypatch.setitem(__import__("sys").modules, "pxr.Usd", None)

@@ -25,7 +25,7 @@ def photo():
 
 
 def decoded_levels(path):
-    """Codes of every level, as OpenImageIO has them."""
+    """Codes of every level, decoded by OpenImageIO."""
     source = oiio.ImageInput.open(str(path))
     levels = []
     while source.seek_subimage(0, len(levels)):

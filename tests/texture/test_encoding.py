@@ -95,7 +95,7 @@ def test_directx_is_opengl_with_green_turned():
 
 @pytest.mark.parametrize("convention", ["opengl", "directx"])
 @pytest.mark.parametrize(
-    # Half a step a component, at worst in all three: sqrt(3) * (2 / top) / 2 in radians, and
+    # Half a step per component, at worst in all three: sqrt(3) * (2 / top) / 2 in radians, and
     # for floats some 2^-24.
     ("bits", "limit_deg"),
     [(8, 0.39), (16, 0.00152), (32, 2e-5)],

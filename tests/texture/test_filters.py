@@ -123,7 +123,7 @@ def test_bicubic_overshoots_an_edge_by_no_more_than_its_bound():
 
 
 def test_supersample_points_all_differ_in_both_coordinates():
-    # So an axis-aligned pattern of less than 256 periods a pixel is seen in 256 phases.
+    # So an axis-aligned pattern of fewer than 256 periods per pixel is seen in 256 phases.
     for coordinates in SUPERSAMPLES.T:
         np.testing.assert_array_equal(np.sort(coordinates), (np.arange(256) + 0.5) / 256 - 0.5)
 

@@ -97,7 +97,7 @@ def test_levels_are_the_integrals_of_their_lobes():
         normals = texel_directions(level.size).reshape(-1, 3)[some].astype(np.float64)
         expected = rough_reference(cube, normals, index / 5)
         error = level.faces.reshape(-1, 1)[some] - expected
-        # Each sample stands for a part of the lobe and is read from a level that wide, which blurs
+        # Each sample represents a part of the lobe and is read from a level that wide, which blurs
         # what is sharper: some percent of the peak, least where samples are most.
         assert np.sqrt(np.mean(error**2)) < 0.015 * expected.max()
         assert np.abs(error).max() < 0.08 * expected.max()

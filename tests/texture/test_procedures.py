@@ -1,4 +1,4 @@
-"""What all procedures have in common."""
+"""Tests shared by all procedures."""
 
 import subprocess
 import sys

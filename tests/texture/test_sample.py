@@ -120,7 +120,7 @@ def test_a_linear_ramp_is_reproduced(name):
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
     chain = mip_chain((np.stack([u, v], axis=-1) @ slope)[..., None])
     uvs = random_points(1000, 0.3, 0.7)
-    # Footprints of up to five texels to and fro, which the ramp's border does not reach.
+    # Footprints of up to five texels either way, which stay inside the border of the ramp.
     derivatives = np.random.default_rng(1).uniform(-0.03, 0.03, (1000, 4)).astype(np.float32)
     error = abs(sample(chain, uvs, derivatives, filter=name)[:, 0] - uvs @ slope)
     if name == "nearest":
@@ -190,7 +190,7 @@ def test_mirrored_is_repeated_of_an_image_mirrored_both_ways(name):
 def test_mip_levels_of_known_footprints():
     derivatives = np.float32(
         [
-            [1 / 64, 0, 0, 1 / 32],  # a texel each way
+            [1 / 64, 0, 0, 1 / 32],  # one texel in each direction
             [4 / 64, 0, 0, 1 / 32],  # the longer step counts
             [0, 2 / 32, 0, 0],
             [3 / 64, 4 / 32, 0, 1 / 32],  # Pythagoras: 5 texels
