@@ -1,4 +1,4 @@
-"""Writing binary glTF 2.0: one primitive per group, with tangents and textures, ready for a renderer.
+"""Writing binary glTF 2.0: one primitive per group, with tangents and textures.
 
 Corners become vertices of a GPU stream: corners of a group whose attributes all agree, bit for bit,
 become one vertex. Triangles keep their order, except in a compressed file, where neighbors follow
