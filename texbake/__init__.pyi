@@ -1,10 +1,6 @@
 """The only list of the public names of the package; each is loaded when it is first used."""
 
 from .baking.bake import bake as bake
-from .baking.baked_map import (
-    BakedMap as BakedMap,
-    WrittenMap as WrittenMap,
-)
 from .baking.cage.fit import (
     Cage as Cage,
     fit_cage as fit_cage,
@@ -24,7 +20,7 @@ from .baking.parts.result import PartsResult as PartsResult
 from .baking.rays import RayMaps as RayMaps
 from .baking.remap import remap as remap, remap_hits as remap_hits
 from .baking.report import BakeReport as BakeReport
-from .baking.result import BakeResult as BakeResult
+from .baking.result import BakedMap as BakedMap, BakeResult as BakeResult, WrittenMap as WrittenMap
 from .baking.texture.camera import PhotoCamera as PhotoCamera
 from .baking.texture.options import (
     PhotoOptions as PhotoOptions,

@@ -1,8 +1,8 @@
 """A sphere with a closed-form displacement, baked onto 512 triangles, against its own formula.
 
 r(theta, phi) = 1 + 0.02 sin(40 theta) sin(40 phi), with z along theta = 0, as a grid of 3,996,000
-triangles in float32. What the light sphere's maps say, decoded and turned back, is held against the
-formula at the very point that each texel's ray hits.
+triangles in float32. The decoded maps, turned back to model space, are compared with the formula at
+the very points that the rays of the texels hit.
 """
 
 import numpy as np
@@ -51,46 +51,46 @@ def analytic_normals(points):
 
 
 @pytest.fixture(scope="module")
-def dense():
+def high():
     mesh = grid_sphere(1000, 2000, radius)
     assert mesh.n_faces == 3_996_000
     return mesh.replace(positions=mesh.positions.astype(np.float32))
 
 
 @pytest.fixture(scope="module")
-def light():
+def low():
     mesh = uv_sphere(17, 16)
     assert mesh.n_faces == 512
     return mesh
 
 
-def mean_angle(dense, light, space):
+def mean_angle(high, low, space):
     """Mean angle in degrees between the decoded 16-bit map and the formula."""
     options = BakeOptions(
         size=SIZE, space=space, front=0.1, back=0.1, rays="vertex", padding=0, keep_hits=True
     )
-    result = bake(dense, light, options)
+    result = bake(high, low, options)
     assert result.report.texels_missed == 0
     codes = encode_normals(result.maps["normal"].values, bits=16)
     hits = result.hits
     values = decode_normals(codes).reshape(-1, 3)[hits.texel_ids].astype(float)
     b = hits.low_barycentrics.astype(float)
     weights = np.column_stack([1 - b.sum(axis=1), b])
-    points = np.einsum("ni,nij->nj", weights, light.positions[light.faces[hits.low_faces]])
+    points = np.einsum("ni,nij->nj", weights, low.positions[low.faces[hits.low_faces]])
     points += hits.offsets
     if space == "tangent":
-        values = to_model_space(values, weights, hits.low_faces, light)
+        values = to_model_space(values, weights, hits.low_faces, low)
     # Near the poles the grid's triangles are needles; within 2 % of an edge a texel may straddle.
     counted = (np.sin(angles_of(points)[0]) > 0.15) & (weights.min(axis=1) > 0.02)
     assert counted.sum() > 500_000
     chords = np.linalg.norm(values - analytic_normals(points), axis=1)[counted]
-    # A texel counts by the surface it stands for; those of latitude and longitude differ in it.
-    areas = texel_areas(light)[hits.low_faces][counted]
+    # Texels are weighted by the surface that they cover, which varies with the latitude.
+    areas = texel_areas(low)[hits.low_faces][counted]
     return np.average(np.degrees(2 * np.arcsin(chords / 2)), weights=areas)
 
 
 def texel_areas(mesh):
-    """Surface a texel of each face, up to a factor."""
+    """Surface per texel of each face, up to a factor."""
     corners, uvs = mesh.positions[mesh.faces], mesh.corner_uvs()
     in_space = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
@@ -100,7 +100,7 @@ def texel_areas(mesh):
 
 
 def to_model_space(values, weights, faces, mesh):
-    """What a renderer does with a tangent-space normal: x T + y B + z N, then normalized."""
+    """Do what a renderer does with tangent-space normals: x T + y B + z N, then normalize."""
     normals, corners = shading_normals(mesh)
     tangents = corner_tangents(mesh)[faces].astype(float)
     n = np.einsum("ni,nij->nj", weights, normals[corners[faces]])
@@ -114,39 +114,39 @@ LIMITS = [("object", 0.247), ("tangent", 0.25)]
 
 
 @pytest.mark.parametrize(("space", "limit"), LIMITS)
-def test_normals_of_the_dense_mesh_itself(dense, light, space, limit):
-    """0.245 degrees is what the dense mesh's own interpolated vertex normals are off by."""
-    assert 0.2 < mean_angle(dense, light, space) <= limit
+def test_normals_of_the_high_poly_mesh(high, low, space, limit):
+    """The interpolated vertex normals of the high-poly mesh are themselves off by 0.245 degrees."""
+    assert 0.2 < mean_angle(high, low, space) <= limit
 
 
 @pytest.mark.parametrize(("space", "limit"), LIMITS)
-def test_normals_on_the_atlas_that_blender_baked(dense, data_dir, space, limit):
-    light = read_mesh(data_dir / "blender" / "sphere_512.obj")
-    assert 0.2 < mean_angle(dense, light, space) <= limit
+def test_normals_on_the_atlas_that_blender_baked(high, data_dir, space, limit):
+    low = read_mesh(data_dir / "blender" / "sphere_512.obj")
+    assert 0.2 < mean_angle(high, low, space) <= limit
 
 
-def test_normals_that_the_file_carries(dense, light):
-    """With the formula's normals in the file only their interpolation is left: 0.099 degrees."""
-    exact = dense.replace(normals=analytic_normals(dense.positions), normal_faces=dense.faces)
-    assert 0.05 < mean_angle(exact, light, "object") <= 0.102
+def test_normals_of_the_file(high, low):
+    """With exact normals in the file, only their interpolation is off: by 0.099 degrees."""
+    exact = high.replace(normals=analytic_normals(high.positions), normal_faces=high.faces)
+    assert 0.05 < mean_angle(exact, low, "object") <= 0.102
 
 
-def test_displacement_of_the_sphere(dense, light):
-    """Displaced points lie on the formula's surface within 1e-3 of the diagonal, and far nearer."""
+def test_displacement_of_the_sphere(high, low):
+    """Displaced points lie on the surface of the formula, well within 1e-3 of the diagonal."""
     options = BakeOptions(
         size=512, maps=("displacement",), front=0.1, back=0.1, padding=0, keep_hits=True
     )
-    result = bake(dense, light, options)
+    result = bake(high, low, options)
     hits = result.hits
     heights = result.maps["displacement"].values.reshape(-1)[hits.texel_ids].astype(float)
     b = hits.low_barycentrics.astype(float)
     weights = np.column_stack([1 - b.sum(axis=1), b])
-    faces = light.faces[hits.low_faces]
-    points = np.einsum("ni,nij->nj", weights, light.positions[faces])
-    directions = np.einsum("ni,nij->nj", weights, smooth_normals(light)[faces])
+    faces = low.faces[hits.low_faces]
+    points = np.einsum("ni,nij->nj", weights, low.positions[faces])
+    directions = np.einsum("ni,nij->nj", weights, smooth_normals(low)[faces])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     displaced = points + heights[:, None] * directions
     away = np.abs(np.linalg.norm(displaced, axis=1) - radius(*angles_of(displaced)))
     # The grid's chords are off by h^2 / 8 of the curvature: 2e-5 of the diagonal of 3.5.
-    assert away.max() < 1e-3 * dense.diagonal
-    assert away.mean() < 2e-5 * dense.diagonal
+    assert away.max() < 1e-3 * high.diagonal
+    assert away.mean() < 2e-5 * high.diagonal

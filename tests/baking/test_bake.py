@@ -1,4 +1,4 @@
-"""Bakes whose result is known beforehand."""
+"""Bakes whose results are known in advance."""
 
 import json
 
@@ -115,7 +115,7 @@ def test_a_wavy_plane_is_its_own_height_within_one_step_of_16_bits():
     x = low_corner[0] + (np.arange(128) + 0.5) / 128 * (high_corner - low_corner)[0]
     y = low_corner[1] + (127.5 - np.arange(128)) / 128 * (high_corner - low_corner)[1]
     expected = waves(x[np.newaxis], y[:, np.newaxis])
-    # One step of the range in 16 bits; the dense grid itself is off by h^2/8 of the curvature.
+    # One step of the range in 16 bits; the high-poly grid itself is off by h^2/8 of the curvature.
     chord = (high_corner - low_corner)[0] ** 2 / 500**2 / 8 * 0.05 * 41
     assert np.abs(values - expected).max() < 0.1 / 65535 + chord
 
@@ -181,14 +181,14 @@ def test_bake_is_independent_of_the_size_and_place_of_the_model():
 
 
 def half_a_plane():
-    """A dense plane without its right half."""
+    """A high-poly plane without its right half."""
     whole = plane(8, 8)
     middle = whole.positions[whole.faces].mean(axis=1)[:, 0]
     keep = middle < whole.positions[:, 0].mean()
     return Mesh(positions=whole.positions, faces=whole.faces[keep], name="half.obj")
 
 
-def test_misses_are_told_and_never_filled():
+def test_misses_are_reported_and_never_filled():
     low = plane()
     for fill in ("none", "push-pull"):
         options = BakeOptions(size=64, front=0.1, back=0.1, fill=fill, space="object")
@@ -198,7 +198,7 @@ def test_misses_are_told_and_never_filled():
         assert report.texels_missed == 64 * 32
         assert report.counts.rays_missed == 64 * 32
         assert report.miss_percent == 50.0
-        assert any("no dense surface" in warning for warning in report.warnings)
+        assert any("missed the high-poly mesh" in warning for warning in report.warnings)
         values = result.maps["normal"].values
         np.testing.assert_array_equal(values[:, 32:], 0)
         np.testing.assert_array_equal(values[:, :32], np.broadcast_to([0, 0, 1], (64, 32, 3)))
@@ -208,8 +208,8 @@ def test_misses_are_told_and_never_filled():
         assert not (picture[:, :32] == [255, 40, 60]).all(axis=2).any()
 
 
-def test_many_misses_are_looked_at_once_more_and_stay_misses():
-    """More rays than one tree of the second look holds, and far longer than the triangles."""
+def test_many_misses_are_retried_and_stay_misses():
+    """More rays than one tree of the retry holds, and far longer than the triangles."""
     low, half = plane(), half_a_plane()
     options = BakeOptions(size=300, front=1.0, back=1.0)
     report = bake(half, low, options).report
@@ -226,7 +226,7 @@ def test_fail_on_miss():
     ).report.texels_missed
 
 
-def test_supersampled_texels_average_what_hit():
+def test_supersampled_texels_average_their_hits():
     """Along a step the texels under it mix two normals, by decoded vectors."""
     low = plane()
     left = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 1, 0], [0, 1, 0]])
@@ -285,7 +285,7 @@ def test_tangents_of_the_file_are_used():
     assert np.abs(usual[..., 0] - usual[..., 1]).max() > 0.05
 
 
-def test_displacing_the_light_mesh_gives_the_dense_surface_back(tmp_path):
+def test_displacing_the_low_poly_mesh_gives_the_high_poly_surface(tmp_path):
     def bumps(theta, phi):
         return 1 + 0.04 * np.sin(5 * theta) ** 2 * np.sin(6 * phi)
 
@@ -341,7 +341,7 @@ def test_a_flipped_cage_is_an_error():
         bake(icosphere(3), low, cage=low.replace(faces=low.faces[:, ::-1]))
 
 
-def test_measured_distances_reach_everything_and_not_much_farther():
+def test_measured_distances_suffice_and_are_not_much_longer():
     low = uv_sphere(24, 48)
 
     def bumps(theta, phi):
@@ -351,7 +351,7 @@ def test_measured_distances_reach_everything_and_not_much_farther():
     report = bake(high, low, BakeOptions(size=128)).report
     assert report.measured
     assert report.texels_missed == 0
-    # Bumps reach 0.05 either way, and the light sphere's chords lie up to 0.9 % inside.
+    # Bumps reach 0.05 either way, and the chords of the low-poly sphere lie up to 0.9 % inside.
     assert 0.05 < report.front < 0.075
     assert 0.05 < report.back < 0.075
 
@@ -371,7 +371,7 @@ def test_remap_equals_a_bake_of_the_other_maps():
         remap(kept, icosphere(2), low, other)
 
 
-def test_padding_meets_and_overlaps_are_warned_of():
+def test_meeting_padding_and_overlaps_give_warnings():
     uvs = np.array([[0, 0], [0.5, 0], [0.5, 1], [0, 1]])
     apart = np.vstack([uvs * [0.96, 1], uvs * [0.96, 1] + [0.52, 0]])
     mesh = Mesh(
@@ -390,7 +390,7 @@ def test_padding_meets_and_overlaps_are_warned_of():
     assert any("overlap" in warning for warning in overlapping.warnings)
 
 
-def test_the_report_is_json_and_tells_the_stages():
+def test_the_report_is_json_with_the_stages():
     report = bake(icosphere(3), uv_sphere(8, 12), BakeOptions(size=32)).report
     values = json.loads(json.dumps(report.to_json()))
     assert values["texels"] == 1024
@@ -446,7 +446,7 @@ def test_unknown_map_and_missing_uvs():
         bake(icosphere(1), icosphere(1))
 
 
-def test_faces_that_own_no_texel_are_told():
+def test_faces_without_a_texel_are_reported():
     """A sliver between two rows of centers, and a face beneath another."""
     low = plane()
     uvs = np.vstack([low.uvs, [[0.0, 0.5], [1.0, 0.5], [1.0, 0.501]]])
@@ -459,7 +459,7 @@ def test_faces_that_own_no_texel_are_told():
     assert any("2 of 4 faces own no texel" in warning for warning in report.warnings)
 
 
-def test_a_mesh_turned_inside_out_misses_everything_and_is_told_why():
+def test_a_mesh_turned_inside_out_misses_everything_with_a_hint():
     low = uv_sphere(8, 16)
     inside_out = low.replace(faces=low.faces[:, ::-1])
     report = bake(inside_out, low, BakeOptions(size=32, front=0.1, back=0.1)).report

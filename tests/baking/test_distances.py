@@ -1,4 +1,4 @@
-"""How far rays must reach."""
+"""Measured ray distances."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 
-def test_a_peak_that_is_no_faces_first_corner_is_reached() -> None:
+def test_rays_reach_a_peak_at_the_last_corners_of_faces() -> None:
     """A coarse tent over the square: its top is the last corner of each of its faces."""
     low = plane()
     least, greatest = low.bounds

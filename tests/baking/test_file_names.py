@@ -1,4 +1,4 @@
-"""Names of files from patterns."""
+"""File names from patterns."""
 
 import pytest
 
@@ -12,7 +12,7 @@ def names(pattern, *maps, **changes):
     )
 
 
-def test_names_are_those_of_the_maps_if_nothing_else_is_asked():
+def test_files_have_the_names_of_the_maps_by_default():
     assert names(DEFAULT_PATTERN, "normal", "ao") == {"normal": "normal.exr", "ao": "ao.exr"}
 
 
@@ -25,7 +25,7 @@ def test_names_are_those_of_the_maps_if_nothing_else_is_asked():
         ("{udim:05d}.{ext}", "01012.exr"),
     ],
 )
-def test_fields_stand_for_what_they_say(pattern, name):
+def test_fields_are_replaced(pattern, name):
     assert names(pattern, "normal") == {"normal": name}
 
 
@@ -35,12 +35,12 @@ def test_fields_stand_for_what_they_say(pattern, name):
         ("{mesh}.{ext}", r"\{mesh\} is not known"),
         ("{}.{ext}", "is not known"),
         ("{map.x}.{ext}", "is not known"),
-        ("{map.{ext}", "does not parse"),
+        ("{map.{ext}", "cannot be parsed"),
         ("{map}.png", r"must end with \.\{ext\}"),
         ("{asset}/{map}.{ext}", "names a folder"),
-        ("{asset}.{ext}", "two maps one name"),
+        ("{asset}.{ext}", "two maps the same name"),
     ],
 )
-def test_patterns_that_cannot_be_meant(pattern, message):
+def test_wrong_patterns(pattern, message):
     with pytest.raises(OptionError, match=message):
         names(pattern, "normal", "ao")

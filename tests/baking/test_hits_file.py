@@ -1,4 +1,4 @@
-"""A trace in a file: maps made from it are those of a bake, without the dense mesh."""
+"""Hits in a file: the maps made from it are those of a bake, without the high-poly mesh."""
 
 import json
 import zipfile
@@ -24,7 +24,7 @@ OPTIONS = BakeOptions(size=(80, 64), maps=MAPS_OF_HITS, samples=4, padding=3, fr
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """A dented ball of two groups and materials, with colors and an image, and a light ball."""
+    """A dented ball of two groups and materials, with colors and an image, and a low-poly ball."""
     ball = icosphere(4)
     points = ball.positions * (1.0 + 0.02 * np.sin(9.0 * ball.positions[:, :1]))
     angles = np.arctan2(points[:, 1], points[:, 0])
@@ -49,7 +49,7 @@ def pair(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def kept(pair, tmp_path_factory):
-    """File of hits of a bake, and that bake."""
+    """The file of the hits of a bake, and that bake."""
     high, low, materials = pair
     result = bake(high, low, replace(OPTIONS, keep_hits=True), materials=materials)
     path = tmp_path_factory.mktemp("hits") / "a.npz"
@@ -83,7 +83,7 @@ def test_maps_of_the_file_are_those_of_a_bake(pair, kept, tmp_path, changes):
             assert files[0].read_bytes() == files[1].read_bytes(), files
 
 
-def test_what_belongs_to_the_trace_stays(kept):
+def test_options_of_the_rays_stay(kept):
     result = remap_hits(read_hits(kept[0]), BakeOptions(size=16, samples=16, maps=("normal",)))
     assert result.maps["normal"].values.shape == (64, 80, 3)
     assert result.report.options.samples == 4
@@ -96,7 +96,7 @@ def test_the_same_result_writes_the_same_bytes(kept, tmp_path):
     assert (tmp_path / "b.npz").read_bytes() == path.read_bytes()
 
 
-def test_two_bakes_differ_in_the_times_of_their_reports_alone(pair, kept, tmp_path):
+def test_files_of_two_equal_bakes_differ_only_in_times(pair, kept, tmp_path):
     high, low, materials = pair
     options = replace(OPTIONS, keep_hits=True, threads=1)
     write_hits(bake(high, low, options, materials=materials), tmp_path / "b.npz")
@@ -106,7 +106,7 @@ def test_two_bakes_differ_in_the_times_of_their_reports_alone(pair, kept, tmp_pa
             assert one[name].tobytes() == other[name].tobytes(), name
 
 
-def test_a_report_comes_back_as_it_was(kept):
+def test_the_report_is_read_as_it_was_written(kept):
     path, result = kept
     assert read_hits(path).report == result.report
 
@@ -124,14 +124,14 @@ def test_a_sample_takes_forty_bytes(kept):
 
 def test_only_the_faces_that_were_hit_are_kept(pair, tmp_path):
     high, low, _ = pair
-    # One texel of one face of the light ball.
+    # One texel of one face of the low-poly ball.
     result = bake(high, low, BakeOptions(size=8, keep_hits=True, padding=0))
     write_hits(result, tmp_path / "few.npz")
     n_hit = len(np.unique(result.hits.high_faces[result.hits.high_faces >= 0]))
     assert read_hits(tmp_path / "few.npz").inputs.high.n_faces == n_hit < high.n_faces / 50
 
 
-def test_a_trace_without_a_hit_is_kept_too(tmp_path):
+def test_a_bake_without_any_hit_is_kept_too(tmp_path):
     far = plane().replace(positions=plane().positions + np.array([0.0, 0.0, 9.0]))
     options = BakeOptions(size=8, front=0.1, back=0.1, keep_hits=True, maps=("normal", "opacity"))
     write_hits(bake(far, plane(), options), tmp_path / "none.npz")
@@ -140,7 +140,7 @@ def test_a_trace_without_a_hit_is_kept_too(tmp_path):
     assert not result.maps["opacity"].values.any()
 
 
-def test_a_map_that_was_not_possible_then_is_not_now(tmp_path):
+def test_a_map_that_the_bake_could_not_make_is_an_error(tmp_path):
     write_hits(bake(plane(), plane(), BakeOptions(size=8, keep_hits=True)), tmp_path / "a.npz")
     kept = read_hits(tmp_path / "a.npz")
     with pytest.raises(ValueError, match="no vertex colors"):
@@ -157,7 +157,7 @@ def test_hits_must_have_been_kept(tmp_path):
         remap_hits(result, BakeOptions())
 
 
-# Files that are none
+# Files that are not files of hits
 
 
 def test_a_missing_file(tmp_path):
@@ -166,20 +166,20 @@ def test_a_missing_file(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK", b"hello", bytes(1000)], ids=len)
-def test_what_is_no_archive(tmp_path, content):
+def test_a_file_that_is_not_an_archive(tmp_path, content):
     (tmp_path / "a.npz").write_bytes(content)
-    with pytest.raises(FileFormatError, match="no file of hits"):
+    with pytest.raises(FileFormatError, match="not a file of hits"):
         read_hits(tmp_path / "a.npz")
 
 
 def test_another_archive(tmp_path):
     np.savez(tmp_path / "a.npz", positions=np.zeros(3))
-    with pytest.raises(FileFormatError, match="no file of hits"):
+    with pytest.raises(FileFormatError, match="not a file of hits"):
         read_hits(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize("at", [0.2, 0.5, 0.9])
-def test_flipped_bits_are_found_by_their_checksum(kept, tmp_path, at):
+def test_checksums_detect_flipped_bits(kept, tmp_path, at):
     data = bytearray(kept[0].read_bytes())
     data[int(at * len(data))] ^= 16
     (tmp_path / "a.npz").write_bytes(data)
@@ -209,7 +209,7 @@ def altered(kept, tmp_path, change):
     [("offsets", lambda a: a[:, 0]), ("offsets", lambda a: a.astype(float)),
      ("low_barycentrics", lambda a: a[:, :1]), ("high_barycentrics", lambda a: a.astype(int))],
 )  # fmt: skip
-def test_values_of_another_kind_never_reach_a_kernel(kept, tmp_path, name, changed):
+def test_values_of_another_type_never_get_to_a_kernel(kept, tmp_path, name, changed):
     def change(arrays):
         arrays[name] = changed(arrays[name])
 
@@ -217,7 +217,7 @@ def test_values_of_another_kind_never_reach_a_kernel(kept, tmp_path, name, chang
         read_hits(altered(kept, tmp_path, change))
 
 
-def test_an_entry_that_is_no_array_is_damage(kept, tmp_path):
+def test_an_entry_that_is_not_an_array_is_damage(kept, tmp_path):
     path = altered(kept, tmp_path, lambda arrays: arrays.pop("header"))
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("header", b"{}")
@@ -230,7 +230,7 @@ def test_an_entry_that_is_no_array_is_damage(kept, tmp_path):
     [("texel_ids", 80 * 64), ("texel_ids", -1), ("low_faces", 10**6), ("high_faces", 10**6),
      ("high_faces", -2), ("texel_faces", 10**6)],
 )  # fmt: skip
-def test_indices_out_of_range_never_reach_a_kernel(kept, tmp_path, name, value):
+def test_indices_out_of_range_never_get_to_a_kernel(kept, tmp_path, name, value):
     def change(arrays):
         arrays[name].reshape(-1)[3] = value
 
@@ -257,7 +257,7 @@ def test_arrays_of_other_lengths(kept, tmp_path):
         ("face_materials", lambda array: array[:1]),
     ],
 )
-def test_arrays_of_other_shapes_or_types_never_reach_a_kernel(kept, tmp_path, name, change):
+def test_arrays_of_other_shapes_or_types_never_get_to_a_kernel(kept, tmp_path, name, change):
     def changed(arrays):
         arrays[name] = change(arrays[name])
 
@@ -268,7 +268,7 @@ def test_arrays_of_other_shapes_or_types_never_reach_a_kernel(kept, tmp_path, na
 def test_flipped_bits_of_the_table_of_contents_are_one_error(kept, tmp_path):
     data = kept[0].read_bytes()
     start = data.index(b"PK\x01\x02")
-    # Version that is needed, flags (encrypted, patched) and method of the first entry.
+    # Required version, flags (encrypted, patched) and method of the first entry.
     for place, bit in ((6, 64), (8, 1), (8, 32), (8, 64), (10, 1)):
         flipped = bytearray(data)
         flipped[start + place] ^= bit
@@ -277,7 +277,7 @@ def test_flipped_bits_of_the_table_of_contents_are_one_error(kept, tmp_path):
             read_hits(tmp_path / "a.npz")
 
 
-def test_another_version_says_so(kept, tmp_path):
+def test_another_version_is_named(kept, tmp_path):
     def change(arrays):
         header = json.loads(arrays["header"].tobytes())
         arrays["header"] = np.frombuffer(

@@ -1,4 +1,4 @@
-"""Each map without secondary rays against what it must be: closed forms and exact counts."""
+"""Each map without secondary rays against closed forms and exact counts."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
+from texbake.baking.codings import id_colors
 from texbake.baking.hits import Hits
-from texbake.baking.id_colors import id_colors
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.map_names import MAP_NAMES
 from texbake.baking.maps import MAPS
@@ -68,7 +68,7 @@ def test_a_flat_position_is_exact():
     # Weights on faces are float32: half a unit in its last place at 1 is 6e-8.
     np.testing.assert_allclose(values[:, :, 0], u, atol=6e-8)
     np.testing.assert_allclose(values[:, :, 1], v, atol=6e-8)
-    # The way of the ray is measured in float64 and kept in float32, and 1/8 fits.
+    # Offsets are measured in float64 and kept in float32, which holds 1/8 exactly.
     np.testing.assert_array_equal(values[:, :, 2], np.float32(0.125))
 
 
@@ -84,7 +84,7 @@ def test_positions_on_a_sphere_have_its_radius():
     assert result.has_data.sum() > 10_000
 
 
-def test_world_positions_are_positions_and_say_so(tmp_path):
+def test_world_positions_are_positions_with_their_own_space(tmp_path):
     maps = baked(halves(), "position", "world-position")
     assert np.array_equal(maps["position"].values, maps["world-position"].values)
     assert maps["position"].write(tmp_path / "p.exr").metadata[SPACE] == "object"
@@ -92,7 +92,7 @@ def test_world_positions_are_positions_and_say_so(tmp_path):
 
 
 @pytest.mark.parametrize("bits", [8, 16])
-def test_positions_come_back_from_their_box_within_half_a_step(tmp_path, bits):
+def test_positions_decode_within_half_a_step_of_their_box(tmp_path, bits):
     high = plane(9, 9, lambda x, y: -3.0 + x * y)
     low = plane().replace(positions=plane().positions - [0.0, 0.0, 2.5])
     position = baked(high, "position", low=low)["position"]
@@ -111,7 +111,7 @@ def test_positions_come_back_from_their_box_within_half_a_step(tmp_path, bits):
     assert (np.abs(decoded - position.values) <= half_step + 2e-7).all()
 
 
-def test_a_float_file_keeps_positions_as_they_are(tmp_path):
+def test_a_float_file_holds_plain_positions(tmp_path):
     position = baked(plane(3, 3), "position")["position"]
     assert position.write(tmp_path / "p.exr").bits == 32
     stored = read_image(tmp_path / "p.exr", color=False)
@@ -150,7 +150,7 @@ def test_flat_is_the_middle_code(tmp_path, bits, flat):
     assert (np.rint(pixels * (2**bits - 1)) == flat).all()
 
 
-def test_a_curvature_that_is_asked_for_is_white_and_its_file_decodes(tmp_path):
+def test_the_given_curvature_is_white_and_its_file_decodes(tmp_path):
     high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
     item = baked(high, "curvature", curvature_scale=100.0)["curvature"]
     written = item.write(tmp_path / "c.png")
@@ -173,7 +173,7 @@ def test_without_a_scale_one_texel_of_a_hundred_may_clip(tmp_path):
     assert 0.0 < share <= 0.01 + 1.0 / item.values.size
 
 
-# Numbers of things
+# Ids
 
 
 def test_ids_count_exactly_the_texels_of_each_group():
@@ -190,12 +190,12 @@ def test_ids_are_never_averaged(samples):
                  padding=3, fill="push-pull")  # fmt: skip
     assert set(np.unique(maps["object-id"].values).tolist()) == {1.0, 2.0}
     # The first sample of a row's texel is its left one; on the diagonal from corner to corner it is
-    # too near an edge of the dense mesh, and is looked at again in the end.
+    # too close to an edge of the high-poly mesh, and is retried last.
     first = maps["object-id"].values[:, 10, 0] == 1.0
     assert first[2:-2].mean() > 0.9
 
 
-def test_nothing_but_padding_stands_around_ids():
+def test_only_padding_is_filled_around_ids():
     low = plane().replace(uvs=0.25 + 0.5 * plane().uvs)
     maps = baked(halves(), "object-id", low=low, padding=4, fill="push-pull")
     values = maps["object-id"].values[:, :, 0]
@@ -218,20 +218,20 @@ def test_ids_are_colors_in_integer_files_and_the_file_names_them(tmp_path, bits,
         assert table[word] == name
 
 
-def test_float_files_keep_the_numbers(tmp_path):
+def test_float_files_hold_plain_ids(tmp_path):
     item = baked(halves(), "object-id")["object-id"]
     written = item.write(tmp_path / "id.exr")
     assert written.metadata == {f"{ID}1": "left", f"{ID}2": "right"}
     assert np.array_equal(read_image(tmp_path / "id.exr", color=False).pixels, item.values)
 
 
-def test_more_things_than_half_floats_can_count_are_refused(tmp_path):
+def test_more_ids_than_half_floats_can_hold_are_an_error(tmp_path):
     mesh = plane(40, 40)
     high = mesh.replace(
         face_groups=np.arange(3200, dtype=np.int32), group_names=tuple(map(str, range(3200)))
     )
     item = baked(high, "object-id")["object-id"]
-    with pytest.raises(OptionError, match="half floats do not hold 3,200"):
+    with pytest.raises(OptionError, match="half floats cannot hold 3,200"):
         item.write(tmp_path / "id.exr", bits=16)
     item.write(tmp_path / "id.exr")
     ids = read_image(tmp_path / "id.exr", color=False).pixels
@@ -248,13 +248,13 @@ def test_colors_of_ids_are_all_different(n):
     assert len(np.unique(colors, axis=0)) == n + 1
 
 
-def test_a_mesh_without_groups_is_one_thing():
+def test_a_mesh_without_groups_has_one_id():
     item = baked(plane(), "object-id")["object-id"]
     assert item.legend == ("plane",)
     assert (item.values == 1.0).all()
 
 
-def test_materials_are_told_apart_from_groups():
+def test_material_ids_differ_from_group_ids():
     high = halves()
     ids = (high.positions[high.faces].mean(axis=1)[:, 1] > 0.5).astype(np.int32)
     materials = Materials(
@@ -280,7 +280,7 @@ def ramp(mesh):
     return np.stack([x, y, np.full_like(x, 0.25)], axis=1).astype(np.float32)
 
 
-def test_linear_vertex_colors_are_carried_over():
+def test_linear_vertex_colors_are_baked_unchanged():
     high = plane(16, 16).replace(colors=ramp(plane(16, 16)))
     values = baked(high, "vertex-color", vertex_colors="linear")["vertex-color"].values
     u, v = np.meshgrid(CENTERS, CENTERS[::-1])
@@ -288,7 +288,7 @@ def test_linear_vertex_colors_are_carried_over():
     np.testing.assert_allclose(values, np.stack([u, v, 0.25 + 0 * u], axis=2), atol=2e-7)
 
 
-def test_vertex_colors_of_scans_come_back_as_the_codes_that_they_were(tmp_path):
+def test_vertex_colors_of_scans_keep_their_codes(tmp_path):
     codes = np.array([[200, 30, 7], [200, 30, 7], [200, 30, 7], [200, 30, 7]], dtype=np.float32)
     high = plane().replace(colors=codes / 255.0)
     item = baked(high, "vertex-color")["vertex-color"]
@@ -378,7 +378,7 @@ def strip(right):
 
 @pytest.mark.parametrize(("samples", "share"), [(1, 0.0), (4, 0.5), (16, 0.5), (64, 0.375)])
 def test_opacity_is_the_share_of_samples_that_hit(samples, share):
-    # The dense mesh ends 0.4 of the way through texels 10; samples lie at (i + 1/2) / side.
+    # The high-poly mesh ends 0.4 of the way through texels 10; samples lie at (i + 1/2) / side.
     high = strip((10 + 0.4) / 32)
     item = baked(high, "opacity", size=32, samples=samples, front=0.1, back=0.1)["opacity"]
     assert (item.values[:, :10] == 1.0).all()
@@ -386,7 +386,7 @@ def test_opacity_is_the_share_of_samples_that_hit(samples, share):
     assert (item.values[:, 11:] == 0.0).all()
 
 
-def test_what_only_the_second_look_finds_counts_once():
+def test_hits_of_the_retry_count_once():
     kind, inputs = MAPS["opacity"], BakeInputs.of(plane(), plane(), BakeOptions(size=N))
     ball, low = icosphere(4), uv_sphere(16, 32)
     result = bake(ball, low, BakeOptions(size=128, samples=4, maps=("opacity",), keep_hits=True,
@@ -406,19 +406,19 @@ def test_padding_of_opacity_repeats_holes_too():
     assert (item.values[13:16, 34:44] == 0.0).all()
 
 
-def test_opacity_wants_a_fixed_number_of_samples():
+def test_opacity_needs_a_fixed_number_of_samples():
     with pytest.raises(OptionError, match="opacity counts misses"):
         baked(plane(), "opacity", "normal", samples="adaptive")
 
 
-def test_a_mask_is_linear_and_not_a_color(tmp_path):
+def test_a_mask_is_written_as_linear_values(tmp_path):
     item = baked(strip(0.5), "opacity", samples=4, size=33, front=0.1, back=0.1)["opacity"]
     item.write(tmp_path / "o.png", bits=8)
     stored = read_image(tmp_path / "o.png", color=False).pixels
     np.testing.assert_allclose(stored, item.values, atol=0.5 / 255)
 
 
-# All of them
+# All maps
 
 
 def test_all_maps_are_the_same_for_any_number_of_threads():

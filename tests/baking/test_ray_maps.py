@@ -1,4 +1,4 @@
-"""Images that change rays: at their ends the rays are those of the options, byte for byte."""
+"""Images that change rays: masks of 0 and 1 give the rays of the options, byte for byte."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_masks_of_0_and_1_are_smooth_and_face_rays(samples):
     assert not same(half, smooth) and not same(half, face)
 
 
-def test_a_mask_starts_from_the_rays_that_are_asked_for():
+def test_a_mask_starts_from_the_rays_of_the_options():
     assert same(baked(skew_mask=image(0.0), rays="vertex"), baked(rays="vertex"))
 
 
@@ -94,7 +94,7 @@ def test_a_blend_lies_between_both_directions():
     np.testing.assert_allclose(blend.directions, expected, atol=1e-15)
 
 
-def test_an_image_counts_where_it_lies():
+def test_an_image_is_looked_up_at_texture_coordinates():
     """The left half of a mask of 0 and 1 is smooth, its right half straight, apart from between."""
     mask = np.zeros((1, 64), dtype=np.float32)
     mask[:, 32:] = 1.0
@@ -105,7 +105,7 @@ def test_an_image_counts_where_it_lies():
     assert np.array_equal(both[:, 32:], face[:, 32:])
 
 
-def test_an_offset_says_what_is_too_far_out():
+def test_an_offset_limits_the_front_distance():
     """A surface 0.15 above a plane: found from 0.2 above, and not from 0.1."""
     low = plane()
     high = low.replace(positions=low.positions + np.array([0, 0, 0.15]))
@@ -116,7 +116,7 @@ def test_an_offset_says_what_is_too_far_out():
     assert np.array_equal(result.has_data, np.broadcast_to(np.arange(16) < 8, (16, 16)))
 
 
-def test_bytes_do_not_depend_on_threads():
+def test_same_bytes_for_any_number_of_threads():
     masks = {"skew_mask": np.random.default_rng(1).random((9, 9), dtype=np.float32)}
     assert same(baked(threads=1, **masks), baked(threads=3, **masks))
 
@@ -131,12 +131,12 @@ def test_bytes_do_not_depend_on_threads():
         ({"offset_map": np.zeros((0, 4))}, "offset_map: the shape"),
     ],
 )
-def test_images_out_of_range_are_refused(images, message):
+def test_images_out_of_range_are_an_error(images, message):
     with pytest.raises(OptionError, match=message):
         bake(plane(), plane(), BakeOptions(size=8), **images)
 
 
-def test_a_mask_for_rays_of_faces_has_nothing_to_blend():
+def test_a_mask_with_rays_along_face_normals_is_an_error():
     with pytest.raises(OptionError, match="skew_mask, rays"):
         baked(skew_mask=image(0.5), rays="face")
     cage = LOW.replace(positions=LOW.positions * 1.2)

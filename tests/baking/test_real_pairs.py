@@ -1,4 +1,4 @@
-"""Real dense and light meshes: few misses, Blender's answer, and a better picture than before."""
+"""Real high-poly and low-poly meshes: few misses, Blender's normals, and better shading."""
 
 import numpy as np
 import pytest
@@ -10,9 +10,9 @@ from texbake.rendering.compare import compare
 from texbake.texture.encoding import decode_normals
 from texbake.texture.image import read_image
 
-# Ray distance of the reference, and texels where Blender took a surface from behind. Its normals
-# point into the object there; texbake passes through and finds the outer surface. With culling off
-# both agree on them.
+# Ray distance of the reference, and texels where Blender hit a back face, so that their normals
+# point into the object. Rays of texbake pass through back faces and hit the outer surface. Without
+# culling both agree.
 PAIRS = {
     "koala": (0.2258574, 0),
     "skull": (0.4077253, 377),
@@ -34,7 +34,7 @@ def test_measured_distances_miss_almost_nothing(pair):
 
 
 @pytest.mark.parametrize("cull", [True, False])
-def test_same_answer_as_blender(pair, data_dir, cull):
+def test_same_normals_as_blender(pair, data_dir, cull):
     name, high, low = pair
     distance, n_from_behind = PAIRS[name]
     options = BakeOptions(
@@ -59,7 +59,7 @@ def test_same_answer_as_blender(pair, data_dir, cull):
         assert degrees.mean() < 0.1
 
 
-def test_the_baked_map_at_least_halves_the_angle_that_a_viewer_sees(pair):
+def test_the_baked_map_at_least_halves_the_shading_error(pair):
     _, high, low = pair
     result = bake(high, low, BakeOptions(size=1024, samples=4))
     comparison = compare(high, low, normal_map=result.maps["normal"].values)

@@ -1,4 +1,4 @@
-"""Fans of rays against closed forms, and the two ways to cast them against each other."""
+"""Fans of rays against closed forms, and the two ray casters against each other."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def fans_on(mesh, hits, frame, *, flat=True, **extra):
 
 
 def look(mesh, hits, *, caster=RayScene.build, n_rays=64, outer=np.inf, inner=None, flat=True):
-    """What the rays of hits meet; all lengths are model units."""
+    """Cast the secondary rays of hits; all lengths are in model units."""
     frame = LocalFrame.around(mesh)
     inner = mesh.diagonal if inner is None else inner
     reach = OcclusionRange(start_offset(mesh, frame), outer * frame.scale, inner * frame.scale)
@@ -141,7 +141,7 @@ def test_a_plane_under_a_disk(height, caster):
 
 
 @pytest.mark.parametrize("caster", CASTERS)
-def test_what_lies_beyond_the_distance_hides_nothing(caster):
+def test_surfaces_beyond_the_distance_do_not_occlude(caster):
     # A ceiling at height 1 is met within d where cos > 1 / d: open is the share 1 / d^2.
     mesh = join_meshes([spots([[0, 0]]), sheet([0, 0, 1], [50, 0, 0], [0, -50, 0])])
     hits = hits_on(mesh, [0], weights=[[1 / 3] * 3])
@@ -238,7 +238,7 @@ def test_a_ray_that_meets_no_far_side_counts_as_long_as_it_goes(caster):
         np.testing.assert_allclose(alone[:, DEPTH], length, rtol=1e-6)
 
 
-def test_both_casters_agree_but_for_rays_that_graze_an_edge():
+def test_both_casters_agree_except_on_rays_that_graze_an_edge():
     mesh = join_meshes([icosphere(3), disk(1.2)])
     hits = hits_on(mesh, random_faces(mesh, 1000))
     native, plain = (look(mesh, hits, caster=caster, flat=False) for caster in CASTERS)
@@ -264,7 +264,7 @@ def test_threads_and_the_order_of_hits_change_nothing():
 
 
 @pytest.mark.parametrize("caster", CASTERS)
-def test_what_is_not_asked_for_is_not_cast(caster):
+def test_rays_that_no_map_needs_are_not_cast(caster):
     mesh = icosphere(1)
     frame = LocalFrame.around(mesh)
     fans = fans_on(mesh, hits_on(mesh, [0, 1, 2]), frame)

@@ -84,7 +84,7 @@ def test_an_error_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -> Non
         "texbake: p.toml:10: steps.high.resolutoin: unknown key; did you mean 'resolution'?\n"
     )
     assert (
-        "max-memory: 'lots' is no amount"
+        "max-memory: 'lots' is not an amount"
         in invoke("build p.toml --max-memory lots", exit_code=2).stderr
     )
 

@@ -79,7 +79,7 @@ def test_files_are_named_by_a_pattern(baked, tmp_path):
         "--name-pattern", "{asset}.{ext}", "--maps", "normal,position",
     )  # fmt: skip
     assert result.exit_code == 2
-    assert "two maps one name" in result.output
+    assert "two maps the same name" in result.output
 
 
 def test_the_report_lists_the_colors_of_ids(baked, tmp_path):
@@ -118,7 +118,7 @@ def test_a_file_that_is_not_a_trace_is_one_line(tmp_path):
     (tmp_path / "a.npz").write_text("hello")
     result = run("remap", tmp_path / "a.npz", "-o", tmp_path)
     assert result.exit_code == 1
-    assert "it is no file of hits" in result.output
+    assert "it is not a file of hits" in result.output
 
 
 def test_a_mesh_without_what_a_map_needs_is_one_line(baked, tmp_path):

@@ -180,7 +180,7 @@ def test_adaptive_samples_in_chunks(pair: tuple[Mesh, Mesh]) -> None:
     assert np.array_equal(whole.maps["normal"].values, parts.maps["normal"].values)
 
 
-def test_how_large_chunks_are() -> None:
+def test_size_of_chunks() -> None:
     whole = bake_memory(1_000_000, 1000, 1024**2, 2)
     assert chunk_faces(whole, whole, 1_000_000) is None
     assert chunk_faces(whole - 1, whole, 1_000_000) == 999_999
@@ -190,8 +190,8 @@ def test_how_large_chunks_are() -> None:
     assert BakeOptions(max_memory="1G").chunk_faces(10**8, 10) == 10**8 // MOST_CHUNKS
 
 
-def test_what_cannot_be(pair: tuple[Mesh, Mesh]) -> None:
-    with pytest.raises(OptionError, match="max-memory: 'much' is no amount of memory"):
+def test_wrong_settings(pair: tuple[Mesh, Mesh]) -> None:
+    with pytest.raises(OptionError, match="max_memory: 'much' is not an amount of memory"):
         BakeOptions(max_memory="much")
     with pytest.raises(OptionError, match="need all of it at once"):
         bake(*pair, BakeOptions(maps=("ao",), size=16, max_memory=1))

@@ -65,7 +65,7 @@ def test_means_over_all_sets_are_those_of_the_cosine_lobe():
     x, y, z = np.moveaxis(direction_sets(64).astype(float), -1, 0)
     for values, mean in ((z, 2 / 3), (z * z, 1 / 2), (x, 0), (x * x, 1 / 4), (x * y, 0)):
         sets = values.mean(axis=1)
-        # 1,024 sets that know nothing of each other: 5 standard errors
+        # 1,024 independent sets: 5 standard errors
         assert abs(sets.mean() - mean) < 5 * sets.std() / np.sqrt(len(sets))
 
 

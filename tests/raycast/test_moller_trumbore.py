@@ -11,7 +11,7 @@ WALL = Mesh(positions=[[0, 0, 0], [0, 1, 0], [0, 0, 1]], faces=[[0, 1, 2]])
 
 
 def refined(origin, direction):
-    """What is found on the wall by one ray that a float32 caster takes for a hit."""
+    """Intersect the wall with one ray that a float32 caster takes for a hit."""
     found = RayHits.misses(1)
     found.faces[0] = 0
     frame = LocalFrame(np.zeros(3), 1.0)

@@ -21,7 +21,7 @@ class Pairs(Rows):
 
 
 @given(st.integers(0, 40), st.data())
-def test_what_is_kept_is_all_but_the_dropped(n: int, data: st.DataObject) -> None:
+def test_all_other_rows_are_kept(n: int, data: st.DataObject) -> None:
     dropped = np.array(
         sorted(data.draw(st.sets(st.integers(0, n - 1)))) if n else [], dtype=np.intp
     )

@@ -1,4 +1,4 @@
-"""Rays against closed forms, and three independent ways to cast them against each other."""
+"""Rays against closed forms, and three independent ray casters against each other."""
 
 import numpy as np
 import pytest
@@ -156,7 +156,7 @@ def test_no_vertex_or_edge_of_a_closed_mesh_is_missed(level):
         again = retry_misses(rays.where(lost), high, frame, cull_back_faces=True)
         assert (again.faces != NO_HIT).all()
         np.testing.assert_allclose(again.distances, 0.2, atol=1e-6)
-    # What this test is about: Embree alone lets some of the 40,962 vertices through.
+    # Without the retry, rays at some of the 40,962 vertices pass through.
     assert level < 6 or n_lost > 0
 
 

@@ -1,1 +1,1 @@
-"""A dense and a light mesh to maps."""
+"""Baking: the detail of a high-poly mesh, and its lighting, into maps of a low-poly mesh."""

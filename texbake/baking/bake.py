@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.baked_map import BakedMap
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
@@ -19,7 +18,7 @@ from texbake.baking.padding import ChartPadding
 from texbake.baking.pineda import NO_FACE
 from texbake.baking.rays import RayMaps, check_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakedMap, BakeResult
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
@@ -115,7 +114,7 @@ def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
         if kind.of_misses and (inputs.options.is_adaptive or inputs.options.time_budget):
             raise OptionError(
                 f"maps, samples: {kind.name} counts misses among a fixed number of samples; use "
-                "samples 1, 4, 16 or 64, or bake it separately"
+                "1, 4, 16 or 64 `samples`, or bake it separately"
             )
 
 
@@ -202,7 +201,7 @@ def _result(
     if n_covered == 0:
         raise UvError(
             f"{inputs.low.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} map; use a greater size or new coordinates"
+            f"{options.width_px} x {options.height_px} map; use a greater `size` or new coordinates"
         )
     _check_misses(n_missed, n_covered, inputs)
     charts = texel_charts_of(inputs, trace.texel_faces)
@@ -257,8 +256,8 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
     if limit is not None and percent > limit:
         raise MissError(
             f"{inputs.low.name}: the rays of {n_missed} texels ({percent:.3f} %) missed "
-            f"{inputs.high.name}, more than the {limit:g} % allowed; raise front and back, "
-            "or bake without fail_on_miss and look at the miss map"
+            f"{inputs.high.name}, more than the {limit:g} % allowed; raise `front` and "
+            "`back`, or bake without `fail_on_miss` and see the misses with `miss_map`"
         )
 
 

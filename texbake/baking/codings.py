@@ -1,6 +1,6 @@
-"""How the values of each kind of map become the numbers of a file, and what the file says of them.
+"""Encoding of the values of each kind of map for files, with the metadata to decode them.
 
-Integer files hold codes; float files hold values as they are, in the units of the map.
+Integer files hold codes; float files hold the values themselves, in the units of the map.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.id_colors import id_colors
+from texbake.colors import linear_from_oklch
 from texbake.errors import OptionError
 from texbake.metadata import (
     CONVENTION,
@@ -31,6 +31,7 @@ from texbake.texture.encoding import (
     count_clipped,
     encode_heights,
     encode_normals,
+    encode_srgb,
     height_range,
     max_code,
     quantize_unsigned,
@@ -38,27 +39,34 @@ from texbake.texture.encoding import (
 from texbake.texture.image_formats import check_image_format, format_of, holds_floats
 
 if TYPE_CHECKING:
-    from texbake.baking.baked_map import BakedMap
     from texbake.baking.maps.kind import MapKind
+    from texbake.baking.result import BakedMap
     from texbake.files import PathLike
 
-FLOAT = 32  # bits of values that stay as they are
-# Curvatures beyond it, at creases and in noise, would leave all others gray.
+FLOAT = 32  # bits per channel of files that hold plain values
+# If white were the greatest curvature, creases and noise would leave everything else gray.
 _CURVATURE_PERCENTILE = 99.0
-_EXACT_IN_HALF = 2048  # whole numbers up to it
+_EXACT_IN_HALF = 2048  # half floats hold all integers up to it
+# Colors of ids differ in hue by the golden angle, so that neighboring ids look different.
+_GOLDEN_ANGLE_DEG = 180.0 * (3.0 - 5.0**0.5)
+_LIGHTNESSES = (0.70, 0.52, 0.86)
+_CHROMA = 0.15
+_MOST_READABLE = 1024  # ids whose colors a person can tell apart; beyond it only programs can
+# Odd, so that products with different numbers below 2^24 differ modulo 2^24.
+_MIXER = 0x9E3779
 
 
 @dataclass(frozen=True, eq=False)
 class Coded:
-    """A map as what a file holds.
+    """A map encoded for a file.
 
     Attributes
     ----------
     pixels : (H, W, C) uint8, uint16 or float32
-        Codes, or floats for `write_image` to code.
+        Codes, or floats that `write_image` converts.
     metadata : dict
     n_clipped : int
-        Values that the codes asked for cannot hold.
+        Values out of range of the given mid level and scale.
     """
 
     pixels: npt.NDArray[Any]
@@ -67,13 +75,13 @@ class Coded:
 
 
 @dataclass(frozen=True)
-class Request:
-    """What is asked of a file; None as the options of the bake say.
+class FileEncoding:
+    """How a file encodes a map; None takes a value from the options of the bake.
 
     Attributes
     ----------
     bits : int
-        8 or 16 for codes, `FLOAT` for values as they are.
+        8 or 16 for codes, `FLOAT` for plain values.
     convention : str, optional
     mid, scale : float, optional
     """
@@ -85,15 +93,20 @@ class Request:
 
 
 def file_bits(kind: MapKind, path: PathLike, bits: int | None, n_ids: int = 0) -> int:
-    """Bits a channel of a map's file: those asked for, else what suits the map and the format.
+    """Bits per channel of the file of a map.
 
-    Colors have 8 (16 in EXR, as half floats), numbers of things 8 or 32, all else the most that the
-    format holds.
+    Parameters
+    ----------
+    bits
+        None: 8 bits for colors (16 in EXR, as half floats), 8 or 32 for ids, and for all other
+        maps the most that the format can hold.
+    n_ids
+        Number of ids, for maps of ids.
 
     Raises
     ------
     OptionError
-        The format does not hold the map so.
+        The format cannot hold the map at these bits.
     FileFormatError
         The suffix is not known.
     """
@@ -103,127 +116,159 @@ def file_bits(kind: MapKind, path: PathLike, bits: int | None, n_ids: int = 0) -
     bits = check_image_format(path, bits, color=is_color, channels=channels, lossless=True)
     if n_ids > _EXACT_IN_HALF and bits == 16 and not codes:
         raise OptionError(
-            f"{path}: half floats do not hold {n_ids:,} numbers; use --bits 32 or a png file"
+            f"{path}: half floats cannot hold {n_ids:,} ids; use `bits=32` or a png file"
         )
     return bits
 
 
-def code(baked: BakedMap, request: Request) -> Coded:
-    """Code a map as its kind says."""
-    return _CODINGS[baked.kind.coding](baked, request)
+def code(baked: BakedMap, encoding: FileEncoding) -> Coded:
+    """Encode a map as its kind requires."""
+    return _CODINGS[baked.kind.coding](baked, encoding)
 
 
-def _normals(baked: BakedMap, request: Request) -> Coded:
-    convention = request.convention or baked.options.convention
+def _normals(baked: BakedMap, encoding: FileEncoding) -> Coded:
+    convention = encoding.convention or baked.options.convention
     pixels = encode_normals(
-        baked.values, bits=request.bits, convention=convention, threads=baked.options.threads
+        baked.values, bits=encoding.bits, convention=convention, threads=baked.options.threads
     )
     return Coded(pixels, {SPACE: baked.options.space, CONVENTION: convention})
 
 
-def _lengths(baked: BakedMap, request: Request) -> Coded:
-    mid, scale = _height_levels(baked, request)
+def _lengths(baked: BakedMap, encoding: FileEncoding) -> Coded:
+    mid, scale = _height_levels(baked, encoding)
     pixels = encode_heights(
-        baked.values, bits=request.bits, mid=mid, scale=scale, threads=baked.options.threads
+        baked.values, bits=encoding.bits, mid=mid, scale=scale, threads=baked.options.threads
     )
     metadata: dict[str, Value] = {DISPLACEMENT_MID: mid, DISPLACEMENT_SCALE: scale}
     if baked.kind.coding == "vector":
         metadata[SPACE] = baked.options.space
     n_clipped = 0
-    if request.bits != FLOAT:
+    if encoding.bits != FLOAT:
         n_clipped = count_clipped(baked.values, baked.covered, mid=mid, scale=scale)
     return Coded(pixels, metadata, n_clipped)
 
 
-def _height_levels(baked: BakedMap, request: Request) -> tuple[float, float]:
-    """Mid level and scale of a file: what was asked for, the rest measured."""
+def _height_levels(baked: BakedMap, encoding: FileEncoding) -> tuple[float, float]:
+    """Mid level and scale of a file: those that are given, and the rest measured."""
     options = baked.options
-    mid = options.mid if request.mid is None else request.mid
-    scale = options.scale if request.scale is None else request.scale
-    if request.bits == FLOAT:
+    mid = options.mid if encoding.mid is None else encoding.mid
+    scale = options.scale if encoding.scale is None else encoding.scale
+    if encoding.bits == FLOAT:
         return mid or 0.0, 1.0 if scale is None else scale
     if mid is None or scale is None:
-        measured = height_range(baked.values, baked.covered, bits=request.bits, mid=mid)
+        measured = height_range(baked.values, baked.covered, bits=encoding.bits, mid=mid)
         return measured[0], measured[1] if scale is None else scale
     return mid, scale
 
 
-def _positions(baked: BakedMap, request: Request) -> Coded:
+def _positions(baked: BakedMap, encoding: FileEncoding) -> Coded:
     is_world = baked.kind.name.startswith("world") or baked.options.space == "world"
     metadata: dict[str, Value] = {SPACE: "world" if is_world else "object"}
-    if request.bits == FLOAT:
+    if encoding.bits == FLOAT:
         return Coded(baked.values, metadata)
     assert baked.bounds is not None
     low, high = baked.bounds
-    # An axis along which nothing extends is 0 and decodes to its one coordinate.
+    # Along an axis without extent the code is 0, which decodes to the one coordinate.
     sizes = np.where(high > low, high - low, 1.0)
     shares = ((baked.values - low) / sizes).astype(np.float32)
     metadata |= {POSITION_MIN: _numbers(low), POSITION_MAX: _numbers(high)}
-    return Coded(quantize_unsigned(shares, request.bits, threads=baked.options.threads), metadata)
+    return Coded(quantize_unsigned(shares, encoding.bits, threads=baked.options.threads), metadata)
 
 
 def _numbers(point: npt.NDArray[np.float64]) -> str:
     return " ".join(map(repr, point.tolist()))
 
 
-def _curvatures(baked: BakedMap, request: Request) -> Coded:
+def _curvatures(baked: BakedMap, encoding: FileEncoding) -> Coded:
     mid, scale = 0.0, 1.0
-    if request.bits != FLOAT:
-        top = max_code(request.bits)
-        # 1/2 is no code: that of a flat surface is the one just over it.
+    if encoding.bits != FLOAT:
+        top = max_code(encoding.bits)
+        # No code is exactly 1/2; a flat surface gets the one just above it.
         mid = (top + 1) / 2 / top if baked.kind.mid == 0.5 else baked.kind.mid
         white = baked.options.curvature_scale or usual_curvature(baked)
         scale = white / (1.0 - mid)
     pixels = encode_heights(
-        baked.values, bits=request.bits, mid=mid, scale=scale, threads=baked.options.threads
+        baked.values, bits=encoding.bits, mid=mid, scale=scale, threads=baked.options.threads
     )
     return Coded(pixels, {CURVATURE_MID: mid, CURVATURE_SCALE: scale})
 
 
-def _thicknesses(baked: BakedMap, request: Request) -> Coded:
+def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> Coded:
     scale = 1.0
-    if request.bits != FLOAT:
+    if encoding.bits != FLOAT:
         greatest = float(baked.values[baked.covered].max(initial=0.0))
         scale = baked.options.thickness_distance or greatest or 1.0
     pixels = encode_heights(
-        baked.values, bits=request.bits, mid=0.0, scale=scale, threads=baked.options.threads
+        baked.values, bits=encoding.bits, mid=0.0, scale=scale, threads=baked.options.threads
     )
     return Coded(pixels, {THICKNESS_SCALE: scale})
 
 
 def usual_curvature(baked: BakedMap) -> float:
-    """Size of curvature that all but a few texels keep to; 1 where nothing is bent."""
+    """Absolute curvature that only a few texels exceed; 1 if nothing is curved."""
     sizes = np.abs(baked.values[baked.covered])
     greatest = float(np.percentile(sizes, _CURVATURE_PERCENTILE)) if sizes.size else 0.0
-    # What little is bent may be less than what the percentile leaves out.
+    # If very little is curved, the percentile may be 0.
     greatest = greatest or float(sizes.max(initial=0.0))
     return greatest if greatest > 0.0 else 1.0
 
 
-def _colors(baked: BakedMap, request: Request) -> Coded:
+def _colors(baked: BakedMap, encoding: FileEncoding) -> Coded:
     return Coded(baked.values)
 
 
-def _masks(baked: BakedMap, request: Request) -> Coded:
-    if request.bits == FLOAT:
+def _masks(baked: BakedMap, encoding: FileEncoding) -> Coded:
+    if encoding.bits == FLOAT:
         return Coded(baked.values)
-    return Coded(quantize_unsigned(baked.values, request.bits, threads=baked.options.threads))
+    return Coded(quantize_unsigned(baked.values, encoding.bits, threads=baked.options.threads))
 
 
-def _ids(baked: BakedMap, request: Request) -> Coded:
+def _ids(baked: BakedMap, encoding: FileEncoding) -> Coded:
     names = baked.legend
-    if request.bits == FLOAT:
+    if encoding.bits == FLOAT:
         return Coded(baked.values, {f"{ID}{i}": name for i, name in enumerate(names, start=1)})
     colors = id_colors(len(names))
     words = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors.tolist()]
     metadata: dict[str, Value] = {
         f"{ID}{word}": name for word, name in zip(words[1:], names, strict=True)
     }
-    codes = colors if request.bits == 8 else colors.astype(np.uint16) * 257
+    codes = colors if encoding.bits == 8 else colors.astype(np.uint16) * 257
     return Coded(codes[baked.values[:, :, 0].astype(np.intp)], metadata)
 
 
-_CODINGS: dict[str, Callable[[BakedMap, Request], Coded]] = {
+def id_colors(n: int) -> npt.NDArray[np.uint8]:
+    """Codes of the colors of ids 1 to n, after black for 0, which means no id.
+
+    Parameters
+    ----------
+    n
+        Below 2^24.
+
+    Returns
+    -------
+    (n + 1, 3) uint8
+        sRGB, all different. Up to 1,024 ids, the colors of the first ones do not depend on n.
+
+    Examples
+    --------
+    >>> len({tuple(color) for color in id_colors(500).tolist()})
+    501
+    """
+    colors = np.zeros((n + 1, 3), dtype=np.uint8)
+    if n > _MOST_READABLE:
+        mixed = (np.arange(n + 1, dtype=np.int64) * _MIXER) & 0xFFFFFF
+        return np.stack([mixed >> 16, (mixed >> 8) & 255, mixed & 255], axis=1).astype(np.uint8)
+    # More than n, because some colors come out alike once they are rounded.
+    i = np.arange(4 * (n + 1))
+    lightness = np.array(_LIGHTNESSES)[i % len(_LIGHTNESSES)]
+    linear = linear_from_oklch(lightness, _CHROMA, i * _GOLDEN_ANGLE_DEG)
+    codes = np.floor(encode_srgb(linear) * 255.0 + 0.5).astype(np.uint8)
+    _, firsts = np.unique(codes, axis=0, return_index=True)
+    colors[1:] = codes[np.sort(firsts)[:n]]
+    return colors
+
+
+_CODINGS: dict[str, Callable[[BakedMap, FileEncoding], Coded]] = {
     "normal": _normals,
     "height": _lengths,
     "vector": _lengths,

@@ -1,4 +1,4 @@
-"""Names of the files of maps, from a pattern such as `{asset}_{map}_{udim}.{ext}`."""
+"""File names of maps, from a pattern such as `{asset}_{map}_{udim}.{ext}`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from texbake.errors import OptionError
 DEFAULT_PATTERN = "{map}.{ext}"
 FIRST_TILE = 1001
 _FIELDS = ("asset", "map", "set", "udim", "ext")
-# What file systems do not take in a name.
+# Characters that file systems do not allow in names.
 _NOT_IN_NAMES = re.compile(r'[\x00-\x1f/\\:*?"<>|]')
 
 
@@ -24,32 +24,32 @@ def map_file_names(
     udim: int = FIRST_TILE,
     texture_set: str | None = None,
 ) -> dict[str, str]:
-    """Names of the files of some maps.
+    """Return the file names of maps.
 
     Parameters
     ----------
     pattern
-        `{asset}`, `{map}`, `{set}`, `{udim}` and `{ext}` stand for what they say; anything else
-        stays.
+        `{asset}`, `{map}`, `{set}`, `{udim}` and `{ext}` are replaced; everything else is kept.
     asset
-        What is baked.
+        Name of the asset.
     ext
-        Suffix without the dot, which tells the format.
+        Suffix of the image format, without the dot.
     udim
-        Number of the tile.
+        UDIM number of the tile.
     texture_set
-        Of which faces; what files cannot be called becomes `_`. None: all of the asset.
+        Name of the texture set, in which characters that file names cannot have become `_`. None:
+        the name of the asset.
 
     Returns
     -------
     dict of str to str
-        Name of a map to the name of its file.
+        Map name to file name.
 
     Raises
     ------
     OptionError
-        The pattern has another field, names a folder, has no `.{ext}` at its end, or gives two maps
-        one name.
+        The pattern has an unknown field, names a folder, does not end with `.{ext}`, or gives two
+        maps the same name.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def map_file_names(
         unknown = sorted(fields - {*_FIELDS})
         if unknown:
             raise OptionError(
-                f"name-pattern: {{{unknown[0]}}} is not known; use "
+                f"name_pattern: {{{unknown[0]}}} is not known; use "
                 + ", ".join(f"{{{name}}}" for name in _FIELDS)
             )
         of_set = asset if texture_set is None else _NOT_IN_NAMES.sub("_", texture_set)
@@ -73,12 +73,12 @@ def map_file_names(
         if isinstance(error, OptionError):
             raise
         raise OptionError(
-            f"name-pattern: {pattern!r} does not parse ({error}); write {DEFAULT_PATTERN}"
+            f"name_pattern: {pattern!r} cannot be parsed ({error}); write {DEFAULT_PATTERN}"
         ) from error
     if not pattern.endswith(".{ext}"):
-        raise OptionError(f"name-pattern: {pattern!r} must end with .{{ext}}")
+        raise OptionError(f"name_pattern: {pattern!r} must end with .{{ext}}")
     if any("/" in name or "\\" in name for name in names.values()):
-        raise OptionError(f"name-pattern: {pattern!r} names a folder; that is for -o to say")
+        raise OptionError(f"name_pattern: {pattern!r} names a folder; give the names of files only")
     if len({name.lower() for name in names.values()}) < len(names):
-        raise OptionError(f"name-pattern: {pattern!r} gives two maps one name; put {{map}} in it")
+        raise OptionError(f"name_pattern: {pattern!r} gives two maps the same name; add {{map}}")
     return names

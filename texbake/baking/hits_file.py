@@ -1,10 +1,10 @@
-"""A trace in a file, with all that maps are made from: other maps need no dense mesh and no rays.
+"""The hits of a bake in a file, from which other maps are made without the high-poly mesh or rays.
 
-The file is an uncompressed .npz. It has 40 bytes a sample (texel, face and weights on both meshes,
-and the way between them; 20 more where secondary rays were asked for), the light mesh, and of the
-dense mesh the faces that were hit, with their normals, curvatures, coordinates, colors, groups and
-materials: the more samples meet in a face, the less that is. Images of materials are there as the
-bytes of their files.
+The file is an uncompressed .npz with everything that maps are made from. It takes 40 bytes per
+sample: texel, face and weights on both meshes, and the offset between them; 20 bytes more if
+secondary rays were cast. It also holds the low-poly mesh, and those faces of the high-poly mesh
+that were hit, with their normals, curvatures, texture coordinates, colors, groups and materials.
+Images of materials are stored as the bytes of their files.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 Arrays = dict[str, Any]  # of arrays
 
 _VERSION = 1
-# What numpy, zipfile and json raise where a file is damaged; headers of arrays are read as Python,
-# and a flipped bit may say that an entry is encrypted, or packed in a way that is not known.
+# What numpy, zipfile and json raise for a damaged file. Headers of arrays are parsed as Python, and
+# a flipped bit may mark an entry as encrypted or compressed by an unknown method.
 _DAMAGE = (
     ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
     UserWarning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
@@ -54,15 +54,15 @@ _MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_face
 
 
 def write_hits(result: BakeResult, path: PathLike) -> None:
-    """Write the trace of a bake, whole or not at all.
+    """Write the hits of a bake to a file, completely or not at all.
 
     Parameters
     ----------
     result
-        Of a bake with `BakeOptions.keep_hits`.
+        The result of a bake with `BakeOptions.keep_hits`.
     path
-        Of a .npz file. The same result gives the same bytes; of two bakes the reports differ in
-        their times, and nothing else does.
+        A .npz file. The same result gives the same bytes. The files of two equal bakes differ only
+        in the times in their reports.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
         The file cannot be written.
     """
     if result.hits is None or result.inputs is None:
-        raise OptionError("hits: the bake kept none; bake with BakeOptions(keep_hits=True)")
+        raise OptionError("hits: the bake kept none; bake with `keep_hits=True`")
     hits, high = _of_hit_faces(result.hits, result.inputs)
     arrays: Arrays = {
         field.name: column
@@ -99,19 +99,19 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
 
 
 def read_hits(path: PathLike) -> BakeResult:
-    """Read a trace that `write_hits` wrote, as a bake without maps.
+    """Read a file of `write_hits`, as the result of a bake without maps.
 
     Returns
     -------
     BakeResult
-        For `remap`; the dense mesh of its `inputs` has only the faces that were hit.
+        For `remap`; the high-poly mesh of its `inputs` has only the faces that were hit.
 
     Raises
     ------
     FileError
         The file is missing or cannot be read.
     FileFormatError
-        It is no file of hits, of another version, or damaged.
+        It is not a file of hits, has another version, or is damaged.
     """
     require_file(path)
     try:
@@ -119,7 +119,7 @@ def read_hits(path: PathLike) -> BakeResult:
         header = json.loads(arrays["header"].tobytes())
         if header["version"] != _VERSION:
             raise FileFormatError(
-                f"{path}: it is of version {header['version']}, and this texbake reads "
+                f"{path}: it has version {header['version']}, and this texbake reads version "
                 f"{_VERSION}; bake it again"
             )
         return _unpacked(header, arrays)
@@ -129,23 +129,23 @@ def read_hits(path: PathLike) -> BakeResult:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
     except _DAMAGE as error:
         raise FileFormatError(
-            f"{path}: it is no file of hits, or damaged; write it again with --hits"
+            f"{path}: it is not a file of hits, or it is damaged; bake again and keep the hits"
         ) from error
 
 
 def _loaded(path: PathLike) -> Arrays:
-    """Arrays of an archive by their names; raises any of `_DAMAGE`."""
+    """Arrays of an archive by name; raises any of `_DAMAGE`."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error", UserWarning)  # of headers that numpy mends
+        warnings.simplefilter("error", UserWarning)  # numpy repairs some headers
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays: Arrays = {name: archive[name] for name in archive.files}
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):
-        raise ValueError("an entry is no array, and given as bytes")
+        raise ValueError("an entry is not an array; numpy returns its bytes")
     return arrays
 
 
 def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
-    """Hits on, and inputs of, the part of the dense mesh that was hit (one face if none was)."""
+    """Hits and inputs reduced to the high-poly faces that were hit, or to one face if none was."""
     high = inputs.high
     used = np.zeros(high.n_faces, dtype=np.bool_)
     used[hits.high_faces[hits.high_faces != NO_HIT]] = True
@@ -192,7 +192,7 @@ def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
 
 
 def _put_materials(materials: Materials, arrays: Arrays) -> dict[str, Any]:
-    """Add the arrays of materials; return what the header says of them."""
+    """Add the arrays of materials; return their entry in the header."""
     arrays["face_materials"] = materials.face_materials
     colors = []
     for i, color in enumerate(materials.base_colors):
@@ -266,7 +266,7 @@ def _taken_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None
 def _check(
     hits: Hits, texel_faces: npt.NDArray[Any], high: Mesh, low: Mesh, shape: tuple[int, int]
 ) -> None:
-    """Raise `ValueError` for what kernels would read beyond an array of."""
+    """Raise `ValueError` for lengths and indices that would make kernels read out of bounds."""
     n = len(hits)
     if texel_faces.shape != shape or any(len(a) != n for a in hits.arrays() if a is not None):
         raise ValueError("arrays do not fit together")
@@ -276,7 +276,7 @@ def _check(
         (hits.offsets, 3),
     ):
         if values.dtype != np.float32 or values.shape != (n, width):
-            raise ValueError("an array is of another kind")
+            raise ValueError("an array has another shape or type")
     for ids, least, stop in (
         (hits.texel_ids, 0, texel_faces.size),
         (hits.low_faces, 0, low.n_faces),
@@ -288,7 +288,7 @@ def _check(
 
 
 def _check_shapes(hits: Hits, high: Mesh, arrays: Arrays) -> None:
-    """Raise `ValueError` for values whose shape or type is not what kernels read."""
+    """Raise `ValueError` for arrays whose shape or type the kernels do not expect."""
     n = len(hits)
     expected = {
         "low_barycentrics": (n, 2),
@@ -302,10 +302,10 @@ def _check_shapes(hits: Hits, high: Mesh, arrays: Arrays) -> None:
             raise ValueError("an array has another shape or type")
     bounds = arrays["bounds"]
     if bounds.shape != (2, 3) or bounds.dtype != np.float64:
-        raise ValueError("the bounds are no box")
+        raise ValueError("the bounds are not a box")
     materials = arrays.get("face_materials")
     if materials is not None and materials.shape != (high.n_faces,):
-        raise ValueError("materials are not those of the faces")
+        raise ValueError("there is not one material for each face")
 
 
 @cache

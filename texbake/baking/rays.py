@@ -69,8 +69,8 @@ class RayMaps:
         """Raise `OptionError` if a mask would blend the normals of faces with themselves."""
         if self.skew is not None and rays == "face":
             raise OptionError(
-                "skew_mask, rays: rays along face normals are straight already; use rays smooth or "
-                "vertex"
+                "skew_mask, rays: rays along face normals are straight already; use `rays=smooth` "
+                "or `rays=vertex`"
             )
 
     def skew_at(self, uvs: FloatArray, threads: int | None) -> Float32Array:

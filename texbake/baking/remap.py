@@ -14,7 +14,7 @@ from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.progress import ProgressSink, Stages
 
-# Options of the rays, which stay as they were when other maps are made from their hits.
+# Options of the rays; other maps from the same hits keep those of the bake.
 _OF_TRACE = (
     "size",
     "samples",
@@ -50,8 +50,8 @@ def remap(result: BakeResult, high: MeshLike, low: MeshLike, options: BakeOption
     high, low = as_mesh(high), as_mesh(low)
     if (high.n_faces, low.n_faces) != (result.report.n_high_faces, result.report.n_low_faces):
         raise OptionError(
-            f"remap: {high.name} and {low.name} are not the meshes that were baked "
-            f"({result.report.high} and {result.report.low}); give those"
+            f"high, low: {high.name} and {low.name} are not the meshes that were baked; give "
+            f"{result.report.high} and {result.report.low}"
         )
     materials = None if result.inputs is None else result.inputs.materials
     inputs = BakeInputs.of(high, low, result.report.options, materials)
@@ -61,9 +61,9 @@ def remap(result: BakeResult, high: MeshLike, low: MeshLike, options: BakeOption
 def remap_hits(
     result: BakeResult, options: BakeOptions, *, progress: ProgressSink | None = None
 ) -> BakeResult:
-    """As `remap`, from the result of a bake or of `read_hits` alone, without the meshes."""
+    """Do as `remap`, from the result of a bake or of `read_hits` alone, without the meshes."""
     if result.hits is None or result.inputs is None:
-        raise OptionError("remap: the bake kept no hits; bake with BakeOptions(keep_hits=True)")
+        raise OptionError("hits: the bake kept none; bake with `keep_hits=True`")
     traced = result.report.options
     of_trace = {name: getattr(traced, name) for name in _OF_TRACE}
     options = replace(options, max_error=None, time_budget=None, **of_trace)

@@ -1,4 +1,4 @@
-"""What a bake tells of itself: settings, coverage, misses, distances, time and memory."""
+"""The report of a bake: settings, coverage, misses, distances, time and memory."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 
 _PERCENTILES = (1, 5, 50, 95, 99)
-_EVERY = 8  # percentiles between the ends are taken over one hit in so many
+_EVERY = 8  # all percentiles but the least and the greatest use one hit in this many
 
 
 class DistanceSummary:
-    """How far the two surfaces lie apart, gathered while the hits go by."""
+    """Distances between the two surfaces, collected one part of the trace after another."""
 
     def __init__(self) -> None:
         self._some: list[npt.NDArray[np.float64]] = []
         self._least, self._greatest = np.inf, 0.0
 
     def add(self, hits: Hits, *, threads: int | None = None) -> None:
-        """Take in the hits of a part of the trace."""
+        """Add the hits of a part of the trace."""
         offsets = hits.offsets
         squares = np.empty(len(offsets))
 
         def measure(start: int, stop: int) -> None:
-            # float64, so that no unit of length is too small or too large to be squared
+            # In float64 the squares of very small and very large lengths are in range.
             band = offsets[start:stop].astype(np.float64)
             np.einsum("ij,ij->i", band, band, out=squares[start:stop])
 
@@ -48,7 +48,7 @@ class DistanceSummary:
             self._some.append(np.sqrt(squares[::_EVERY]))
 
     def percentiles(self) -> dict[int, float]:
-        """Percent to distance in model units, from 0, the least, to 100; empty without a hit."""
+        """Percent to distance in model units: 0 least, 100 greatest. Empty without hits."""
         if not self._some:
             return {}
         values = np.percentile(np.concatenate(self._some), _PERCENTILES)
@@ -68,31 +68,31 @@ class BakeReport:
         Names of the meshes.
     n_high_faces, n_low_faces : int
     options : BakeOptions
-        As asked for.
+        As given.
     front, back : float or None
-        Distances that the rays went; the front is None with a cage, which has one a vertex.
+        Ray distances; the front is None with a cage, which has a distance for each vertex.
     measured : bool
-        Whether one of them was measured.
+        Whether at least one of them was measured.
     caster : str
-        What cast the rays.
+        Name of the ray caster.
     texels, texels_covered, texels_missed : int
-        Of the map; covered by the light mesh; covered without a hit in any sample.
-    texels_overlapping : int
+        All texels of the map; those covered by the low-poly mesh; the covered ones without any hit.
+    texels_overlapping : float
         Samples that several faces cover, in texels; the first face wins.
     faces_without_texel : int
-        Faces of the light mesh that own no texel: thinner than the samples lie apart, covered by
-        others, or without area or outside the square.
+        Faces of the low-poly mesh that own no texel: they are too thin, covered by others, without
+        area, or outside the unit square.
     padding_meets : int
-        Texels that the padding of two charts wants.
+        Texels where the padding of two charts meets.
     counts : TraceCounts
     distance_percentiles : dict
-        Percent to distance between the light and the dense surface.
+        Percent to distance between the low-poly and the high-poly surface.
     stages : list of StageRecord
     versions : dict
     sampling : SamplingReport or None
-        What adaptive samples reached.
+        Errors of adaptive samples, as estimated and as checked.
     budget : TimeBudget or None
-        What a time budget was turned into.
+        The settings that a time budget led to.
     """
 
     high: str
@@ -130,16 +130,16 @@ class BakeReport:
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should look at, a sentence each."""
+        """What the user should check, a sentence each."""
         counts = self.counts
-        hint = "see them with --miss-map"
+        hint = "see them with `miss_map`"
         if self.miss_percent > 50.0:
-            hint = "are its faces turned inside out, or the distances too short?"
+            hint = "check for inverted normals and too short ray distances"
         checks = (
             (
                 self.texels_missed,
-                f"{self.texels_missed:,} texels ({self.miss_percent:.2f} %) found no dense surface "
-                f"and are left neutral; {hint}",
+                f"the rays of {self.texels_missed:,} texels ({self.miss_percent:.2f} %) missed the "
+                f"high-poly mesh, and these texels are left neutral; {hint}",
             ),
             (
                 counts.samples_overlapping,
@@ -148,8 +148,8 @@ class BakeReport:
             ),
             (
                 counts.faces_outside_tile,
-                f"{counts.faces_outside_tile:,} faces reach outside the unit square; "
-                "what lies outside is not baked, unless {udim} is in --name-pattern",
+                f"{counts.faces_outside_tile:,} faces extend beyond the unit square; "
+                "what lies outside is not baked, unless {udim} is in `name_pattern`",
             ),
             (
                 self.faces_without_texel,
@@ -159,16 +159,16 @@ class BakeReport:
             (
                 self.padding_meets,
                 f"the padding of two charts meets on {self.padding_meets:,} texels; "
-                "use less padding or leave more room between charts",
+                "use less `padding` or leave more space between charts",
             ),
         )
         found = [message for count, message in checks if count]
-        for told in (self.sampling, self.budget):
-            found += [] if told is None else told.warnings
+        for part in (self.sampling, self.budget):
+            found += [] if part is None else part.warnings
         return found
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
+        """Rows of a label and a figure, to print."""
         counts = self.counts
         front = "from the cage" if self.front is None else f"{self.front:.6g}"
         measured = " (measured)" if self.measured else ""
@@ -202,18 +202,18 @@ class BakeReport:
         ]
 
     def _samples(self) -> str:
-        """Say what was taken: a time budget may have chosen otherwise than the options say."""
+        """Describe the samples that were cast, which a time budget may have chosen."""
         if self.sampling is not None:
             return "adaptive samples"
         n_samples = 1 if self.budget is not None else self.options.samples
-        return f"{n_samples} sample{'' if n_samples == 1 else 's'} a texel"
+        return f"{n_samples} sample{'' if n_samples == 1 else 's'} per texel"
 
     def _peak(self) -> str:
         peaks = [stage.peak_memory_bytes for stage in self.stages if stage.peak_memory_bytes]
         return f", peak memory {max(peaks) / 1e9:.2f} GB" if peaks else ""
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values, for `json.dump`."""
+        """Return the report as plain values, for `json.dump`."""
         values = asdict(self)
         values["size"] = [self.options.width_px, self.options.height_px]
         values["miss_percent"] = self.miss_percent
@@ -223,7 +223,7 @@ class BakeReport:
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of texbake and of what its results depend on."""
+    """Versions of texbake and of the libraries that its results depend on."""
     from importlib.metadata import PackageNotFoundError, version
 
     versions = {}

@@ -1,43 +1,143 @@
-"""What a bake gives back: maps that can be written in any coding, the hits, and the report."""
+"""What a bake returns: maps as values, which are encoded when written, the hits, and the report."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.baked_map import BakedMap
+from texbake.baking.codings import FLOAT, FileEncoding, code, file_bits
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.kind import MapKind
+from texbake.baking.options import BakeOptions
 from texbake.baking.report import BakeReport
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
-from texbake.texture.image import read_image
+from texbake.mesh.mesh import FloatArray
+from texbake.metadata import Value
+from texbake.texture.image import read_image, write_image
+from texbake.texture.image_formats import holds_floats
 
 # Colors of the miss map: not covered, covered and hit, covered and missed.
 _MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
 
 
+@dataclass(frozen=True)
+class WrittenMap:
+    """What `BakedMap.write` wrote.
+
+    Attributes
+    ----------
+    path : Path
+    bits : int
+        Bits per channel.
+    metadata : dict
+        Metadata of the file: space, convention, mid level and scale, names of ids.
+    n_clipped : int
+        Values out of range of the given mid level and scale; 0 if these were measured.
+    """
+
+    path: Path
+    bits: int
+    metadata: dict[str, Value] = field(default_factory=dict)
+    n_clipped: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class BakedMap:
+    """One map of a bake, as values that are encoded when it is written.
+
+    Attributes
+    ----------
+    kind : MapKind
+    values : (H, W, C) float32
+        Unit vectors, lengths in model units, colors or ids, depending on the kind; the neutral
+        value where nothing was baked.
+    has_data : (H, W) bool
+        Texels with a hit; the range of heights is measured over them.
+    options : BakeOptions
+        Gives the space, and the convention, bits, mid and scale that are not given to `write`.
+    bounds : (2, 3) float64, optional
+        For positions: the least and the greatest that integer files can hold.
+    legend : tuple of str
+        For ids: the names of ids 1, 2, 3 and so on.
+    """
+
+    kind: MapKind
+    values: npt.NDArray[np.float32]
+    has_data: npt.NDArray[np.bool_]
+    options: BakeOptions
+    bounds: FloatArray | None = None
+    legend: tuple[str, ...] = ()
+
+    def write(
+        self,
+        path: PathLike,
+        *,
+        bits: int | None = None,
+        convention: str | None = None,
+        mid: float | None = None,
+        scale: float | None = None,
+    ) -> WrittenMap:
+        """Write the map in the format of the file's suffix.
+
+        Parameters
+        ----------
+        path
+            A png, exr, tif or tga file.
+        bits
+            8, 16 or 32 bits per channel. None: those of the options, or the default of `file_bits`.
+        convention
+            `opengl` or `directx`. None: that of the options.
+        mid, scale
+            Encode lengths as d = (h - mid) * scale. None: those of the options. If these are None
+            too, integer files use a range measured so that every height fits, and float files
+            hold plain lengths.
+
+        Raises
+        ------
+        OptionError, FileError
+        """
+        bits = file_bits(self.kind, path, bits or self.options.bits, len(self.legend))
+        code_bits = FLOAT if holds_floats(path, bits) else bits
+        coded = code(self, FileEncoding(code_bits, convention, mid, scale))
+        write_image(
+            coded.pixels,
+            path,
+            color=self.kind.coding == "color",
+            bits=bits,
+            metadata=coded.metadata,
+            threads=self.options.threads,
+        )
+        return WrittenMap(Path(path), bits, coded.metadata, coded.n_clipped)
+
+    @property
+    def covered(self) -> npt.NDArray[np.bool_]:
+        """(H, W, C) bool: `has_data` for each value."""
+        return np.broadcast_to(self.has_data[:, :, np.newaxis], self.values.shape)
+
+
 @dataclass(frozen=True, eq=False)
 class BakeResult:
-    """Everything that `bake` made.
+    """Everything that `bake` returns.
 
     Attributes
     ----------
     maps : dict of str to BakedMap
-        By the names that were asked for.
+        By the names in `BakeOptions.maps`.
     report : BakeReport
     hits : Hits or None
-        The trace, with `BakeOptions.keep_hits`; `remap` makes other maps of it.
+        If the bake ran with `BakeOptions.keep_hits`; `remap` makes other maps from them.
     texel_faces : (H, W) int32
-        Face of the light mesh that owns each texel, -1 for none.
+        Face of the low-poly mesh that owns each texel, -1 for none.
     has_data : (H, W) bool
         Texels with a hit.
     inputs : BakeInputs or None
-        What the maps were made from beside the hits, where those are kept.
+        The meshes and options, if the hits were kept.
     """
 
     maps: dict[str, BakedMap]
@@ -49,22 +149,22 @@ class BakeResult:
 
     @cached_property
     def missed(self) -> npt.NDArray[np.bool_]:
-        """(H, W) bool: texels that the light mesh covers and no ray hit."""
+        """(H, W) bool: texels that the low-poly mesh covers and whose rays all missed."""
         return (self.texel_faces >= 0) & ~self.has_data
 
     def miss_map(self) -> npt.NDArray[np.uint8]:
-        """(H, W, 3) uint8 picture: gray outside the charts, green for hits, red for misses."""
+        """(H, W, 3) uint8 image: gray outside the charts, green for hits, red for misses."""
         classes = (self.texel_faces >= 0).astype(np.intp) + self.missed
         return _MISS_COLORS[classes]
 
     def write(self, path: PathLike, *, suffix: str = ".png") -> list[Path]:
-        """Write the maps: one map to a file, or all into a folder as NAME + suffix.
+        """Write one map to a file, or all maps into a folder as NAME + suffix.
 
         Parameters
         ----------
         path
-            A file if it has a suffix, which then wants exactly one map; else a folder, made if
-            it is missing.
+            A file if it has a suffix, for a result with exactly one map; otherwise a folder,
+            which is created if it is missing.
 
         Returns
         -------
@@ -75,7 +175,7 @@ class BakeResult:
         if target.suffix and not target.is_dir():
             if len(self.maps) != 1:
                 raise OptionError(
-                    f"{path}: it is one file for {len(self.maps)} maps; give the name of a folder"
+                    f"{path}: one file cannot hold {len(self.maps)} maps; give a folder instead"
                 )
             paths = [target]
         else:
@@ -87,12 +187,12 @@ class BakeResult:
 
 
 def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:
-    """(H, W): the texels of a miss map's file that missed.
+    """Read a miss map; return an (H, W) array that is true where rays missed.
 
     Raises
     ------
     FileError
-        It cannot be read.
+        The file cannot be read.
     """
-    # Of the three colors only that of misses has much red.
+    # Only the color of misses has much red.
     return np.asarray(read_image(path, color=False).pixels[..., 0] > 0.5, dtype=np.bool_)

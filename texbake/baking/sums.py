@@ -1,4 +1,4 @@
-"""Values of samples to values of texels: the mean of what hit, or the first of it."""
+"""The values of texels from those of their samples: the mean of the hits, or the first of them."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _BAND = 1 << 18
 
 
 class TexelSums:
-    """Adds up the samples of a bake, texel by texel, for several maps at once.
+    """Adds up the samples of each texel, for several maps at once.
 
     Attributes
     ----------
     n_hits : (height * width,) uint8
-        Samples of each texel that hit.
+        Number of samples of each texel that hit.
     """
 
     def __init__(self, kinds: list[MapKind], inputs: BakeInputs) -> None:
@@ -33,13 +33,13 @@ class TexelSums:
         self._inputs = inputs
         self._sums = {kind: np.zeros((n_texels, kind.channels), dtype=np.float32) for kind in kinds}
         self.n_hits = np.zeros(n_texels, dtype=np.uint8)
-        # Samples of each texel, where a map counts misses.
+        # Number of samples of each texel, hits and misses, if a map counts misses.
         self._n_samples = None
         if any(kind.of_misses for kind in kinds):
             self._n_samples = np.zeros(n_texels, dtype=np.uint8)
 
     def add(self, hits: Hits) -> None:
-        """Add the hits of a trace; its misses add nothing but to maps that count them."""
+        """Add the hits of a trace, and its misses to maps that count them."""
         if self._n_samples is not None:
             self._add_values(hits, [kind for kind in self._sums if kind.of_misses])
             self._count(hits, self._n_samples)
@@ -50,22 +50,23 @@ class TexelSums:
         self._count(hits, self.n_hits)
 
     def place(self, means: dict[MapKind, npt.NDArray[np.float32]], has_data: BoolArray) -> None:
-        """Take means of texels (height * width, channels) that were made elsewhere."""
+        """Set the means of texels (height * width, channels) instead of adding samples."""
         self._sums = means
         self.n_hits = has_data.astype(np.uint8)
         self._n_samples = self.n_hits
 
     def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
-        """(height, width, channels) float32: values of what hit, the neutral value elsewhere.
+        """(height, width, channels) float32: values of hits, and the neutral value elsewhere.
 
-        They are combined as the kind says. It uses the sums up: ask once for each map.
+        `MapKind.combine` determines how samples are combined. The sums are overwritten, so that
+        this can be called once for each map.
         """
         options = self._inputs.options
         sums = self._sums.pop(kind)
         shape = (options.height_px, options.width_px, kind.channels)
         neutral = np.array(kind.neutral(options), dtype=np.float32)
         if options.samples == 1 and kind.combine != "unit mean" and not neutral.any():
-            return sums.reshape(shape)  # one value or none, which is neutral
+            return sums.reshape(shape)  # texels without a value are 0, which is neutral
         counts = self.n_hits
         if kind.of_misses and self._n_samples is not None:
             counts = self._n_samples
@@ -99,7 +100,7 @@ class TexelSums:
 
     def _run(self, work: Callable[[int, int], None], n_rows: int) -> None:
         options = self._inputs.options
-        # Only with one sample a texel can no two bands meet in a texel.
+        # Bands share no texel only if each texel has one sample.
         band = _BAND if options.samples == 1 else max(n_rows, 1)
         run_bands(work, n_rows, band=band, threads=options.threads)
 

@@ -146,7 +146,7 @@ class Trace:
             raise OptionError(
                 f"max_memory: {self.high.name} would be traced in chunks, and ambient occlusion, "
                 "bent normals and thickness need all of it at once; bake them separately, without "
-                "max_memory"
+                "`max_memory`"
             )
         return BakeScenes.build(
             self.high, self.low, self.stages, chunk_faces=chunk, threads=self.options.threads

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from texbake.baking.bake import bake
-from texbake.baking.baked_map import WrittenMap
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
@@ -16,7 +15,7 @@ from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakeResult, WrittenMap
 from texbake.files import PathLike, check_folder, check_writable, make_folder
 from texbake.jobs.outputs import (
     JobResult,

@@ -13,7 +13,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from texbake.baking.baked_map import WrittenMap
 from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts, match_parts
@@ -23,6 +22,7 @@ from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.report import PartsReport
 from texbake.baking.parts.result import PartsResult
 from texbake.baking.rays import RayMaps
+from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
 from texbake.jobs.maps import (

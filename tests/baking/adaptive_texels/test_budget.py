@@ -14,7 +14,7 @@ def bumpy():
 def test_ample_time_buys_the_closest_bound():
     report = bake(bumpy(), plane(), BakeOptions(size=128, time_budget="10min")).report
     budget = report.budget
-    assert budget.choice == "max-error 0.125deg,0.0025%"
+    assert budget.choice == "`max_error=0.125deg,0.0025%`"
     assert len(budget.candidates) == 7
     rays = [candidate.rays_per_texel for candidate in budget.candidates]
     assert rays == sorted(rays)
@@ -31,7 +31,7 @@ def test_too_little_time_buys_one_sample():
     total = float(report.budget.why.split("about ")[1].split(" s in all")[0])
     assert total == pytest.approx(report.budget.predicted_seconds, abs=0.05)
     assert report.sampling is None
-    assert dict(report.table())["size"] == "64 x 64, 1 sample a texel"
+    assert dict(report.table())["size"] == "64 x 64, 1 sample per texel"
     assert report.counts.rays_cast == 64 * 64
     assert any("time budget" in warning for warning in report.warnings)
 
@@ -39,7 +39,7 @@ def test_too_little_time_buys_one_sample():
 def test_the_error_asked_for_is_where_it_ends():
     options = BakeOptions(size=64, time_budget=600, max_error="3deg", front=0.1, back=0.1)
     report = bake(bumpy(), plane(), options).report
-    assert report.budget.choice == "max-error 3deg"
+    assert report.budget.choice == "`max_error=3deg`"
     assert not report.measured
 
 

@@ -13,7 +13,7 @@ OPTIONS = RenderOptions(width=64, height=48)
 
 def test_much_time_gets_the_closest_bound():
     frame = render(icosphere(2), options=replace(OPTIONS, time_budget="10min"))
-    assert frame.budget.choice == "max-error 0.5/255"
+    assert frame.budget.choice == "`max_error=0.5/255`"
     assert frame.budget.why == "the closest bound of the ladder"
     assert [item.max_error for item in frame.budget.candidates] == [
         "16/255", "8/255", "4/255", "2/255", "1/255", "0.5/255",
@@ -27,7 +27,7 @@ def test_much_time_gets_the_closest_bound():
 def test_a_bound_is_the_closest_that_time_is_spent_on():
     options = replace(OPTIONS, time_budget="10min", max_error="3/255")
     frame = render(icosphere(2), options=options)
-    assert frame.budget.choice == "max-error 3/255"
+    assert frame.budget.choice == "`max_error=3/255`"
     assert frame.sampling.max_error == "3/255"
 
 

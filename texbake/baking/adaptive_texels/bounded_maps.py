@@ -90,8 +90,8 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs) -> list[BoundedMap]:
         names = ", ".join(kind.name for kind in kinds)
         if not any(kind.coding in BOUNDED_CODINGS and kind.needs == "hits" for kind in kinds):
             raise OptionError(
-                "max_error, time_budget, adaptive samples: they are for normals and displacements, "
-                f"and bound nothing of {names}; give a number of samples"
+                "max_error, time_budget, samples: adaptive samples are for normals and "
+                f"displacements, and bound nothing of {names}; give a number of `samples`"
             )
         raise OptionError(
             f"max_error: {bounds} bounds nothing of {names}; "
@@ -144,6 +144,6 @@ class BakeSampling(SamplingReport):
         ]
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
+        """Rows of a label and a figure, to print."""
         samples = f"{listed(self.sample_percents)}; {self.rays_per_texel:.2f} rays per texel"
         return [("samples per texel", samples), *super().table()]

@@ -89,7 +89,7 @@ def plan_bake(
     else:
         predicted = choice.predicted
         planned = replace(planned, samples=ADAPTIVE, max_error=choice.bound)
-        settings = f"max-error {choice.bound}"
+        settings = f"`max_error={choice.bound}`"
     budget = TimeBudget(
         work="the bake",
         seconds=seconds,

@@ -35,7 +35,7 @@ from texbake.baking.adaptive_texels.coverage import (
     outlined_texels,
 )
 from texbake.baking.adaptive_texels.edge_functions import FULL
-from texbake.baking.adaptive_texels.quadtree import NO_CHART, TILE
+from texbake.baking.adaptive_texels.quadtree import NO_CHART
 from texbake.baking.adaptive_texels.recheck import Recheck
 from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE, TexelError
 from texbake.baking.hits import Hits
@@ -44,7 +44,7 @@ from texbake.baking.maps.kind import MapKind
 from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import DistanceSummary
 from texbake.baking.sums import TexelSums
-from texbake.baking.texels import SampleGrid, owned_samples, rasterize_uv
+from texbake.baking.texels import SampleGrid, owned_bands
 from texbake.baking.trace import Missed, SampleCaster, Trace
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
@@ -127,28 +127,32 @@ class AdaptiveSamples:
     def _cast_texels(self, caster: SampleCaster, bins: FaceBins) -> None:
         """Cast the first sample of each texel, and measure how much of it is covered."""
         height, width = self._shape
-        grid, threads = SampleGrid(width, height, 1), self._threads
-        faces = self._trace.snap(grid)
+        grid = SampleGrid(width, height, 1)
         with self._stages.part("rasterize"):
             outlined = outlined_texels(bins, width, height)
         misses = _Misses()
-        parts = []
-        n_texels = sum(map(len, self._rows)) * width
-        with self._stages.stage("bake", total=n_texels, unit="texels", recorded=False) as advance:
-            for rows in self._bands(grid):
-                with self._stages.part("rasterize"):
-                    owners, n_overlaps = rasterize_uv(faces, grid, rows, threads=threads)
-                    self._trace.texel_faces[rows.start : rows.stop] = owners
-                    self._trace.counts.samples_overlapping += n_overlaps
-                    self._coverage.measure(bins, owners, outlined, rows, threads)
-                    parts.append(self._without_parts(owners, rows))
-                    samples = CellSamples.of_texels(
-                        owned_samples(owners, faces, grid, rows.start, threads=threads)
-                    )
-                self._cast_samples(samples, caster, misses, of_texels=True)
-                advance(len(rows) * width)
+        partly: list[IntArray] = []  # texels that are not sampled at their center
+
+        def measure(owners: IntArray, rows: range) -> None:
+            self._trace.texel_faces[rows.start : rows.stop] = owners
+            self._coverage.measure(bins, owners, outlined, rows, self._threads)
+            partly.append(self._without_parts(owners, rows))
+
+        for band in owned_bands(
+            self._trace.snap(grid),
+            grid,
+            self._stages,
+            rows=self._rows,
+            samples_at_once=_SAMPLES_AT_ONCE,
+            edit=measure,
+            threads=self._threads,
+        ):
+            self._trace.counts.samples_overlapping += band.n_overlaps
+            samples = CellSamples.of_texels(band.samples)
+            self._cast_samples(samples, caster, misses, of_texels=True)
+        with self._stages.stage("bake outlines", recorded=False):
             with self._stages.part("rasterize"):
-                texels = np.concatenate(parts)
+                texels = np.concatenate(partly)
                 no_spots = np.zeros(len(texels), dtype=np.uint8)
                 samples = self._samples(bins, 0, (texels, texels, no_spots))
             self._cast_samples(samples, caster, misses, of_texels=True)
@@ -315,13 +319,6 @@ class AdaptiveSamples:
     def _estimate_for(self, bounded: list[BoundedMap]) -> TexelError:
         metric = metric_of(bounded, self._kinds)
         return TexelError(self._cells, self._coverage, self._shape, metric, self._threads)
-
-    def _bands(self, grid: SampleGrid) -> Iterator[range]:
-        """Yield some rows of texels after others, in whole rows of tiles."""
-        step = max(_SAMPLES_AT_ONCE // (grid.width * TILE), 1) * TILE
-        for rows in self._rows:
-            for first in range(rows.start, rows.stop, step):
-                yield range(first, min(first + step, rows.stop))
 
     def _channels(self) -> Iterator[tuple[MapKind, slice]]:
         """Yield each map with its columns among the values."""

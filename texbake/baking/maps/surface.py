@@ -104,8 +104,8 @@ def vertex_color_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 def _require_colors(inputs: BakeInputs) -> None:
     if inputs.high.colors is None:
         raise MeshError(
-            f"{inputs.high.name}: it has no vertex colors to bake; leave the map vertex-color out, "
-            "or give a high-poly mesh that has them"
+            f"{inputs.high.name}: it has no vertex colors to bake; leave vertex-color out of "
+            "`maps`, or give a high-poly mesh that has them"
         )
 
 
@@ -166,12 +166,12 @@ def _require_materials(inputs: BakeInputs) -> None:
     if not any(color is not None for color in colors):
         raise MeshError(
             f"{high.name}: its file names no base color to bake; give its image as "
-            "--high-texture, or leave the map texture out"
+            "`high_texture`, or leave texture out of `maps`"
         )
     if high.uvs is None and any(color is not None and color.image for color in colors):
         raise MeshError(
             f"{high.name}: it has no texture coordinates, which its image needs; "
-            "leave the map texture out"
+            "leave texture out of `maps`"
         )
 
 

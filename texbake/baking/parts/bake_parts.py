@@ -100,7 +100,7 @@ class PartsBake:
         if not done:
             raise UvError(
                 f"{self.low_parts[0].mesh.name}: its texture coordinates cover no texel of any "
-                "map; use a greater size or new coordinates"
+                "map; use a greater `size` or new coordinates"
             )
         report = PartsReport(
             options=parts,
@@ -264,7 +264,7 @@ def bake_parts(
         raise OptionError("high, low: give at least one high-poly and one low-poly mesh")
     if options.time_budget is not None:
         raise OptionError(
-            "time_budget: it applies to the bake of one mesh only; use max_error instead"
+            "time_budget: it applies to the bake of one mesh only; use `max_error` instead"
         )
     if options.keep_hits:
         raise OptionError("keep_hits: hits are kept only of one mesh on one set of maps")

@@ -131,7 +131,7 @@ class HighMeshes:
         if len(kinds) > 1:
             raise OptionError(
                 "vertex_colors: those of glTF files are linear, those of other files are taken to "
-                "be sRGB; set vertex_colors to linear or srgb for all of them"
+                "be sRGB; set `vertex_colors` to linear or srgb for all of them"
             )
 
 

@@ -207,7 +207,7 @@ def _sets(
     """Texture set of each face of a mesh, and the names of the sets."""
     if options.texture_sets == "materials":
         if materials is None:
-            raise MeshError(f"{mesh.name}: it has no materials; use texture_sets groups")
+            raise MeshError(f"{mesh.name}: it has no materials; use `texture_sets=groups`")
         return materials.face_materials, materials.names
     if options.texture_sets == "none":
         name = ""

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.baking.baked_map import BakedMap, WrittenMap
 from texbake.baking.codings import file_bits, usual_curvature
 from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.report import PartsReport
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.texture.encoding import height_range
 from texbake.texture.image_formats import holds_floats
 

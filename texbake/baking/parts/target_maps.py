@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.bake import finished_maps
-from texbake.baking.baked_map import BakedMap
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import BakeReport
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakedMap, BakeResult
 from texbake.baking.trace import TraceCounts
 from texbake.errors import FileError
 from texbake.mesh.mesh import IntArray

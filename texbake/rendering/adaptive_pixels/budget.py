@@ -70,7 +70,7 @@ def choose_picture_bound(
     )
     settings = "16 samples per pixel, each pixel shaded once"
     if choice.bound is not None:
-        settings = f"max-error {in_codes(choice.bound)}"
+        settings = f"`max_error={in_codes(choice.bound)}`"
     predicted = probe.check_seconds if choice.predicted is None else choice.predicted
     budget = TimeBudget(
         work="the picture",

@@ -1,4 +1,4 @@
-"""Maps as files: what was written comes back, in every coding."""
+"""Maps as files: in every encoding, the values that are read are those that were written."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_normals_come_back_within_half_a_step(baked, tmp_path, name, bits, half_
     assert written.bits == bits
     image = read_image(tmp_path / name, color=False)
     assert image.metadata == written.metadata
-    # A component is 2x - 1, so half a step of x is a whole one of it; 4e-6 snaps to flat.
+    # A component is 2x - 1, so half a step of x is a whole step of it; within 4e-6 of flat is flat.
     vectors = image.pixels * 2.0 - 1.0
     np.testing.assert_allclose(vectors, baked["normal"].values, atol=half_step * 1.01 + 4e-6)
     angles = np.linalg.norm(decode_normals(image.pixels) - baked["normal"].values, axis=2)
@@ -53,14 +53,14 @@ def test_heights_come_back_within_half_a_step(baked, tmp_path, kind, name, bits)
 
 
 @pytest.mark.parametrize("name", ["d.exr", "d.tif"])
-def test_float_files_carry_heights_as_they_are(baked, tmp_path, name):
+def test_float_files_hold_plain_heights(baked, tmp_path, name):
     baked["displacement"].write(tmp_path / name)
     image = read_image(tmp_path / name, color=False)
     np.testing.assert_array_equal(image.pixels, baked["displacement"].values)
     assert (image.metadata[DISPLACEMENT_MID], image.metadata[DISPLACEMENT_SCALE]) == (0.0, 1.0)
 
 
-def test_mid_and_scale_are_kept_and_what_they_clip_is_counted(baked, tmp_path):
+def test_given_mid_and_scale_are_used_and_clipped_values_are_counted(baked, tmp_path):
     displacement = baked["displacement"]
     written = displacement.write(tmp_path / "d.png", mid=0.25, scale=0.1)
     assert written.metadata == {DISPLACEMENT_MID: 0.25, DISPLACEMENT_SCALE: 0.1}
@@ -71,7 +71,7 @@ def test_mid_and_scale_are_kept_and_what_they_clip_is_counted(baked, tmp_path):
     assert (image.pixels[below] == 0).all()
 
 
-def test_options_say_what_write_is_not_told(tmp_path):
+def test_write_takes_from_the_options_what_is_not_given(tmp_path):
     high = plane(20, 20, lambda x, y: 0.02 * np.sin(5 * x + 4 * y))
     options = BakeOptions(size=16, bits=8, convention="directx")
     normal = bake(high, plane(), options).maps["normal"]
@@ -87,17 +87,17 @@ def test_options_say_what_write_is_not_told(tmp_path):
         ("n.jpg", 8, OptionError), ("n", None, FileFormatError), ("missing/n.png", None, FileError),
     ],
 )  # fmt: skip
-def test_what_a_format_cannot_hold_is_one_clear_error(baked, tmp_path, name, bits, error):
-    with pytest.raises(error) as told:
+def test_a_map_that_a_format_cannot_hold_is_one_clear_error(baked, tmp_path, name, bits, error):
+    with pytest.raises(error) as raised:
         baked["normal"].write(tmp_path / name, bits=bits)
-    assert str(tmp_path / name) in str(told.value)
+    assert str(tmp_path / name) in str(raised.value)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_one_file_for_several_maps_is_an_error(tmp_path):
     options = BakeOptions(size=16, maps=("normal", "displacement"), front=0.1, back=0.1)
     result = bake(plane(), plane(), options)
-    with pytest.raises(OptionError, match="one file for 2 maps"):
+    with pytest.raises(OptionError, match="one file cannot hold 2 maps"):
         result.write(tmp_path / "maps.png")
     paths = result.write(tmp_path / "maps", suffix=".exr")
     assert [path.name for path in paths] == ["normal.exr", "displacement.exr"]
