@@ -49,7 +49,7 @@ def test_a_plan_a_build_and_nothing_left_to_do(pipeline: Path, invoke: Invoke) -
 
 def test_a_page_does_not_overwrite_the_pipeline_file(pipeline: Path, invoke: Invoke) -> None:
     message = invoke("build p.toml --html p.toml", exit_code=1).stderr
-    assert message == "texbake: p.toml: a page is no '.toml' file; use .html\n"
+    assert message == "texbake: p.toml: a page cannot be written as '.toml'; use .html\n"
     assert pipeline.read_text() == PIPELINE and not (pipeline.parent / "build").exists()
 
 

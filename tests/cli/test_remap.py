@@ -103,7 +103,7 @@ def test_the_report_lists_the_colors_of_ids(baked, tmp_path):
     [
         (["--maps", "normal", "--bits", "32"], "PNG holds 8 or 16 bits"),
         (["--maps", "normals"], "normals is not one of"),
-        (["--maps", "ao"], "ao: the trace that was kept has no rays for it"),
+        (["--maps", "ao"], "ao: the kept hits lack the rays for it"),
         (["--padding", "-1"], "padding: -1 is out of range"),
     ],
 )
