@@ -1,8 +1,8 @@
-"""The camera: where it stands, and the matrix that takes world space to clip space.
+"""The camera, and its matrix from world space to clip space.
 
-World and camera space are right-handed. The camera looks along its own -z, with +x to the right and
-+y up in the picture. Depth is reversed and has no far plane: 1 at the near plane, falling to 0 at
-infinity, which spreads the precision of a float32 evenly over distances.
+World and camera space are right-handed. The camera looks along its own -z axis, with +x to the
+right and +y up in the picture. Depth is reversed without a far plane: 1 at the near plane, 0 at
+infinity. This gives float32 depths the same relative precision at all distances.
 
 Based on: Upchurch and Desbrun, "Tightening the precision of perspective rendering", Journal of
 Graphics Tools 16(1), 2012, for the infinite projection; reversed as in Reed, "Depth precision
@@ -21,14 +21,14 @@ from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.options import RenderOptions
 
-# The near plane, in radii of what is framed: near enough to go into the mesh, and with reversed
-# depth it costs no precision.
+# Near plane relative to the radius of the framed sphere: close enough to move into the mesh. With
+# reversed depth this costs no precision.
 _NEAR = 1e-3
-# Room left about the bounding sphere.
+# Margin around the bounding sphere.
 _MARGIN = 1.03
-# Of the largest coordinate: twice what its rounding leaves of half a difference.
+# Relative to the largest coordinate: twice the rounding error of half a difference.
 _ROUNDING = 2.0**-52
-# Sine of the angle between up and the view below which rounding says what is to the right.
+# Below this sine of the angle between `up` and the view, rounding decides which way is right.
 _PARALLEL = 1e-9
 
 
@@ -39,9 +39,9 @@ class Camera:
     Attributes
     ----------
     eye : (3,) float64
-        Where it stands.
+        Position of the camera.
     axes : (3, 3) float64
-        Rows: the unit vectors right, up and back (against the view) of the picture.
+        Rows are the unit vectors right, up and back (opposite to the view).
     fov : float
         Vertical field of view in radians.
     near : float
@@ -55,17 +55,17 @@ class Camera:
 
     @classmethod
     def framing(cls, *meshes: Mesh, options: RenderOptions | None = None) -> Camera:
-        """Return a camera that has the common bounding sphere of the meshes in its picture.
+        """Return a camera that frames the common bounding sphere of meshes.
 
-        The sphere stands about the center of the joint bounding box. A mesh without any extent is
-        framed as though its radius were 1.
+        The sphere is centered on the joint bounding box. A mesh without any extent is framed as if
+        its radius were 1.
 
         Parameters
         ----------
         meshes
-            At least one; what several pictures are compared of is framed together.
+            At least one. Frame all meshes of pictures that are to be compared together.
         options
-            `view`, `up`, `fov` and the picture's shape are taken from it.
+            Gives `view`, `up`, `fov` and the picture's shape.
 
         Raises
         ------
@@ -95,14 +95,14 @@ class Camera:
         fov: float,
         near: float,
     ) -> Camera:
-        """Return a camera that stands at a point and looks at another.
+        """Return a camera at a position that looks at a target.
 
         Parameters
         ----------
         eye, target : (x, y, z)
             In world space. They must differ by more than their own rounding.
         up : (x, y, z)
-            What is up in the picture; of any length, and not along the view.
+            Direction that is up in the picture, of any length, and not along the view.
         fov : float
             Vertical field of view in radians, above 0 and below π.
         near : float
@@ -111,8 +111,8 @@ class Camera:
         Raises
         ------
         OptionError
-            The camera stands on its target, looks along `up`, or has no field of view or near
-            plane; a number is not finite.
+            The camera is at its target or looks along `up`, `fov` or `near` is out of range, or a
+            number is not finite.
         """
         if not 0.0 < fov < math.pi:
             raise OptionError(
@@ -125,9 +125,9 @@ class Camera:
 
     @staticmethod
     def sphere_around(*meshes: Mesh) -> tuple[FloatArray, float]:
-        """Center of the joint bounding box, and radius about it of all that faces use.
+        """Center of the joint bounding box, and radius of the sphere about it around all faces.
 
-        The radius of what has no extent is 1.
+        The radius of a mesh without extent is 1.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Camera:
         return _bounding_sphere(meshes)
 
     def clip_from_world(self, aspect: float) -> FloatArray:
-        """(4, 4) float64: world space to clip space; `aspect` is width / height."""
+        """(4, 4) float64: matrix from world to clip space; `aspect` is width / height."""
         focal = 1.0 / math.tan(self.fov / 2)
         view = np.eye(4)
         view[:3, :3] = self.axes
@@ -153,10 +153,10 @@ class Camera:
         return projection @ view
 
     def view_rays(self, width: int, height: int) -> FloatArray:
-        """(3, 3) float64: rows o, x, y, where o + i x + j y looks through column i, row j.
+        """(3, 3) float64: rows o, x, y, such that o + i x + j y is the ray of column i, row j.
 
-        i and j are continuous, (0, 0) at the upper left corner of the picture; the directions are
-        in world space and one unit deep along the view.
+        i and j are continuous, with (0, 0) at the upper left corner of the picture. Rays are in
+        world space and one unit deep along the view.
         """
         tall = 2.0 * math.tan(self.fov / 2) / height
         right, up, back = self.axes
@@ -165,7 +165,7 @@ class Camera:
 
 
 def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
-    """Rows right, up, back of a camera that looks at the origin; defined at the poles too."""
+    """Rows right, up, back of a camera that looks at the origin; also defined at the poles."""
     sin_a, cos_a = math.sin(azimuth), math.cos(azimuth)
     sin_e, cos_e = math.sin(elevation), math.cos(elevation)
     right = np.array([cos_a, 0.0, -sin_a])
@@ -177,18 +177,18 @@ def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
 
 
 def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[float]) -> FloatArray:
-    """Rows right, up, back of a camera at a point that looks at another; see `Camera.looking_at`.
+    """Rows right, up, back of a camera that looks at a target; see `Camera.looking_at`.
 
     Raises
     ------
     OptionError
-        The two are one point, `up` is along the view or has no length, or a number is not finite.
+        The points coincide, `up` is along the view or has no length, or a number is not finite.
     """
     place, goal, upward = (np.array(point, np.float64) for point in (eye, target, up))
     for name, point in ("position", place), ("target", goal), ("up", upward):
         if point.shape != (3,) or not np.isfinite(point).all():
             raise OptionError(f"{name}: {point.tolist()} is not three finite numbers")
-    # Nearer than rounding of the coordinates themselves, there is no direction between them.
+    # If the points differ by no more than the rounding of coordinates, the direction is undefined.
     largest = max(float(np.abs(place).max()), float(np.abs(goal).max()))
     back = _unit(place / 2 - goal / 2)
     if back is None or float(np.abs(place / 2 - goal / 2).max()) <= _ROUNDING * largest:
@@ -204,7 +204,7 @@ def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[floa
 
 
 def _unit(vector: FloatArray) -> FloatArray | None:
-    """Vector of length 1 in a direction; None where there is none."""
+    """Return the unit vector of a direction; None for a zero vector."""
     largest = float(np.abs(vector).max())
     if not 0.0 < largest < math.inf:
         return None
@@ -213,7 +213,7 @@ def _unit(vector: FloatArray) -> FloatArray | None:
 
 
 def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
-    """Center and radius, of the positions that faces use."""
+    """Center and radius of a bounding sphere of the positions that faces use."""
     clouds = [_used_positions(mesh) for mesh in meshes]
     low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
     high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)

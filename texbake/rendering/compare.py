@@ -1,10 +1,9 @@
-"""How close a low-poly mesh with its maps comes to the high-poly mesh, in figures and pictures.
+"""Comparing a low-poly mesh and its maps with the high-poly mesh, in numbers and pictures.
 
-Both are rendered by one camera. Angles are between their shading normals in world space, as the
-pixels see them, so that the figures count differences of shape too, as do those of the bare low-
-poly mesh, with which they are to be compared. Where a pixel sees only one of the meshes, or past
-the outline of one a part of the other that lies much deeper, there is nothing to compare: such
-pixels are left out of the angles and counted on their own.
+Both meshes are rendered with the same camera, and the angle between their shading normals in world
+space is measured at each pixel. The angles include differences in shape; compare them with those of
+the bare low-poly mesh. Pixels that see only one of the meshes, or clearly different parts of them
+(near silhouettes), are left out of the angles and counted separately.
 
 Based on: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
 structural similarity", IEEE TIP 13(4), 2004, for SSIM.
@@ -33,14 +32,14 @@ from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage
 
-# Directions of the figures where the caller gives none: all around, from above and below in turn,
-# starting from the azimuth of the view.
+# Number of default views: all around, alternating from above and below, starting at the azimuth of
+# the options' view.
 _N_VIEWS = 6
 _ELEVATION = 25.0
-# Share of the diagonal by which depths may differ at a pixel that sees the same part of both
-# meshes: several times the distance of low-poly meshes of a few hundred triangles.
+# A pixel sees the same part of both meshes if their depths differ by at most this share of the
+# diagonal. It is several times the deviation of a low-poly mesh with a few hundred triangles.
 _SAME_PART = 0.02
-# A displaced mesh is cut once for all views, into at most about twice the pixels of a picture.
+# A displaced mesh is subdivided once for all views, into at most about twice the number of pixels.
 _MOST_PIECES = 2_000_000
 
 
@@ -51,19 +50,19 @@ class Closeness:
     Attributes
     ----------
     mean_deg, median_deg, p95_deg : float
-        Angles in degrees between the shading normals, over all pixels of all views whose center
-        sees the same part of both meshes: depths no more than 2 % of the diagonal of their joint
-        bounding box apart. NaN where there is none.
+        Angles in degrees between the shading normals, over the pixels of all views whose center
+        sees the same part of both meshes (depths within 2 % of the diagonal of the joint bounding
+        box). NaN if there are no such pixels.
     psnr_db : float
-        Of the shaded picture of the view in the options, sRGB-coded, over the pixels that either
-        mesh touches; infinite where they are equal.
+        PSNR of the shaded, sRGB-coded picture of the view in the options, over the pixels that
+        either mesh touches; infinite for equal pictures.
     ssim : float
-        Mean structural similarity of the same pixels.
+        Mean structural similarity over the same pixels.
     silhouette_mismatch : float
-        Of all pixel centers of all views that see either mesh, the share that sees just one, or
-        different parts. They are in no other figure but PSNR and SSIM.
+        Among the pixel centers that see either mesh, the share that sees only one of them, or
+        different parts. Of the other values, only PSNR and SSIM include these pixels.
     n_pixels : int
-        Number of pixels that the angles are of.
+        Number of pixels in the angle statistics.
     """
 
     mean_deg: float
@@ -77,19 +76,19 @@ class Closeness:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """Figures and pictures of a high-poly mesh, and of a low-poly mesh without and with its maps.
+    """Result of comparing a low-poly mesh, with and without its maps, to a high-poly mesh.
 
     Attributes
     ----------
     mapped, bare : Closeness
-        Of the low-poly mesh with and without its maps.
+        Results for the low-poly mesh with and without its maps.
     views : tuple of (azimuth, elevation)
-        Directions, in degrees, of the angles and the silhouettes.
+        Views, in degrees, in which angles and silhouettes were measured.
     high_frame, bare_frame, mapped_frame : Frame
-        Pictures of the view in the options.
+        Pictures from the view in the options.
     angles_deg : (H, W) float32
-        Angle between the normals of `high_frame` and `mapped_frame`; NaN where they do not see
-        the same part.
+        Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
+        not show the same part.
     names : (str, str, str)
         Captions of the three pictures.
     """
@@ -104,11 +103,11 @@ class Comparison:
     names: tuple[str, str, str]
 
     def difference(self) -> FloatImage:
-        """(H, W, 3) float32: the angles as linear colors, gray where there is none."""
+        """(H, W, 3) float32: the angles as linear colors; gray where they are NaN."""
         return colored_angles(self.angles_deg)
 
     def side_by_side(self) -> FloatImage:
-        """(H', W', 3) float32: the pictures and their difference with captions, linear light."""
+        """(H', W', 3) float32: the pictures and their difference with captions, in linear light."""
         frames = self.high_frame, self.bare_frame, self.mapped_frame
         notes = (
             "",
@@ -136,31 +135,31 @@ def compare(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> Comparison:
-    """Render a high-poly mesh and a low-poly mesh without and with its maps, and compare them.
+    """Compare a low-poly mesh, with and without its maps, to a high-poly mesh by rendering both.
 
     Parameters
     ----------
     high, low
-        In one frame.
+        The meshes, in the same coordinate system.
     normal_map, displacement, albedo
-        Of the low-poly mesh; see `texbake.rendering.render.render`. Only the first two make a
-        difference between the bare and the mapped mesh; all three meshes are shaded with the
-        albedo of the options, the mapped one with its own if it has one.
+        Maps of the low-poly mesh; see `texbake.rendering.render.render`. All three meshes are
+        shaded with the base color of the options, except that the mapped mesh uses `albedo` if it
+        is given.
     options
-        Size and view of the pictures. The angles are taken at the centers of as many pixels.
+        Size and view of the pictures. Angles are measured at the centers of as many pixels.
     views
-        (azimuth, elevation) in degrees of the angles and silhouettes; None for six all around.
+        Views (azimuth, elevation) in degrees for angles and silhouettes; None for six all around.
     threads
-        None for every processor.
+        Number of threads; None uses every processor.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Raises
     ------
     OptionError
         `views` is empty.
     UvError, FileError
-        As `render` does.
+        As for `render`.
     """
     high, low = as_mesh(high), as_mesh(low)
     options = options or RenderOptions()
@@ -169,7 +168,7 @@ def compare(
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
     maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
-    # Every sample is shaded, so that detail finer than a pixel counts with all of it.
+    # Shade every sample, so that detail finer than a pixel contributes fully.
     most = min(options.max_triangles, _MOST_PIECES)
     options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)
     with stages.stage("prepare"):
@@ -178,7 +177,7 @@ def compare(
             studio_scene(low, options=options),
             studio_scene(low, options=options, edge_px=None, **maps),
         )
-        # A model of two sizes of picture: what does not depend on them is computed once.
+        # Pictures of two sizes share everything that does not depend on the size.
         models = [prepare(scene, options, threads=threads) for scene in scenes]
 
     def draw_all(options: RenderOptions) -> list[Frame]:
@@ -223,7 +222,7 @@ def compare(
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Angles in degrees of one view, and the number of pixels that see either mesh."""
+    """Angles in degrees in one view, and the number of pixels that see either mesh."""
 
     angles: npt.NDArray[np.float32]
     n_either: int
@@ -245,11 +244,11 @@ def _errors(high: Frame, low: Frame, depth_tolerance: float) -> _Errors:
 
 
 def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
-    """(H, W) float32: angle between normals in degrees; NaN where not the same part is seen."""
+    """(H, W) float32: angle between normals in degrees; NaN where different parts are seen."""
     same = (a.coverage > 0) & (b.coverage > 0)
     same[same] = np.abs(a.depths[same] - b.depths[same]) <= depth_tolerance
     first, second = a.normals[same].astype(np.float64), b.normals[same].astype(np.float64)
-    # By chords, which is exact for small angles where the arc cosine is not.
+    # From the chord length, which is accurate for small angles where the arc cosine is not.
     apart = np.linalg.norm(first - second, axis=1)
     angles = np.full(same.shape, np.nan, np.float32)
     angles[same] = np.degrees(2.0 * np.arctan2(apart, np.linalg.norm(first + second, axis=1)))
@@ -281,7 +280,7 @@ def _closeness(errors: list[_Errors], high: Frame, low: Frame) -> Closeness:
 
 
 def _similarity(high: Frame, low: Frame) -> tuple[float, float]:
-    """PSNR and mean SSIM of two pictures over the pixels that either mesh touches."""
+    """PSNR and mean SSIM of two pictures, over the pixels that either mesh touches."""
     from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
     seen = (high.coverage > 0) | (low.coverage > 0)

@@ -1,4 +1,4 @@
-"""What the passes of a picture cost: time and memory, by the name of their effect."""
+"""Time and memory of the passes of a picture, by effect."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 @dataclass
 class PassCost:
-    """What a pass took: seconds of all threads together and bytes that it keeps.
+    """Cost of a pass: seconds summed over all threads, and bytes of its results.
 
-    `skipped` says why it was not run after all.
+    `skipped` says why the pass turned out not to be needed.
     """
 
     seconds: float = 0.0
@@ -23,27 +23,27 @@ class PassCost:
 
 @dataclass(eq=False)
 class Costs:
-    """What the passes took, by the name of their effect."""
+    """Costs of passes, by the name of their effect."""
 
     by_name: dict[str, PassCost] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _running: threading.local = field(default_factory=threading.local)
 
     def add(self, name: str, seconds: float, n_bytes: int = 0) -> None:
-        """Count some time and memory of a pass."""
+        """Add time and memory to a pass."""
         with self._lock:
             cost = self.by_name.setdefault(name, PassCost())
             cost.seconds += seconds
             cost.n_bytes += n_bytes
 
     def skip(self, name: str, why: str) -> None:
-        """Note that a pass was not needed after all."""
+        """Record why a pass turned out not to be needed."""
         with self._lock:
             self.by_name.setdefault(name, PassCost()).skipped = why
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Count the time of a block, without that of the timed blocks within it."""
+        """Measure a block, without the time of timed blocks nested in it."""
         inner = getattr(self._running, "seconds", 0.0)
         self._running.seconds = 0.0
         start = time.perf_counter()

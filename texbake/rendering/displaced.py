@@ -1,29 +1,28 @@
-"""Displacement: triangles are subdivided until they resolve a map, and their vertices moved by it.
+"""Displacement: triangles are subdivided until they resolve a map, and their vertices are moved.
 
-A vertex moves along the smooth normal of the surface, interpolated linearly and then normalized:
-the direction that displacement maps are baked along. Or, by a map of vectors, anywhere.
+A height moves a vertex along the surface's smooth normal, interpolated linearly and then
+normalized; displacement maps are baked along the same direction. A vector map moves it anywhere.
 
-The surface stays closed. Vertices are shared by all triangles that meet at a position, whatever
-texture coordinates they have there, and where those differ (at a seam) the vertex moves by the mean
-of what the map holds for each. `texbake.rendering.tessellation` cuts the edges. The caller of
-`displaced` chooses which: by their length in the picture (`EdgeView`), or by the texels of the map
-alone (`MapView`).
+The surface stays watertight. Triangles that meet at a position share a vertex, whatever their
+texture coordinates; at a UV seam the vertex moves by the mean of the map's values on all sides.
+`texbake.rendering.tessellation` subdivides. The caller of `displaced` chooses which edges are too
+long: by their length in the picture (`EdgeView`), or by the texels of the map alone (`MapView`).
 
-The length of an edge in the picture is that of an edge seen from the side, so that relief on a
-surface that is seen edge-on is not lost:
+The length of an edge in the picture is measured as if it were seen from the side, so that relief
+on a surface seen edge-on is not lost:
 
     f |ab| max(1/cos a, 1/cos b) / min(z_a, z_b)
 
-with z the depth, f the distance of the picture in pixels, and a and b the angles of sight off its
-axis. That is at least the distance of the points in the picture, because depth is linear along an
-edge and the cone of directions within an angle is convex. The edge is measured on the surface and
-where the map moves it, and the longer counts. Triangles that cannot be moved into the picture are
-not measured.
+with z the depth, f the focal length in pixels, and a and b the angles between the view axis and the
+rays to the two ends. This is an upper bound on the projected length, because depth is linear along
+an edge and a cone around the axis is convex. The edge is measured both on the surface and after
+displacement, and the longer length counts. Triangles that displacement cannot move into the picture
+are not measured.
 
 Based on: Cook, "Shade trees", SIGGRAPH 1984; Cook, Carpenter, Catmull, "The Reyes image rendering
-architecture", SIGGRAPH 1987, for pieces as small as what is to be seen. Departs from them in that
-pieces share their corners, so that there is nothing to stitch. Cantlay, "DirectX 11 terrain
-tessellation", NVIDIA, 2011, for a length that does not depend on how an edge is turned.
+architecture", SIGGRAPH 1987, for dicing by size on the screen; here pieces share their corners, so
+no cracks can open. Cantlay, "DirectX 11 terrain tessellation", NVIDIA, 2011, for a length that does
+not depend on the orientation of an edge.
 """
 
 from __future__ import annotations
@@ -59,17 +58,17 @@ from texbake.rendering.tessellation import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseSurface:
-    """What is displaced.
+    """A surface before subdivision and displacement.
 
     Attributes
     ----------
     points : (V, 3) float64
-        In the space of the result. Vertices at bit-equal ones are one.
+        Positions in the space of the result, each bit-equal position only once.
     faces : (F, 3) int32
     normals : (V, 3) float64
-        Smooth normals, equal where positions are, in the space of the map.
+        Smooth normals in the space of the map, one per position.
     linear : (3, 3) float64
-        From that space to the one of the result.
+        Transforms vectors from the map's space to that of the result.
     """
 
     points: FloatArray
@@ -86,11 +85,11 @@ class Displaced:
     ----------
     pieces : Pieces
     points : (V, 3) float64
-        Where vertices lie on the surface.
+        Vertices on the undisplaced surface.
     normals : (V, 3) float64
-        Of the surface, interpolated, of any length.
+        Interpolated normals of the surface, of any length.
     positions : (V, 3) float64
-        Where they are moved to.
+        Vertices after displacement.
     """
 
     pieces: Pieces
@@ -99,11 +98,11 @@ class Displaced:
     positions: FloatArray
 
 
-# Places of new vertices, and where those lie on the surface, to (S, 1) signed lengths along the
-# normal or (S, 3) vectors, one a place.
+# Maps places of new vertices and their points on the surface to displacements, one per place:
+# (S, 1) signed lengths along the normal, or (S, 3) vectors.
 Moves = Callable[[Places, FloatArray], FloatArray]
 
-# How many times too long each edge is; at most 1 for one that is short enough.
+# Ratio of each edge's length to the allowed length; at most 1 for an edge that is short enough.
 Excess = Callable[[Displaced], FloatArray]
 
 
@@ -115,20 +114,20 @@ def displaced(
     max_triangles: int,
     threads: int | None = None,
 ) -> Displaced:
-    """Cut a surface where its edges are too long, and move all vertices.
+    """Subdivide a surface where its edges are too long, and displace all vertices.
 
     Parameters
     ----------
     surface
-        In any space.
+        The surface, in any space.
     moves
-        What the map says; called once for every place.
+        Returns displacements; called once for every place.
     excess
-        Asked after each round of cuts, in which no edge is cut twice.
+        Called after each round of cuts, in which no edge is cut twice.
     max_triangles
-        Bound on the pieces; where it is reached the longest edges have been cut.
+        Limit on the number of triangles. The longest edges are cut first.
     threads
-        None for every processor.
+        Number of threads; None uses every processor.
     """
     welded = weld_rows(surface.points, threads=threads)
     used, faces = np.unique(welded[surface.faces], return_inverse=True)
@@ -156,9 +155,9 @@ def displaced(
 def _moved(
     surface: BaseSurface, points: FloatArray, normals: FloatArray, places: Places, moves: Moves
 ) -> FloatArray:
-    """Vertices moved by the mean of what the map holds at their places.
+    """Move vertices by the mean displacement of their places.
 
-    One without a normal does not move along it.
+    A vertex without a normal is not moved by heights.
     """
     positions = np.empty((len(points), 3))
     move_vertices(
@@ -171,17 +170,17 @@ def _moved(
 def texel_lengths(
     pieces: Pieces, texels: FloatArray | None, outside: npt.NDArray[np.uint8]
 ) -> FloatArray:
-    """(E,) float64: how many texels each edge spans, in that of its triangles where it spans most.
+    """(E,) float64: length of each edge in texels, the maximum over its triangles.
 
     Parameters
     ----------
     pieces
         Triangles.
     texels : (F, 3, 2) float64, optional
-        Corners of the base triangles on the map, in texels; None: the map is as fine as one looks.
+        Corners of the base triangles on the map, in texels; None for a map of unlimited detail.
     outside : (V,) uint8
-        Sides of the picture, a bit each, outside of which a vertex certainly moves. A triangle all
-        of whose vertices are outside of the same one does not count.
+        Bit mask of the picture's sides that a vertex certainly stays outside of. Triangles whose
+        vertices are all outside the same side are ignored.
     """
     lengths = np.zeros(len(pieces.ends))
     corners = np.empty((0, 3, 2)) if texels is None else texels
@@ -192,23 +191,23 @@ def texel_lengths(
     return lengths
 
 
-# Vertices or edges a band.
+# Vertices or edges per band.
 _BAND = 1 << 15
 
 
 class EdgeView:
-    """How long edges may be in a picture from one camera.
+    """Limits the length of edges in the picture of one camera.
 
     Parameters
     ----------
     camera
-        Where the picture is taken from.
+        Camera of the picture.
     options
-        `width` and `height` are taken from them.
+        Gives `width` and `height`.
     edge_px
-        Longest edge that is short enough, in pixels.
+        Maximum length of an edge in pixels.
     farthest
-        Farthest that a point is moved, in world space.
+        Upper bound on the displacement in world space.
     """
 
     def __init__(
@@ -220,16 +219,15 @@ class EdgeView:
         self._camera = camera
         self._edge_px = edge_px
         self._focal = options.height / (2.0 * tall)
-        # Greater than 0 inside the picture, by as much as is to its left, right, bottom, top, and
-        # between it and the eye.
+        # Planes of the left, right, bottom and top side and of the near plane; positive inside.
         self._sides = np.stack([w + x, w - x, w + y, w - y, w - z])
-        # How far outside of a side a point must be that is not moved into the picture.
+        # A point farther outside a plane than this cannot be moved into the picture.
         self._margins = farthest * np.linalg.norm(self._sides[:, :3], axis=1)
-        # 1 over the cosine of the angle of sight of the picture's corners.
+        # 1 / cosine of the angle between the view axis and the picture's corners.
         self._steepest = math.sqrt(1.0 + wide * wide + tall * tall)
 
     def widths(self, points: FloatArray) -> FloatArray:
-        """(n,): world length, at points, of the shortest pieces: half of `edge_px` pixels."""
+        """(n,): world length at points of half of `edge_px` pixels, the shortest edges."""
         depths = (self._camera.eye - points) @ self._camera.axes[2]
         nearest = np.maximum(depths, self._camera.near)
         return np.asarray(nearest * (0.5 * self._edge_px / self._focal))
@@ -237,21 +235,21 @@ class EdgeView:
     def excess(
         self, now: Displaced, texels: FloatArray | None, *, threads: int | None = None
     ) -> FloatArray:
-        """How many times longer edges are than they may be.
+        """Ratio of each edge's length to the allowed length.
 
         Parameters
         ----------
         now
-            A surface, as finely as it has been cut.
+            The surface as subdivided so far.
         texels : (F, 3, 2) float64, optional
             As in `texel_lengths`.
         threads
-            None for every processor.
+            Number of threads; None uses every processor.
 
         Returns
         -------
         (E,) float64
-            0 where an edge needs no cut, because it spans at most a texel or is not seen.
+            0 for an edge that need not be cut, because it spans at most a texel or is not visible.
         """
         n = len(now.points)
         outside, nearest, slants = np.empty(n, np.uint8), np.empty(n), np.empty(n)
@@ -278,14 +276,14 @@ class EdgeView:
 
 
 class MapView:
-    """How long edges may be for any camera: a texel of the map."""
+    """Limits the length of edges to a texel of the map, for any camera."""
 
     def widths(self, points: FloatArray) -> FloatArray:
-        """(n,): 0, so that maps are read as finely as they are."""
+        """(n,): 0, so that maps are read at full resolution."""
         return np.zeros(len(points))
 
     def excess(
         self, now: Displaced, texels: FloatArray | None, *, threads: int | None = None
     ) -> FloatArray:
-        """(E,): how many texels each edge spans."""
+        """(E,): length of each edge in texels."""
         return texel_lengths(now.pieces, texels, np.zeros(len(now.points), np.uint8))

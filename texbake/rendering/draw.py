@@ -1,11 +1,11 @@
-"""Drawing: a scene becomes a picture by the passes of its plan, in their order.
+"""Drawing a scene: runs the passes of its plan in order.
 
     Scene ─ compile ─► Plan ─ surfaces ─► DrawnScene ─ rasterize ─► VisibleScene ─ fragments ─►
     ─► shade ─► sums of pixels ─► Frame
 
-`prepare` keeps what does not depend on the camera, so that `draw` can be called for many of them.
-The plan (`texbake.rendering.plan`) says what is computed at all, and the effects
-(`texbake.rendering.effects`) how. This module holds only the order.
+`prepare` keeps results that do not depend on the camera, so that `draw` can be called for many
+cameras. The plan (`texbake.rendering.plan`) selects the effects (`texbake.rendering.effects`) that
+do the work; this module only runs them in order.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ from texbake.rendering.scene.scene import Scene
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
 
-# Pixels shaded together by one thread: few enough for their values to stay in cache, enough that
-# calling the kernels costs little.
+# Pixels shaded together by one thread: few enough for their values to stay in cache, but enough to
+# amortize the kernel calls.
 _PIXELS = 1 << 15
 
 
 @dataclass(eq=False)
 class SceneCache:
-    """What has been computed of a scene so far that does not depend on the camera.
+    """Results for a scene that do not depend on the camera.
 
-    The only thing here that changes: each picture of the scene adds what it is the first to need.
+    This is the only mutable object here: each picture of the scene adds the results that it is the
+    first to need.
     """
 
     results: Results = field(default_factory=Results)
@@ -54,7 +55,7 @@ class SceneCache:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prepared:
-    """A scene, and what has been computed of it that does not depend on the camera."""
+    """A scene with its cache of results that do not depend on the camera."""
 
     scene: Scene
     options: RenderOptions
@@ -75,13 +76,13 @@ def prepare(
     Parameters
     ----------
     scene
-        What to draw.
+        The scene.
     options
-        None for the defaults.
+        None uses the defaults.
     effects
-        All that there are, in order.
+        All available effects, in order.
     threads
-        None for every processor; the bytes of a picture do not depend on it.
+        Number of threads; None uses every processor. The result does not depend on it.
     """
     return Prepared(
         scene=scene, options=options or RenderOptions(), effects=effects, threads=threads
@@ -89,7 +90,7 @@ def prepare(
 
 
 def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:
-    """Return the passes that a picture from this camera needs; nothing of them is computed."""
+    """Return the passes that a picture from this camera needs, without running them."""
     request = RenderRequest(prepared.scene, prepared.options, camera, frozenset(keep))
     return compile_plan(request, prepared.effects)
 
@@ -103,24 +104,24 @@ def draw(
 ) -> Frame:
     """Draw a scene from one camera.
 
-    Every pixel has as many samples as `RenderOptions.supersampling` says;
-    `texbake.rendering.render` draws with as many as each needs, where the options say so.
+    Every pixel gets the number of samples set by `RenderOptions.supersampling`. See
+    `texbake.rendering.render.draw_picture` for adaptive samples.
 
     Parameters
     ----------
     prepared
-        By `prepare`.
+        Scene from `prepare`.
     camera
-        Where it is taken from.
+        Camera of the picture.
     keep
-        What the frame is to hold beside its color: `normals`.
+        Data that the frame holds beside its color: `normals`.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Raises
     ------
     TexbakeError
-        A texture cannot be read, or a mesh lacks what an effect needs of it.
+        A texture cannot be read, or a mesh lacks data that an effect needs.
     """
     request = RenderRequest(prepared.scene, prepared.options, camera, frozenset(keep))
     return _draw(prepared, request, Stages(progress))
@@ -146,13 +147,13 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> Frame:
 def laid_out(
     prepared: Prepared, request: RenderRequest, stages: Stages, *, all_objects: bool = False
 ) -> RenderState:
-    """Compute all that comes before shading: what samples see, and the results of effects.
+    """Run all passes before shading: visibility and the prepared results of effects.
 
     Parameters
     ----------
     all_objects
-        Whether effects are made ready for every object that may be in the picture, and not for
-        those alone that its samples see.
+        Prepare effects for every object that may be in the picture, not only for those that its
+        samples see.
     """
     state = RenderState(
         request=request,
@@ -179,7 +180,7 @@ def laid_out(
 def _run(
     state: RenderState, prepared: Prepared, passes: Sequence[Pass], seen: Collection[int] | None
 ) -> RenderState:
-    """Run `load` and `prepare` of passes; for objects only where they are visible."""
+    """Run `load` and `prepare` of passes, for objects only if they are in `seen`."""
     for item in passes:
         effect = item.effect
         for target in item.targets:
@@ -197,7 +198,7 @@ def _run(
 
 @contextmanager
 def _reported_for(state: RenderState, effect: Effect, target: Target) -> Iterator[None]:
-    """Report errors in what a scene's file names as errors of that file, with the object."""
+    """Report errors in data that a scene file refers to as errors of that file and object."""
     try:
         yield
     except (OptionError, MeshError) as error:
@@ -212,7 +213,7 @@ def _reported_for(state: RenderState, effect: Effect, target: Target) -> Iterato
 def _computed(
     state: RenderState, prepared: Prepared, effect: Effect, target: Target
 ) -> RenderState:
-    """Return the state with what an effect loads and prepares for a target."""
+    """Return the state with the loaded and prepared results of an effect for a target."""
     loaded = None
     if effect.load is not None:
         cache = prepared.loaded
@@ -231,7 +232,7 @@ def _computed(
 
 
 def _n_bytes(value: Any) -> int:
-    """Memory of a result: of an array, of an object with `n_bytes`, or of the parts of a tuple."""
+    """Memory in bytes of an array, of an object with `n_bytes`, or of the parts of a tuple."""
     if isinstance(value, np.ndarray):
         return value.nbytes
     if isinstance(value, tuple | list):
@@ -256,7 +257,7 @@ def _drawn_scene(state: RenderState, prepared: Prepared) -> DrawnScene:
 
 
 def shaded_sums(state: RenderState) -> Sums:
-    """Shade all fragments, some rows at a time, and add them to their pixels."""
+    """Shade all fragments in bands of rows and add them to their pixels."""
     height, width = state.options.height, state.options.width
     sums = Sums.empty(
         height,
@@ -280,7 +281,7 @@ def shaded_sums(state: RenderState) -> Sums:
 
 
 def behind_surfaces(state: RenderState) -> FloatImage | None:
-    """What shows where there is no surface: what an effect puts there, a color, or nothing."""
+    """Return the background: the picture of an effect, a color, or None."""
     for item in state.plan.passes:
         if item.effect.behind is not None:
             return item.effect.behind(state)
@@ -292,13 +293,13 @@ def behind_surfaces(state: RenderState) -> FloatImage | None:
 def _draw_others(
     prepared: Prepared, request: RenderRequest
 ) -> Callable[[Scene, Sequence[Camera], RenderOptions], list[FloatImage]]:
-    """Return a function that draws other pictures of the same objects, such as an environment."""
+    """Return a function that draws other pictures of the same objects, as for an environment."""
 
     def draw_others(
         scene: Scene, cameras: Sequence[Camera], options: RenderOptions
     ) -> list[FloatImage]:
         other = replace(prepared, scene=scene, options=options, loaded=SceneCache())
-        # What is known of objects and light is known in these pictures too.
+        # These pictures reuse the results for objects and lights.
         _share(prepared, other)
         colors = [
             _draw(
@@ -313,7 +314,7 @@ def _draw_others(
 
 
 def _share(source: Prepared, destination: Prepared) -> None:
-    """Share what has been computed, except what one object shows of the others."""
+    """Share cached results, except what one object shows of the others."""
     own = [effect.load for effect in source.effects if effect.of_the_others and effect.load]
     shared = source.loaded.results.without(own)
     destination.loaded.results = destination.loaded.results.or_those_of(shared)

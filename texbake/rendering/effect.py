@@ -1,19 +1,19 @@
-"""What an effect is, and the state of a picture that the effects work on.
+"""The interface of effects, and the state of a picture that they work on.
 
-An effect is one thing that light or a surface can do: a normal map, fog, the shadows of a light. It
-is declared as one `Effect`, at the end of a module of `texbake.rendering.effects`, and takes its
-place in the list `EFFECTS` there. `called_for` reads the scene, and is all that ever runs of an
-effect that nothing calls for. The calls become passes of the `Plan`; `texbake.rendering.draw` runs
-their functions:
+An effect is one feature of light or surfaces: a normal map, fog, the shadows of a light. Each is
+declared as an `Effect` at the end of a module of `texbake.rendering.effects` and listed in
+`EFFECTS` there. Its `called_for` inspects the scene; if nothing calls for the effect, no other part
+of it runs. The calls become passes of the `Plan`, and `texbake.rendering.draw` runs their
+functions:
 
-`load`      once for a scene: what does not depend on the camera, such as tangents or mip levels
-`prepare`   once for a picture: what does, such as a shadow map
+`load`      once per scene, for results independent of the camera, such as tangents or mip levels
+`prepare`   once per picture, for results that depend on the camera, such as an occlusion picture
 `shade`     for the fragments of one object in some rows of the picture, in the order of the list
 `dim`       for the light of one lamp at some fragments, before they reflect it
 
-`load` and `prepare` are each a `Result`: a function, and the key that finds its values again in the
-`RenderState`, with their type. They run for every target of the effect: the index of an object, the
-index of a light, or None for the picture as a whole.
+`load` and `prepare` are each a `Result`: a function that also serves as a typed key for its values
+in the `RenderState`. They run for each target of the effect: the index of an object, the index of a
+light, or None for the whole picture.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class Call:
     Attributes
     ----------
     target : int, optional
-        Index of the object or light that it is for; None: the whole picture.
+        Index of the object or light; None for the whole picture.
     by : str
-        What needs it: `object "vase"`, `light "key"`, `the scene`.
+        The part that needs it: `object "vase"`, `light "key"`, `the scene`.
     why : str
-        In a few words: `its material has a normal map`.
+        A short reason: `its material has a normal map`.
     """
 
     target: Target
@@ -60,7 +60,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Refusal:
-    """A reason for an effect that would have no result here, and why not."""
+    """A reason why a requested effect would have no result and is left out."""
 
     by: str
     why: str
@@ -68,12 +68,12 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class Result(Generic[Value]):
-    """What an effect computes before anything is shaded, and the key that finds it again.
+    """A value that an effect computes before shading, and the key to look it up by.
 
     Attributes
     ----------
     compute : callable
-        (state, target) to the value.
+        Function of (state, target) that returns the value.
     """
 
     compute: Callable[[RenderState, Target], Value]
@@ -81,35 +81,35 @@ class Result(Generic[Value]):
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Values that effects have computed, found by their `Result` and target; never changed."""
+    """Immutable mapping from `Result` and target to the values that effects have computed."""
 
     _values: Mapping[Result[Any], Mapping[Target, Any]] = field(default_factory=dict)
 
     def has(self, result: Result[Any], target: Target) -> bool:
-        """Whether a value has been computed, None included."""
+        """Whether a value has been computed, even if it is None."""
         return target in self._values.get(result, ())
 
     def get(self, result: Result[Value], target: Target = None) -> Value | None:
-        """Return a value, or None where it has not been computed."""
+        """Return a value, or None if it has not been computed."""
         value: Value | None = self._values.get(result, {}).get(target)
         return value
 
     def all(self, result: Result[Value]) -> Mapping[Target, Value]:
-        """Return the values of all targets."""
+        """Return the values of a result for all targets."""
         return self._values.get(result, {})
 
     def including(self, result: Result[Value], target: Target, value: Value) -> Results:
-        """Return these results and one more."""
+        """Return a copy with one more value."""
         values = {**self._values.get(result, {}), target: value}
         return Results({**self._values, result: values})
 
     def without(self, left_out: Iterable[Result[Any]]) -> Results:
-        """Return these results but for some of all targets."""
+        """Return a copy without some results, for all targets."""
         dropped = set(left_out)
         return Results({key: values for key, values in self._values.items() if key not in dropped})
 
     def or_those_of(self, others: Results) -> Results:
-        """Return these results, and of others those that are not among them."""
+        """Return a copy completed with the values of `others` that are missing here."""
         values = dict(self._values)
         for key, targets in others._values.items():
             values[key] = {**targets, **values.get(key, {})}
@@ -118,38 +118,38 @@ class Results:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """One thing that light or a surface can do.
+    """One feature of light or surfaces.
 
     Attributes
     ----------
     name : str
-        As the plan, `--explain` and `needs` call it.
+        Name in the plan, in `--explain` and in `needs`.
     does : str
-        What it does, in one line.
+        Description in one line.
     of : str
-        What its targets are: `object`, `light` or `picture`.
+        Kind of its targets: `object`, `light` or `picture`.
     called_for : callable
-        Request to the calls for it, and refusals.
+        Function of the request that yields calls and refusals.
     left_out : str
-        Why it is not in a plan that nothing called it for: `no material has a normal map`.
+        Reason shown when nothing calls for the effect: `no material has a normal map`.
     needs : callable, optional
-        (request, target) to the names of effects that must come before it, for the same target
-        (for effects of the picture with the target None).
+        Function of (request, target) that returns the names of effects that must run before, for
+        the same target (or with the target None, for effects of the picture).
     load, prepare : Result, optional
-        See the module.
+        See the module docstring.
     shade, dim : callable, optional
-        See the module.
+        See the module docstring.
     behind : callable, optional
-        State to (3,) or (H, W, 3) linear light that shows where there is no surface; of several
-        the first of the list counts.
+        Function of the state that returns the background as (3,) or (H, W, 3) linear light. The
+        first such effect in the list wins.
     of_the_others : bool
-        Whether what `load` finds of an object depends on the other objects, so that it does not
-        hold for a picture of fewer of them.
+        Whether the result of `load` for an object depends on the other objects, so that it cannot
+        be reused in a picture with fewer objects.
     moves_surface : bool
-        Whether it is computed before it is known what is seen, because that depends on it.
+        Whether it must run before rasterization, because visibility depends on it.
     unneeded : callable, optional
-        (state, target) to why it is not needed after all, now that it is known what is seen; None
-        where it is.
+        Function of (state, target), called when visibility is known. Returns a reason why the
+        effect turns out not to be needed, or None.
     """
 
     name: str
@@ -169,13 +169,13 @@ class Effect:
 
 
 def only_when_needed(request: RenderRequest) -> Iterator[Call]:
-    """`called_for` of an effect that is in a plan only where another needs it."""
+    """`called_for` of an effect that is in a plan only if another effect needs it."""
     return iter(())
 
 
 @dataclass(frozen=True)
 class Pass:
-    """An effect with what called for it; `calls` has at least one for each of its targets."""
+    """An effect with the calls for it; there is at least one call for each target."""
 
     effect: Effect
     calls: tuple[Call, ...]
@@ -187,7 +187,7 @@ class Pass:
 
     @property
     def targets(self) -> tuple[Target, ...]:
-        """What it is computed for, each once, in the order of the scene."""
+        """Distinct targets of the calls, in the order of the scene."""
         return tuple(
             sorted({call.target for call in self.calls}, key=lambda t: -1 if t is None else t)
         )
@@ -204,13 +204,13 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be computed, in order, and what will not."""
+    """The passes that a picture needs, in order, and the effects that are left out."""
 
     passes: tuple[Pass, ...]
     left_out: tuple[LeftOut, ...]
 
     def has(self, name: str, target: Target = None) -> bool:
-        """Whether an effect is called for: by this target, or by any where that is None."""
+        """Whether an effect is called for by a target, or by any target if it is None."""
         return any(
             item.name == name and (target is None or target in item.targets) for item in self.passes
         )
@@ -234,18 +234,18 @@ class DrawnScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VisibleScene:
-    """What rasterizing found.
+    """The result of rasterization.
 
     Attributes
     ----------
     visibility : VisibilityBuffer
-        What each sample sees of opaque objects.
+        Opaque triangles at the samples.
     modes : (O,) uint8
-        What is drawn of each object; see `texbake.rendering.raster.world`.
+        Which faces of each object are drawn; see `texbake.rendering.raster.world`.
     objects : frozenset of int
-        Objects that some sample sees, and those that light goes through.
+        Objects that are visible in some sample, and transparent objects.
     scanline_weights : (h, w, 2) float64, optional
-        Weights of each sample's triangle, where they were found step by step.
+        Barycentric weights at each sample, if the scanline rasterizer was used.
     """
 
     visibility: VisibilityBuffer
@@ -265,10 +265,10 @@ class RenderState:
     plan : Plan
         Which effects are called for.
     draw_others : callable
-        (scene, cameras, options) to the colors, (H, W, 4), of pictures of a scene of the same
-        objects: how an environment is rendered.
+        Function of (scene, cameras, options) that draws other pictures of the same objects, such as
+        a rendered environment, and returns their colors (H, W, 4).
     results : Results
-        What `load` and `prepare` of effects returned.
+        Values returned by `load` and `prepare` of effects.
     drawn_scene : DrawnScene, optional
         Set once all surfaces are in place.
     visible_scene : VisibleScene, optional
@@ -286,17 +286,17 @@ class RenderState:
 
     @property
     def scene(self) -> Scene:
-        """What the picture is of."""
+        """The scene of the picture."""
         return self.request.scene
 
     @property
     def options(self) -> RenderOptions:
-        """The choices made for it."""
+        """Render options of the picture."""
         return self.request.options
 
     @property
     def camera(self) -> Camera:
-        """Where it is taken from."""
+        """Camera of the picture."""
         return self.request.camera
 
     @property
@@ -305,21 +305,21 @@ class RenderState:
         return self.scene.lighting.lights
 
     def of(self, result: Result[Value], target: Target = None) -> Value:
-        """Return what an effect computed for a target.
+        """Return the value that an effect computed for a target.
 
         Raises
         ------
         KeyError
-            It was not computed: a defect of the effect's `needs`.
+            It was not computed: the effect's `needs` are incomplete.
         """
         return self.results.all(result)[target]
 
     def get(self, result: Result[Value], target: Target = None) -> Value | None:
-        """Return what an effect computed for a target; None where the plan has no such pass."""
+        """Return the value of an effect for a target; None if the plan has no such pass."""
         return self.results.get(result, target)
 
     def including(self, result: Result[Value], target: Target, value: Value) -> RenderState:
-        """Return the state with one more result."""
+        """Return a copy of the state with one more result."""
         return replace(self, results=self.results.including(result, target, value))
 
     def drawn(self, index: int) -> DrawnObject:
@@ -329,12 +329,12 @@ class RenderState:
 
     @property
     def world(self) -> World:
-        """All triangles."""
+        """All triangles of the scene."""
         assert self.drawn_scene is not None
         return self.drawn_scene.world
 
     @property
     def visible(self) -> VisibleScene:
-        """What the samples see."""
+        """The result of rasterization."""
         assert self.visible_scene is not None
         return self.visible_scene

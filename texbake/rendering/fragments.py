@@ -1,10 +1,10 @@
 """Fragments of one object while they are shaded.
 
-Effects add to this record one after another, in the order of the plan: where a fragment lies on the
-surface, what the slots of its material hold there, its normal, and the light that leaves it.
+Effects add to this record one after another, in the order of the plan: the position on the surface,
+the values of the material's slots, the normal, and the outgoing light.
 
-An array of values has a row for each fragment, or one row where all have the same, so that a
-constant costs nothing; `row_of` is how kernels read both.
+An array has one row per fragment, or a single row if all fragments share the value, so that
+constants cost nothing. Kernels read both with `row_of`.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ class DrawnObject:
     Attributes
     ----------
     mesh : Mesh
-        What coordinates, normals and tangents are those of: the object's own mesh, placed.
+        The object's own mesh in world space, which texture coordinates, normals and tangents belong
+        to.
     positions, faces
-        Triangles that are drawn: the mesh's, or finer ones made from them.
+        Drawn triangles: those of the mesh, or a subdivision of them.
     object_from_world : (4, 4) float64, optional
-        Inverse of its transform; None where it has none.
+        Inverse of the object's transform; None if it has none.
     base_faces : (F,) int32, optional
-        Face of `mesh` that each drawn one is a piece of; None where they are the same.
+        Face of `mesh` that each drawn triangle is a piece of; None without subdivision.
     base_weights : (F, 3, 2) float32, optional
-        Place on that face of each corner of the piece, as weights of its second and third corner;
-        exact, since they are halves of halves.
+        Barycentric position of each corner on that face, as weights of its second and third corner.
+        They are multiples of a power of 1/2, hence exact.
     normals, normal_faces : optional
-        Shading normals of the drawn triangles where those are finer.
+        Shading normals of the drawn triangles, if subdivided.
     """
 
     mesh: Mesh
@@ -55,7 +56,7 @@ class DrawnObject:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of finer triangles than the mesh's; those are counted by nobody else."""
+        """Memory in bytes of the subdivision; the mesh itself is not counted."""
         arrays = [self.base_faces, self.base_weights, self.normals]
         if self.base_faces is not None:
             arrays += [self.positions, self.faces]
@@ -64,7 +65,7 @@ class DrawnObject:
     def on_base(
         self, faces: IntArray, weights: FloatArray, changes: npt.NDArray[np.float32]
     ) -> tuple[IntArray, FloatArray, npt.NDArray[np.float32]]:
-        """Return places on drawn triangles, and their changes, as faces and weights of `mesh`."""
+        """Convert weights on drawn triangles, and their derivatives, to faces of `mesh`."""
         assert self.base_faces is not None and self.base_weights is not None
         base_weights, base_changes = np.empty_like(weights), np.empty_like(changes)
         move_to_base(faces, weights, changes, self.base_weights, base_weights, base_changes)
@@ -73,14 +74,14 @@ class DrawnObject:
 
 @dataclass(kw_only=True, eq=False)
 class Incident:
-    """Light of one lamp where it reaches fragments: rows for each of them, or one for all.
+    """Light of one lamp that arrives at fragments: one row per fragment, or one for all.
 
     Attributes
     ----------
     directions : (n or 1, 3) float32
         Unit vectors to the light.
     radiance : (n or 1, 3) float32
-        What a white surface that faces it reflects.
+        Light that a white surface facing the lamp reflects.
     """
 
     directions: Floats
@@ -89,7 +90,7 @@ class Incident:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlotValues:
-    """What the slots of a material hold at fragments; None where they hold nothing.
+    """Values of a material's slots at fragments; None for empty slots.
 
     A color is (n or 1, 3) float32, a number (n or 1, 1).
     """
@@ -117,14 +118,14 @@ class Fragments:
     drawn : DrawnObject
         The object itself.
     drawn_faces : (n,) int32
-        Triangle of the object as it is drawn.
+        Drawn triangle of the object.
     drawn_weights : (n, 2) float64
         Weights of that triangle's second and third corner.
     faces, weights
-        The same place on `drawn.mesh`, whose coordinates, normals and tangents these index.
+        The same position on `drawn.mesh`, for looking up coordinates, normals and tangents.
     changes : (n, 4) float32
-        By how much `weights` grow for one pixel to the right and for one down; empty where the plan
-        does not ask for derivatives.
+        Growth of `weights` for one pixel to the right, then for one pixel down; empty if the plan
+        has no derivatives.
     places, pixels, counts
         As in `texbake.rendering.raster.fragments.FragmentRows`.
     back_facing : (n,) bool
@@ -136,16 +137,16 @@ class Fragments:
     uvs : (n, 2) float64
         Set by "texture coordinates"; moved by "parallax".
     uv_changes : (n, 4) float32
-        du, dv for one pixel to the right, du, dv for one down; set by "derivatives".
+        du, dv for one pixel to the right, then for one pixel down; set by "derivatives".
     normals : (n, 3) float32
-        Unit shading normals in world space on the side that is seen; set by "normals", or by the
-        normal map in its place; changed by the bump map.
+        Unit shading normals in world space, on the visible side; set by "normals" or by the normal
+        map, and changed by the bump map.
     slots : SlotValues
         Set by "slots".
     light : (n, 3) float32
-        Light that leaves toward the eye.
+        Outgoing light toward the camera.
     ambient_share : (n or 1,) float32
-        Share of ambient and environment light that arrives.
+        Unoccluded share of ambient and environment light.
     """
 
     target: int
@@ -173,7 +174,7 @@ class Fragments:
 
     @property
     def values(self) -> SlotValues:
-        """What the slots of the material hold."""
+        """Values of the material's slots."""
         assert self.slots is not None
         return self.slots
 

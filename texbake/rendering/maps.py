@@ -1,4 +1,4 @@
-"""Maps for shading, from files, images or arrays."""
+"""Reading maps for shading from files, images or arrays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MapSource = PathLike | Image | npt.NDArray[Any]
 
 _CONVENTIONS = ("opengl", "directx")
 _SPACES = ("tangent", "object", "world")
-# Channels of gray with opacity, and of colors with it.
+# Number of channels of gray with opacity, and of color with opacity.
 _WITH_OPACITY = (2, 4)
 _NO_PIXELS = np.empty((0, 0, 1), np.float32)
 
@@ -27,16 +27,15 @@ _NO_PIXELS = np.empty((0, 0, 1), np.float32)
 def normals_from(
     source: MapSource, *, convention: str | None = None, space: str | None = None
 ) -> tuple[FloatImage, str]:
-    """Decoded normals of a map, and their space.
+    """Decode the normals of a map, and find out their space.
 
     Parameters
     ----------
     source
-        An array holds unit vectors, +Y up in tangent space. Of a file or image the metadata says
-        which convention and space it has; where it does not, it is taken for OpenGL's and tangent
-        space.
+        An array holds unit vectors, +Y up in tangent space. The metadata of a file or image gives
+        its convention and space; the default is OpenGL (+Y up) in tangent space.
     convention, space
-        What to go by in place of the metadata.
+        Override the metadata.
 
     Returns
     -------
@@ -53,7 +52,7 @@ def normals_from(
 
 
 def normal_space(source: MapSource) -> str:
-    """Return the space that a normal map says it is in; "tangent" where it says nothing."""
+    """Return the space given in a normal map's metadata; "tangent" if there is none."""
     if isinstance(source, np.ndarray):
         return "tangent"
     if isinstance(source, str | os.PathLike):
@@ -64,7 +63,7 @@ def normal_space(source: MapSource) -> str:
 
 
 def has_opacity(source: MapSource) -> bool:
-    """Whether the last of a texture's channels is an opacity, of two or four; reads no pixels."""
+    """Whether a texture has an opacity channel (two or four channels); reads no pixels."""
     if isinstance(source, np.ndarray):
         return source.ndim == 3 and source.shape[2] in _WITH_OPACITY
     if isinstance(source, str | os.PathLike):
@@ -80,11 +79,11 @@ def heights_from(
     channel: int | None = None,
     n_channels: int = 1,
 ) -> FloatImage:
-    """(H, W, n_channels) float32: heights, or vectors, of a displacement map in model units.
+    """(H, W, n_channels) float32: heights or vectors of a displacement map, in model units.
 
-    They are (value - mid) * scale. Where those are None the metadata of a file or image says them;
-    an array, or a file that says nothing, holds heights as they are. `channel` is the one to take
-    where it is not the first.
+    They are (value - mid) * scale. If `mid` or `scale` is None, it comes from the metadata of the
+    file or image, or else from the defaults 0 and 1. `channel` selects a channel other than the
+    first.
     """
     if isinstance(source, np.ndarray):
         image = Image(source[..., None] if source.ndim == 2 else source, name="displacement")
@@ -105,9 +104,9 @@ def heights_from(
 
 
 def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
-    """(H, W, 3) float32: linear colors of a texture; gray ones are spread over all channels.
+    """(H, W, 3) float32: linear colors of a texture; gray is copied to all channels.
 
-    `color`: whether integer codes are sRGB. What is not finite becomes 0.
+    `color` says whether integer values are sRGB. Values that are not finite become 0.
     """
     pixels, name = _pixels_of(source, color=color)
     if pixels.ndim == 3 and pixels.shape[2] in (1, 2):
@@ -116,12 +115,12 @@ def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
 
 
 def data_from(source: MapSource, *, color: bool = False) -> FloatImage:
-    """(H, W, 1) float32: the first channel of a map. What is not finite becomes 0."""
+    """(H, W, 1) float32: the first channel of a map. Values that are not finite become 0."""
     return channel_of(source, 0, color=color)
 
 
 def channel_of(source: MapSource, channel: int, *, color: bool = False) -> FloatImage:
-    """(H, W, 1) float32: one channel of a map; the last of them in place of those it lacks."""
+    """(H, W, 1) float32: one channel of a map; its last channel if it has fewer."""
     pixels, name = _pixels_of(source, color=color)
     image = _channels(pixels, name, 1, cut=False)
     channel = min(channel, image.shape[2] - 1)
@@ -131,9 +130,9 @@ def channel_of(source: MapSource, channel: int, *, color: bool = False) -> Float
 def colors_and_opacity_from(
     source: MapSource, *, color: bool = True
 ) -> tuple[FloatImage, FloatImage | None]:
-    """Linear colors (H, W, 3) of a texture, and its opacity (H, W, 1) where it has any.
+    """Linear colors (H, W, 3) of a texture, and its opacity (H, W, 1) if it has any.
 
-    The opacity is the last of two or four channels. Read once; otherwise as `colors_from`.
+    The opacity is the last of two or four channels. Apart from that, as `colors_from`.
     """
     pixels, _ = _pixels_of(source, color=color)
     colors = colors_from(pixels)
@@ -150,7 +149,7 @@ def _pixels_of(source: MapSource, *, color: bool) -> tuple[npt.NDArray[Any], str
 
 
 def _finite(pixels: FloatImage) -> FloatImage:
-    """Return pixels without NaN and infinities, which would spread through filters."""
+    """Replace NaN and infinities, which filters would spread, by 0."""
     known = np.isfinite(pixels)
     return pixels if known.all() else np.where(known, pixels, np.float32(0.0))
 
@@ -164,7 +163,7 @@ def _read(source: PathLike | Image, *, color: bool) -> Image:
 def _channels(
     pixels: npt.NDArray[Any], name: str, n_channels: int, *, cut: bool = True
 ) -> FloatImage:
-    """Return the first channels of an image, or all of at least so many, as kernels take them."""
+    """Return the first channels of an image (or all, with `cut=False`) for use in kernels."""
     if pixels.ndim != 3 or pixels.size == 0 or pixels.shape[2] < n_channels:
         raise OptionError(
             f"{name}: the shape {pixels.shape} is not (height, width, {n_channels}); "

@@ -1,4 +1,4 @@
-"""Pictures side by side with captions, and angles as colors with their scale."""
+"""Pictures side by side with captions, and angles shown as colors with a scale."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from texbake.texture.image import FloatImage
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
 
-# Angle of the brightest color: normals farther apart than this look alike as wrong.
+# Angle of the brightest color; larger angles have the same color.
 MAX_ANGLE_DEG = 30.0
-# Colors from no angle to that, sRGB, evenly spaced: perceptually even, after matplotlib's inferno.
+# Evenly spaced sRGB colors from 0 to that angle, perceptually uniform, after matplotlib's inferno.
 _RAMP = np.array(
     [
         (0.001, 0.000, 0.014),
@@ -31,19 +31,19 @@ _RAMP = np.array(
         (0.988, 0.998, 0.645),
     ]
 )
-# sRGB, 0 to 255.
+# Background in sRGB, 0 to 255.
 _PAPER = (24, 26, 29)
 _INK = (232, 232, 232)
 _FAINT = (160, 164, 170)
-# Where there are no angles.
+# Color for pixels without an angle.
 _NOTHING = (0.25, 0.27, 0.30)
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One picture of a row: (H, W, 3 or 4) float32 linear, a caption, a line of notes below it.
+    """One picture of a row: (H, W, 3 or 4) float32 linear, with a caption and a line of notes.
 
-    `legend` puts the scale of angles in place of the note.
+    `legend` shows the scale of angles instead of the note.
     """
 
     color: FloatImage
@@ -53,12 +53,12 @@ class Panel:
 
 
 def colored_angles(angles_deg: FloatImage) -> FloatImage:
-    """(H, W, 3) float32: colors of angles in linear light, gray where they are NaN.
+    """(H, W, 3) float32: colors of angles in linear light; NaN is gray.
 
     Parameters
     ----------
     angles_deg : (H, W) float32
-        Above `MAX_ANGLE_DEG` all have the same color.
+        Angles above `MAX_ANGLE_DEG` have the same color.
     """
     shown = np.isfinite(angles_deg)
     colors = np.empty((*angles_deg.shape, 3), np.float32)
@@ -68,14 +68,14 @@ def colored_angles(angles_deg: FloatImage) -> FloatImage:
 
 
 def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatImage:
-    """Lay pictures in a row, cropped to what they show.
+    """Lay out pictures in a row, cropped to their content.
 
     Parameters
     ----------
     panels
-        Of equal sizes.
+        Pictures of equal size.
     seen : (H, W) bool
-        What has to be in the picture; everything where it is empty.
+        Pixels that must be kept; the pictures are not cropped if there are none.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
 
     rows, columns = _crop(seen)
     height, width = rows.stop - rows.start, columns.stop - columns.start
-    # Text of a size that reads well at the width of a panel.
+    # A text size that is legible at the width of a panel.
     size = max(12, round(width / 26))
     margin, line = size // 2, round(size * 1.6)
     panel_width = max(width, 12 * size)
@@ -110,13 +110,13 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
 
 
 def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-    """(..., 3): sRGB colors of levels from 0 to 1."""
+    """(..., 3): sRGB colors for levels from 0 to 1."""
     knots = np.linspace(0.0, 1.0, len(_RAMP))
     return np.stack([np.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
 
 
 def _over_paper(color: FloatImage) -> FloatImage:
-    """Color without opacity."""
+    """Composite a color with opacity over the background."""
     if color.shape[2] == 3:
         return color
     paper = decode_srgb(np.array(_PAPER) / 255.0)
@@ -125,7 +125,7 @@ def _over_paper(color: FloatImage) -> FloatImage:
 
 
 def _crop(seen: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Rows and columns of what is seen, with a margin of 4 % of the longer side."""
+    """Rows and columns of the visible pixels, with a margin of 4 % of the longer side."""
     if not seen.any():
         return slice(0, seen.shape[0]), slice(0, seen.shape[1])
     spans = [np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0)]
@@ -140,7 +140,7 @@ def _crop(seen: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
 def _text(
     draw: ImageDraw, left: int, top: int, text: str, size: int, ink: tuple[int, int, int], room: int
 ) -> None:
-    """Write a line, smaller if it would not fit."""
+    """Draw a line of text, smaller if it does not fit."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size)
@@ -151,7 +151,7 @@ def _text(
 
 
 def _legend(draw: ImageDraw, left: int, top: int, size: int, room: int) -> None:
-    """Draw the scale of angles, from 0 to `MAX_ANGLE_DEG`, between its ends in figures."""
+    """Draw the scale of angles from 0 to `MAX_ANGLE_DEG`, with both ends labeled."""
     start = left + 2 * size
     stop = left + min(room, 16 * size) - 4 * size
     for x in range(start, stop):

@@ -21,12 +21,12 @@ from texbake.rendering.raster.world import (
     World,
 )
 
-# Rows of samples a band.
+# Rows of samples per band.
 _ROWS = 64
 
 
 def find_visible(state: RenderState) -> VisibleScene:
-    """Rasterize opaque objects, and find which objects some sample sees."""
+    """Rasterize opaque objects and list the objects that are visible in some sample."""
     side = state.options.supersampling
     width, height = state.options.width * side, state.options.height * side
     matrix = state.camera.clip_from_world(width / height)
@@ -55,7 +55,7 @@ def find_visible(state: RenderState) -> VisibleScene:
 
 
 def object_modes(state: RenderState) -> npt.NDArray[np.uint8]:
-    """(O,) uint8: what is drawn of each object, by the options and its material."""
+    """(O,) uint8: which faces of each object are drawn, by the options and its material."""
     modes = np.full(len(state.scene.objects), SKIP, np.uint8)
     for index in state.request.in_view:
         double_sided = state.request.material(index).double_sided
@@ -68,7 +68,7 @@ def object_modes(state: RenderState) -> npt.NDArray[np.uint8]:
 def seen_objects(
     visibility: VisibilityBuffer, world: World, *, threads: int | None = None
 ) -> frozenset[int]:
-    """Objects that some sample sees."""
+    """Return the objects that are visible in some sample."""
     seen = np.zeros(world.n_objects, np.bool_)
 
     def work(start: int, stop: int) -> None:
@@ -85,7 +85,7 @@ def shaded_fragments(
     *,
     wants_samples: bool = False,
 ) -> tuple[FragmentRows, list[Fragments]]:
-    """Fragments of some rows of pixels, shaded, object after object."""
+    """Shade the fragments of some rows of pixels, object by object."""
     with state.costs.timed("fragments"):
         found = fragment_rows(
             visibility.face_ids,
@@ -102,7 +102,7 @@ def shaded_fragments(
 def shaded_objects(
     state: RenderState, visibility: VisibilityBuffer | None, found: FragmentRows
 ) -> list[Fragments]:
-    """Shade fragments, object after object; `visibility` is the buffer they come from, if any."""
+    """Shade fragments object by object; `visibility` is the buffer they come from, if any."""
     shaded = []
     for target in range(state.world.n_objects):
         first, stop = found.starts[target : target + 2]

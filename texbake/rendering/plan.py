@@ -1,8 +1,8 @@
-"""The plan of a picture: which effects it needs and why, compiled from the scene; and as a table.
+"""The plan of a picture: which effects a scene needs and why.
 
-`compile_plan` asks every effect whether the scene calls for it, and adds what those effects need in
-turn. `plan_table` and `plan_report` show the passes with their reasons and, once they have run,
-what they cost.
+`compile_plan` collects the effects that the scene calls for and adds the effects that these need in
+turn. `plan_table` and `plan_report` show the passes with their reasons and, after rendering, their
+costs.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal
 from texbake.rendering.request import RenderRequest
 
-# Parts of every picture, which nothing has to call for, in the order in which they are run.
+# Passes that every picture has, in the order in which they run.
 EVERY_PICTURE = {
     "rasterizing": "finds the nearest triangle at each sample",
     "fragments": "makes one fragment for each triangle in a pixel",
     "pixels": "averages fragments",
 }
-# Most reasons that one row of the table shows.
+# Maximum number of reasons in a row of the table.
 _MOST_REASONS = 2
 
 
@@ -33,12 +33,12 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
     request
         The scene, the options and the camera.
     effects
-        All that there are, each after those it needs.
+        All available effects, each listed after the effects it needs.
 
     Raises
     ------
     AssertionError
-        An effect needs one that stands after it, or that does not exist: a defect of the list.
+        An effect needs one that comes later in the list or does not exist. The list is wrong then.
     """
     by_name = {effect.name: effect for effect in effects}
     places = {effect.name: place for place, effect in enumerate(effects)}
@@ -86,9 +86,9 @@ def _left_out(
 
 @dataclass(frozen=True)
 class PlanRow:
-    """One pass, as the table shows it; milliseconds and bytes are None before it is run.
+    """One pass in the table; milliseconds and bytes are None before it has run.
 
-    `milliseconds` are those of all threads together.
+    `milliseconds` are summed over all threads.
     """
 
     name: str
@@ -100,7 +100,7 @@ class PlanRow:
 
 
 def plan_rows(plan: Plan, costs: Costs | None = None) -> list[PlanRow]:
-    """Return the passes of a plan in order, with their costs where they have run."""
+    """Return the passes of a plan in order, with their costs if they have run."""
     rows = [_row(name, does, ("every picture",), costs) for name, does in EVERY_PICTURE.items()]
     moving = [item for item in plan.passes if item.effect.moves_surface]
     others = [item for item in plan.passes if not item.effect.moves_surface]
@@ -121,7 +121,7 @@ def _row(name: str, does: str, reasons: tuple[str, ...], costs: Costs | None) ->
 
 
 def _reasons(calls: Iterable[Call]) -> list[str]:
-    """Return the reasons for a pass, each once with all that have it."""
+    """Return the distinct reasons for a pass, each with everything it applies to."""
     askers: dict[str, list[str]] = {}
     for call in calls:
         askers.setdefault(call.why, []).append(call.by)
@@ -138,7 +138,7 @@ def _some(names: list[str]) -> str:
 def plan_table(
     plan: Plan, costs: Costs | None = None
 ) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
-    """Return the table of passes, with a header row, and what was left out with the reasons."""
+    """Return the table of passes with a header row, and the effects left out with reasons."""
     head: tuple[str, ...] = ("pass", "called for by")
     if costs is not None:
         head = (*head, "ms", "kB")
@@ -158,10 +158,10 @@ def plan_table(
 
 
 def plan_report(plan: Plan, costs: Costs | None = None) -> dict[str, Any]:
-    """Return the plan as values that JSON holds.
+    """Return the plan as JSON values.
 
     `passes` is a list of {name, does, called_for_by: [{target, by, why}], milliseconds, bytes,
-    skipped}, the last three only after rendering; `left_out` one of {name, by, why}.
+    skipped}, the last three only after rendering. `left_out` is a list of {name, by, why}.
     """
     calls = {
         item.name: [{"target": call.target, "by": call.by, "why": call.why} for call in item.calls]

@@ -1,4 +1,4 @@
-"""A mesh or a scene to a picture, in one call."""
+"""Rendering a mesh or a scene to a picture in one call."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ def render(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> Frame:
-    """Render a mesh, with its maps where it has any, under the light of a studio.
+    """Render a mesh, optionally with maps, in studio light.
 
     Parameters
     ----------
     mesh
         Any mesh; maps need texture coordinates.
     normal_map : path, Image or (H, W, 3) float32, optional
-        An array holds decoded unit vectors in tangent space, +Y up; a file or image says in its
-        metadata which space and convention it has, else it is taken for the same.
+        An array holds decoded unit vectors in tangent space, +Y up. The metadata of a file or image
+        gives its space and convention; the default is tangent space, +Y up.
     displacement : path, Image or (H, W) float32, optional
-        An array holds heights in model units; the metadata of a file or image says how to decode
-        it, else its values are heights as they are. The mesh is cut into small triangles, which
-        are moved; without a normal map their own normals shade them.
+        An array holds heights in model units. A file or image is decoded by its metadata; without
+        metadata, its values are heights. The mesh is subdivided and displaced, and shaded with the
+        normals of the displaced surface unless a normal map is given.
     albedo : path, Image or (H, W, 3) float32, optional
         An array holds linear colors.
     options
-        None for the defaults.
+        None uses the defaults.
     camera
-        None for one that frames the mesh (before displacement) as `options` says.
+        None frames the mesh (before displacement) by `options`.
     threads
-        None for every processor; the bytes of the result do not depend on it.
+        Number of threads; None uses every processor. The result does not depend on it.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Returns
     -------
     Frame
-        With its normals kept.
+        The picture, including its normals.
 
     Raises
     ------
@@ -90,25 +90,27 @@ def render_scene(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> Frame:
-    """Render a scene; only what it calls for is computed.
+    """Render a scene.
+
+    Only the effects that the scene calls for are computed.
 
     Parameters
     ----------
     scene
-        As `texbake.read_scene` reads it, or made in Python.
+        A scene from `texbake.read_scene`, or built in Python.
     options
-        None for the defaults.
+        None uses the defaults.
     camera
-        None for that of the scene's view, else one that frames all objects as `options` says.
+        None uses the scene's view or, if it has none, frames all objects by `options`.
     threads
-        None for every processor; the bytes of the result do not depend on it.
+        Number of threads; None uses every processor. The result does not depend on it.
     progress
-        Told of the stages.
+        Receives the stages.
 
     Raises
     ------
     TexbakeError
-        A texture cannot be read, or a mesh lacks what its material needs.
+        A texture cannot be read, or a mesh lacks data that its material needs.
 
     Examples
     --------
@@ -127,9 +129,9 @@ def render_scene(
 def plan_scene(
     scene: Scene, options: RenderOptions | None = None, *, camera: Camera | None = None
 ) -> Plan:
-    """Return the passes that a picture of a scene needs, and why; none of them is run.
+    """Return the passes that a picture of a scene needs and why, without running them.
 
-    Parameters are those of `render_scene`.
+    The parameters are those of `render_scene`.
 
     Examples
     --------
@@ -151,13 +153,13 @@ def draw_picture(
     keep: Collection[str] = (),
     progress: ProgressSink | None = None,
 ) -> Frame:
-    """Draw a prepared scene from one camera, with fixed or adaptive samples as its options say.
+    """Draw a prepared scene from one camera, with fixed or adaptive samples by its options.
 
-    Parameters and errors are those of `texbake.rendering.draw.draw`.
+    The parameters and errors are those of `texbake.rendering.draw.draw`.
     """
     if not prepared.options.is_adaptive:
         return draw(prepared, camera, keep=keep, progress=progress)
-    # Imported here, so that pictures with fixed samples load nothing of it.
+    # Imported here, so that pictures with fixed samples do not load it.
     from texbake.rendering.adaptive_pixels.samples import draw_adaptively
 
     return draw_adaptively(prepared, camera, keep=keep, progress=progress)

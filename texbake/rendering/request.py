@@ -1,4 +1,4 @@
-"""What is to be drawn: a scene, its options and the camera, and what they imply."""
+"""A request for a picture: a scene, render options and a camera, and what follows from them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from texbake.rendering.scene.textures import (
     Texture,
 )
 
-# Slots of a material that hold a value themselves, in the order in which they are looked up.
+# Material slots that each shading model reads, in the order of their lookups.
 SHADING_SLOTS = {
     "unlit": ("base_color",),
     "lambert": ("base_color",),
@@ -34,10 +34,10 @@ LIT_SLOTS = ("occlusion", "light_map")
 
 @dataclass(frozen=True, eq=False)
 class RenderRequest:
-    """A scene, the choices made for its picture, and the camera.
+    """A scene, its render options and a camera.
 
-    `keep` names what the frame holds beside its color; `depth` counts pictures within pictures: 1
-    in an environment rendered for a reflecting object.
+    `keep` names the data that the frame holds beside its color. `depth` counts nested pictures; it
+    is 1 in an environment rendered for a reflecting object.
     """
 
     scene: Scene
@@ -48,7 +48,7 @@ class RenderRequest:
 
     @property
     def shows_buffer(self) -> bool:
-        """Whether the picture is of the renderer's inside, so that nothing is shaded."""
+        """Whether the picture shows a buffer of the renderer, so that nothing is shaded."""
         return self.options.buffer is not None
 
     @cached_property
@@ -62,12 +62,12 @@ class RenderRequest:
 
     @cached_property
     def shaded(self) -> tuple[int, ...]:
-        """Objects that may be in the picture and are shaded there."""
+        """Objects that may be in the picture and are shaded."""
         return () if self.shows_buffer else self.in_view
 
     @cached_property
     def lit(self) -> tuple[int, ...]:
-        """Of those, the ones that light falls on."""
+        """Shaded objects whose material is lit."""
         return tuple(i for i in self.shaded if self.material(i).shading != "unlit")
 
     def material(self, index: int) -> Material:
@@ -75,7 +75,7 @@ class RenderRequest:
         return self.scene.objects[index].material
 
     def name(self, index: int) -> str:
-        """What the plan calls an object."""
+        """Name of an object in the plan."""
         return f'object "{self.scene.objects[index].name}"'
 
     def light(self, index: int) -> Light:
@@ -83,14 +83,14 @@ class RenderRequest:
         return self.scene.lighting.lights[index]
 
     def slots(self, index: int) -> tuple[str, ...]:
-        """Slots of an object's material that its shading reads, whatever they hold."""
+        """Slots of an object's material that its shading model reads, filled or not."""
         material = self.material(index)
         lit = LIT_SLOTS if material.shading != "unlit" else ()
         names = SHADING_SLOTS[material.shading] + ALWAYS_READ_SLOTS + lit
         return tuple(name for name in names if getattr(material, name) is not None)
 
     def textures(self, index: int) -> Iterator[tuple[str, Texture]]:
-        """Textures that shading an object looks up, each with where it stands in the material."""
+        """Textures that shading an object looks up, each with its place in the material."""
         material = self.material(index)
         for name in self.slots(index):
             slot = getattr(material, name)
@@ -109,22 +109,22 @@ class RenderRequest:
                     yield f"{feature}.{field.name}", value
 
     def image_opacity(self, index: int) -> ImageTexture | None:
-        """Fourth channel of the base color's image, where it counts as opacity and there is one."""
+        """Alpha channel of the base color's image, if there is one and it counts as opacity."""
         if index not in self._image_opacities:
             self._image_opacities[index] = _image_opacity(self.material(index))
         return self._image_opacities[index]
 
     @cached_property
     def _image_opacities(self) -> dict[int, ImageTexture | None]:
-        """Answers so far: finding whether a file has a fourth channel opens it."""
+        """Cache, since the file must be opened to find out whether it has an alpha channel."""
         return {}
 
     def filter_of(self, texture: ImageTexture) -> str:
-        """Filter of a texture: that of the options where they name one, else its own."""
+        """Filter of a texture: the one in the options if set, else the texture's own."""
         return self.options.filter or texture.filter
 
     def wants_footprint(self, texture: Texture) -> bool:
-        """Whether a texture's lookup needs to know how much of it a pixel covers."""
+        """Whether a texture's filter needs the footprint of the pixel."""
         if isinstance(texture, ProcedureTexture):
             return texture.filtered and self.options.filter not in ("nearest", "bilinear")
         return self.filter_of(texture) in FILTERS_WITH_FOOTPRINT
@@ -140,9 +140,9 @@ def _image_opacity(material: Material) -> ImageTexture | None:
 
 
 def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:
-    """Whether the bounding box of an object reaches into the picture; may say yes wrongly.
+    """Whether an object's bounding box overlaps the picture; may return True wrongly.
 
-    What moves the surface (displacement) may leave the box, so such objects always do.
+    Displaced objects may leave their box, so they always count as visible.
     """
     if item.material.displacement is not None:
         return True

@@ -1,4 +1,4 @@
-"""Fragments to pixels: each pixel's samples averaged, over what lies behind them."""
+"""Resolving samples: averaging the samples of each pixel over the background, into a frame."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 from texbake.texture.image import FloatImage, write_image
 
-# Rows of pixels a band.
+# Rows of pixels per band.
 _BAND = 16
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """A picture and what it shows; row 0 at the top.
+    """A rendered picture with its data; row 0 is at the top.
 
     Attributes
     ----------
     color : (H, W, 4) float32
-        Linear light and opacity. Over a background the opacity is 1; without one it is the
-        coverage, and the color is not multiplied by it.
+        Linear light and opacity. With a background the opacity is 1. Without one it is the
+        coverage, and the color is not premultiplied.
     coverage : (H, W) float32
         Share of the pixel's samples that see a surface.
     plan : Plan
-        What was computed for it.
+        Passes that were run.
     costs : Costs
-        What that took.
+        Time and memory of the passes.
     sampling : SamplingReport, optional
-        What adaptive samples reached, where the options ask for them.
+        Report on adaptive samples, if the options use them.
     budget : TimeBudget, optional
-        What a time budget was turned into, where there was one.
+        Report on the time budget, if there was one.
     """
 
     color: FloatImage
@@ -64,7 +64,7 @@ class Frame:
 
     @property
     def width(self) -> int:
-        """Pixels in a row."""
+        """Number of columns."""
         return len(self.color[0])
 
     @property
@@ -76,7 +76,7 @@ class Frame:
         Raises
         ------
         OptionError
-            The picture was drawn without keeping them.
+            The picture was drawn without `keep=("normals",)`.
         """
         if self._normals is None:
             raise OptionError('frame: it kept no normals; draw it with keep=("normals",)')
@@ -94,27 +94,26 @@ class Frame:
 
     @property
     def face_ids(self) -> IntArray:
-        """(H, W) int32: the nearest opaque triangle in the pixel, as it was drawn; -1 for none.
+        """(H, W) int32: index of the nearest opaque drawn triangle in the pixel; -1 for none.
 
-        Objects follow one another: the first triangle of the second has the number after the last
-        one of the first.
+        Triangles are numbered consecutively over all objects, in the order of the scene.
         """
         return self._nearest[0]
 
     @property
     def depths(self) -> FloatImage:
-        """(H, W) float32: its distance along the view in model units; infinite for none."""
+        """(H, W) float32: depth of that triangle in model units; infinite for none."""
         return self._nearest[1]
 
     def sampling_report(self) -> dict[str, Any]:
-        """Return `sampling` and `budget` as values that JSON holds, where they are there."""
+        """Return `sampling` and `budget`, if present, as JSON values."""
         parts = {"sampling": self.sampling, "budget": self.budget}
         return {name: asdict(part) for name, part in parts.items() if part is not None}
 
     def write(self, path: PathLike, *, threads: int | None = None) -> None:
-        """Write the color to an image file, with opacity only where not all of it is opaque.
+        """Write the color to an image file, with an alpha channel unless every pixel is opaque.
 
-        Raises as `texbake.texture.image.write_image` does.
+        Raises the same errors as `texbake.texture.image.write_image`.
         """
         opaque = bool((self.color[..., 3] == 1.0).all())
         write_image(
@@ -129,13 +128,14 @@ class Sums:
     Attributes
     ----------
     color : (H, W, 4) float32
-        Sum of the light of the samples, and how many of them hide what is behind.
+        Sum of the light of the samples, and of their opacity.
     coverage : (H, W) float32
-        How many of them see a surface.
+        Number of samples that see a surface.
     normals : (H, W, 3) float32
-        Sum of their normals; empty where they are not kept.
+        Sum of the samples' normals; empty if they are not kept.
     n_samples : int
-        Of each pixel. Sums are divided by it in the end, so that a full pixel is exactly full.
+        Samples per pixel. Sums are divided only at the end, so that a fully covered pixel has a
+        coverage of exactly 1.
     """
 
     color: FloatImage
@@ -145,7 +145,7 @@ class Sums:
 
     @classmethod
     def empty(cls, height: int, width: int, *, n_samples: int, keeps_normals: bool) -> Sums:
-        """Return sums of no fragments."""
+        """Return sums without any fragments."""
         return cls(
             np.zeros((height, width, 4), np.float32),
             np.zeros((height, width), np.float32),
@@ -155,7 +155,7 @@ class Sums:
 
     @property
     def n_bytes(self) -> int:
-        """Memory that they take."""
+        """Memory of the sums in bytes."""
         return self.color.nbytes + self.coverage.nbytes + self.normals.nbytes
 
     def add(self, fragments: Fragments) -> None:
@@ -170,12 +170,13 @@ class Sums:
     def finished(
         self, behind: npt.NDArray[np.float32] | None, *, threads: int | None = None
     ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
-        """Divide by the samples, in place: color over what is behind, coverage, unit normals.
+        """Divide by the samples, in place; return color over the background, coverage and normals.
 
         Parameters
         ----------
         behind : (3,) or (H, W, 3) float32, optional
-            Linear light; None: the color keeps its opacity and is not multiplied by it.
+            Background as linear light. With None the color keeps its opacity and is not
+            premultiplied.
         """
         layer = np.zeros((1, 1, 3), np.float32)
         if behind is not None:

@@ -1,8 +1,8 @@
-"""The studio: the lamps of a preview that names none, and a room for surfaces that mirror.
+"""Studio lighting: the default lamps of a preview, and a built-in environment for reflections.
 
-The lamps are a key light, a fill and a rim, with a dim hemisphere. They hang on the camera, so that
-a mesh is lit alike from every side that it is seen from. The room is an environment without a file:
-gray, with three soft lamps.
+The lamps are a key light, a fill light and a rim light, with dim hemispherical light. They follow
+the camera, so that a mesh is lit the same way in every view. The environment is a gray room with
+three soft lamps.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.cube_map import CubeMap, texel_directions
 from texbake.texture.encoding import decode_srgb
 
-# Name, direction that the light goes as (right, up, back) of the camera, and radiance.
+# Name, direction in which the light travels as (right, up, back) of the camera, and radiance.
 _LAMPS = (
     ("key", (0.65, -0.70, -0.40), (1.00, 0.97, 0.92)),
     ("fill", (-0.80, -0.10, -0.45), (0.22, 0.25, 0.30)),
@@ -34,7 +34,7 @@ STUDIO = Lighting(
     ambient=Ambient(color=(0.16, 0.17, 0.19), ground=(0.06, 0.055, 0.05)),
 )
 
-# Neither glossy nor dull, so that shade and highlight both show the form.
+# Between glossy and matte, so that both shading and highlights show the shape.
 _ROUGHNESS = 0.5
 
 
@@ -47,7 +47,7 @@ def studio_scene(
     edge_px: float | None = Displacement.edge_px,
     options: RenderOptions | None = None,
 ) -> Scene:
-    """Return a scene of one mesh with its maps, under the light of the studio.
+    """Return a scene with one mesh and its maps in studio light.
 
     Parameters
     ----------
@@ -56,13 +56,14 @@ def studio_scene(
     normal_map, displacement, albedo
         As in `texbake.rendering.render.render`.
     edge_px
-        Longest edge of displaced pieces in the picture; None: cut to texels, once for all pictures.
+        Maximum length in pixels of the edges of a displaced mesh. With None it is subdivided to the
+        texels of the map, once for all pictures.
     options
-        `base_color` and `filter` are taken from it.
+        Gives `base_color` and `filter`.
     """
     options = options or RenderOptions()
     if normal_map is not None or displacement is not None or albedo is not None:
-        mesh.corner_uvs()  # raises where there are none
+        mesh.corner_uvs()  # raises if there are none
     red, green, blue = decode_srgb(options.base_color)
     material = Material(
         name=mesh.name,
@@ -86,10 +87,10 @@ def studio_scene(
 
 STUDIO_ROOM = "studio"
 
-# Radiance of the room at its top, at the height of the eye and at its bottom.
+# Radiance of the room at the top, at eye level and at the bottom.
 _TOP, _MIDDLE, _BOTTOM = 0.55, 0.32, 0.14
 
-# Lamps: azimuth from +z toward +x and elevation of the middle in degrees, half width and half
+# Lamps: azimuth (from +z toward +x) and elevation of the center in degrees, half width and half
 # height as tangents, radiance.
 _ROOM_LAMPS = (
     (40.0, 45.0, 0.45, 0.45, (7.0, 6.8, 6.5)),
@@ -97,17 +98,17 @@ _ROOM_LAMPS = (
     (170.0, 35.0, 0.70, 0.20, (3.5, 3.4, 3.3)),
 )
 
-# Share of a lamp's half width over which it fades at its rim.
+# Share of a lamp's half width over which its rim fades out.
 _RIM = 0.08
 
 
 def studio_room(size: int = 256) -> CubeMap:
-    """Cube map of a room, +y up, the strongest lamp in front on the right.
+    """Cube map of the studio room, +y up, with the strongest lamp at the front right.
 
     Parameters
     ----------
     size
-        Texels along one side of a face.
+        Width of each face in texels.
     """
     directions = texel_directions(size).astype(np.float64)
     up = directions[..., 1]

@@ -1,10 +1,10 @@
-r"""Triangles cut where their edges are too long, without a crack anywhere.
+r"""Adaptive subdivision of triangles, without cracks.
 
-Only edges are cut, in the middle: a triangle is then divided into two, three or four pieces,
-depending on which of its edges were cut. So the triangles on both sides of an edge
-agree on its points whatever each of them looks like, and every cut adds as many triangles as meet
-at the edge, which makes a bound on their number exact. No triangle is cut without its longest edge,
-so that pieces do not get thin, however unevenly the surface is cut.
+Edges that are too long are cut in the middle. A triangle is then divided into two, three or four
+pieces, depending on which of its edges were cut. The triangles on both sides of an edge always
+agree on its vertices, so no cracks open. Each cut adds one triangle for each triangle at the edge,
+so a limit on their number can be kept exactly. A triangle is never cut without its longest edge, so
+that pieces do not become thin, however unevenly the surface is subdivided.
 
          2               2               2               2
         / \             /|\             / \             / \
@@ -13,8 +13,8 @@ so that pieces do not get thin, however unevenly the surface is cut.
      0-------1       0---3---1       0----3--1       0---3---1
     no cut           one             two             three
 
-Each piece knows the base triangle it lies on and where its corners lie there. Those weights are
-halves of halves, which float32 holds exactly for as many cuts as `MOST_CUTS`.
+Each piece stores its base triangle and the barycentric weights of its corners there. After k cuts
+the weights are multiples of 2^-k, which float32 holds exactly for up to `MOST_CUTS` cuts.
 
 Based on: Rivara, "Algorithms for refining triangular grids suitable for adaptive and multigrid
 techniques", International Journal for Numerical Methods in Engineering 20, 1984 (longest edges);
@@ -38,10 +38,10 @@ from texbake.rendering.kernels.displacement import (
     halve_edges,
 )
 
-# An edge cut so many times is 2^-23 of itself: the finest that float32 weights resolve.
+# After this many cuts an edge is 2^-23 of its original length, the resolution of float32 weights.
 MOST_CUTS = 23
 
-# Triangles a band.
+# Triangles per band.
 _BAND = 1 << 16
 
 Floats = npt.NDArray[np.float32]
@@ -57,15 +57,15 @@ class Pieces:
     ----------
     n_vertices : int
     faces : (F, 3) int32
-        Vertices, wound as the base triangle is.
+        Vertices, with the winding of the base triangle.
     face_edges : (F, 3) int32
         Edge from each corner to the next.
     ends : (E, 2) int32
         Vertices of each edge.
     base_faces : (F,) int32
-        Triangle that each is a piece of.
+        Base triangle of each piece.
     base_weights : (F, 3, 2) float32
-        Where its corners lie on that: weights of the second and third corner.
+        Positions of the piece's corners on it, as weights of its second and third corner.
     """
 
     n_vertices: int
@@ -78,7 +78,7 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Places on base triangles where vertices lie; those on an edge lie on several.
+    """Positions of vertices on base triangles; a vertex on an edge has one place per triangle.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Places:
         Vertex at each place, counted from the first new one.
     base_faces : (S,) int32
     weights : (S, 2) float32
-        Of the second and third corner.
+        Weights of the second and third corner.
     """
 
     vertices: IntArray
@@ -95,12 +95,13 @@ class Places:
 
 
 def uncut(faces: IntArray) -> tuple[Pieces, Places]:
-    """Return triangles as they are, and the places of their vertices.
+    """Return triangles without any cut, and the places of their vertices.
 
     Parameters
     ----------
     faces : (F, 3) int32
-        Vertices 0 to V - 1, each of them used; edges that run between the same two are one.
+        Indices of vertices 0 to V - 1, all of which are used. Edges between the same two vertices
+        are merged.
     """
     n_faces, n_vertices = len(faces), int(faces.max()) + 1
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).astype(np.int64)
@@ -126,21 +127,21 @@ def uncut(faces: IntArray) -> tuple[Pieces, Places]:
 
 
 def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: int) -> Bools:
-    """(E,) bool: edges to cut, as many as a bound on the triangles allows.
+    """(E,) bool: edges to cut, as many as a limit on the number of triangles allows.
 
-    Those that are too long, and with them the longest of every triangle that is cut; where that
-    would be too many, only of the former those that are the most times too long.
+    Selects the edges that are too long, and the longest edge of every triangle that is cut. If
+    these are too many, the edges that exceed their limit the most come first.
 
     Parameters
     ----------
     pieces
-        To be cut.
+        Triangles to subdivide.
     excess : (E,) float64
-        How many times too long each edge is; at most 1 for one that is short enough.
+        Ratio of each edge's length to the allowed length; at most 1 if it is short enough.
     points : (V, 3) float64
-        Where vertices lie.
+        Positions of the vertices.
     most
-        Bound on the triangles after the cut.
+        Maximum number of triangles after the cut.
     """
     wanted = excess > 1.0
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
@@ -158,7 +159,7 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
 def cut(
     pieces: Pieces, marked: Bools, points: FloatArray, *, threads: int | None = None
 ) -> tuple[Pieces, IntArray, Places]:
-    """Cut edges in the middle, and the triangles that they belong to.
+    """Cut edges in the middle, and subdivide the triangles that they belong to.
 
     Parameters
     ----------
@@ -167,18 +168,18 @@ def cut(
     marked : (E,) bool
         Edges to cut.
     points : (V, 3) float64
-        Where vertices lie, by which the shorter diagonal is found.
+        Positions of the vertices, used to choose the shorter diagonal.
     threads
-        None for every processor.
+        Number of threads; None uses every processor.
 
     Returns
     -------
     pieces : Pieces
-        Pieces of one triangle follow one another, in the order of the triangles.
+        Subdivided triangles; pieces of a triangle are consecutive, in the order of the triangles.
     ends : (M, 2) int32
-        Vertices in the middle between which each new vertex lies.
+        The two vertices whose midpoint each new vertex is.
     places : Places
-        Of the new vertices.
+        Places of the new vertices.
     """
     n_marked = int(np.count_nonzero(marked))
     halves = np.cumsum(marked, dtype=np.int32) + np.arange(len(marked), dtype=np.int32) - marked

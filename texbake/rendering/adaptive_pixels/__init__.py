@@ -1,4 +1,5 @@
-"""Adaptive samples of a picture: few per pixel, and more only where they disagree.
+"""Adaptive sampling of a picture: few samples per pixel, and more where they disagree.
 
-A bound on the error becomes samples in `samples`, a time becomes a bound in `budget`.
+`samples` refines a picture until its estimated error is below a bound; `budget` chooses a bound
+that fits into a time budget.
 """

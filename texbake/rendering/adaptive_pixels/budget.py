@@ -1,9 +1,9 @@
-"""A time becomes a bound on the error: the closest that is predicted to fit, from a short probe.
+"""Choosing an error bound for a time budget: the tightest bound predicted to fit by a short probe.
 
-The probe refines some strips of rows of the picture for one bound of a ladder after another; what
-the strips have, they keep. Their time grows with the rows, except for what each window takes to
-rasterize, which a few single pixels show, and for the estimates of errors, which already are those
-of the whole picture.
+The probe refines some strips of rows for a series of ever tighter bounds, and the strips keep their
+samples. The time for the whole picture is extrapolated in proportion to the rows. Two parts are not
+extrapolated: the fixed time to rasterize a window, which is measured with a few single pixels, and
+the estimation of errors, which already covers the whole picture.
 """
 
 from __future__ import annotations
@@ -28,35 +28,35 @@ if TYPE_CHECKING:
 
 IdArray = npt.NDArray[np.int64]
 
-# The closest bound of the ladder where none is given: half of an 8-bit step.
+# Tightest bound that is tried if `max_error` is not given: half of an 8-bit step.
 _CLOSEST = 0.5 / CODES
-_HALVINGS = 5  # of the bound, from the widest to the closest
-_WIDEST = 0.25  # beyond which no bound is worth trying
+_HALVINGS = 5  # of the bound, from the loosest to the tightest
+_WIDEST = 0.25  # loosest bound that is tried
 _STRIPS = 8
-_STRIP_SHARE = 0.08  # of the rows
-_TIMED = 400  # pixels that the check is timed with
+_STRIP_SHARE = 0.08  # share of the rows that the probe refines
+_TIMED = 400  # number of pixels for timing the check
 
 
 def choose_picture_bound(
     adaptive: AdaptivePicture, options: RenderOptions, start: float
 ) -> tuple[float | None, TimeBudget]:
-    """Turn `RenderOptions.time_budget` into a bound that is predicted to fit into it.
+    """Choose an error bound that is predicted to fit into `RenderOptions.time_budget`.
 
     Parameters
     ----------
     adaptive
-        With its first samples, which every bound needs; some strips of it are refined.
+        The picture with its first samples; some strips of it are refined.
     options
-        With a time budget.
+        Options with a time budget.
     start
         `time.perf_counter` when the work on the picture began.
 
     Returns
     -------
     bound : float, optional
-        None if nothing but the first samples fits.
+        None if only the first samples fit.
     budget : TimeBudget
-        Without the actual time.
+        Report on the choice, still without the actual time.
     """
     assert options.time_budget is not None
     seconds = parse_seconds(options.time_budget)
@@ -111,7 +111,7 @@ class _PictureProbe:
         self._taking = 0.0
 
     def try_out(self, bound: float) -> Candidate:
-        """Refine the strips to a bound, which is closer than those before it."""
+        """Refine the strips to a bound, which must be tighter than the ones before."""
         sampler = self._sampler
         before = sampler.seconds, sampler.n_windows
         start = time.perf_counter()
@@ -119,25 +119,25 @@ class _PictureProbe:
         whole = time.perf_counter() - start
         taking = sampler.seconds - before[0]
         windows = min((sampler.n_windows - before[1]) * self._window, taking)
-        # The rest of the picture has yet to take what the strips took for wider bounds.
+        # The rest of the picture still has to pass through the looser bounds, too.
         self._taking += taking - windows
         seconds = whole - taking + windows + self._taking * self._growth + self.check_seconds
         return Candidate(in_codes(bound), predicted_seconds=seconds)
 
     def _time_windows(self, shown: IdArray) -> float:
-        """Return the seconds of a window without samples, timed with one pixel in each strip."""
+        """Time the fixed cost of a window in seconds, with one pixel in each strip."""
         rows = shown // self._strips.shape[1]
         seconds, n_windows = self._take(shown[np.unique(rows, return_index=True)[1]], Sides(4, 1))
         return seconds / max(n_windows, 1)
 
     def _time_checking(self, shown: IdArray) -> tuple[float, int]:
-        """Return the seconds of checking some pixels, without their windows, and their number."""
+        """Time the check of some pixels in seconds, without windows; also return their number."""
         some = shown[:: max(1, len(shown) // _TIMED)]
         seconds, n_windows = self._take(some, Sides(SIDE, SIDE))
         return max(seconds - n_windows * self._window, 0.0), max(len(some), 1)
 
     def _take(self, pixels: IdArray, sides: Sides) -> tuple[float, int]:
-        """Sample some pixels for nothing; return the seconds and the windows that it took."""
+        """Sample some pixels and discard the result; return the seconds and the windows used."""
         wanted = np.zeros(self._strips.size, np.bool_)
         wanted[pixels] = True
         n_windows, start = self._sampler.n_windows, time.perf_counter()

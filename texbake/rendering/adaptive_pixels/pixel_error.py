@@ -1,18 +1,18 @@
-"""How far the mean over the samples of a pixel may be from the mean over the pixel.
+"""Estimating the error of adaptively sampled pixels: the mean of the samples against the true mean.
 
-Two things can be wrong. One is the shading. A pixel that was shaded once is judged by a quarter of
-the second difference to those beside it: where the picture bends by s along a line through the
-pixel its middle is off by s / 8, where it leaps by s, by up to s / 2. A pixel that was shaded in
-more cells is judged by how much the last step changed it. Four times as many cells leave half the
-error where light has no order, so the mean is off by about half the change; chance is evened out
-over the pixels around it.
+There are two sources of error. The first is the shading. For a pixel that was shaded once, the
+estimate is a quarter of the second difference to its neighbors: where the picture bends by s across
+the pixel, its center is off by s / 8; at a discontinuity of s, by up to s / 2. For a pixel that was
+shaded in several cells, the estimate is based on how much the last refinement changed it. With
+uncorrelated light, four times as many cells halve the error, so the remaining error is about half
+the change. It is averaged over the surrounding pixels to reduce noise.
 
-The other is where edges are. The mean over n x n samples is off by up to half a row of them, but
-for most edges by about 0.6 sigma n^-3/2, where sigma is the deviation of the samples, without what
-the slope between the pixels around explains. An edge between the samples of one pixel and those of
-the next shows in neither, but in the leap between the two pixels.
+The second source is the position of edges. The mean over n x n samples is off by up to half a row
+of samples, but for most edges by about 0.6 sigma n^-3/2. Here sigma is the standard deviation of
+the samples, minus the part explained by the slope between neighboring pixels. An edge that falls
+between the samples of two pixels shows only in the difference between these pixels.
 
-All of this is an estimate: what no sample of a pixel or of its neighbors meets goes unnoticed.
+The result is an estimate: detail that no sample of a pixel or of its neighbors hits goes unnoticed.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from texbake.rendering.adaptive_pixels.sample_statistics import (
     write_codes,
 )
 
-_ROWS = 32  # of pixels in a band
+_ROWS = 32  # pixel rows per band
 
 
 def code_means(sums: PixelSums, codes: Float32Array, *, threads: int | None) -> None:
-    """Write means (H, W, 4) as a file holds them: sRGB-coded light, and opacity as it is."""
+    """Write the means (H, W, 4) as encoded in a file: light in sRGB, opacity linear."""
 
     def work(start: int, stop: int) -> None:
         write_codes(sums.light, sums.counts, codes, start, stop)
@@ -43,15 +43,15 @@ def code_means(sums: PixelSums, codes: Float32Array, *, threads: int | None) -> 
 def shading_errors(
     codes: Float32Array, shaded: IntArray, changes: Float32Array, *, threads: int | None
 ) -> Float32Array:
-    """Estimate how far coded means may be off by too few shadings, (H, W) float32.
+    """Estimate the error of the encoded means due to too few shadings, (H, W) float32.
 
     Parameters
     ----------
     codes : (H, W, 4) float32
     shaded : (H, W) int32
-        Cells of each pixel along one side.
+        Shaded cells along one side of each pixel.
     changes : (H, W) float32
-        How much the last step of finer shading changed a pixel; 0 where there was none.
+        Change of a pixel by the last refinement of its shading; 0 if there was none.
     """
     errors = np.empty(shaded.shape, np.float32)
 
@@ -63,7 +63,7 @@ def shading_errors(
 
 
 def edge_errors(sums: PixelSums, *, threads: int | None) -> Float32Array:
-    """Estimate how far coded means may be off by too few samples of edges, (H, W) float32."""
+    """Estimate the error of the encoded means due to too few edge samples, (H, W) float32."""
     errors = np.empty(sums.counts.shape, np.float32)
 
     def work(start: int, stop: int) -> None:

@@ -1,4 +1,4 @@
-"""Sums over the samples of pixels, with squares, which show how much the samples differ."""
+"""Sums of samples per pixel, and of their squares, from which the variance follows."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class PixelSums:
     Attributes
     ----------
     light, squares : (H, W, 4) float64
-        Sums of light and opacity, and of their squares. Light is composed over what shows behind
-        surfaces, or over black.
+        Sums of light and opacity, and of their squares. Light is composited over the background, or
+        over black.
     covered : (H, W) float32
-        How many samples show a surface.
+        Number of samples that show a surface.
     counts : (H, W) int32
-        How many samples there are.
+        Number of samples.
     """
 
     light: FloatArray
@@ -39,7 +39,7 @@ class PixelSums:
 
     @classmethod
     def empty(cls, height: int, width: int) -> PixelSums:
-        """Return sums of no samples."""
+        """Return sums without any samples."""
         return cls(
             np.zeros((height, width, 4)),
             np.zeros((height, width, 4)),
@@ -54,11 +54,11 @@ class PixelSums:
 
     @property
     def coverage(self) -> Float32Array:
-        """(H, W) float32 shares of the samples that show a surface."""
+        """(H, W) float32: share of the samples that show a surface."""
         return np.asarray(self.covered / np.maximum(self.counts, 1), np.float32)
 
     def add(self, pixels: IntArray, counts: Float32Array, light: Float32Array) -> None:
-        """Add opaque fragments to their pixels, each as many times as it has samples."""
+        """Add opaque fragments to their pixels, weighted by their numbers of samples."""
         add_fragments(
             pixels, counts, light,
             self.light.reshape(-1, 4), self.squares.reshape(-1, 4), self.covered.reshape(-1),
@@ -73,13 +73,13 @@ class PixelSums:
         first_row: int,
         side: int,
     ) -> None:
-        """Add samples, (h side, w side), of some rows of pixels, over what shows behind them.
+        """Add the samples (h side, w side) of some rows of pixels, composited over `behind`.
 
         Parameters
         ----------
         light, passed, seen
-            Light of each sample, the share of what lies behind it that it lets through, and whether
-            it shows a surface.
+            Light of each sample, the share of the background that it lets through, and whether it
+            shows a surface.
         behind : (H, W, 3) or (1, 1, 3) float32
         """
         add_samples(
@@ -103,11 +103,11 @@ class PixelSums:
         corner
             Row and column of the window's first pixel.
         behind : (h, w, 3) or (1, 1, 3) float32, optional
-            Light at samples that show no surface; None where the sums include it.
+            Light at samples that show no surface; None if the sums already include it.
         side
-            Samples of a pixel along one side.
+            Samples along one side of a pixel.
         is_opaque
-            Whether all samples count as opaque, because something shows behind all surfaces.
+            Count all samples as opaque, because there is a background behind all surfaces.
         """
         write_window(
             mask, *corner, side, _DARK if behind is None else behind, is_opaque, behind is not None,

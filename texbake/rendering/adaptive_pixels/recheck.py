@@ -1,7 +1,7 @@
-"""Some pixels sampled again, with other and more samples, to see whether estimates can be trusted.
+"""Checking the error estimates by sampling some pixels again, with more and different samples.
 
-The second samples are `SIDE` x `SIDE` per pixel, each of them shaded. That is an odd number, so
-except for the very middle none of them is one of the first samples.
+The check takes `SIDE` x `SIDE` samples per pixel and shades each of them. `SIDE` is odd, so apart
+from the center none of them coincides with an adaptive sample.
 """
 
 from __future__ import annotations
@@ -30,23 +30,24 @@ if TYPE_CHECKING:
     from texbake.rendering.adaptive_pixels.samples import AdaptivePicture
 
 SIDE = 15
-# Pixels are drawn from this many times as many, which lie in runs of rows: few are rasterized.
+# Pixels are chosen from this many times as many, grouped in runs of rows so that few rows need to
+# be rasterized.
 AMONG = 10
 RUN = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureSampling(SamplingReport):
-    """What the adaptive samples of a picture achieved.
+    """Report on the adaptive samples of a picture.
 
-    Triangles in one cell of a pixel share a shading, however many samples show them.
+    All samples of a triangle within one cell of a pixel share one shading.
 
     Attributes
     ----------
     shaded_percents : dict of int to float
-        Number of shaded cells in a pixel, and the percent of the pixels that have so many.
+        Percentage of pixels by their number of shaded cells.
     shadings_per_pixel : float
-        Cells shaded in all, also those that finer ones replaced, per pixel that shows a surface.
+        Cells shaded per pixel that shows a surface, including cells replaced by finer ones.
     """
 
     shaded_percents: dict[int, float]
@@ -56,7 +57,7 @@ class PictureSampling(SamplingReport):
     most_samples: ClassVar[int] = 256
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
+        """Rows of a label and a value, for display."""
         shadings = f"{listed(self.shaded_percents)}; {self.shadings_per_pixel:.2f} taken on average"
         return [
             ("shadings per pixel", shadings),
@@ -66,14 +67,16 @@ class PictureSampling(SamplingReport):
 
 
 def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
-    """Sample one pixel in a hundred again, always the same ones, and report on all samples.
+    """Sample one pixel in a hundred again and report on all samples.
+
+    The choice of pixels is deterministic.
 
     Parameters
     ----------
     adaptive
-        A finished picture.
+        The finished picture.
     bound
-        For sRGB-coded channels, where black to white is 1; None if there was none.
+        Error bound for sRGB-coded channels, with black to white as 1; None if there was none.
     """
     sampler, sums, errors = adaptive.sampler, adaptive.sums, adaptive.errors()
     shows = sums.covered > 0.0
@@ -106,7 +109,7 @@ def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
 
 
 def _chosen(shows: BoolArray) -> BoolArray:
-    """(H, W) bool: pixels drawn at random from runs of rows that are drawn first."""
+    """(H, W) bool: pixels chosen at random within randomly chosen runs of rows."""
     rng = generator()
     by_row = np.count_nonzero(shows, axis=1)
     runs = np.add.reduceat(by_row, np.arange(0, len(by_row), RUN))
@@ -123,7 +126,7 @@ def _chosen(shows: BoolArray) -> BoolArray:
 
 
 def _percents(numbers: npt.NDArray[np.int32]) -> dict[int, float]:
-    """Return each number that occurs, and its percentage."""
+    """Return the percentage of each number that occurs."""
     values, counts = np.unique(numbers, return_counts=True)
     shares = 100.0 * counts / max(len(numbers), 1)
     return dict(zip(values.tolist(), shares.tolist(), strict=True))

@@ -1,14 +1,14 @@
-"""Samples of some pixels of a picture, with as many samples and shadings as they need.
+"""Sampling selected pixels of a picture with a given number of samples and shadings.
 
-A pixel has `sides.seen` x `sides.seen` samples, each of which shows one triangle. It is divided
-into `sides.shaded` x `sides.shaded` cells, in each of which every triangle is shaded once, in the
-middle of the samples that show it, as in `texbake.rendering.raster.fragments` for whole pixels. So
-an edge costs many samples and few shadings, a sharp highlight few samples and many shadings. A
-shading covers as much of a texture as a whole pixel does, so all samples of a pixel show the same
+A pixel has `sides.seen` x `sides.seen` visibility samples and is divided into `sides.shaded` x
+`sides.shaded` cells. In each cell every visible triangle is shaded once, at the mean position of
+the samples that see it, as `texbake.rendering.raster.fragments` does for whole pixels. An edge thus
+takes many samples and few shadings, a sharp highlight few samples and many shadings. Texture
+filters use the footprint of a whole pixel for every cell, so that refinement does not change the
 picture.
 
-The picture is taken in windows, strips of it as wide as the pixels that are wanted, so that memory
-is bounded however many samples they have.
+The picture is rendered in windows, strips just wide enough for the selected pixels, so that memory
+is bounded for any number of samples.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from texbake.rendering.raster.world import VisibilityBuffer
 
 BoolArray = npt.NDArray[np.bool_]
 
-# Cells shaded together by one thread, as `texbake.rendering.draw` has it.
+# Cells shaded together by one thread, as in `texbake.rendering.draw`.
 _CELLS = 1 << 15
-# Samples of a window, of eight bytes each, and as many again for each transparent layer.
+# Samples per window. They take eight bytes each, and again as much for each transparent layer.
 _WINDOW = 1 << 23
-# Unwanted rows beyond which there are two windows; each window projects all vertices.
+# Gap in rows above which a new window is started. Each window projects all vertices again.
 _GAP = 16
 
 
 @dataclass(frozen=True, order=True)
 class Sides:
-    """Samples and shaded cells of a pixel along one side; `shaded` divides `seen`."""
+    """Samples and shaded cells along one side of a pixel; `shaded` divides `seen`."""
 
     seen: int
     shaded: int
@@ -61,7 +61,7 @@ class PixelWindow:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Number of rows and columns."""
         return self.bottom - self.top, self.right - self.left
 
 
@@ -73,7 +73,7 @@ class WindowCamera(Camera):
     ----------
     window : PixelWindow
     width, height : int
-        Pixels of the whole picture.
+        Size of the whole picture in pixels.
     """
 
     window: PixelWindow
@@ -91,7 +91,7 @@ class WindowCamera(Camera):
 
 
 def windows(wanted: npt.NDArray[np.bool_], side: int) -> Iterator[PixelWindow]:
-    """Yield strips of a picture that hold all wanted pixels, each no wider than it must be."""
+    """Yield strips of a picture that contain all wanted pixels, each as narrow as possible."""
     rows = np.flatnonzero(wanted.any(axis=1))
     most = max(1, _WINDOW // (wanted.shape[1] * side**2))
     # A strip ends before a gap that is large enough for a new one.
@@ -111,18 +111,18 @@ class PixelSampler:
     Parameters
     ----------
     state
-        By `texbake.rendering.draw.laid_out`, with all objects prepared.
+        State from `texbake.rendering.draw.laid_out`, with all objects prepared.
 
     Attributes
     ----------
     is_opaque : bool
-        Whether something shows behind all surfaces; then every sample has an opacity of 1.
+        Whether there is a background behind all surfaces; then every sample has an opacity of 1.
     n_shaded : int
         Cells shaded so far in pixels that show a surface; a cell with an edge counts once.
     n_windows : int
         Windows rasterized so far.
     seconds : float
-        Wall-clock time of all this.
+        Wall-clock time of sampling.
     """
 
     def __init__(self, state: RenderState) -> None:
@@ -135,16 +135,16 @@ class PixelSampler:
         self.seconds = 0.0
 
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
-        """Sample pixels anew, in place of what they had.
+        """Sample pixels anew and replace their previous sums.
 
         Parameters
         ----------
         wanted : (H, W) bool
-            The pixels.
+            Pixels to sample.
         sides
-            How finely.
+            Number of samples and shaded cells.
         sums
-            Gets the sums of these pixels.
+            Receives the sums of these pixels.
         """
         start = time.perf_counter()
         sums.counts[wanted] = sides.seen**2
@@ -183,7 +183,7 @@ class PixelSampler:
         )
 
     def _seen(self, window: PixelWindow, mask: BoolArray, sides: Sides) -> list[VisibilityBuffer]:
-        """Find what the wanted samples of a window show: transparent layers, then opaque."""
+        """Rasterize the wanted samples of a window: transparent layers, then opaque surfaces."""
         state = self._state
         rows, columns = window.shape
         camera = state.camera
@@ -255,7 +255,7 @@ class PixelSampler:
         sums: PixelSums,
         behind: Float32Array,
     ) -> None:
-        """Put the layers behind one another at each sample, and add the samples to their pixels."""
+        """Composite the layers at each sample and add the samples to their pixels."""
         side = sides.seen
         shape = (rows[1] - rows[0]) * side, window.shape[1] * side
         light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
@@ -271,7 +271,7 @@ class PixelSampler:
             sums.add_samples(light, passed, covered, behind, rows[0], side)
 
     def _behind_window(self, window: PixelWindow) -> Float32Array:
-        """(h, w, 3) or (1, 1, 3) light behind surfaces in a window; 0 where nothing shows."""
+        """(h, w, 3) or (1, 1, 3): background light in a window; 0 without a background."""
         behind = self._behind
         if behind is None:
             return np.zeros((1, 1, 3), np.float32)
@@ -282,7 +282,7 @@ class PixelSampler:
 
 
 def _behind_all(state: RenderState) -> Float32Array | None:
-    """Find what shows behind surfaces at every pixel: any of them may have a sample of it."""
+    """Compute the background at every pixel, since any pixel may show it in a sample."""
     for item in state.plan.passes:
         if item.effect.behind is not None and item.effect.prepare is not None:
             shape = state.options.height, state.options.width

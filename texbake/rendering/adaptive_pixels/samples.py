@@ -1,13 +1,13 @@
-"""A bound on the error becomes samples: few per pixel, and more where they disagree.
+"""Refining a picture adaptively until its estimated error is below a bound.
 
-First pixels are shaded in ever more cells, until finer cells change them by no more than the bound
-allows. Then they get ever more samples, until their edges are where they should be. Each step is
-taken for all pixels before it is decided which of them get the next, so the picture is the same for
-any number of threads.
+First pixels are shaded in more and more cells, until further refinement changes them by no more
+than the bound allows. Then they get more and more samples, until their edges are accurate enough.
+Each step is completed for all pixels before the next pixels are selected, so the picture does not
+depend on the number of threads.
 
 Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
-23(6), 1980, for more samples where neighboring ones disagree. Departs from it in that samples and
-shadings are refined separately, because edges need the former and highlights the latter.
+23(6), 1980, for more samples where neighboring ones disagree. Here samples and shadings are refined
+separately, because edges need the former and highlights the latter.
 """
 
 from __future__ import annotations
@@ -35,29 +35,29 @@ from texbake.texture.image import FloatImage
 
 FIRST = Sides(seen=4, shaded=1)
 FINEST = 16  # samples, and shaded cells, along one side
-# How often pixels shaded once are judged again, because those beside them have changed.
+# How often pixels that were shaded once are estimated again after their neighbors have changed.
 _ROUNDS = 3
 
 
 class AdaptivePicture:
-    """The samples of a picture, step by step.
+    """The samples of a picture while it is refined.
 
     Parameters
     ----------
     state
-        Laid out, with all objects prepared.
+        State from `texbake.rendering.draw.laid_out`, with all objects prepared.
 
     Attributes
     ----------
     sampler : PixelSampler
     sums : PixelSums
-        Of all pixels.
+        Sums of all pixels.
     shaded : (H, W) int32
-        Shaded cells of each pixel along one side.
+        Shaded cells along one side of each pixel.
     seen : (H, W) int32
-        Samples of each pixel along one side.
+        Samples along one side of each pixel.
     codes : (H, W, 4) float32
-        Means of the pixels, light sRGB-coded.
+        Means of the pixels, with sRGB-coded light.
     threads : int, optional
     """
 
@@ -82,9 +82,9 @@ class AdaptivePicture:
         Parameters
         ----------
         bound
-            For sRGB-coded channels, where black to white is 1.
+            Error bound for sRGB-coded channels, with black to white as 1.
         among : (H, W) bool, optional
-            The only pixels that may get more samples; None for all.
+            Restricts refinement to these pixels; None refines all.
         """
         shaded = FIRST.shaded
         while shaded < FINEST:
@@ -98,11 +98,11 @@ class AdaptivePicture:
             seen *= 2
 
     def errors(self) -> Float32Array:
-        """(H, W) float32 estimated errors."""
+        """(H, W) float32: estimated errors."""
         return np.maximum(self._edge_errors(), self._shading_errors())
 
     def _shade_finer(self, shaded: int, bound: float, among: BoolArray | None) -> bool:
-        """Shade pixels with too great errors twice as finely; return whether there were any."""
+        """Shade pixels with too large errors twice as finely; return whether there were any."""
         wanted = (self.shaded == shaded) & (self._shading_errors() > bound)
         if among is not None:
             wanted &= among
@@ -117,7 +117,7 @@ class AdaptivePicture:
         return True
 
     def _see_finer(self, seen: int, bound: float, among: BoolArray | None) -> None:
-        """Give pixels whose edges have too great errors four times as many samples."""
+        """Take four times as many samples of pixels whose edges have too large errors."""
         wanted = (self.seen == seen) & (self._edge_errors() > bound)
         if among is not None:
             wanted &= among
@@ -146,20 +146,19 @@ def draw_adaptively(
     keep: Collection[str] = (),
     progress: ProgressSink | None = None,
 ) -> Frame:
-    """Draw a picture until its error is small enough, or its time is spent.
+    """Draw a picture to a given error bound or within a time budget.
 
     Parameters
     ----------
     prepared
-        With options that have a `max_error` or a `time_budget`.
+        Scene from `prepare`; its options set `max_error` or `time_budget`.
     camera
-        Where the picture is taken from.
+        Camera of the picture.
     keep
-        What the frame holds beside its color. With normals, they and the coverage are those of a
-        picture with a fixed number of samples, as triangles and depths always are, so that all of
-        them belong to the same pixels.
+        Data that the frame holds beside its color. Normals and the coverage that comes with them
+        have a fixed number of samples, as triangles and depths always do, so that they match.
     progress
-        Gets the stages.
+        Receives the stages.
 
     Returns
     -------
@@ -206,7 +205,7 @@ def draw_adaptively(
 
 
 def _color(sums: PixelSums) -> FloatImage:
-    """(H, W, 4) float32 mean light, not multiplied by the opacity, and the opacity."""
+    """(H, W, 4) float32: mean light, not premultiplied, and opacity."""
     means = sums.means
     opacity = means[..., 3:]
     means[..., :3] /= np.where(opacity > 0.0, opacity, 1.0)
