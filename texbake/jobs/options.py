@@ -14,7 +14,7 @@ from texbake.baking.options import (
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
-from texbake.rendering.options import RenderOptions, Rgb, View
+from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import CheckedOptions, Option, option
 
 DEMO_FOLDER = "texbake_demo"
@@ -52,7 +52,7 @@ class RunOptions(CheckedOptions):
             choices=CONVENTIONS,
         ),
     ] = "opengl"
-    view: Annotated[View, option(RenderOptions, "view")] = RenderOptions.view
+    view: Annotated[ViewAngles, option(RenderOptions, "view")] = RenderOptions.view
     up: Annotated[str, option(RenderOptions, "up")] = RenderOptions.up
     base_color: Annotated[Rgb, option(RenderOptions, "base_color")] = RenderOptions.base_color
     threads: Annotated[int | None, THREADS_OPTION] = None

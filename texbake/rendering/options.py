@@ -26,7 +26,7 @@ BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texe
 MAX_BOUNCES = 4
 
 Rgb = tuple[float, float, float]
-View = tuple[float, float] | tuple[float, float, float | None]
+ViewAngles = tuple[float, float] | tuple[float, float, float | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class RenderOptions(CheckedOptions):
         int, Option("Height of the picture.", metavar="PX", low=1, high=MAX_SIZE, unit="pixels")
     ] = 720
     view: Annotated[
-        View,
+        ViewAngles,
         Option(
             "Azimuth and elevation of the camera in degrees, and its distance from the center in "
             "model units.",
