@@ -1,8 +1,8 @@
-"""Sums and squares of the samples of pixels, and the errors that follow from them.
+"""Sums and squares of the samples of pixels, and error estimates derived from them.
 
 Based on: Mitchell, "Generating antialiased images at low sampling densities", SIGGRAPH 1987, for
 more samples where they differ; Roe, "Characteristic-based schemes for the Euler equations", Annual
-Review of Fluid Mechanics 18, 1986, for the slope of least modulus, which is 0 beside a leap.
+Review of Fluid Mechanics 18, 1986, for the minmod slope, which is 0 next to a discontinuity.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import numpy as np
 
 from texbake.kernels import kernel
 
-# Share of a second difference that a shading may be off by: 1/8 for a bend, up to 1/2 for a leap.
+# Shading error relative to the second difference: 1/8 for a bend, up to 1/2 for a discontinuity.
 _BEND = 0.25
-_CHANGE = 0.7  # share of what finer shading changed
-# Shares of the deviation of the samples, and of the second difference to the pixels beside.
+_CHANGE = 0.7  # error relative to the last change by finer shading
+# Edge error relative to the samples' standard deviation, and to the second difference of pixels.
 _EDGE = 1.0
 _HIDDEN = 0.5
 
 
 @kernel
 def add_fragments(pixels, counts, light, sums, squares, covered):  # type: ignore[no-untyped-def]
-    """Add opaque fragments to their pixels, each as many times as it has samples."""
+    """Add opaque fragments to their pixels, weighted by their numbers of samples."""
     for i in range(len(pixels)):
         pixel, count = pixels[i], np.float64(counts[i])
         for k in range(3):
@@ -39,7 +39,7 @@ def add_fragments(pixels, counts, light, sums, squares, covered):  # type: ignor
 def add_samples(  # type: ignore[no-untyped-def]
     light, passed, seen, behind, first_row, side, sums, squares, covered
 ):
-    """Add samples to their pixels, over what shows behind them."""
+    """Add samples to their pixels, composited over the background."""
     for j in range(light.shape[0]):
         row = first_row + j // side
         for i in range(light.shape[1]):
@@ -62,7 +62,7 @@ def write_window(  # type: ignore[no-untyped-def]
     mask, top, left, side, behind, is_opaque, shows_behind, light, squares, covered,
     light_out, squares_out, covered_out,
 ):  # fmt: skip
-    """Write the sums of masked pixels; each of their samples shows a surface or what is behind."""
+    """Write the sums of masked pixels; samples without a surface show the background."""
     n = np.float64(side * side)
     for row in range(mask.shape[0]):
         for column in range(mask.shape[1]):
@@ -83,7 +83,7 @@ def write_window(  # type: ignore[no-untyped-def]
 
 @kernel
 def drop_unwanted(face_ids, mask, side):  # type: ignore[no-untyped-def]
-    """Let the samples of all pixels outside the mask show nothing."""
+    """Clear the samples of all pixels outside the mask."""
     for row in range(mask.shape[0]):
         for column in range(mask.shape[1]):
             if not mask[row, column]:
@@ -113,7 +113,7 @@ def write_codes(light, counts, codes, start, stop):  # type: ignore[no-untyped-d
 
 @kernel
 def _around(codes, row, column, axis, sign):  # type: ignore[no-untyped-def]
-    """Return the pixel beside one and True, or the pixel itself and False at the border."""
+    """Return a neighboring pixel and True, or the pixel itself and False at the border."""
     j, i = row + sign * (1 - axis), column + sign * axis
     inside = 0 <= j < codes.shape[0] and 0 <= i < codes.shape[1]
     return (j, i, True) if inside else (row, column, False)
@@ -121,11 +121,11 @@ def _around(codes, row, column, axis, sign):  # type: ignore[no-untyped-def]
 
 @kernel
 def judge_shading(codes, shaded, changes, errors, start, stop):  # type: ignore[no-untyped-def]
-    """Write how far pixels may be off by too few shadings."""
+    """Estimate the error of pixels due to too few shadings."""
     for row in range(start, stop):
         for column in range(codes.shape[1]):
             if shaded[row, column] > 1:
-                # Root mean square of the changes of the pixel and those around it.
+                # Root mean square of the changes of the pixel and its neighbors.
                 total, weight = 0.0, 0
                 for j in range(max(row - 1, 0), min(row + 2, codes.shape[0])):
                     for i in range(max(column - 1, 0), min(column + 2, codes.shape[1])):
@@ -146,7 +146,7 @@ def judge_shading(codes, shaded, changes, errors, start, stop):  # type: ignore[
                         second += np.float64(codes[j, i, k]) - np.float64(codes[row, column, k])
                     bend += abs(second)
                 worst = max(worst, bend)
-            # A pixel beside one that finer shading changed a lot may hide as much itself.
+            # A pixel next to one that finer shading changed a lot may have a similar error.
             beside = 0.0
             for axis in range(2):
                 for sign in (-1, 1):
@@ -157,7 +157,7 @@ def judge_shading(codes, shaded, changes, errors, start, stop):  # type: ignore[
 
 @kernel
 def judge_edges(light, squares, counts, errors, start, stop):  # type: ignore[no-untyped-def]
-    """Write how far pixels may be off by too few samples of their edges."""
+    """Estimate the error of pixels due to too few samples of their edges."""
     for row in range(start, stop):
         for column in range(light.shape[1]):
             n = np.float64(max(counts[row, column], 1))
@@ -175,7 +175,7 @@ def judge_edges(light, squares, counts, errors, start, stop):  # type: ignore[no
                     if before and after:
                         hidden = max(hidden, abs(second - first))
                     if first * second > 0.0:
-                        # The smaller slope of the two sides explains this much of it.
+                        # Subtract the variance explained by the smaller of the two slopes.
                         slope = min(abs(first), abs(second))
                         variance -= (1.0 - 1.0 / n) / 12.0 * slope * slope
                 off = share * (_EDGE * math.sqrt(max(variance, 0.0)) + _HIDDEN * hidden)

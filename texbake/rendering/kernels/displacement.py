@@ -1,6 +1,6 @@
-"""Edges measured, triangles cut at them, and vertices moved, for displacement.
+"""Kernels of displacement: measuring edges, subdividing triangles and moving vertices.
 
-Based on: the sources that `texbake.rendering.tessellation` and `texbake.rendering.displaced` name.
+Based on: the sources given in `texbake.rendering.tessellation` and `texbake.rendering.displaced`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from texbake.kernels import kernel
 
 @kernel
 def take_middles(values, ends, out):  # type: ignore[no-untyped-def]
-    """Write the mean of the values of both ends of each edge."""
+    """Write the mean of the values at both ends of each edge."""
     for i in range(len(ends)):
         for k in range(3):
             out[i, k] = 0.5 * (values[ends[i, 0], k] + values[ends[i, 1], k])
@@ -22,7 +22,7 @@ def take_middles(values, ends, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def move_vertices(vertices, values, points, normals, linear, out):  # type: ignore[no-untyped-def]
-    """Write points moved by the mean of their values: along the normal, or by vectors."""
+    """Write points displaced by the mean of their values, along the normal or by vectors."""
     n_channels = values.shape[1]
     counts, way = np.zeros(len(points), np.int32), np.empty(3)
     out[:] = 0.0
@@ -45,7 +45,7 @@ def move_vertices(vertices, values, points, normals, linear, out):  # type: igno
 
 @kernel
 def measure_texel_lengths(faces, face_edges, base_faces, weights, corners, outside, lengths):  # type: ignore[no-untyped-def]
-    """Raise the length of each edge, in texels, to that in each triangle that is not outside."""
+    """Raise the length of each edge, in texels, to the maximum over triangles not outside."""
     for i in range(len(faces)):
         if outside[faces[i, 0]] & outside[faces[i, 1]] & outside[faces[i, 2]]:
             continue
@@ -66,7 +66,7 @@ def view_vertices(  # type: ignore[no-untyped-def]
     points, positions, eye, back, near, steepest, sides, margins, outside, nearest, slants,
     start, stop,
 ):  # fmt: skip
-    """Write where each vertex lies outside the picture, how near it is, and how slanted."""
+    """Write on which sides each vertex is outside the picture, its least depth, and its slant."""
     for i in range(start, stop):
         code = 0
         for side in range(5):
@@ -92,7 +92,7 @@ def view_vertices(  # type: ignore[no-untyped-def]
 
 @kernel
 def measure_excess(ends, points, positions, nearest, slants, texels, scale, out, start, stop):  # type: ignore[no-untyped-def]
-    """Write how many times longer than allowed each edge is."""
+    """Write the ratio of each edge's length to the allowed length."""
     for edge in range(start, stop):
         out[edge] = 0.0
         if not texels[edge] > 1.0:
@@ -106,10 +106,10 @@ def measure_excess(ends, points, positions, nearest, slants, texels, scale, out,
         out[edge] = scale * length * max(slants[a], slants[b]) / min(nearest[a], nearest[b])
 
 
-# How a triangle is cut, by the number of its cut edges, which come first; two edges have two ways.
-# Points: its corners 0, 1, 2 and the middles 3, 4, 5 of its edges 01, 12, 20. Edges: the halves of
-# 01 at corners 0 and 1 are 0 and 1, those of 12 are 2 and 3, those of 20 are 4 and 5 (both are the
-# edge itself where it is not cut), and 6, 7, 8 are new ones inside.
+# How a triangle is divided, by the number of its cut edges, which come first; with two cut edges
+# there are two variants. Points: corners 0, 1, 2 and midpoints 3, 4, 5 of the edges 01, 12, 20.
+# Edges: 0 and 1 are the halves of 01 at corners 0 and 1, 2 and 3 those of 12, 4 and 5 those of 20
+# (both are the edge itself if it is not cut); 6, 7, 8 are new inner edges.
 _NO = (0, 0, 0, 0, 0, 0)
 PIECES = np.array(
     [  # three points, then the edges from each to the next
@@ -137,13 +137,13 @@ OTHER_DIAGONAL = 4
 
 @kernel
 def squared_distance(a, b):  # type: ignore[no-untyped-def]
-    """Squared distance of two points."""
+    """Squared distance between two points."""
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
 @kernel
 def close_marks(faces, face_edges, points, marked):  # type: ignore[no-untyped-def]
-    """Mark the longest edge of every triangle with a marked one; return how many cuts that is."""
+    """Mark the longest edge of every triangle with a marked edge; return the number of cuts."""
     changed, n_cuts = True, 0
     while changed:
         changed, n_cuts = False, 0
@@ -167,7 +167,7 @@ def close_marks(faces, face_edges, points, marked):  # type: ignore[no-untyped-d
 
 @kernel
 def count_pieces(face_edges, marked, added):  # type: ignore[no-untyped-def]
-    """Write how many pieces all triangles before each one become more."""
+    """Write the number of triangles added by all triangles before each one."""
     added[0] = 0
     for i in range(len(face_edges)):
         n = np.int64(marked[face_edges[i, 0]]) + marked[face_edges[i, 1]]
@@ -176,7 +176,7 @@ def count_pieces(face_edges, marked, added):  # type: ignore[no-untyped-def]
 
 @kernel
 def halve_edges(ends, marked, halves, middles, out):  # type: ignore[no-untyped-def]
-    """Write both halves of marked edges; others stay as they are."""
+    """Write both halves of marked edges, and copy the other edges."""
     for edge in range(len(ends)):
         half = halves[edge]
         out[half, 0], out[half, 1] = ends[edge, 0], ends[edge, 1]
@@ -187,9 +187,9 @@ def halve_edges(ends, marked, halves, middles, out):  # type: ignore[no-untyped-
 
 @kernel
 def gather_piece(i, first, whole, edges, n_vertices, vertex, weight, edge, places, place):  # type: ignore[no-untyped-def]
-    """Write the points and outer edges of a triangle, from its corner `first` on.
+    """Write the points and outer edges of a triangle, starting at its corner `first`.
 
-    Its cut edges get a row of the places of new vertices each, from row `place` on.
+    Each of its cut edges adds a row to the places of new vertices, starting at row `place`.
     """
     faces, face_edges, base_faces, weights = whole
     ends, marked, halves, middles = edges
@@ -212,7 +212,7 @@ def gather_piece(i, first, whole, edges, n_vertices, vertex, weight, edge, place
 
 @kernel
 def keep_edge(i, piece, whole, halves, out):  # type: ignore[no-untyped-def]
-    """Copy a triangle without cut edges, as most are in the last rounds."""
+    """Copy a triangle without cut edges, the most common case in the last rounds."""
     out[2][piece] = whole[2][i]
     for k in range(3):
         out[0][piece, k] = whole[0][i, k]

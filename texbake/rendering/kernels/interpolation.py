@@ -1,7 +1,7 @@
-"""Values at fragments, interpolated over the triangles of a mesh: places, directions, normals.
+"""Interpolating positions, directions, texture coordinates and normals at fragments.
 
-Each function writes one row for every fragment. Weights are those of the triangle's second and
-third corner; `changes` are what they grow by for one pixel to the right and one down.
+Each function writes one row per fragment. Weights are those of the triangle's second and third
+corner; `changes` are their growth for one pixel to the right, then for one pixel down.
 
 Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989; Mikkelsen,
 "Simulation of Wrinkled Surfaces Revisited", 2008, for normals in tangent space.
@@ -18,7 +18,7 @@ from texbake.kernels import kernel
 
 @kernel
 def move_to_base(faces, weights, changes, corners, weights_out, changes_out):  # type: ignore[no-untyped-def]
-    """Write weights on base triangles, and their changes, of places on pieces of them."""
+    """Convert weights on pieces, and their changes, to weights on the base triangles."""
     for i in range(len(faces)):
         piece = corners[faces[i]]
         for k in range(2):
@@ -37,7 +37,7 @@ def interpolate_positions(points, corners, faces, weights, out):  # type: ignore
         a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
         weight1, weight2 = weights[i, 0], weights[i, 1]
         for k in range(3):
-            # From the first corner: exact where weights are 0, whatever the size of coordinates.
+            # Relative to the first corner, so that weights of 0 give its position exactly.
             out[i, k] = (
                 points[a, k]
                 + weight1 * (points[b, k] - points[a, k])
@@ -47,7 +47,7 @@ def interpolate_positions(points, corners, faces, weights, out):  # type: ignore
 
 @kernel
 def find_view_directions(places, rays, out):  # type: ignore[no-untyped-def]
-    """Write the unit vector from each fragment to the eye."""
+    """Write the unit vector from each fragment to the camera."""
     for i in range(len(places)):
         squared = 0.0
         for k in range(3):
@@ -61,7 +61,7 @@ def find_view_directions(places, rays, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def interpolate_uvs(uvs, corners, faces, weights, changes, out, changes_out):  # type: ignore[no-untyped-def]
-    """Write texture coordinates and, where there is room, their changes per pixel."""
+    """Write texture coordinates and, unless `changes_out` is empty, their changes per pixel."""
     for i in range(len(faces)):
         a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
         weight1, weight2 = weights[i, 0], weights[i, 1]
@@ -75,7 +75,7 @@ def interpolate_uvs(uvs, corners, faces, weights, changes, out, changes_out):  #
 
 @kernel
 def find_scaled_points(positions, corners, matrix, faces, weights, changes, out, widths):  # type: ignore[no-untyped-def]
-    """Write points times a matrix and, where there is room, the width of a pixel there."""
+    """Write points times a matrix and, unless `widths` is empty, the width of a pixel there."""
     places, known = np.empty((3, 3)), np.int32(-1)  # neighbors mostly lie on the same face
     for i in range(len(faces)):
         if faces[i] != known:
@@ -96,7 +96,7 @@ def find_scaled_points(positions, corners, matrix, faces, weights, changes, out,
 
 @kernel
 def finish_normal(x, y, z, side, view, out):  # type: ignore[no-untyped-def]
-    """Write a vector as a unit normal on the side seen; without length, against the view."""
+    """Normalize a vector and face it to the visible side; a zero vector becomes `view`."""
     squared = x * x + y * y + z * z
     if 0.0 < squared < np.inf:
         scale = side / math.sqrt(squared)
@@ -107,7 +107,7 @@ def finish_normal(x, y, z, side, view, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def interpolate_normals(normals, corners, faces, weights, back_facing, back, out):  # type: ignore[no-untyped-def]
-    """Write the unit normal of each fragment, on the side that is seen."""
+    """Write the unit normal of each fragment, on the visible side."""
     for i in range(len(faces)):
         a, b, c = corners[faces[i], 0], corners[faces[i], 1], corners[faces[i], 2]
         weight1, weight2 = weights[i, 0], weights[i, 1]
@@ -120,7 +120,7 @@ def interpolate_normals(normals, corners, faces, weights, back_facing, back, out
 
 @kernel
 def corner_frames(normals, corners, tangents, face, frames):  # type: ignore[no-untyped-def]
-    """Write normal and tangent of a face's corners side by side, (3, 6)."""
+    """Write the normals and tangents of a face's corners side by side, (3, 6)."""
     for k in range(3):
         for axis in range(3):
             frames[k, axis] = normals[corners[face, k], axis]
@@ -131,7 +131,7 @@ def corner_frames(normals, corners, tangents, face, frames):  # type: ignore[no-
 def bend_normals(  # type: ignore[no-untyped-def]
     normals, corners, tangents, faces, weights, texels, strength, back_facing, back, out
 ):
-    """Write the normals of a map in tangent space."""
+    """Write the normals of a tangent-space map in world space."""
     f = np.empty((3, 6))
     known = np.int32(-1)  # neighbors mostly lie on the same face
     for i in range(len(faces)):
@@ -148,7 +148,7 @@ def bend_normals(  # type: ignore[no-untyped-def]
         tz = w0 * f[0, 5] + w1 * f[1, 5] + w2 * f[2, 5]
         x, y, z = strength * texels[i, 0], strength * texels[i, 1], np.float64(texels[i, 2])
         y *= tangents[known, 0, 3]
-        if not 0.0 < x * x + y * y + z * z < np.inf:  # no direction: the surface's own
+        if not 0.0 < x * x + y * y + z * z < np.inf:  # no direction: use the surface normal
             x, y, z = 0.0, 0.0, np.float64(1.0)
         finish_normal(
             x * tx + y * (ny * tz - nz * ty) + z * nx,
@@ -162,7 +162,7 @@ def bend_normals(  # type: ignore[no-untyped-def]
 
 @kernel
 def turn_normals(texels, matrix, back_facing, back, out):  # type: ignore[no-untyped-def]
-    """Write the normals of a map in another space, turned by a matrix."""
+    """Write the normals of a map in another space, transformed by a matrix."""
     for i in range(len(texels)):
         x, y, z = texels[i, 0], texels[i, 1], texels[i, 2]
         finish_normal(

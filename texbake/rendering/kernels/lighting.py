@@ -1,6 +1,6 @@
-"""Light that arrives at fragments, and what their surfaces reflect of it.
+"""Kernels for the light that arrives at fragments and its reflection.
 
-Values have one row for each fragment, or one row for all of them; `row_of` reads both.
+Values have one row per fragment, or a single row for all of them; `row_of` reads both.
 
 Based on: Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977; the
 glTF 2.0 specification, appendix B; Karis, "Real Shading in Unreal Engine 4", 2013; Schlick, "An
@@ -21,7 +21,7 @@ BRIGHTEST = 1e30
 
 @kernel
 def row_of(values, i):  # type: ignore[no-untyped-def]
-    """Row of fragment i in values that have a row for each or one for all."""
+    """Row of fragment i in values with one row per fragment, or one for all."""
     return i if len(values) > 1 else 0
 
 
@@ -35,7 +35,7 @@ def row_dot(a, i, b, j):  # type: ignore[no-untyped-def]
 def keep_finite(light):  # type: ignore[no-untyped-def]
     """Bound light (n, 3) in place by `BRIGHTEST`; NaN becomes 0.
 
-    Products of numbers that float32 just holds are not finite, nor is the shadow of such a light.
+    Products of large numbers can overflow float32, and so can the light of extremely bright lamps.
     """
     for i in range(len(light)):
         for k in range(light.shape[1]):
@@ -45,7 +45,7 @@ def keep_finite(light):  # type: ignore[no-untyped-def]
                 light[i, k] = min(max(light[i, k], -BRIGHTEST), BRIGHTEST)
 
 
-# Nearest that a point counts to be to a light, in model units; there its strength stays finite.
+# Least distance between a point and a light, in model units, so that its strength stays finite.
 NEAREST = 1e-3
 
 
@@ -76,7 +76,7 @@ def find_arriving_light(  # type: ignore[no-untyped-def]
             radiance[i, k] = strength * color[0, k]
 
 
-# Roughness below this gives highlights narrower than a float32 normal resolves.
+# Least value of alpha; below it, highlights are narrower than float32 normals resolve.
 LEAST_ALPHA = 1e-3
 
 
@@ -132,12 +132,12 @@ def reflect_metallic(  # type: ignore[no-untyped-def]
             continue
         alpha = max(roughness[row_of(roughness, i), 0] ** 2, LEAST_ALPHA)
         metal = metalness[row_of(metalness, i), 0]
-        toward_eye = max(abs(toward_eye), 1e-4)  # seen edge-on at the least, as after rounding
+        toward_eye = max(abs(toward_eye), 1e-4)  # limits rounding on surfaces seen edge-on
         length = math.sqrt(squared)
         halfway = min(max(halfway / length, 0.0), 1.0) if length > 0.0 else 0.0
         a2 = alpha * alpha
         spread = halfway * halfway * (a2 - 1.0) + 1.0
-        # pi D V, with V's denominator that of both directions together.
+        # pi D V, with the height-correlated V.
         shine = (
             a2 / (spread * spread) * 0.5
             / (facing * math.sqrt(toward_eye * toward_eye * (1.0 - a2) + a2)
@@ -169,7 +169,7 @@ def reflect_ambient(normals, up, sky, ground, base, share, out):  # type: ignore
 
 @kernel
 def mirror_directions(normals, to_eye, out):  # type: ignore[no-untyped-def]
-    """Write the directions that are seen by way of a mirror, 2 (N·V) N - V."""
+    """Write the reflected view directions, 2 (N·V) N - V."""
     for i in range(len(normals)):
         along = 2.0 * (
             normals[i, 0] * to_eye[i, 0]
@@ -184,7 +184,7 @@ def mirror_directions(normals, to_eye, out):  # type: ignore[no-untyped-def]
 def reflect_environment(  # type: ignore[no-untyped-def]
     normals, to_eye, diffuse, mirrored, table, base, roughness, metalness, dielectric, share, out
 ):
-    """Add an environment's light, diffuse and mirrored."""
+    """Add an environment's light, diffuse and specular."""
     size = len(table)
     for i in range(len(out)):
         b, s = row_of(base, i), row_of(share, i)
@@ -194,8 +194,8 @@ def reflect_environment(  # type: ignore[no-untyped-def]
             toward_eye = 0.0
             for k in range(3):
                 toward_eye += normals[i, k] * to_eye[i, k]
-            # Between the four texels about (n·v, roughness), whose centers lie at halves; past the
-            # last of them, at roughness 1, in a line with the two before.
+            # Bilinear between the four texels around (n·v, roughness), with centers at halves.
+            # Beyond the last center, up to roughness 1, extrapolate linearly.
             x = min(max(abs(toward_eye) * size - 0.5, 0.0), size - 1.0)
             y = max(roughness[row_of(roughness, i), 0] * size - 0.5, 0.0)
             y = min(y, size - 0.5)
@@ -219,9 +219,9 @@ def reflect_environment(  # type: ignore[no-untyped-def]
 
 @kernel
 def refract_directions(normals, to_eye, back_facing, index, out):  # type: ignore[no-untyped-def]
-    """Write the directions that are seen through glass, by Snell's law."""
+    """Write the view directions refracted by Snell's law."""
     for i in range(len(normals)):
-        # From outside into the material, or from inside out of it where its back is seen.
+        # Into the material at front faces, out of it at back faces.
         eta = index if back_facing[i] else 1.0 / index
         cosine = 0.0
         for k in range(3):
@@ -236,7 +236,7 @@ def refract_directions(normals, to_eye, back_facing, index, out):  # type: ignor
 
 @kernel
 def mix_in_environment(normals, to_eye, strength, seen, fresnel, out):  # type: ignore[no-untyped-def]
-    """Replace a share of the light by what the environment shows."""
+    """Replace a share of the fragments' light by the environment's."""
     for i in range(len(out)):
         s = row_of(strength, i)
         grazing = 0.0
@@ -252,7 +252,7 @@ def mix_in_environment(normals, to_eye, strength, seen, fresnel, out):  # type: 
 
 
 def left_after(distance: float, mode: int, density: float, start: float, end: float) -> float:
-    """Share of light that is left after a distance; `mode` is 0 linear, 1 exp, 2 exp2."""
+    """Share of light that remains after a distance; `mode` is 0 linear, 1 exp, 2 exp2."""
     if mode == 0:
         return min(max((end - distance) / (end - start), 0.0), 1.0)
     thickness = density * distance
@@ -264,7 +264,7 @@ left_after_compiled = kernel(left_after)
 
 @kernel
 def fade_into_fog(positions, eye, mode, density, start, end, color, out):  # type: ignore[no-untyped-def]
-    """Mix light with the color of the fog by the distance from the eye."""
+    """Mix light with the fog's color by the distance from the camera."""
     for i in range(len(out)):
         squared = 0.0
         for k in range(3):

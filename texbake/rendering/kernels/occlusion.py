@@ -1,14 +1,14 @@
-"""Ambient occlusion in screen space: the share of light from everywhere that reaches each pixel.
+"""Screen-space ambient occlusion: the unoccluded share of ambient light at each pixel.
 
-At each pixel the hemisphere about the surface's normal is cut into slices that run across the
-screen. In each slice the highest point within the radius is looked for on either side; what is left
-between the two horizons is integrated exactly, weighted by the cosine to the normal. Slices
-are turned from pixel to pixel in a pattern of 4 x 4, which a mean over as many pixels of the same
-surface takes out again. Only what the camera sees can hide light.
+At each pixel the hemisphere around the surface normal is divided into slices across the screen. In
+each slice the horizon within the radius is searched on both sides, and the visible arc between the
+two horizons is integrated analytically, weighted by the cosine to the normal. The slices are
+rotated from pixel to pixel in a 4 x 4 pattern, which is then averaged out over as many pixels of
+the same surface. Only surfaces that the camera sees can occlude.
 
 Based on: Jimenez, Wu, Pesce and Jarabo, "Practical real-time strategies for accurate indirect
-occlusion", 2016. Departs from it in that normals are those of the triangles, so that a flat surface
-never shades itself.
+occlusion", 2016. Unlike there, normals are those of the triangles, so that a flat surface never
+occludes itself.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 
 from texbake.kernels import kernel
 
-# Side of the pattern of turns, and of the mean that takes it out.
+# Width of the pattern of rotations, and of the mean that removes it.
 PATTERN = 4
 
-# Least angle, as a sine, that a point must rise above the surface to hide any light: float32 depths
-# put the points of a flat surface seen at a slant that far off it.
+# Least sine of the elevation at which a point occludes. With float32 depths, points of a flat
+# surface seen at a grazing angle deviate from it by this much.
 FLAT = 1e-3
 
 
@@ -31,7 +31,7 @@ FLAT = 1e-3
 def find_places(  # type: ignore[no-untyped-def]
     face_ids, depths, side, near, positions, faces, rays, places, normals, start, stop
 ):
-    """Place about the eye and normal of the nearest surface in each pixel; 0 for none."""
+    """Write position (relative to the camera) and normal of each pixel's nearest surface, or 0."""
     p, q = np.empty(3), np.empty(3)
     for row in range(start, stop):
         for column in range(places.shape[1]):
@@ -67,7 +67,7 @@ def find_places(  # type: ignore[no-untyped-def]
 
 @kernel
 def horizon_of(places, row, column, dx, dy, n_steps, reach, offset, radius, normal, to_eye):  # type: ignore[no-untyped-def]
-    """Cosine to the eye's direction of the highest point on one side of a pixel; -1 for none."""
+    """Cosine between the horizon on one side of a pixel and the view direction; -1 for none."""
     highest = -1.0
     here = places[row, column]
     for step in range(n_steps):
@@ -93,7 +93,7 @@ def horizon_of(places, row, column, dx, dy, n_steps, reach, offset, radius, norm
         distance = math.sqrt(squared)
         if above <= FLAT * distance:
             continue
-        # Fades out toward the radius, so that nothing jumps there.
+        # Fade out toward the radius to avoid a discontinuity.
         share = min(1.0, 2.0 * (1.0 - distance / radius))
         highest = max(highest, share * (along / distance + 1.0) - 1.0)
     return highest
@@ -101,7 +101,7 @@ def horizon_of(places, row, column, dx, dy, n_steps, reach, offset, radius, norm
 
 @kernel
 def arc_light(horizon, tilt):  # type: ignore[no-untyped-def]
-    """Light between the eye's direction and a horizon, weighted by the cosine to the normal."""
+    """Light between the view direction and a horizon, weighted by the cosine to the normal."""
     return 0.25 * (
         -math.cos(2.0 * horizon - tilt) + math.cos(tilt) + 2.0 * horizon * math.sin(tilt)
     )
@@ -111,7 +111,7 @@ def arc_light(horizon, tilt):  # type: ignore[no-untyped-def]
 def find_arriving_shares(  # type: ignore[no-untyped-def]
     places, normals, right, up, pixels_per_unit, radius, n_slices, n_steps, out, start, stop
 ):
-    """Write the share of light from everywhere that arrives at each pixel."""
+    """Write the unoccluded share of ambient light at each pixel."""
     to_eye = np.empty(3)
     for row in range(start, stop):
         for column in range(places.shape[1]):
@@ -133,7 +133,7 @@ def find_arriving_shares(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
                 arriving += arriving_here
                 total += all_here
-            # Of what arrives in these very slices where nothing is in the way: 1 on a plane.
+            # Relative to the unoccluded light in the same slices, so that a plane gives 1.
             out[row, column] = min(max(arriving / total, 0.0), 1.0) if total > 0.0 else 1.0
 
 
@@ -141,8 +141,8 @@ def find_arriving_shares(  # type: ignore[no-untyped-def]
 def slice_light(  # type: ignore[no-untyped-def]
     places, row, column, cosine, sine, right, up, normal, to_eye, n_steps, reach, offset, radius
 ):
-    """Light that reaches a pixel within one slice through the eye's direction, and all there is."""
-    # Along the slice: the screen's direction made square to the eye's; and the slice's own normal.
+    """Unoccluded light in one slice through the view direction, and the total without occlusion."""
+    # Axis of the slice: its screen direction orthogonal to the view. Then the slice's normal.
     along_eye = 0.0
     for k in range(3):
         along_eye += (cosine * right[k] - sine * up[k]) * to_eye[k]
@@ -163,7 +163,7 @@ def slice_light(  # type: ignore[no-untyped-def]
     behind = horizon_of(
         places, row, column, -cosine, -sine, n_steps, reach, offset, radius, normal, to_eye
     )
-    # Horizons as angles from the eye's direction, at least that of the surface itself.
+    # Horizons as angles from the view direction, limited by the surface itself.
     most, least = tilt + 0.5 * math.pi, tilt - 0.5 * math.pi
     first = min(math.acos(min(max(ahead, -1.0), 1.0)), most)
     second = max(-math.acos(min(max(behind, -1.0), 1.0)), least)
@@ -175,7 +175,7 @@ def slice_light(  # type: ignore[no-untyped-def]
 
 @kernel
 def smooth_shares(rough, places, normals, radius, out, start, stop):  # type: ignore[no-untyped-def]
-    """Mean over the pattern's pixels that lie on the same surface."""
+    """Average over the pixels of the pattern that lie on the same surface."""
     for row in range(start, stop):
         for column in range(rough.shape[1]):
             total, weight = 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Fragments to pixels: layers put behind one another, samples summed, pixels averaged.
+"""Compositing layers, summing samples and averaging pixels.
 
 Based on: Porter and Duff, "Compositing digital images", SIGGRAPH 1984.
 """
@@ -15,7 +15,7 @@ from texbake.rendering.raster.world import (
 
 @kernel
 def mark_seen_objects(face_ids, starts, seen, start, stop):  # type: ignore[no-untyped-def]
-    """Mark the objects that some sample sees."""
+    """Mark the objects that are visible in some sample."""
     owner = 0
     for row in range(start, stop):
         for column in range(face_ids.shape[1]):
@@ -29,7 +29,7 @@ def mark_seen_objects(face_ids, starts, seen, start, stop):  # type: ignore[no-u
 
 @kernel
 def put_layer_behind(of_samples, colors, opacity, directions, light, passed, normals, seen):  # type: ignore[no-untyped-def]
-    """Put a layer behind those before it."""
+    """Composite a layer behind the layers in front of it."""
     for j in range(of_samples.shape[0]):
         for i in range(of_samples.shape[1]):
             fragment = of_samples[j, i]
@@ -92,7 +92,7 @@ def add_fragments(pixels, counts, light, normals, color, coverage, normal_sums):
 
 @kernel
 def finish_pixels(color, coverage, normals, n_samples, behind, opaque, start, stop):  # type: ignore[no-untyped-def]
-    """Divide sums by the samples, over what lies behind."""
+    """Divide sums by the samples, and composite over the background."""
     for row in range(start, stop):
         for column in range(color.shape[1]):
             coverage[row, column] /= n_samples
@@ -104,7 +104,7 @@ def finish_pixels(color, coverage, normals, n_samples, behind, opaque, start, st
                 if opaque:
                     light = (light + (n_samples - hiding) * behind[j, i, k]) / n_samples
                 elif hiding > 0.0:
-                    # The color stays that of the surface, however little there is of it.
+                    # Not premultiplied: the color is that of the surface, whatever its coverage.
                     light /= hiding
                 color[row, column, k] = light
             color[row, column, 3] = 1.0 if opaque else hiding / n_samples

@@ -1,8 +1,8 @@
-"""Points as a slide projector or a shadow map sees them.
+"""Projecting points into slides and shadow maps.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
-texture mapping", SIGGRAPH 1992; and, for shadows, the sources that
-`texbake.rendering.effects.shadows` names.
+texture mapping", SIGGRAPH 1992; for shadows, see the sources in
+`texbake.rendering.effects.shadows`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from texbake.rendering.raster.world import object_of
 
 @kernel
 def find_pixel_steps(points, corners, faces, drawn_faces, places, rays, eye, out):  # type: ignore[no-untyped-def]
-    """Write how far points move in the world for one pixel to the right and one down."""
+    """Write the motion of points in world space per pixel to the right, then down."""
     normal, ray = np.empty(3), np.empty(3)
     for i in range(len(points)):
         a, b, c = (
@@ -46,7 +46,7 @@ def find_pixel_steps(points, corners, faces, drawn_faces, places, rays, eye, out
 
 @kernel
 def project_points(points, steps, matrix, places, changes, coverage):  # type: ignore[no-untyped-def]
-    """Write where a projector throws its picture onto points, and what it covers of the pixel."""
+    """Write the picture coordinates of points and the share of each pixel that is covered."""
     for i in range(len(points)):
         q = matrix[3, 3]
         for k in range(3):
@@ -68,7 +68,7 @@ def project_points(points, steps, matrix, places, changes, coverage):  # type: i
                     change = 1.0
                 changes[i, 2 * d + j] = change
                 width += abs(change)
-            # The share of the pixel's own width that lies inside the picture.
+            # Share of the pixel's width inside the picture.
             if width > 0.0:
                 inside = min(at + 0.5 * width, 1.0) - max(at - 0.5 * width, 0.0)
                 coverage[i] *= min(max(inside / width, 0.0), 1.0)
@@ -81,7 +81,7 @@ def project_points(points, steps, matrix, places, changes, coverage):  # type: i
 def find_seen_bounds(  # type: ignore[no-untyped-def]
     face_ids, depths, rays, eye, near, starts, receives, axes, rounding, first, stop, bounds
 ):
-    """Widen the bounds, along a light's axes, of what samples see of each object."""
+    """Extend each object's bounds along a light's axes by its visible samples."""
     owner = 0
     for row in range(first, stop):
         for column in range(face_ids.shape[1]):
@@ -108,16 +108,16 @@ def find_seen_bounds(  # type: ignore[no-untyped-def]
                 bounds[owner, 1, k] = max(bounds[owner, 1, k], at + room)
 
 
-# Farthest that snapping moves a corner along an axis, in texels.
+# Maximum distance that snapping moves a corner along an axis, in texels.
 SNAPPED = 0.5 / SUBPIXELS
 
-# Twice the rounding of a float32: of the corners' depths and of their mean.
+# Twice the rounding error of a float32: once for the corners' depths, once for their mean.
 ROUNDED = 2.0**-23
 
 
 @kernel
 def view_of(point, light):  # type: ignore[no-untyped-def]
-    """Face of a cube that a point lies in: of its largest component."""
+    """Cube face that a point projects to, by its largest component."""
     face, largest = 0, -1.0
     for k in range(3):
         offset = point[k] - light[k]
@@ -129,9 +129,9 @@ def view_of(point, light):  # type: ignore[no-untyped-def]
 
 @kernel
 def plane_of(face, positions, faces, anchor, inverse, plane):  # type: ignore[no-untyped-def]
-    """Plane of a triangle in clip space, through a point from which it is given.
+    """Write the plane of a triangle in clip space, computed relative to `anchor`.
 
-    Written as (a, b, c, d): a x + b y + c z + d w = 0. Without area all are 0.
+    `plane` receives (a, b, c, d) with a x + b y + c z + d w = 0; all 0 for a triangle without area.
     """
     p, q, r = positions[faces[face, 0]], positions[faces[face, 1]], positions[faces[face, 2]]
     offset = 0.0
@@ -149,10 +149,10 @@ def plane_of(face, positions, faces, anchor, inverse, plane):  # type: ignore[no
 
 @kernel
 def lit_share(place, slopes, own, world, maps, view, radius, scratch):  # type: ignore[no-untyped-def]
-    """Share of the filter's square about a point that is in the light.
+    """Lit share of the filter's square around a point.
 
     `place` is column and row of the point in texels, its depth, and its x/w and y/w; `slopes` is
-    how the depth of its plane grows for a texel to the right, and down.
+    the growth of its plane's depth per texel to the right and down.
     """
     positions, faces = world
     depths, face_ids, inverses, is_cone = maps
@@ -172,8 +172,8 @@ def lit_share(place, slopes, own, world, maps, view, radius, scratch):  # type: 
             here = depth + (i + 0.5 - column) * slopes[0] + (j + 0.5 - row) * slopes[1]
             inside = 0 <= i < width and 0 <= j < height
             if is_cone and (here <= 0.0 or not inside):
-                continue  # the point's plane ends, at infinity, before this texel, or the map does
-            # Nothing casts a shadow past the map of a directional light.
+                continue  # beyond the horizon of the point's plane, or outside the map
+            # There are no casters outside the map of a directional light.
             seen = depths[view, j, i] if inside else np.float32(0.0)
             if seen <= 0.0 or seen <= here + room + ROUNDED * seen:
                 lit += area
@@ -183,7 +183,7 @@ def lit_share(place, slopes, own, world, maps, view, radius, scratch):  # type: 
                 last_face = face
                 corner = positions[faces[face, 0]]
                 plane_of(face, positions, faces, corner, inverses[view], scratch)
-                # Seen edge-on its plane says nothing, and the first test has decided.
+                # The plane of a triangle seen edge-on is unusable; the first test decides.
                 there, right, down = np.inf, 0.0, 0.0
                 if scratch[2] != 0.0:
                     there = -(scratch[0] * x + scratch[1] * y + scratch[3]) / scratch[2]
@@ -202,7 +202,7 @@ def lit_share(place, slopes, own, world, maps, view, radius, scratch):  # type: 
                 lit += area
             else:
                 meeting += area
-    # Nothing meets the point's surface where none of that is seen.
+    # The surfaces cannot meet if no texel sees the point's own surface.
     if lit == 0.0:
         return 0.0 if dark + meeting > 0.0 else 1.0
     return (lit + meeting) / (lit + meeting + dark)
@@ -212,7 +212,7 @@ def lit_share(place, slopes, own, world, maps, view, radius, scratch):  # type: 
 def dim_by_shadow(  # type: ignore[no-untyped-def]
     points, normals, own_faces, own, world, views, maps, light, radius, directions, radiance, out
 ):
-    """Write a light's radiance times the share of it that its shadow map lets through."""
+    """Write a light's radiance times the lit share from its shadow map."""
     plane, scratch, clip = np.empty(4), np.empty(4), np.empty(4)
     height, width = maps[0].shape[1], maps[0].shape[2]
     for i in range(len(points)):
@@ -222,7 +222,7 @@ def dim_by_shadow(  # type: ignore[no-untyped-def]
             facing += normals[i, k] * directions[d, k]
             strength = max(strength, radiance[r, k])
         share = 1.0
-        # What turns its back on the light reflects none of it, in shadow or not.
+        # Points that face away from the light reflect nothing, so shadows are skipped.
         if facing > 0.0 and strength > 0.0:
             view = view_of(points[i], light) if len(views) > 1 else 0
             for j in range(4):

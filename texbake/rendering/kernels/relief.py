@@ -1,4 +1,4 @@
-"""Heights that are not modeled: normals tilted by them, light along them, rays that meet them.
+"""Kernels of bump and parallax maps: tilting normals, embossing light and tracing heights.
 
 Based on: Blinn, "Simulation of wrinkled surfaces", SIGGRAPH 1978; Mikkelsen, "Bump mapping
 unparametrized surfaces on the GPU", 2010; Schlag, "Fast embossing effects on raster image data",
@@ -20,7 +20,7 @@ from texbake.texture.interpolation import bilinear_cell, interpolate_cell, wrap_
 
 @kernel
 def measure_pixel_steps(positions, faces, of_fragments, changes, out):  # type: ignore[no-untyped-def]
-    """Width of a pixel along the surface, for both axes."""
+    """Write the width of a pixel along the surface, for both axes."""
     for i in range(len(of_fragments)):
         a, b, c = faces[of_fragments[i]]
         right, down = 0.0, 0.0
@@ -39,7 +39,7 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def turned(matrix, x, y, z, out):  # type: ignore[no-untyped-def]
-    """Write a vector taken through a (3, 3) map; return its length."""
+    """Write a vector transformed by a (3, 3) matrix; return its length."""
     for k in range(3):
         out[k] = matrix[k, 0] * x + matrix[k, 1] * y + matrix[k, 2] * z
     return math.sqrt(dot(out, out))
@@ -66,7 +66,7 @@ def frame_at(i, surface, fragments, frame):  # type: ignore[no-untyped-def]
         frame[3, k] = steps[face, 0] * along + steps[face, 1] * up
         frame[4, k] = steps[face, 2] * along + steps[face, 3] * up
         squared += (normals[a, k] + weights[i, 0] * along + weights[i, 1] * up) ** 2
-    # Of what is interpolated only the part across N turns the unit normal, by its share of it.
+    # Only the derivative's part orthogonal to N turns the unit normal, divided by N's length.
     size = math.sqrt(squared) if squared > 0.0 else np.inf
     for row in range(1, 5):
         off = dot(frame[row], frame[0])
@@ -108,7 +108,7 @@ def tilt_normals(surface, fragments, to_world, heights, slopes, back, out):  # t
 
 @kernel
 def find_light_steps(surface, fragments, directions, to_object, steps, shifts, lengths):  # type: ignore[no-untyped-def]
-    """Write the step (L_u, L_v) that the light takes, and how long it is for light along it."""
+    """Write the step (L_u, L_v) along the light, and its length."""
     frame, light = np.empty((5, 3)), np.empty(3)
     for i in range(len(steps)):
         shifts[i, 0], shifts[i, 1], lengths[i] = 0.0, 0.0, 0.0
@@ -140,8 +140,8 @@ def add_embossed(normals, directions, radiance, base, metalness, lifts, out):  #
                 out[i, k] += radiance[r, k] * base[b, k] * added
 
 
-# Most rounds of false position, and how near to the map is on it, as share of the depth: 1/16 of a
-# step of an image of 16 bits.
+# Maximum number of rounds of false position, and its tolerance as a share of the depth: 1/16 of a
+# 16-bit step.
 REFINEMENTS = 8
 
 CLOSE = 2.0**-20
@@ -149,7 +149,7 @@ CLOSE = 2.0**-20
 
 @kernel
 def height_above(texels, level, outside, ray, share):  # type: ignore[no-untyped-def]
-    """How far the ray is above the map, at some share of its way down from 1 to 0."""
+    """Height of the ray above the map at a share of its way down from 1 to 0."""
     first, width, height, wrap = level
     border, factor = outside
     u, v = wrap_to_unit(ray[0] + share * ray[2], wrap), wrap_to_unit(ray[1] + share * ray[3], wrap)
@@ -159,14 +159,14 @@ def height_above(texels, level, outside, ray, share):  # type: ignore[no-untyped
 
 @kernel
 def met(texels, level, outside, ray, near, above, far, below):  # type: ignore[no-untyped-def]
-    """Share at which the ray meets the map, between a place above it and one below."""
+    """Find the intersection with the map between a position above it and one below."""
     share, side = far, 0
     for _ in range(REFINEMENTS):
         share = near + (far - near) * above / (above - below)
         there = height_above(texels, level, outside, ray, share)
         if abs(there) <= CLOSE:
             break
-        # The end that stays a second time counts half, or it would stay for good.
+        # Illinois variant: halve the value of an end that is kept twice in a row.
         if there > 0.0:
             near, above = share, there
             below *= 0.5 if side > 0 else 1.0
@@ -182,7 +182,7 @@ def met(texels, level, outside, ray, near, above, far, below):  # type: ignore[n
 def follow_rays(  # type: ignore[no-untyped-def]
     texels, offsets, sizes, wrap, border, factor, starts, steps, levels, layers, shares
 ):
-    """Write the share of its way after which each ray meets the map."""
+    """Write the share of its way at which each ray meets the map."""
     outside = (border, factor)
     for i in range(len(starts)):
         height, width = sizes[levels[i], 0], sizes[levels[i], 1]
