@@ -1,4 +1,4 @@
-"""Flags of the bakes that several commands share, and which meshes a bake of parts reads."""
+"""Flags of bakes that several commands share, and the meshes that a bake of parts reads."""
 
 from __future__ import annotations
 
@@ -131,12 +131,12 @@ SECTIONS = {
 
 @dataclass(frozen=True)
 class Asked:
-    """The meshes and parts that a bake was asked for.
+    """The meshes and parts to bake.
 
     Attributes
     ----------
     high, low : tuple of Path
-        Files, folders opened.
+        Mesh files, including those in the folders that were given.
     options : PartsOptions
     dry_run : bool
     name : str
@@ -151,7 +151,7 @@ class Asked:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is one high-poly and one low-poly mesh onto one set of maps."""
+        """Whether this is a bake of one high-poly and one low-poly mesh to one set of maps."""
         return not (self.dry_run or texbake.needs_parts(self.high, self.low, self.options))
 
 
@@ -162,9 +162,9 @@ def taken(
     name_pattern: str,
     options: dict[str, Any],
 ) -> Asked:
-    """Take the options of `parts_options`, and the arguments, for what they ask.
+    """Collect the meshes and parts from the arguments and the options of `parts_options`.
 
-    With `--high` a single argument is the low-poly mesh.
+    With `--high`, a single argument is the low-poly mesh.
     """
     more_high, more_low = options.pop("more_high"), options.pop("more_low")
     if more_high and low is None:
@@ -185,7 +185,7 @@ def taken(
 
 
 def _files(paths: Iterable[Path]) -> list[Path]:
-    """Files, and the meshes in folders by name, each once."""
+    """Return the files, and the meshes in folders sorted by name, without duplicates."""
     files: dict[Path, None] = {}
     for path in paths:
         if not path.is_dir():

@@ -1,4 +1,4 @@
-"""What the bake commands do: call a job, then print its warnings, its figures and its files."""
+"""Run the jobs of the bake commands, and print their warnings, figures and files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .bake_options import Asked
 from .html import command_line
 from .terminal import Terminal
 
-# Files that only the bake of one mesh onto one set of maps can write.
+# Files that only the bake of one mesh to one set of maps can write.
 _OF_ONE_MESH = ("html", "hits")
 _FILES = ("cage", "high_texture", "skew_mask", "offset_map", "miss_map", "report")
 
@@ -24,9 +24,9 @@ def bake_one(
     terminal: Terminal,
     **choices: Any,
 ) -> None:
-    """Bake maps of two mesh files into a folder, or into a file for each map.
+    """Bake the maps of two mesh files into a folder, or into one file per map.
 
-    `choices` are files that the job takes, and fields of `BakeOptions`.
+    `choices` are files for the job and fields of `BakeOptions`.
     """
     names = (*_FILES, *_OF_ONE_MESH, "format", "name_pattern")
     given = {name: choices.pop(name) for name in names if name in choices}
@@ -44,7 +44,7 @@ def bake_one(
 
 
 def bake_parts(asked: Asked, folder: Path, terminal: Terminal, **choices: Any) -> None:
-    """Bake an asset of several meshes, or print which parts would be baked from which."""
+    """Bake an asset of several meshes, or print the matching of its parts (`--dry-run`)."""
     for name in _OF_ONE_MESH:
         if choices.pop(name) is not None:
             raise texbake.OptionError(f"{name}: is for the bake of one mesh onto one set of maps")

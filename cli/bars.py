@@ -1,4 +1,4 @@
-"""Progress bars on a terminal: one for each stage that runs, one line for each that has run."""
+"""Progress bars on a terminal: a bar for each running stage, a line for each finished one."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from rich.text import Text
 
 
 class Bars:
-    """A `ProgressSink` that draws.
+    """A `ProgressSink` that draws progress bars.
 
-    A stage that has ended leaves one line with what it took, so that the bars drawn at one time are
-    only those of stages that run, and fit on any terminal.
+    A finished stage leaves one line with its time, so only running stages have bars, and the bars
+    fit on any terminal.
     """
 
     def __init__(self, console: Console | None = None) -> None:
@@ -53,7 +53,7 @@ class Bars:
         self._progress.stop()
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Draw a bar, or one that only moves where the amount of work is unknown."""
+        """Draw a bar, or a pulsing one if the amount of work is unknown."""
         self._tasks[stage] = self._progress.add_task(stage, total=total, unit=unit)
 
     def advanced(self, stage: str, done: int) -> None:
@@ -61,31 +61,31 @@ class Bars:
         self._progress.update(self._tasks[stage], completed=done)
 
     def finished(self, stage: str, seconds: float) -> None:
-        """Put a line in the bar's place."""
+        """Replace the bar with a line."""
         task_id = self._tasks.pop(stage)
         task = next(task for task in self._progress.tasks if task.id == task_id)
         self._progress.remove_task(task_id)
         line = f"  {stage:<24} {seconds:7.2f} s"
         if task.completed and seconds > 0:
             line += f"   {rate_text(task.completed / seconds, task.fields['unit'])}"
-        self._progress.refresh()  # draws what is left below the line
+        self._progress.refresh()  # redraws the remaining bars below the line
         self._progress.console.print(
             line, style="dim", markup=False, highlight=False, soft_wrap=True
         )
 
 
 class RateColumn(ProgressColumn):
-    """Units a second, such as `4.1 M rays/s`."""
+    """Units per second, such as `4.1 M rays/s`."""
 
     def render(self, task: Task) -> Text:
-        """Return the rate since the stage began, or nothing where nothing is counted yet."""
+        """Return the rate since the stage began, or an empty text before the first count."""
         if not task.completed or not task.elapsed:
             return Text("")
         return Text(rate_text(task.completed / task.elapsed, task.fields["unit"]))
 
 
 def rate_text(rate: float, unit: str) -> str:
-    """Write units a second with three digits at most.
+    """Format units per second with at most three digits.
 
     >>> rate_text(4_130_000.0, "rays")
     '4.1 M rays/s'

@@ -1,4 +1,4 @@
-"""The live table of a build: a line for each step that runs, and one for the whole."""
+"""The live table of a build: a line for each running step, and one for the whole build."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class BuildTable:
-    """Draws the steps that run, and the progress of the whole build."""
+    """A table of the running steps and of the progress of the whole build."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(stderr=True)
@@ -85,7 +85,7 @@ class BuildTable:
 
 
 def _left(seconds: float) -> str:
-    """Write the remaining time.
+    """Format the remaining time.
 
     >>> _left(75.0)
     '1:15 left'

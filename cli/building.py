@@ -1,4 +1,4 @@
-"""What a build shows while it runs, and what it prints at the end."""
+"""The output of a build: its progress while it runs, and its results at the end."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .terminal import Terminal
 if TYPE_CHECKING:
     from texbake import BuildEvent, BuildListener, BuildResult
 
-_MOST_SHOWN = 20  # failures, before only their number is printed
+_MOST_SHOWN = 20  # failures; of further ones only the number is printed
 
 
 @contextmanager
 def shown(terminal: Terminal) -> Iterator[BuildListener]:
-    """Show a build as a live table on a terminal or as JSON lines; yields its listener."""
+    """Show a build as a live table on a terminal or as JSON lines; yield its listener."""
     if terminal.kind == "json" and not terminal.quiet:
         yield _print_json
     elif terminal.kind == "auto" and not terminal.quiet and sys.stderr.isatty():
@@ -43,7 +43,7 @@ def _print_note(event: BuildEvent, terminal: Terminal) -> None:
 
 
 def print_result(result: BuildResult, terminal: Terminal) -> None:
-    """Print warnings, failures and figures of a build."""
+    """Print the warnings, failures and figures of a build."""
     for asset in result.assets:
         for step in asset.steps:
             for note in step.notes:

@@ -1,4 +1,4 @@
-"""How a command ends that does not end well: one line on stderr and an exit code.
+"""Failures of a command: one line on stderr and an exit code.
 
 ======================================  ====
 a file, a mesh, a disk: a user's error     1
@@ -7,7 +7,7 @@ Ctrl-C                                   130
 another signal                   128 + its number
 ======================================  ====
 
-Anything else is a bug and keeps its traceback.
+Any other exception is a bug and prints its traceback.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .flags import with_flags
 
 
 class Failure(click.ClickException):
-    """The end of a command, told in one line."""
+    """A failure of a command, printed as one line."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(" ".join(line.strip() for line in message.splitlines()))
@@ -38,7 +38,7 @@ class Failure(click.ClickException):
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal asks the process to end; what cleans up after Ctrl-C cleans up after it as well."""
+    """A signal that ends the process. It is cleaned up after as after Ctrl-C."""
 
     def __init__(self, signal_number: int) -> None:
         super().__init__()
@@ -46,22 +46,22 @@ class Terminated(KeyboardInterrupt):
 
 
 def end_cleanly_on_signals() -> None:
-    """Let SIGTERM, and a terminal that goes away, end the work as Ctrl-C does."""
+    """Make SIGTERM and SIGHUP (a closed terminal) end the work like Ctrl-C."""
     for name in "SIGTERM", "SIGHUP":
         number = getattr(signal, name, None)  # Windows has no SIGHUP
-        # Whoever started the process with `nohup` wants the signal ignored.
+        # A process started with `nohup` must keep ignoring the signal.
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _terminate)
 
 
 def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
-    signal.signal(signal_number, signal.SIG_IGN)  # a second one must not disturb the cleaning up
+    signal.signal(signal_number, signal.SIG_IGN)  # a second one must not interrupt the cleanup
     raise Terminated(signal_number)
 
 
 @contextmanager
-def told_in_one_line(ctx: click.Context | None = None) -> Iterator[None]:
-    """Turn what a user can run into into a `Failure`."""
+def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
+    """Turn the errors that a user can meet into a `Failure`."""
     try:
         yield
     except click.UsageError as error:
@@ -82,7 +82,7 @@ def told_in_one_line(ctx: click.Context | None = None) -> Iterator[None]:
 
 
 def _command(ctx: click.Context | None) -> click.Command | None:
-    """Return the command that was called, of a group the subcommand."""
+    """Return the command that was called; for a group, the subcommand."""
     if ctx is None:
         return None
     group, name = ctx.command, ctx.invoked_subcommand

@@ -1,9 +1,9 @@
-"""Messages of the library, which name its parameters, in the words of a command: its flags.
+"""Replace the parameter names in messages of the library by the flags of a command.
 
-The library writes a parameter as Python has it. A message that is about parameters opens with
-their names (`max_error: 'x' is ...`); elsewhere they stand in backticks, with a value where that
-helps: raise `front`, or bake with `samples=16`. Here, and only here, those become the flags of the
-command that runs.
+The library writes parameters by their Python names. A message about parameters opens with their
+names (`max_error: 'x' is ...`). Elsewhere they are in backticks, with a value if that helps: raise
+`front`, or bake with `samples=16`. Only this module turns them into the flags of the running
+command.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ _FALSE, _QUOTES = "False", "\"'"
 
 
 def with_flags(message: str, command: click.Command | None = None) -> str:
-    """Write a message with the flags of a command in place of the library's parameters.
+    """Replace the library's parameters in a message by the flags of a command.
 
     Parameters
     ----------
     message
-        Of the library.
+        A message of the library.
     command
-        None: the one that runs. Parameters that it does not have stay as they are.
+        None: the running command. Parameters that are not options of it are left unchanged.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""`--html`: the option, and the command line that its pages show."""
+"""The option `--html`, and the command line shown on its pages."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ html_option = click.option(
 
 
 def keep_command(context: click.Context, args: list[str]) -> None:
-    """Keep the words of a command for `command_line`."""
+    """Store the arguments of a command for `command_line`."""
     context.meta[_COMMAND] = shlex.join([context.info_name or "texbake", *args])
 
 
 def command_line() -> str:
-    """Return the command that runs, to paste; "" where it was not given as words."""
+    """Return the running command for a shell; "" if it has no arguments to show."""
     return str(click.get_current_context().meta.get(_COMMAND, ""))

@@ -1,8 +1,8 @@
-"""A group of commands, each imported only when it is asked for.
+"""A group of commands that imports each command only when it is used.
 
-The module of a command has the command's name and holds it under that name, with `_` for `-`.
-Modules of commands import click and the options' dataclasses, nothing heavy: that waits until the
-command runs, so that `texbake --help` answers at once.
+Each command is in a module of the same name, under the same name, with `_` for `-`. These modules
+import only click and the dataclasses of options. Everything heavy is imported when the command
+runs, so that `texbake --help` answers at once.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from .failures import told_in_one_line
+from .failures import failures_as_one_line
 from .html import keep_command
 
 COMMANDS = (
@@ -46,10 +46,10 @@ COMMANDS = (
 
 
 class LazyGroup(click.Group):
-    """The commands of `COMMANDS`, in that order, with every failure told in one line."""
+    """The commands of `COMMANDS`, in that order. Every failure is printed as one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Name the commands in the order in which a job uses them."""
+        """Return the names of the commands in the order of a typical workflow."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -70,12 +70,12 @@ class LazyGroup(click.Group):
     ) -> click.Context:
         """Parse the options of the group itself."""
         words = list(args)  # parsing empties it
-        with told_in_one_line():
+        with failures_as_one_line():
             context = super().make_context(info_name, args, parent, **extra)
         keep_command(context, words)
         return context
 
     def invoke(self, ctx: click.Context) -> Any:
         """Parse and run a command."""
-        with told_in_one_line(ctx):
+        with failures_as_one_line(ctx):
             return super().invoke(ctx)

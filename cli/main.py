@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def _close_stdout() -> None:
-    """Let go of text that cannot be printed, which Python would complain of once more at exit."""
+    """Discard text that cannot be printed; Python would report the error once more at exit."""
     if sys.stdout is None:  # closed before the process began
         return
     try:

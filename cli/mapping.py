@@ -29,7 +29,7 @@ _BEFORE, _AFTER = _NAMES[: _NAMES.index("matrix")], _NAMES[_NAMES.index("matrix"
 
 
 def mapping_options(command: Command) -> Command:
-    """Add how coordinates are made; received as `options`, which are `UnwrapOptions`."""
+    """Add the options of the mapping; the command receives them as `options`, `UnwrapOptions`."""
 
     @functools.wraps(command)
     def with_options(*args: Any, matrix: Path | None, **values: Any) -> None:

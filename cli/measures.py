@@ -1,4 +1,4 @@
-"""Tables of what texture coordinates do to a mesh, for `texbake info` and `texbake unwrap`."""
+"""Tables of the distortion of texture coordinates, for `texbake info` and `texbake unwrap`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CHARTS_SHOWN = 10
 
 
 def distortion_rows(found: Distortion) -> Rows:
-    """Rows of a label and a figure: the mesh as a whole."""
+    """Return rows of labels and figures for the whole mesh."""
     whole, turned = found.stretch, found.turned_stretch
     rows = [
         ("charts", f"{found.n_charts:,}"),
@@ -36,7 +36,7 @@ def distortion_rows(found: Distortion) -> Rows:
         ("without area in the texture", f"{found.n_collapsed:,} faces"),
         ("seams", f"{found.seam_length:.6g} model units"),
         (
-            "texels a model unit",
+            "texels per model unit",
             f"{found.texel_density:.6g}, varying by {100 * found.texel_density_variation:.1f} %",
         ),
         (f"{tiles} filled", f"{100 * found.packing_efficiency:.1f} %"),
@@ -45,7 +45,7 @@ def distortion_rows(found: Distortion) -> Rows:
 
 
 def worst_rows(found: Distortion) -> Rows:
-    """Rows of the charts, and then of the faces, with the greatest stretch."""
+    """Return rows of the charts, then of the faces, with the greatest stretch."""
     charts = sorted(found.charts, key=lambda chart: -chart.stretch.l2)[:_CHARTS_SHOWN]
     of = f" of {found.n_charts:,}" if found.n_charts > len(charts) else ""
     surface = sum(chart.area for chart in found.charts)
@@ -87,11 +87,11 @@ def worst_rows(found: Distortion) -> Rows:
 def _unsure(found: Distortion) -> str:
     if not found.n_unsure:
         return ""
-    return f"; of {found.n_unsure:,} more it was not told, for the many faces near them"
+    return f"; {found.n_unsure:,} more were not checked, because too many faces are near them"
 
 
 def _columns(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> Rows:
-    """Rows of aligned columns under their heads; the first column is the label."""
+    """Return rows of aligned columns with headings; the first column is the label."""
     table = [heads, *lines]
     widths = [max(len(line[i]) for line in table) for i in range(len(heads))]
     return [

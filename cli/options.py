@@ -1,8 +1,8 @@
-"""Flags of commands, read from the classes of options of the library.
+"""Flags of commands, created from the option classes of the library.
 
-A class of options declares each option once: type, default, range, choices, help. Here those become
-flags of a command, which are passed on under the names of the fields. What is no such option, such
-as the file of a report, is declared here where several commands share it.
+An option class declares each option once: type, default, range, choices, help. This module turns
+its fields into flags of a command, which receives the values under the names of the fields. Other
+options that several commands share, such as the file of a report, are declared here as well.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from texbake import (
     option_fields,
 )
 
-from .types import FileOf, NameAndStrength, Names, Numbers, Size, View
+from .types import FileOf, NameAndStrength, Names, Numbers, Size, ViewParam
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
@@ -44,22 +44,22 @@ def options_of(
     unset: bool = False,
     defaults: Mapping[str, Any] | None = None,
 ) -> Decorator[Any]:
-    """Add flags for options of a class, in their order.
+    """Add flags for the fields of an option class, in their order.
 
     Parameters
     ----------
     kind
-        The class.
+        The option class.
     names
-        Fields; none for all.
+        Fields to add; all if there are none.
     without
-        Of all fields, those that are no flags.
+        Fields to leave out.
     required
-        Fields that must be given though they have a default.
+        Fields that must be given although they have a default.
     unset
-        Whether a flag that is not given is None, and no default is shown.
+        Whether flags that are not given are None and show no default.
     defaults
-        Defaults of this command, where they are others than those of the class.
+        Defaults of this command that differ from those of the class.
     """
     fields = {field.name: field for field in option_fields(kind)}
     chosen = [fields[name] for name in names] or [
@@ -125,7 +125,7 @@ def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
 
 
 def _type(field: OptionField) -> Any:
-    """Return how the text of a value is read, by the types of the option."""
+    """Return the click type that parses the values of an option."""
     kinds, words = field.kinds, field.option.choices
     tuples = [kind for kind in kinds if get_origin(kind) is tuple]
     if tuple[int, int] in tuples:
@@ -153,12 +153,12 @@ def _metavar(field: OptionField) -> str | None:
 
 
 def number_or_word(text: str | int) -> int | str:
-    """Numbers as numbers; which words there are is the options' own to check."""
+    """Parse a number and leave words unchanged; the option class checks them."""
     return int(text) if str(text).isdecimal() else text
 
 
 def build_options(*, without: Collection[str] = ()) -> Decorator[Any]:
-    """Add the options of a build; received as `options`, which are `BuildOptions`."""
+    """Add the options of a build; the command receives them as `options`, `BuildOptions`."""
     hidden = {"folder", *without}
     names = [field.name for field in option_fields(BuildOptions) if field.name not in hidden]
     folder = option_field(BuildOptions, "folder").option
@@ -194,7 +194,7 @@ def image_option(flag: str, text: str) -> Decorator[Any]:
 
 
 def output_file(text: str, suffixes: Sequence[str]) -> Decorator[Any]:
-    """Add `-o FILE`, which must be given."""
+    """Add `-o FILE`, a required option."""
     return click.option(
         "-o", "--output", type=FileOf(suffixes), required=True, metavar="FILE", help=text
     )
@@ -207,7 +207,7 @@ def output_folder(text: str, **extra: Any) -> Decorator[Any]:
 
 
 def picture_option(flag: str, text: str) -> Decorator[Any]:
-    """Add an option that names a picture to write as well."""
+    """Add an option that names an additional picture to write."""
     return click.option(flag, type=FileOf((".png",)), metavar="FILE.png", help=text)
 
 
@@ -232,7 +232,7 @@ _PIXELS = click.option(
 
 
 def picture_options(command: Command) -> Command:
-    """Add how a picture is drawn; received as `picture`, which are `RenderOptions`."""
+    """Add the options of a picture; the command receives them as `picture`, `RenderOptions`."""
 
     @functools.wraps(command)
     def with_picture(*args: Any, size: Any, **options: Any) -> None:
@@ -243,9 +243,9 @@ def picture_options(command: Command) -> Command:
 
 
 def picture_changes(command: Command) -> Command:
-    """Add the same, and a turntable for a view; received as a dictionary of what was given.
+    """Add the options of a picture and a turntable; the command receives those given, as a dict.
 
-    What a scene's file says holds where nothing is given.
+    The scene file determines the others.
     """
 
     @functools.wraps(command)
@@ -263,7 +263,7 @@ def picture_changes(command: Command) -> Command:
     view = option_field(RenderOptions, "view")
     turns = click.option(
         "--view",
-        type=View(),
+        type=ViewParam(),
         default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
         show_default=True,
         help=f"{view.option.help.rstrip('.')}; or a whole turn of N pictures.",

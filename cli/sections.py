@@ -14,7 +14,7 @@ class SectionedCommand(click.Command):
     Parameters
     ----------
     sections
-        Headings with the names of the options below them; the others come first, as "Options".
+        Names of options by heading. All other options come first, under "Options".
     """
 
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]], **extra: Any) -> None:

@@ -28,14 +28,14 @@ PROGRESS = ("auto", "json", "none")
 
 @dataclass(frozen=True)
 class Terminal:
-    """Where a command prints.
+    """The output of a command.
 
     Attributes
     ----------
     kind : str
         `auto` (bars if stderr is a terminal), `json` (one object per line on stderr) or `none`.
     quiet : bool
-        Leave out progress and summaries; warnings and errors are still printed.
+        Print no progress and no summary. Warnings and errors are still printed.
     """
 
     kind: str = "auto"
@@ -43,7 +43,7 @@ class Terminal:
 
     @contextmanager
     def progress(self) -> Iterator[ProgressSink | None]:
-        """Show the progress of the work within the block; yields None where nobody listens."""
+        """Show the progress of the work in the block; yield None if no progress is shown."""
         if self.quiet or self.kind == "none":
             yield None
         elif self.kind == "json":
@@ -57,12 +57,12 @@ class Terminal:
             yield None
 
     def summary(self, rows: Sequence[tuple[str, str]]) -> None:
-        """Print a table that `--quiet` leaves out."""
+        """Print a table, unless `--quiet` is given."""
         if not self.quiet:
             table(rows)
 
     def wrote(self, paths: Iterable[Path]) -> None:
-        """Print which files have been written."""
+        """Print the paths of the files written."""
         if not self.quiet:
             for path in paths:
                 say(f"wrote {path}")
@@ -73,17 +73,17 @@ class Terminal:
 
 
 def say(text: str) -> None:
-    """Print on stdout; a full disk behind it is a user's error, printed in one line."""
+    """Print on stdout; raise `FileError` if it cannot be written, such as on a full disk."""
     try:
         click.echo(text)
-    except BrokenPipeError:  # the reader has gone, and wants no more
+    except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         raise
     except OSError as error:
         raise FileError(f"standard output: cannot be written: {error.strerror}") from error
 
 
 def table(rows: Sequence[tuple[str, str]]) -> None:
-    """Print labels and values on stdout, the values aligned; a row without value is a heading."""
+    """Print labels and aligned values on stdout; a row without a value is a heading."""
     width = max((len(label) for label, value in rows if value), default=0)
     for label, value in rows:
         if value:
@@ -93,9 +93,10 @@ def table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
-    """Print rows of cells on stdout, aligned; the first is a heading, the last `numbers` right.
+    """Print aligned rows of cells on stdout; the first row is a heading.
 
-    On a terminal what does not fit on its line is cut off in the widest column.
+    The last `numbers` columns are aligned to the right. On a terminal, the widest column is cut off
+    if a row does not fit on a line.
     """
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     if sys.stdout is not None and sys.stdout.isatty():
@@ -116,7 +117,7 @@ def _cut(text: str, width: int) -> str:
 
 
 def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command `--quiet` and `--progress`; it receives both as `terminal`."""
+    """Add `--quiet` and `--progress`; the command receives them as `terminal`."""
 
     @click.option("-q", "--quiet", is_flag=True, help="Print no progress and no summary.")
     @click.option(
@@ -135,11 +136,11 @@ def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 class JsonLines:
-    """Progress as JSON, one object per line, for a program that watches.
+    """Progress as JSON, one object per line, for other programs.
 
     Every object has `event` (`started`, `advanced` or `finished`), `stage`, `done`, `total` (null
-    where the amount of work is unknown), `unit` and `seconds` since the stage began. `advanced`
-    comes at most ten times a second; `finished` carries the last count.
+    if the amount of work is unknown), `unit` and `seconds` since the stage began. `advanced` is
+    printed at most ten times per second; `finished` has the last count.
     """
 
     INTERVAL = 0.1  # seconds
@@ -157,7 +158,7 @@ class JsonLines:
         self._report("started", stage, 0.0)
 
     def advanced(self, stage: str, done: int) -> None:
-        """Report how far a stage is, unless that was reported just before."""
+        """Report the progress of a stage, at most once per `INTERVAL`."""
         self._done[stage] = done
         now = time.perf_counter()
         if now - self._reported >= self.INTERVAL:

@@ -1,4 +1,4 @@
-"""How values of options are written on the command line."""
+"""Parameter types: how the values of options are written on the command line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> int | tuple[int, int]:
-        """Parse; the range is the options' own to check."""
+        """Parse a size; the option class checks its range."""
         if not isinstance(value, str):
             return value  # type: ignore[no-any-return]  # a default
         try:
@@ -43,11 +43,8 @@ class Turntable:
     n_views: int
 
 
-class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """`az,el` or `az,el,dist`, or `turntable:N`, which becomes a `Turntable`.
-
-    Angles are in degrees, the distance in model units.
-    """
+class ViewParam(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
+    """`az,el` or `az,el,dist`, in degrees and model units, or `turntable:N`, a `Turntable`."""
 
     name = "view"
 
@@ -58,7 +55,7 @@ class View(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...] | Turntable:
-        """Parse into two or three numbers, or a turn."""
+        """Parse into two or three numbers, or a `Turntable`."""
         if not isinstance(value, str):
             return value  # type: ignore[no-any-return]  # a default
         word, colon, count = value.partition(":")
@@ -81,10 +78,10 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes non
     Parameters
     ----------
     form
-        What the help shows, such as `X,Y,Z`: one name per number. A part in brackets may be left
-        out.
+        The form shown in the help, such as `X,Y,Z`: one name per number. A part in brackets is
+        optional.
     words
-        Words that are taken as they are.
+        Words that are accepted instead of numbers.
     """
 
     name = "numbers"
@@ -129,7 +126,7 @@ class NameAndStrength(click.ParamType):  # type: ignore[type-arg]  # click 8.1 t
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> str | tuple[str, float]:
-        """Split at the colon; which names there are is the options' own to check."""
+        """Split at the colon; the option class checks the name."""
         name, colon, strength = str(value).partition(":")
         if not colon:
             return name
@@ -184,9 +181,9 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
 
 
 class FileOf(click.Path):
-    """A file whose name ends as one of some suffixes.
+    """A file with one of some suffixes.
 
-    Whether it is there is for the reader to say, in the same words as the Python API.
+    The function that reads the file reports a missing one, with the same message as in Python.
     """
 
     def __init__(self, suffixes: Sequence[str]) -> None:
@@ -196,7 +193,7 @@ class FileOf(click.Path):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Offer files of these suffixes, and folders on the way to them."""
+        """Complete with files of these suffixes, and with folders."""
         folder, start = os.path.split(incomplete)
         try:
             with os.scandir(Path(folder or ".").expanduser()) as entries:
@@ -205,7 +202,7 @@ class FileOf(click.Path):
             return []
         files = [entry.name for entry in found if entry.name.lower().endswith(self.suffixes)]
         if not files:
-            return [CompletionItem(incomplete, type="file")]  # the shell knows its way to folders
+            return [CompletionItem(incomplete, type="file")]  # the shell completes folders
         folders = [entry.name + os.sep for entry in found if entry.is_dir()]
         hidden = () if start.startswith(".") else (".",)
         return [

@@ -1,4 +1,4 @@
-"""Colors chosen by how they look: equal lightness for any hue, and a scale about a middle.
+"""Perceptual colors: equal lightness for any hue, and a diverging color scale.
 
 Based on: Ottosson, "A perceptual color space for image processing", 2020 (Oklab); Moreland,
 "Diverging Color Maps for Scientific Visualization", 2009.
@@ -26,8 +26,8 @@ _LINEAR_SRGB = np.array(
         [-0.0041960863, -0.7034186147, 1.7076147010],
     ]
 )
-# Lightness, chroma and hue in degrees at both ends of the scale, and the lightness in its middle:
-# blue and amber, which the color-blind tell apart too, and neither of which is red.
+# Lightness, chroma and hue in degrees at both ends of the scale, and the lightness of its middle.
+# Color-blind readers can distinguish blue and amber, and neither is red, the color of errors.
 _LOW_END = (0.40, 0.17, 262.0)
 _HIGH_END = (0.50, 0.13, 62.0)
 _MIDDLE = 0.96
@@ -36,14 +36,14 @@ _MIDDLE = 0.96
 def linear_from_oklch(
     lightness: npt.ArrayLike, chroma: npt.ArrayLike, hue_deg: npt.ArrayLike
 ) -> FloatArray:
-    """Linear light of colors in the polar form of Oklab.
+    """Convert colors from Oklch, the polar form of Oklab, to linear RGB.
 
     Parameters
     ----------
     lightness : (...) float
         0 is black, 1 white.
     chroma : (...) float
-        0 is gray; 0.1 to 0.2 are strong colors. What no screen can show is clipped.
+        0 is gray; 0.1 to 0.2 are strong colors. Colors outside the sRGB gamut are clipped.
     hue_deg : (...) float
         About 30 is red, 110 yellow, 145 green, 260 blue.
 
@@ -63,17 +63,17 @@ def linear_from_oklch(
 
 
 def diverging(levels: npt.ArrayLike) -> FloatArray:
-    """Colors of a scale with a middle: blue at -1, nearly white at 0, amber at 1.
+    """Return colors of a diverging scale: blue at -1, nearly white at 0, amber at 1.
 
     Parameters
     ----------
     levels : (...) float
-        Beyond the ends the colors stay.
+        Clipped to [-1, 1].
 
     Returns
     -------
     (..., 3) float64
-        Linear light; lightness falls evenly from the middle to either end.
+        Linear RGB. Lightness falls evenly from the middle to both ends.
     """
     levels = np.clip(np.asarray(levels, dtype=np.float64), -1.0, 1.0)
     ends = np.where((levels < 0.0)[..., None], _LOW_END, _HIGH_END)

@@ -1,4 +1,4 @@
-"""Writing files whole or not at all: beside their place, then renamed. Folders for them."""
+"""Write files atomically: write a temporary file in the same folder, then rename it."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ PathLike = str | os.PathLike[str]
 
 @contextmanager
 def replacing(path: PathLike) -> Iterator[Path]:
-    """Yield a path beside `path` to write to; move it into place if the block ends well.
+    """Yield a temporary path next to `path`; move the file to `path` if the block succeeds.
 
-    If the block raises, or is interrupted, what it wrote is removed and a file that already stood
-    at `path` is left as it was. The path yielded has the suffix of `path`, because many writers
-    choose the format by it. Through a symbolic link the file it points to is replaced.
+    If the block raises or is interrupted, the temporary file is removed and an existing file at
+    `path` is left unchanged. The temporary path has the suffix of `path`, because many writers
+    choose the format by it. If `path` is a symbolic link, the file it points to is replaced.
 
     Raises
     ------
     FileError
-        The folder is missing or cannot be written, the disk is full, or `path` is a folder, a
-        device or a pipe.
+        The folder is missing or not writable, the disk is full, or `path` is a folder, a device or
+        a pipe.
     """
     target = _target_of(path)
-    # Not the target's own name: some writers take only names that are UTF-8.
+    # The name does not contain that of `path`: some writers accept only names that are UTF-8.
     temporary = target.with_name(f".texbake-{secrets.token_hex(6)}{target.suffix}")
     try:
-        # Created first, so that an unwritable folder is noticed before the work and not after it.
+        # Create the file first, so that an unwritable folder fails before the work, not after it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))
         yield temporary
         temporary.replace(target)
@@ -46,7 +46,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
 
 
 def _mode_for(target: Path) -> int:
-    """Permissions for a new file: those of the file it replaces, else what the umask leaves."""
+    """Return the permissions of the file that is replaced, or those of the umask for a new one."""
     try:
         return target.stat().st_mode & 0o777
     except OSError:
@@ -54,9 +54,9 @@ def _mode_for(target: Path) -> int:
 
 
 def check_writable(path: PathLike) -> None:
-    """Raise `FileError` now if a file at `path` could not be written later.
+    """Raise `FileError` if a file cannot be written at `path`.
 
-    Long work calls this first, so that an hour is not spent on a result that cannot be written.
+    Long jobs call this before they start.
     """
     target = _target_of(path)
     if not os.access(target.parent, os.W_OK):
@@ -64,14 +64,14 @@ def check_writable(path: PathLike) -> None:
 
 
 def _target_of(path: PathLike) -> Path:
-    """Return the file that a path leads to through links; its folder exists."""
+    """Resolve the symbolic links of a path; raise `FileError` if no file can be written there."""
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
     if target.is_symlink():
         raise FileError(f"{path}: its links form a circle; give another name")
     if target.exists() and not target.is_file():
-        # Renaming over a device such as /dev/full would take it from the whole machine.
+        # Renaming a file to a device such as /dev/full would remove it for the whole machine.
         raise FileError(f"{path}: it is a device or a pipe; give the name of a file")
     if not target.parent.is_dir():
         raise FileError(f"{path}: there is no folder {target.parent}; create it first")
@@ -79,9 +79,9 @@ def _target_of(path: PathLike) -> Path:
 
 
 def check_folder(folder: PathLike) -> None:
-    """Raise `FileError` now if files could not be put into `folder` later.
+    """Raise `FileError` if files cannot be written to `folder`.
 
-    The folder need not exist yet, if it can be created.
+    The folder need not exist if it can be created.
     """
     there = Path(os.path.realpath(folder))
     while not there.exists():
@@ -98,7 +98,7 @@ def make_folder(folder: PathLike) -> Path:
     Raises
     ------
     FileError
-        It cannot be created, or a file has its name.
+        The folder cannot be created, or there is a file of that name.
     """
     path = Path(folder)
     try:

@@ -1,8 +1,7 @@
-"""What the file of a map says of itself: one JSON object in its image description.
+"""Metadata of maps: one JSON object in the image description of the file.
 
-PNG, TIFF, EXR, JPEG and TGA files each have some place for a line of text, and only that in common.
-A map's facts go there as a flat JSON object, the same in every format, so that numbers come back
-exactly as they were.
+A line of text is all that PNG, TIFF, EXR, JPEG and TGA files can all store. The metadata of a map
+is a flat JSON object there, the same in every format, so that numbers are preserved exactly.
 """
 
 from __future__ import annotations
@@ -12,27 +11,27 @@ from collections.abc import Mapping
 
 Value = float | int | str
 
-# "opengl" or "directx": which way the green channel of a tangent-space normal map points.
+# "opengl" (+Y) or "directx" (-Y): the green channel of a tangent-space normal map.
 CONVENTION = "texbake:convention"
 # "tangent", "object" or "world": the space of a map's vectors.
 SPACE = "texbake:space"
-# A displacement d of a stored value h is (h - mid) * scale, in model units.
+# A stored value h is the displacement (h - mid) * scale, in model units.
 DISPLACEMENT_MID = "texbake:displacement_mid"
 DISPLACEMENT_SCALE = "texbake:displacement_scale"
-# A mean curvature of a stored value h is (h - mid) * scale, in one by model units.
+# A stored value h is the mean curvature (h - mid) * scale, in 1 / model units.
 CURVATURE_MID = "texbake:curvature_mid"
 CURVATURE_SCALE = "texbake:curvature_scale"
-# A thickness of a stored value h is h * scale, in model units.
+# A stored value h is the thickness h * scale, in model units.
 THICKNESS_SCALE = "texbake:thickness_scale"
-# A coordinate of a stored value h is min + h (max - min); three numbers with spaces between them.
+# A stored value h is the coordinate min + h (max - min); three numbers separated by spaces.
 POSITION_MIN = "texbake:position_min"
 POSITION_MAX = "texbake:position_max"
-# Followed by what stands in the file, a number or a color such as #e0a030: the name of a thing.
+# Followed by a value in the map, a number or a color such as #e0a030: the name of its object.
 ID = "texbake:id:"
 
 
 def to_description(metadata: Mapping[str, Value]) -> str:
-    """Return the facts as one line of ASCII, the same for the same facts; "" for none.
+    """Return metadata as one line of ASCII with sorted keys; "" if it is empty.
 
     >>> to_description({"texbake:space": "tangent", "texbake:displacement_mid": 0.5})
     '{"texbake:displacement_mid":0.5,"texbake:space":"tangent"}'
@@ -43,13 +42,13 @@ def to_description(metadata: Mapping[str, Value]) -> str:
 
 
 def from_description(description: str) -> dict[str, Value]:
-    """Return the facts in a description; none where it is not one that `to_description` made.
+    """Return the metadata in a description; empty if `to_description` did not write it.
 
     >>> from_description("a photograph of gravel")
     {}
     """
     try:
-        # TGA breaks its comment into lines of 80 characters; JSON strings hold no bare line break.
+        # TGA breaks its comment into lines of 80 characters; JSON strings have no raw line break.
         facts = json.loads(description.replace("\n", ""))
     except (ValueError, RecursionError):
         return {}

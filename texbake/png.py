@@ -1,9 +1,8 @@
-"""PNG files: written by many threads, and looked over before a decoder trusts them.
+"""Write PNG files with several threads, and check PNG files before they are decoded.
 
-Writing is here, and not left to an image library, because the whole of a PNG is then known: no
-gamma or color chunk on data, no date, the same bytes for any number of threads. Rows are filtered
-and compressed in bands, each band a run of whole deflate blocks, which put one after the other are
-one valid stream.
+Texbake writes PNG files itself to control every byte: no gamma or color chunk on data, no date, the
+same bytes for any number of threads. Rows are filtered and compressed in bands. Each band is a
+sequence of whole deflate blocks, so that the bands joined together are one valid stream.
 
 Based on: Portable Network Graphics (PNG) Specification, third edition, W3C, 2025; Adler, pigz,
 2007, for compressing bands side by side.
@@ -27,7 +26,7 @@ from texbake.parallel import run_bands
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOR_TYPES = {1: 0, 2: 4, 3: 2, 4: 6}  # channels: PNG's number for gray, gray + alpha, ...
 _FILTER_SUB = 1
-# A band holds about this many bytes: enough that its deflate blocks cost nothing beside one stream.
+# Bytes per band: enough that separate deflate blocks hardly cost more than a single stream.
 _BAND_BYTES = 1 << 20
 _ADLER_MODULUS = 65521
 
@@ -42,18 +41,18 @@ def write_png(
 ) -> None:
     """Write integer codes as a PNG file.
 
-    The rows are stored as differences to the texel on the left, compressed by run lengths and
-    Huffman codes alone: on smooth maps that is as small as the usual search for repeats, and twice
-    as fast.
+    Rows are stored as differences from the texel on the left, compressed by run lengths and Huffman
+    codes only. For smooth maps, the files are as small as with the usual search for repeats, and
+    are written twice as fast.
 
     Parameters
     ----------
     codes : (H, W, C) uint8 or uint16
         1 to 4 channels: gray, gray and alpha, RGB, RGBA.
     srgb
-        Say in the file that the codes are sRGB colors. Data says nothing.
+        Whether to mark the codes as sRGB colors. Data has no mark.
     description
-        ASCII text, kept under the keyword "Description".
+        ASCII text, stored under the keyword "Description".
     """
     height, width, n_channels = codes.shape
     header = struct.pack(
@@ -72,12 +71,12 @@ def write_png(
 
 
 def png_description(path: PathLike) -> str:
-    """Text under the keyword "Description", "" where there is none; the file is checked on the way.
+    """Check a PNG file; return the text under the keyword "Description", or "" if there is none.
 
     Raises
     ------
     FileFormatError
-        It is not a PNG file, it is cut short, or a checksum of it is wrong.
+        The file is not a PNG file, it is truncated, or a checksum is wrong.
     """
     description = ""
     for kind, data in _chunks(path):
@@ -87,7 +86,7 @@ def png_description(path: PathLike) -> str:
 
 
 def is_png(path: PathLike) -> bool:
-    """Whether a file begins as PNG files do."""
+    """Whether a file begins with the PNG signature."""
     with Path(path).open("rb") as file:
         return file.read(len(SIGNATURE)) == SIGNATURE
 
@@ -99,7 +98,7 @@ def _write_chunk(file: BinaryIO, kind: bytes, data: bytes) -> None:
 
 
 def _deflated(codes: npt.NDArray[Any], threads: int | None) -> list[bytes]:
-    """Parts that are, one after the other, the zlib stream of the filtered rows."""
+    """Return the zlib stream of the filtered rows, in parts."""
     height, width, n_channels = codes.shape
     rows_per_band = max(1, _BAND_BYTES // (width * n_channels * codes.itemsize))
     n_bands = -(-height // rows_per_band)
@@ -125,7 +124,7 @@ def _deflated(codes: npt.NDArray[Any], threads: int | None) -> list[bytes]:
 
 
 def _filtered(rows: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """Bytes of rows, big-endian, each minus the byte of the texel on its left."""
+    """Return the bytes of rows, big-endian, each minus the byte of the texel on its left."""
     n_rows, _, n_channels = rows.shape
     big_endian = rows.astype(rows.dtype.newbyteorder(">"), order="C")
     raw = big_endian.view(np.uint8).reshape(n_rows, -1)
@@ -138,14 +137,14 @@ def _filtered(rows: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
 
 
 def _adler32_joined(first: int, second: int, n_second: int) -> int:
-    """Adler-32 of two runs of bytes put together, from the sums of each; RFC 1950, section 8.2."""
+    """Return the Adler-32 of two joined byte strings from that of each; RFC 1950, section 8.2."""
     low = (first & 0xFFFF) + (second & 0xFFFF) - 1
     high = (first >> 16) + (second >> 16) + n_second * ((first & 0xFFFF) - 1)
     return (high % _ADLER_MODULUS) << 16 | low % _ADLER_MODULUS
 
 
 def _chunks(path: PathLike) -> Iterator[tuple[bytes, bytes]]:
-    """Kind and data of each chunk up to the end of the image; data b"" for the pixels."""
+    """Yield the kind and data of each chunk up to the end of the image; b"" for the pixels."""
     with Path(path).open("rb") as file:
         if file.read(len(SIGNATURE)) != SIGNATURE:
             raise FileFormatError(f"{path}: it is not a PNG file; save it as one")
@@ -154,7 +153,7 @@ def _chunks(path: PathLike) -> Iterator[tuple[bytes, bytes]]:
         while kind != b"IEND":
             head = file.read(8)
             n_bytes, kind = struct.unpack(">I4s", head) if len(head) == 8 else (left, b"")
-            # 12: the chunk's length, kind and checksum. Asked before any memory is.
+            # 12 bytes: length, kind and checksum of the chunk. Checked before memory is allocated.
             left -= n_bytes + 12
             if left < 0:
                 raise FileFormatError(f"{path}: the PNG file is cut short; get it again")

@@ -1,9 +1,9 @@
-"""Options: declared once, beside their defaults, and read by everything that takes or shows them.
+"""Options, each declared once: type, default, help, range and choices.
 
-An option is a field of a frozen dataclass whose type carries an `Option`: one sentence of help, a
-unit, a range, choices. From there come the check of its values, the flag of the command line, the
-keys of pipeline and scene files, their JSON Schema, and the reference pages. Nothing heavy is
-imported here, so that a help page costs nothing.
+An option is a field of a frozen dataclass whose type is annotated with an `Option`: one sentence of
+help, a unit, a range, choices. Everything else is derived from it: the check of its values, the
+flag of the command line, the keys of pipeline and scene files, their JSON Schema, and the reference
+pages. This module imports nothing heavy, so that `--help` answers at once.
 """
 
 from __future__ import annotations
@@ -28,29 +28,28 @@ _JSON_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
 @dataclass(frozen=True)
 class Option:
-    """What is said of an option beside its type and its default.
+    """Description of an option, in addition to its type and default.
 
     Attributes
     ----------
     help : str
         One sentence.
     metavar : str, optional
-        What stands for a value in a help page: `N`, `PX`, `X,Y,Z`; parts in brackets may be left
-        out.
+        Placeholder for the value in help texts: `N`, `PX`, `X,Y,Z`. Parts in brackets are optional.
     unit : str
-        Of a number, in the plural.
+        Unit of a number, in the plural.
     choices : tuple
-        All values, or all words beside other values.
+        All values, or all words that are allowed besides other values.
     low, high : float, optional
-        Least and greatest value.
+        Least and greatest value, inclusive.
     above, below : float, optional
-        The same, where the bound itself is not possible.
+        Exclusive bounds.
     default : str
-        What None means, in words.
+        Meaning of None, in words.
     flag : str
-        On the command line, where it is not the name: `--faces`, `--color/--data`.
+        Flag on the command line, if it differs from the name: `--faces`, `--color/--data`.
     many : bool
-        Whether a tuple is given one value at a time on the command line.
+        Whether the flag of a tuple is repeated, with one value each.
     """
 
     help: str
@@ -68,14 +67,14 @@ class Option:
 
     @property
     def sentence(self) -> str:
-        """Help with the unit, where it does not name it."""
+        """Help, with the unit added unless the help mentions it."""
         if not self.unit or self.unit.split()[0] in self.help.lower():
             return self.help
         return f"{self.help.removesuffix('.')}, in {self.unit}."
 
     @property
     def range(self) -> str:
-        """Range in words: `1 to 16384`, `above 0 and below 180`; "" where there is none."""
+        """Range in words: `1 to 16384`, `above 0 and below 180`; "" if there is none."""
         if self.low is not None and self.high is not None:
             return f"{_shown(self.low)} to {_shown(self.high)}"
         words = [
@@ -98,21 +97,22 @@ class Option:
 
 @dataclass(frozen=True)
 class OptionField:
-    """An option of a class.
+    """A field of an option class.
 
     Attributes
     ----------
     name : str
     kinds : tuple
-        Types that a value can have, beside None.
+        Types of its values, without None.
     optional : bool
-        Whether it can be None.
+        Whether the value can be None.
     option : Option
-        Of a field that has none: one whose help is what the docstring of the class says.
+        Its description. For a field without an `Option`, the help is taken from the docstring of
+        the class.
     default : object
-        `dataclasses.MISSING` where it must be given.
+        `dataclasses.MISSING` if the option is required.
     checked : bool
-        Whether the field has an `Option` of its own.
+        Whether the field is annotated with an `Option`.
     """
 
     name: str
@@ -124,13 +124,13 @@ class OptionField:
 
     @property
     def required(self) -> bool:
-        """Whether there is no default."""
+        """Whether the option has no default."""
         return self.default is MISSING
 
     def check(self, value: Any) -> None:
-        """Raise `OptionError` unless a value is a choice, or of a type and in the range.
+        """Raise `OptionError` unless a value is a choice, or has the right type and range.
 
-        Types beyond numbers and choices are for the class itself to check.
+        The class itself checks types other than numbers and choices.
         """
         words = self.option.choices
         if (value is None and self.optional) or self._chooses(value):
@@ -152,14 +152,14 @@ class OptionField:
             raise OptionError(f"{self.name}: {shown} is {neither} {' nor '.join(wanted)}")
 
     def _chooses(self, value: Any) -> bool:
-        """Whether a value is one of the choices, or some of them where it may be several."""
+        """Whether a value is one of the choices, or a tuple of choices if the type allows it."""
         words = self.option.choices
         if isinstance(value, tuple) and any(map(_is_several_words, self.kinds)):
             return bool(words) and all(_is_word(item, words) for item in value)
         return _is_word(value, words)
 
     def _is_chosen(self, kind: Any) -> bool:
-        """Whether the choices are all the values of a type."""
+        """Whether the choices are the only values of a type."""
         words = self.option.choices
         return bool(words) and (_is_several_words(kind) or kind in {type(word) for word in words})
 
@@ -173,7 +173,7 @@ class OptionField:
                 )
 
     def json_schema(self) -> JsonSchema:
-        """JSON Schema of the values that a file can hold: None is left out, tuples are arrays."""
+        """Return the JSON Schema of the values in a file: no None, and tuples as arrays."""
         kinds = [kind for kind in self.kinds if get_origin(kind) is not Callable]
         schema = _any_of([_json_type(kind, self.option) for kind in kinds])
         schema |= {"description": self.help}
@@ -183,13 +183,13 @@ class OptionField:
 
     @property
     def help(self) -> str:
-        """The sentence of help, with its unit and what None means."""
+        """Help with the unit and the default."""
         words = self.option.default
         return f"{self.option.sentence} Default: {words}." if words else self.option.sentence
 
 
 class CheckedOptions:
-    """Base of classes of options, which check themselves; further checks follow `super()`'s."""
+    """Base of option classes, whose values are checked when they are created."""
 
     def __post_init__(self) -> None:
         """Check every value against its type, range and choices."""
@@ -201,17 +201,17 @@ class CheckedOptions:
 
 @cache
 def option_fields(kind: Any) -> tuple[OptionField, ...]:
-    """Options of a dataclass, in their order."""
+    """Return the options of a dataclass, in their order."""
     return tuple(_option_field(kind, item) for item in fields(kind))
 
 
 def option_field(kind: type, name: str) -> OptionField:
-    """One option of a dataclass."""
+    """Return one option of a dataclass."""
     return next(item for item in option_fields(kind) if item.name == name)
 
 
 def option(kind: type, name: str) -> Option:
-    """What one option of a dataclass says of itself, for another class that has it as well."""
+    """Return the description of an option, to use it in another class as well."""
     return option_field(kind, name).option
 
 
@@ -236,7 +236,7 @@ def _option_field(kind: type, item: Field[Any]) -> OptionField:
 
 
 def _hint_of(kind: type, item: Field[Any]) -> Any:
-    """Type of a field; `Any` where only type checkers import its name."""
+    """Return the type of a field; `Any` if its name is imported only for type checking."""
     if not isinstance(item.type, str):
         return item.type
     owner = next(base for base in kind.__mro__ if item.name in get_annotations(base))
@@ -253,7 +253,7 @@ def _hint_of(kind: type, item: Field[Any]) -> Any:
 
 @cache
 def _described(kind: type) -> dict[str, str]:
-    """First sentences of what the docstrings of a class and its bases say of their attributes."""
+    """Return the first sentence on each attribute in the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         _, _, listed = (vars(base).get("__doc__") or "").partition("Attributes\n")
@@ -273,7 +273,7 @@ def _shown(number: float) -> str:
 
 
 def _is_word(value: Any, words: tuple[Any, ...]) -> bool:
-    """Whether a value is a choice; 4.0 and True are none of 1 and 4, though they are equal."""
+    """Whether a value is a choice; 4.0 and True do not count as 4 and 1, though they are equal."""
     exact: bool = type(value) is not bool and isinstance(value, str | Integral)
     return exact and any(value == word for word in words)
 
@@ -283,7 +283,7 @@ def _is_several_words(kind: Any) -> bool:
 
 
 def _is_numeric(kind: Any) -> bool:
-    """Whether values are a number, or a tuple of numbers."""
+    """Whether values are numbers or tuples of numbers."""
     if get_origin(kind) is tuple:
         return all(_is_numeric(part) or part is ... or _is_maybe(part) for part in get_args(kind))
     return kind in (int, float)
@@ -351,7 +351,7 @@ def _json_type(kind: Any, option: Option) -> JsonSchema:
 
 
 def _any_of(schemas: list[JsonSchema]) -> JsonSchema:
-    """One schema for values that fit any of some."""
+    """Return one schema for values that match any of several schemas."""
     different = [schema for i, schema in enumerate(schemas) if schema not in schemas[:i]]
     if {} in different or not different:
         return {}

@@ -1,4 +1,4 @@
-"""Words in pictures: how much of each pixel a line of text covers."""
+"""Draw text in pictures."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy.typing as npt
 
 
 def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
-    """Draw a line of text, cropped to its ink.
+    """Draw a line of text, cropped to its glyphs.
 
     Parameters
     ----------
     text
     size
-        Height of the font in pixels, about 4/3 of that of a digit.
+        Height of the font in pixels, about 4/3 of the height of a digit.
 
     Returns
     -------
     (h, w) float32
-        0 where there is paper, 1 where there is ink; row 0 at the top. No pixels for no ink.
+        Share of each pixel that glyphs cover, row 0 at the top. Empty if nothing is drawn.
     """
     from PIL import Image, ImageDraw, ImageFont
 

@@ -40,9 +40,9 @@ def bake_displacement(
 ) -> None:
     """Bake a displacement map of HIGH for LOW.
 
-    The map contains the distances from LOW to HIGH: signed, in model units along the smooth
-    normals of LOW, and positive outwards: moving a finely subdivided LOW by them gives HIGH.
-    Float files contain the distances; integer files contain h with d = (h - mid) * scale, and
-    mid and scale in their metadata.
+    The map contains the signed distances from LOW to HIGH along the smooth normals of LOW, in
+    model units, positive outwards. Moving a finely subdivided LOW by them gives HIGH. Float files
+    contain the distances d themselves. Integer files contain h with d = (h - mid) * scale, and
+    mid and scale are in their metadata.
     """
     bake_one(high, low, {"displacement": output}, terminal, **options)

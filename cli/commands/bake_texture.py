@@ -99,7 +99,8 @@ def bake_texture(
     """Bake a procedure or photographs into a texture.
 
     A solid procedure has no seams, because it is evaluated in space. Photographs are blended by how
-    well each shows a point; texels that none shows are filled from around them and reported.
+    well each shows a point. Texels that no photograph shows are filled from their surroundings and
+    reported.
     """
     photos, cameras = choices.pop("photo"), choices.pop("camera")
     options = _options(photos, cameras, choices)

@@ -60,9 +60,9 @@ def remap(
 ) -> None:
     """Make other maps from the hits of an earlier bake.
 
-    HITS is a file that texbake bake --hits has written. Neither mesh is needed and no ray is cast;
-    options that are not given stay as they were in that bake. The maps are byte for byte those that
-    a bake would make.
+    HITS is a file written by texbake bake --hits. No meshes are needed and no rays are cast.
+    Options that are not given keep their values from that bake. The maps are byte for byte those
+    that a bake would write.
     """
     given = {name: value for name, value in changes.items() if value is not None}
     with terminal.progress() as progress:

@@ -33,7 +33,7 @@ from ..types import FileOf
 def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
     """Build again whenever a file changes, until Ctrl-C.
 
-    Looks at the pipeline file and at every file that it reads, twice a second.
+    Checks the pipeline file, and every file that it reads, twice a second.
     """
 
     def built(result: texbake.BuildResult | texbake.TexbakeError) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
-from texbake_cli.failures import Terminated, told_in_one_line
+from texbake_cli.failures import Terminated, failures_as_one_line
 from texbake_cli.lazy import COMMANDS
 from texbake_cli.main import texbake
 
@@ -110,7 +110,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
 def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) -> None:
     with (
         pytest.raises(click.ClickException) as caught,
-        told_in_one_line(CONTEXT),
+        failures_as_one_line(CONTEXT),
     ):
         raise error
     assert caught.value.exit_code == exit_code

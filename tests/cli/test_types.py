@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 import pytest
-from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, Turntable, View
+from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, Turntable, ViewParam
 
 CONTEXT = click.Context(click.Command("test"))
 PARAM = click.Option(["--it"])
@@ -21,10 +21,10 @@ def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
         (Size(), "1024", 1024),
         (Size(), "1024x512", (1024, 512)),
         (Size(), "64X32", (64, 32)),
-        (View(), "30,20", (30.0, 20.0)),
-        (View(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
-        (View(), "30,20", (30.0, 20.0)),
-        (View(), "turntable:36", Turntable(36)),
+        (ViewParam(), "30,20", (30.0, 20.0)),
+        (ViewParam(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
+        (ViewParam(), "30,20", (30.0, 20.0)),
+        (ViewParam(), "turntable:36", Turntable(36)),
         (Numbers("X,Y,Z", ("x", "y")), "y", "y"),
         (Numbers("X,Y,Z", ("x", "y")), "0, -1,2e-3", (0.0, -1.0, 0.002)),
         (Numbers("S[,T]"), "2", 2.0),
@@ -51,13 +51,13 @@ def test_text_becomes_a_value(kind: click.ParamType, text: str, value: Any) -> N
         (Size(), "10x20x30"),
         (Size(), ""),
         (Size(), "1e3"),
-        (View(), "30"),
-        (View(), "1,2,3,4"),
-        (View(), "north"),
-        (View(), "turntable"),
-        (View(), "turntable:0"),
-        (View(), "turntable:many"),
-        (View(), "carousel:4"),
+        (ViewParam(), "30"),
+        (ViewParam(), "1,2,3,4"),
+        (ViewParam(), "north"),
+        (ViewParam(), "turntable"),
+        (ViewParam(), "turntable:0"),
+        (ViewParam(), "turntable:many"),
+        (ViewParam(), "carousel:4"),
         (Names(["normal"]), "normal,heigth"),
         (Names(["normal"]), ""),
     ],

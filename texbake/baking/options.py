@@ -31,9 +31,7 @@ BITS_OPTION = Option(
     choices=BITS,
     default="the most that the file format holds; integers have at most 16",
 )
-THREADS_OPTION = Option(
-    "Number of threads to work with.", metavar="N", low=1, default="one per processor"
-)
+THREADS_OPTION = Option("Number of threads.", metavar="N", low=1, default="one per processor")
 PADDING_OPTION = Option(
     "Width of the padding around each chart, filled with the nearest texels of the chart.",
     metavar="PX",
@@ -189,8 +187,8 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     max_memory: Annotated[
         str | int | None,
         Option(
-            "Memory that the bake may take by estimate, such as 2G; a larger high-poly mesh is "
-            "cast against in chunks.",
+            "Limit on the estimated memory of the bake, such as 2G; a larger high-poly mesh is "
+            "processed in chunks.",
             metavar="SIZE",
             default="no limit",
         ),

@@ -292,7 +292,7 @@ PipelineTable: type[Table] = create_model(
     "PipelineFile",
     __base__=Table,
     __doc__="A pipeline: its assets, and the steps that each of them goes through.",
-    folder=(described(Text, f"Folder of what is built; without it, {FOLDER}."), None),
+    folder=(described(Text, f"Folder of the output; without it, {FOLDER}."), None),
     store=(described(Text, "Folder or URL of stored results."), None),
     outputs=(described(Text, "Folder or URL of published outputs."), None),
     assets=(described(list_of(AssetTable, _some), "The assets to build."), ...),

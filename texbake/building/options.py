@@ -22,7 +22,7 @@ class BuildOptions(CheckedOptions):
     folder: Annotated[
         PathLike | None,
         Option(
-            "Folder of what is built.",
+            "Folder of the output.",
             metavar="DIR",
             default="the pipeline file's folder, or else build",
         ),
@@ -56,7 +56,7 @@ class BuildOptions(CheckedOptions):
     max_memory: Annotated[
         str | int | None,
         Option(
-            "Memory that all running steps together may take by estimate, such as 8G; a step that "
+            "Limit on the estimated memory of all running steps together, such as 8G; a step that "
             "needs more runs alone.",
             metavar="SIZE",
             default="four fifths of the machine's",

@@ -1,4 +1,4 @@
-"""The page of one asset: what `bake`, `run` and `compare` write as their `html` file."""
+"""The page of one asset, which `bake`, `run` and `compare` write as their `html` file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from texbake.texture.image import Image
 
 Rows = Sequence[tuple[str, str]]
 
-# Maps that a page shows of any bake: the view needs normals, the histogram needs heights.
+# Maps that every page needs: normals for the 3D view, heights for the histogram.
 PAGE_MAPS = ("normal", "displacement")
 
 _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
@@ -47,29 +47,30 @@ _PICTURE_PX = 560
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssetPage:
-    """What a page shows of one asset.
+    """Contents of the page of one asset.
 
     Attributes
     ----------
     high, low : Mesh
-        The high-poly and the low-poly mesh; only one with texture coordinates has maps.
+        The high-poly and the low-poly mesh. Maps are shown only if the low-poly mesh has texture
+        coordinates.
     baked : BakeResult, optional
-        The view shows its `normal` map, the histogram its `displacement` map.
+        The 3D view shows its `normal` map, the histogram its `displacement` map.
     asked : tuple of str
-        Names of the maps that were requested; the page says that the others are its own.
+        Names of the requested maps. The page notes that the others were made only for it.
     files : dict of str to path
-        Instead of `baked`: maps as files, by `normal`, `displacement` and `albedo`.
+        Map files to show instead of `baked`, by `normal`, `displacement` and `albedo`.
     misses : path, optional
-        Instead of `baked`: its miss map as a file.
+        Miss map file to show instead of that of `baked`.
     comparison : Comparison, optional
     stages : list of StageRecord
     figures : rows of a label and a figure
-        Everything that was measured; a row without a figure is a heading.
+        All measurements; a row without a figure is a heading.
     warnings : list of str
     command : str
-        The command that made it, to paste; "" for none.
+        The command that made the asset, for a shell; "" for none.
     picture : RenderOptions
-        The camera that the view starts from.
+        The initial camera of the 3D view.
     """
 
     high: Mesh
@@ -87,15 +88,15 @@ class AssetPage:
 
 
 def write_asset_page(path: PathLike, page: AssetPage) -> None:
-    """Write the page of an asset: one file, which needs no network.
+    """Write the page of an asset, a single file that works offline.
 
     Parameters
     ----------
     path
-        Replaced as a whole.
+        Output file; an existing file is replaced.
     page
-        What it shows. A mesh with more triangles than a page holds is simplified for it, and maps
-        that take too many bytes are shown smaller; the page says so.
+        Contents of the page. Meshes with too many triangles for a page are simplified, and maps
+        with too many bytes are scaled down; the page notes both.
 
     Raises
     ------
@@ -149,38 +150,39 @@ def write_bake_page(
     up: str = RenderOptions.up,
     progress: ProgressSink | None = None,
 ) -> Comparison | None:
-    """Write the page of a bake; it needs no network.
+    """Write the page of a bake, a single file that works offline.
 
     Parameters
     ----------
     path
-        Replaced as a whole.
+        Output file; an existing file is replaced.
     high, low
-        As they were baked.
+        The meshes of the bake.
     baked
-        From a bake with `page_options`, so that there are normals for the view and heights for the
+        Result of a bake with `page_options`, which has normals for the 3D view and heights for the
         histogram, whatever maps were requested.
     asked
-        Names of the maps that were requested; the page says that the others are its own. None for
-        all.
+        Names of the requested maps. The page notes that the others were made only for it. None: all
+        were requested.
     stages, warnings
-        None for those of the bake's report.
+        None: those of the bake's report.
     command
-        The command that made it, to paste.
+        The command of the bake, for a shell.
     up
-        Axis of the world that is up in the pictures: `y` or `z`.
+        World axis that points up in the pictures: `y` or `z`.
     progress
         Receives the stages of the comparison.
 
     Returns
     -------
     Comparison or None
-        Of the low-poly mesh with its normal map; None where none was baked.
+        Comparison of the low-poly mesh and its normal map with the high-poly mesh. None if no
+        normal map was baked.
 
     Raises
     ------
     FileError
-        As `write_asset_page` does.
+        As for `write_asset_page`.
     """
     high, low = as_mesh(high), as_mesh(low)
     report = baked.report
@@ -213,9 +215,9 @@ def write_bake_page(
 
 
 def page_options(options: BakeOptions) -> BakeOptions:
-    """Return options of a bake that also makes the maps of a page, and changes no other byte.
+    """Add the maps that a page needs to the options of a bake, without changing the other maps.
 
-    Adaptive sampling and a time budget depend on all maps, so there none is added.
+    No map is added with adaptive sampling or a time budget, because these depend on all maps.
     """
     if options.is_adaptive or options.time_budget is not None:
         return options
@@ -223,7 +225,7 @@ def page_options(options: BakeOptions) -> BakeOptions:
 
 
 def as_asked(baked: BakeResult, options: BakeOptions) -> BakeResult:
-    """Return the result of a bake with `page_options(options)` as one of a bake with `options`."""
+    """Remove the maps that `page_options` added from the result of a bake."""
     maps = {name: made for name, made in baked.maps.items() if name in options.maps}
     return replace(baked, maps=maps, report=replace(baked.report, options=options))
 
@@ -259,7 +261,7 @@ def _tiles(page: AssetPage) -> list[tuple[str, str]]:
 
 
 def _comparison(comparison: Comparison | None) -> dict[str, Any]:
-    """Pictures of a comparison, each with its name and a note, and the map of its errors."""
+    """Return the pictures of a comparison with names and notes, and the map of its errors."""
     if comparison is None:
         return {"comparison": (), "errors": ""}
     shown = (
@@ -274,14 +276,14 @@ def _comparison(comparison: Comparison | None) -> dict[str, Any]:
 
 
 def _missed(page: AssetPage) -> npt.NDArray[np.bool_] | None:
-    """(H, W): texels that are covered and whose rays missed; None where that is not known."""
+    """Return the mask (H, W) of covered texels whose rays missed; None if it is unknown."""
     if page.baked is not None:
         return page.baked.missed
     return None if page.misses is None else read_misses(page.misses)
 
 
 def _heights(page: AssetPage) -> npt.NDArray[np.floating] | None:
-    """Heights of the texels that the low-poly mesh covers, without those that missed."""
+    """Return the heights of the texels that the low-poly mesh covers, without misses."""
     if page.baked is not None:
         baked = page.baked.maps.get("displacement")
         return None if baked is None else baked.values[..., 0][baked.has_data]
@@ -298,7 +300,7 @@ def _heights(page: AssetPage) -> npt.NDArray[np.floating] | None:
 
 
 def _distances(page: AssetPage) -> dict[str, Any]:
-    """The histogram of distances, and the greatest of them."""
+    """Return the histogram of distances, and the greatest distance."""
     values = _heights(page)
     svg: Any = ""
     if values is not None:

@@ -1,6 +1,6 @@
-"""The overview of a build: all assets in one table that can be sorted and filtered.
+"""The overview of a build: all assets in a table that can be sorted and filtered.
 
-The table is plain HTML: it can be searched, printed and read without a script. The script only
+The table is plain HTML, which can be searched, printed and read without scripts. The script only
 sorts and filters its rows.
 """
 
@@ -23,13 +23,13 @@ from texbake.texture.image import FloatImage
 
 STATUSES = ("built", "kept", "failed", "skipped")
 THUMBNAIL_PX = 96
-# Bytes of all thumbnails of a page together; beyond that, the best assets get none.
+# Limit on the bytes of all thumbnails of a page; beyond it, the best assets have no thumbnails.
 MOST_THUMBNAIL_BYTES = 12_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BuildRow:
-    """One asset in the overview; None for what is not known.
+    """One asset in the overview. Unknown values are None.
 
     Attributes
     ----------
@@ -37,21 +37,21 @@ class BuildRow:
     status : str
         `built`, `kept` (nothing had changed), `failed` or `skipped`.
     message : str
-        Why it failed, or what needs attention, in a sentence.
+        Why the asset failed, or what needs attention, in a sentence.
     page : str or None
-        Its own page, as a path relative to the overview.
+        Page of the asset, as a path relative to the overview.
     thumbnail : bytes or None
-        As `thumbnail` makes it.
+        JPEG file from `thumbnail`.
     error_deg : float or None
         Mean angle between the normals of the high-poly mesh and of the low-poly mesh with its maps.
     miss_percent : float or None
-        Missed texels, in percent of the covered ones.
+        Missed texels, as a percentage of the covered texels.
     seconds : float or None
-        Time of its steps, without those that were kept.
+        Time of the steps that ran.
     n_faces : int or None
         Triangles of the low-poly mesh.
     n_bytes : int or None
-        Size of all files that were made.
+        Size of all output files.
     """
 
     name: str
@@ -72,7 +72,7 @@ def thumbnail(picture: FloatImage | PathLike) -> bytes:
     Parameters
     ----------
     picture : (H, W, 3 or 4) float32, or path
-        A linear picture, or a color image file. It is cropped to the square in its center.
+        A linear picture, or a color image file. It is cropped to a centered square.
     """
     from PIL import Image
 
@@ -99,25 +99,25 @@ def write_build_page(
     command: str = "",
     seconds: float | None = None,
 ) -> None:
-    """Write the overview of a build: one file, which needs no network.
+    """Write the overview of a build, a single file that works offline.
 
     Parameters
     ----------
     path
-        Replaced as a whole.
+        Output file; an existing file is replaced.
     rows
-        In the order that the table shows them in at first.
+        The assets, in the initial order of the table.
     title
         Name of the pipeline.
     command
-        The command that made it, to paste; "" for none.
+        The command of the build, for a shell; "" for none.
     seconds
         Elapsed time of the whole build.
 
     Raises
     ------
     FileError
-        It cannot be written.
+        The file cannot be written.
     """
     rows = list(rows)
     shown = _with_thumbnails(rows)
@@ -135,7 +135,7 @@ def write_build_page(
     write_page(path, page_html(title, body, styles=styles, scripts=scripts))
 
 
-# Name of a column, its heading, and whether its greatest value comes first.
+# Name and heading of each column, and whether its greatest values come first.
 _COLUMNS = (
     ("name", "Asset", False),
     ("status", "Status", True),
@@ -150,7 +150,7 @@ _RANKS = {"failed": 3, "skipped": 2, "built": 1, "kept": 0}
 
 
 def _shown(row: BuildRow, has_picture: bool) -> dict[str, Any]:
-    """Values of one row of the table."""
+    """Return the values of one row of the table."""
     status = row.status if row.status in STATUSES else "failed"
     has_picture = has_picture and row.thumbnail is not None
     return {
@@ -173,7 +173,7 @@ def _finite(value: float | None) -> float | None:
 
 
 def _with_thumbnails(rows: Sequence[BuildRow]) -> list[bool]:
-    """Which rows get their thumbnails: the worst first, up to the limit in bytes."""
+    """Return which rows show their thumbnails: the worst assets, up to the limit in bytes."""
     worst_first = sorted(
         range(len(rows)),
         key=lambda k: (-_RANKS.get(rows[k].status, 3), -(rows[k].error_deg or 0.0), k),

@@ -1,4 +1,4 @@
-"""Figures as a reader sees them: numbers with three digits, times and bytes with their units."""
+"""Format figures for readers: numbers with three digits, times and sizes with their units."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 
 def number(x: float) -> str:
-    """Three digits of a number, without an exponent where that reads well.
+    """Format a number with three digits, without an exponent unless it is very small or large.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def number(x: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Seconds in the unit that fits: `1.2 ms`, `3.4 s`, `13.5 min`, `2.1 h`."""
+    """Format a time with a suitable unit: `1.2 ms`, `3.4 s`, `13.5 min`, `2.1 h`."""
     if seconds < 1.0:
         return f"{number(1000.0 * seconds)} ms"
     if seconds < 120.0:
@@ -37,7 +37,7 @@ def duration(seconds: float) -> str:
 
 
 def memory(n_bytes: int | None) -> str:
-    """Bytes in MB or GB."""
+    """Format a number of bytes in MB or GB."""
     if n_bytes is None:
         return "–"
     return f"{number(n_bytes / 1e9)} GB" if n_bytes >= 1e9 else f"{number(n_bytes / 1e6)} MB"

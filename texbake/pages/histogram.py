@@ -1,4 +1,4 @@
-"""Histograms, drawn as SVG that follows the colors of its page."""
+"""Histograms as SVG, in the colors of their page."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) ->
     values : (N,) float
         Values that are not finite are left out.
     title
-        Name of the picture, for screen readers.
+        Title for screen readers.
     unit
         Label of the axis.
 
     Returns
     -------
     Markup
-        An `svg` element of the class `histogram`; "" without any value.
+        An `svg` element with the class `histogram`; "" if there are no values.
     """
     values = np.asarray(values[np.isfinite(values)], np.float64)
     if not len(values):
@@ -95,7 +95,7 @@ def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) ->
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Round numbers from `low` to `high`, at most seven.
+    """Return at most seven round numbers from `low` to `high`.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Meshes as compact text inside a page, which the script of the page unpacks.
+"""Pack meshes as compact text in a page, for its script to unpack.
 
-All values are whole numbers: points on a grid over the bounding box, directions on an octahedron,
-texture coordinates in steps of 2^-20. Each column is stored as differences from row to row, their
-bytes grouped by place, and deflated: 7 to 9 bytes per triangle. `unpack` in `assets/page.js` is the
-other half.
+All values are integers: points on a grid over the bounding box, directions on an octahedron,
+texture coordinates in steps of 2^-20. Each column is stored as differences from row to row, with
+their bytes grouped by significance, and deflated: 7 to 9 bytes per triangle. `unpack` in
+`assets/page.js` is the inverse.
 
 Based on: Cigolle et al., "A survey of efficient representations for independent unit vectors", JCGT
 3(2), 2014, for the octahedron.
@@ -29,21 +29,21 @@ from texbake.mesh.weld import weld_rows
 
 Ints = npt.NDArray[np.int32]
 
-POSITION_STEPS = 65_535  # along the longest side of the box: far below a pixel of any screen
-# Half the steps along an axis of the octahedron: within 0.06 degrees.
+POSITION_STEPS = 65_535  # along the longest side of the box: far finer than a pixel
+# Half the number of steps along an axis of the octahedron: accurate to 0.06 degrees.
 DIRECTION_STEPS = 2_047
 UV_STEPS = 1 << 20  # 1/256 of a texel of a 4096² map
 
 
 def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
-    """Return arrays of whole numbers as base64 text.
+    """Return integer arrays as base64 text.
 
     Parameters
     ----------
     arrays
-        Name to (N, K) int32.
+        (N, K) int32 by name.
     more
-        Further values, stored as JSON.
+        Additional values, stored as JSON.
     """
     head = {"arrays": {name: values.shape for name, values in arrays.items()}, **more}
     words = json.dumps(head, separators=(",", ":")).encode()
@@ -55,16 +55,16 @@ def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
 def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
     """Pack a mesh for drawing.
 
-    `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, of a mesh with texture coordinates,
-    `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1): bit k is
-    set where the edge from corner k to the next is an outline of its chart.
+    The arrays are `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, if the mesh has texture
+    coordinates, `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1),
+    in which bit k is set if the edge from corner k to the next is on the outline of its chart.
 
     Parameters
     ----------
     mesh
         Vertices are split where normals, texture coordinates or tangents differ.
     frame
-        Positions are packed in it, so that meshes drawn together share it.
+        Local frame of the packed positions, shared by meshes that are drawn together.
     """
     normals, normal_faces = shading_normals(mesh)
     corners = [mesh.faces.ravel(), normal_faces.ravel()]
@@ -96,7 +96,7 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
 
 
 def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
-    """(N, 2) int32: unit vectors on the octahedron, unfolded to a square.
+    """Map unit vectors to an octahedron that is unfolded to a square, (N, 2) int32.
 
     Parameters
     ----------
@@ -116,14 +116,14 @@ def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
 
 
 def _numbered(rows: IntArray) -> tuple[Ints, npt.NDArray[np.intp]]:
-    """Number equal rows in the order of their first use; also the first row of each number."""
+    """Number distinct rows in order of first use; also return the first row of each number."""
     firsts = weld_rows(rows)
     is_first = firsts == np.arange(len(firsts))
     return (np.cumsum(is_first) - 1)[firsts].astype(np.int32), np.flatnonzero(is_first)
 
 
 def _planes(values: Ints) -> bytes:
-    """Bytes of differences down the columns, small ones to either side of 0 as small numbers."""
+    """Return the bytes of zigzag-coded differences down the columns, grouped by significance."""
     steps = np.diff(values, axis=0, prepend=np.zeros((1, values.shape[1]), np.int32))
     codes = ((steps << 1) ^ (steps >> 31)).astype("<u4")
     return (

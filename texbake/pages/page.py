@@ -1,9 +1,8 @@
-"""The frame of every page: one file that holds all it shows and loads nothing else.
+"""The frame of every page: a single file that contains everything it shows.
 
-Pages are made from the Jinja templates in `templates`, which escape every value, so that no file
-name or message can run a script. The page also forbids its browser to load anything (Content
-Security Policy): pictures are data in the page, and only the scripts written into it run, known by
-their hashes.
+Pages are rendered from the Jinja templates in `templates`, which escape every value, so no file
+name or message can run a script. A Content Security Policy also forbids the browser to load
+anything: pictures are data URIs, and only the scripts in the page run, identified by their hashes.
 
 Based on: Content Security Policy Level 3, W3C, 2025.
 """
@@ -30,15 +29,15 @@ _TEMPLATES = Path(__file__).with_name("templates")
 
 
 def asset(name: str) -> str:
-    """Text of a style sheet or script in `assets`."""
+    """Return the text of a style sheet or script in `assets`."""
     return (_ASSETS / name).read_text(encoding="utf-8")
 
 
 def three_js() -> str:
-    """Source of three.js, with its license; it makes the global `THREE`.
+    """Return the source of three.js with its license; it defines the global `THREE`.
 
-    It is the file `build/three.min.js` of release 0.149.0, as its authors publish it: the last
-    release with a build that one script tag holds and that does not print a warning.
+    This is the unmodified `build/three.min.js` of release 0.149.0, the last release that works from
+    a single script tag and prints no warning.
     """
     return asset("three.min.js")
 
@@ -51,11 +50,11 @@ def render(template: str, *, folder: Path | None = None, **values: Any) -> Marku
     Parameters
     ----------
     template
-        Name of the file.
+        File name of the template.
     folder
-        Where it is; None for `templates` here.
+        Folder of the template; None: `templates`.
     **values
-        Variables of the template. Using one that is not given is an error.
+        Variables of the template. A missing variable is an error.
     """
     from markupsafe import Markup
 
@@ -94,16 +93,16 @@ def page_html(
     title
         Title of the window; plain text.
     body
-        What stands in `main`, as `render` returns it. Plain text is escaped.
+        Content of `main`, as returned by `render`. Plain text is escaped.
     styles
-        Style sheets that follow the common one.
+        Style sheets after the common one.
     scripts
-        Run in this order, once the page is there.
+        Scripts, run in this order when the page is loaded.
     data
-        Identifier to text that scripts read, such as `as_json` makes. It is written as it is, and
-        so must not contain `</`.
+        Text for the scripts by identifier, such as from `as_json`. It is not escaped and must not
+        contain `</`.
     dark
-        Whether the page follows the reader's choice of a dark color scheme.
+        Whether the page supports the reader's dark color scheme.
     """
     from markupsafe import Markup
 
@@ -122,20 +121,20 @@ def page_html(
 
 
 def write_page(path: PathLike, html: str) -> None:
-    """Write a page; the file appears whole or not at all.
+    """Write a page. If writing fails, no partial file is left behind.
 
     Raises
     ------
     FileError
-        It cannot be written.
+        The file cannot be written.
     """
     with replacing(path) as temporary:
-        # A name with bytes that are not text must not prevent the page.
+        # File names may contain bytes that are not valid text.
         temporary.write_text(html, encoding="utf-8", errors="replace")
 
 
 def as_json(values: Any) -> str:
-    """JSON that can stand inside a page: `<` is escaped, so that no tag begins in it."""
+    """Return JSON for use inside a page; `<` is escaped, so that it contains no tags."""
     return json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 

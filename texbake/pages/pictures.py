@@ -1,4 +1,4 @@
-"""Pictures and maps as data inside a page, with what the colors of a map mean."""
+"""Pictures and maps as data URIs in a page, with the coding of the maps' colors."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, S
 from texbake.texture.encoding import encode_srgb, quantize_unsigned
 from texbake.texture.image import Image, read_image
 
-# Bytes of all maps of a page together; base64 makes them a third larger.
+# Limit on the bytes of all maps of a page, before base64 makes them a third larger.
 MOST_BYTES = 7_500_000
-_SMALLEST = 256  # texels along a side, below which no map is made smaller
+_SMALLEST = 256  # texels along a side; smaller maps are not scaled down
 
 
 def picture_codes(picture: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
-    """(H, W, 3) uint8: sRGB codes of a linear picture, without its alpha."""
+    """Return the sRGB codes (H, W, 3) uint8 of a linear picture, without alpha."""
     return np.asarray(quantize_unsigned(encode_srgb(picture[..., :3]), 8), np.uint8)
 
 
@@ -44,13 +44,13 @@ def png_of_codes(codes: npt.NDArray[np.uint8], *, optimize: bool = False) -> byt
 
 
 def data_uri(content: bytes, kind: str = "image/png") -> str:
-    """Return a data URI that holds a file."""
+    """Return a data URI with the content of a file."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapPicture:
-    """One map as a page shows it.
+    """A map on a page.
 
     Attributes
     ----------
@@ -58,11 +58,11 @@ class MapPicture:
     uri : str
         The picture, as a data URI.
     width, height : int
-        Texels of the picture.
+        Size of the picture in texels.
     full_width, full_height : int
-        Texels of the map.
+        Size of the map in texels.
     coding : str
-        As `MapKind.coding`; "" if unknown.
+        `MapKind.coding` of the map; "" if unknown.
     metadata : dict
         Metadata of the 8-bit picture: space, convention, mid level and scale.
     note : str
@@ -80,7 +80,7 @@ class MapPicture:
     note: str = ""
 
     def settings(self) -> dict[str, Any]:
-        """Return what the scripts of the page need."""
+        """Return the settings for the scripts of the page."""
         return {
             "name": self.name,
             "width": self.full_width,
@@ -94,13 +94,13 @@ class MapPicture:
 
 
 def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -> list[MapPicture]:
-    """Pictures of all maps of a bake, halved until they fit a page.
+    """Return pictures of all maps of a bake, halved until they fit a page.
 
     Parameters
     ----------
     result
     notes
-        Name of a map to a sentence below its picture.
+        Sentences below the pictures, by the name of the map.
     """
     notes, room, pictures = notes or {}, MOST_BYTES // max(len(result.maps), 1), []
     with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
@@ -121,14 +121,14 @@ def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -
 
 
 def file_pictures(files: Mapping[str, PathLike], *, codings: Mapping[str, str]) -> list[MapPicture]:
-    """Pictures of map files; the values of a float file are scaled to the range of the colors.
+    """Return pictures of map files; the values of float files are scaled to [0, 1].
 
     Parameters
     ----------
     files
-        Name of a map to its file.
+        Files by the name of the map.
     codings
-        Name of a map to its coding; one that is `color` is sRGB.
+        Codings by the name of the map; `color` is sRGB.
     """
     room = MOST_BYTES // max(len(files), 1)
     pictures = []
@@ -142,7 +142,7 @@ def file_pictures(files: Mapping[str, PathLike], *, codings: Mapping[str, str]) 
 
 
 def miss_picture(missed: npt.NDArray[np.bool_]) -> str:
-    """Data URI of a picture, red where rays missed and transparent elsewhere."""
+    """Return a data URI of a picture that is red where rays missed and transparent elsewhere."""
     from PIL import Image as PilImage
 
     picture = PilImage.fromarray(missed.astype(np.uint8))
@@ -153,7 +153,7 @@ def miss_picture(missed: npt.NDArray[np.bool_]) -> str:
 
 
 def _codes(image: Image, coding: str) -> tuple[npt.NDArray[np.uint8], dict[str, Value]]:
-    """8-bit codes of an image, and its metadata adapted to these codes."""
+    """Return 8-bit codes of an image, and its metadata adapted to these codes."""
     pixels, metadata = image.pixels, dict(image.metadata)
     if pixels.ndim == 3 and pixels.shape[2] == 1:
         pixels = pixels[..., 0]

@@ -1,4 +1,4 @@
-"""What the scripts of an asset's page need: both meshes, the view and the maps."""
+"""Data for the 3D viewer of an asset's page: both meshes, the camera and the maps."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
 
-MOST_TRIANGLES = 300_000  # of a mesh in a page: two to three MB
+MOST_TRIANGLES = 300_000  # per mesh on a page: two to three MB
 
 _LEGEND_STEPS = 24
 
 
 def shown_mesh(mesh: Mesh, *, keeps_uvs: bool) -> Mesh:
-    """Return a mesh with at most `MOST_TRIANGLES`, and without what a page does not show of it."""
+    """Simplify a mesh to `MOST_TRIANGLES`, and remove the attributes that a page does not show."""
     mesh = mesh.replace(tangents=None, colors=None, face_groups=None, group_names=())
     if not keeps_uvs:
         mesh = mesh.replace(uvs=None, uv_faces=None)
@@ -33,25 +33,25 @@ def shown_mesh(mesh: Mesh, *, keeps_uvs: bool) -> Mesh:
 def view_data(
     high: Mesh, low: Mesh, pictures: Sequence[MapPicture], picture: RenderOptions, *, missed: bool
 ) -> tuple[dict[str, str], list[str]]:
-    """Pack both meshes and the settings of the view.
+    """Pack both meshes and the settings of the viewer.
 
     Parameters
     ----------
     high, low
-        In the same frame.
+        Meshes in the same space.
     pictures
-        Maps of `low`. The side "Baked" shows the one with the name `normal`.
+        Maps of `low`. The side "Baked" shows the one named `normal`.
     picture
-        Its `view` and `up` are where the view starts from.
+        Its `view` and `up` give the initial camera.
     missed
         Whether there are missed rays to show.
 
     Returns
     -------
     data : dict of str to str
-        Identifier to text, for `page_html`.
+        Text by identifier, for `page_html`.
     notes : list of str
-        What the reader must know about the meshes shown.
+        Notes for the reader on the meshes shown.
     """
     shown_high, shown_low = shown_mesh(high, keeps_uvs=False), shown_mesh(low, keeps_uvs=True)
     frame = LocalFrame.around(high, low)
@@ -87,7 +87,7 @@ def view_data(
 
 
 def angle_colors() -> list[str]:
-    """Return the colors of angles from 0 to `MAX_ANGLE_DEG` in even steps, as CSS has them."""
+    """Return the CSS colors of angles from 0 to `MAX_ANGLE_DEG` in even steps."""
     angles = np.linspace(0.0, MAX_ANGLE_DEG, _LEGEND_STEPS, dtype=np.float32)
     codes = picture_codes(colored_angles(angles[None, :]))[0]
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in codes.tolist()]

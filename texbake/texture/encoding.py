@@ -1,14 +1,14 @@
-"""Values to the integer codes of a file and back, rounded exactly.
+"""Convert values to the integer codes of a file and back, with exact rounding.
 
 A code is `floor(x + 1/2)` of the exact x, computed in float64, where the product of a float32 and a
 16-bit factor is exact.
 
 Based on: glTF 2.0, section 3.9.3, for n = 2x - 1 and +Y ("opengl"); IEC 61966-2-1 for sRGB.
-Departs from plain rounding in one thing. A flat normal (0, 0, 1) has x and y halfway between two
-codes (127.5 or 32767.5), so that the float32 noise of a transform to tangent space and back, about
-1e-6, would scatter it over both. A component of at most 4e-6 therefore counts as 0, which rounds
-up: flat is exactly (128, 128, 255) or (32768, 32768, 65535) in both conventions. Half a 16-bit step
-is 15e-6, so no other code changes.
+Departs from plain rounding for flat normals: (0, 0, 1) has x and y halfway between two codes (127.5
+or 32767.5), so the float32 noise of a transform to tangent space and back, about 1e-6, would
+scatter it over both. A component of at most 4e-6 therefore counts as 0, which rounds up: flat is
+exactly (128, 128, 255) or (32768, 32768, 65535) in both conventions. Half a 16-bit step is 15e-6,
+so no other code changes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def _quantized(
     noise: float,
     threads: int | None,
 ) -> npt.NDArray[Any]:
-    """Codes of (..., C) values by a factor and an offset a channel, both in units of a code."""
+    """Quantize (..., C) values with a factor and an offset per channel, in units of a code."""
     n_channels = values.shape[-1]
     flat = np.require(values, np.float32, ["C", "W"]).reshape(-1, n_channels)
     codes = np.empty((len(flat), n_channels), np.uint16)
@@ -65,12 +65,12 @@ def code_type(bits: int) -> type[np.uint8] | type[np.uint16]:
 def quantize_unsigned(
     values: npt.NDArray[Any], bits: int, *, threads: int | None = None
 ) -> npt.NDArray[Any]:
-    """Nearest codes of values in [0, 1], halves up.
+    """Quantize values in [0, 1] to the nearest codes; halves round up.
 
     Parameters
     ----------
     values : (..., C) float32
-        Values outside [0, 1] are clipped to it; NaN becomes 0.
+        Clipped to [0, 1]; NaN becomes 0.
     bits
         8 or 16.
 
@@ -95,16 +95,16 @@ def encode_normals(
     convention: str = "opengl",
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Unit vectors as the colors of a normal map, (n + 1) / 2.
+    """Encode unit vectors as the colors of a normal map, (n + 1) / 2.
 
     Parameters
     ----------
     normals : (..., 3) float32
-        Unit vectors; in tangent space x along the tangent, y along the bitangent.
+        Unit vectors; in tangent space, x is along the tangent and y along the bitangent.
     bits
-        8 or 16 for codes; 32 for the float32 values in [0, 1] that a float or half file holds.
+        8 or 16 for integer codes; 32 for float32 values in [0, 1], as in float and half files.
     convention
-        "opengl" (+Y, green is up) or "directx" (green is down).
+        Green channel: "opengl" (+Y) or "directx" (-Y).
 
     Returns
     -------
@@ -113,7 +113,7 @@ def encode_normals(
     Raises
     ------
     OptionError
-        `bits` or `convention` is something else.
+        `bits` or `convention` is unknown.
 
     Examples
     --------
@@ -130,22 +130,22 @@ def encode_normals(
 def decode_normals(
     pixels: npt.NDArray[Any], *, convention: str = "opengl", threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Unit vectors of the colors of a normal map, 2x - 1 and then normalized.
+    """Decode the colors of a normal map, 2x - 1, and normalize the vectors.
 
-    A flat 8-bit texel (128, 128, 255) decodes 0.318 degrees off the axis, which is what renderers
-    see: no integer code stands for 0.
+    A flat 8-bit texel (128, 128, 255) decodes to 0.318 degrees off the axis, as in renderers,
+    because no integer code is exactly 0.
 
     Parameters
     ----------
     pixels : (..., 3 or more) uint8, uint16 or float32
-        Codes, or values in [0, 1]. Channels after the third are ignored.
+        Integer codes, or floats in [0, 1]. Channels after the third are ignored.
     convention
         "opengl" or "directx".
 
     Returns
     -------
     (..., 3) float32
-        A color without a direction, such as (0.5, 0.5, 0.5), or not a number, gives (0, 0, 1).
+        Unit vectors. Colors without a direction, such as (0.5, 0.5, 0.5), and NaN give (0, 0, 1).
     """
     sign = _green_sign(convention)
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
@@ -156,7 +156,7 @@ def decode_normals(
         vectors = flat[start:stop, :3] * (2.0 / top) - 1.0
         vectors[:, 1] *= sign
         lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-        # 1e-12: far under one 16-bit step, over the rounding of 2x - 1 at x = 1/2.
+        # 1e-12 is far below a 16-bit step, and above the rounding error of 2x - 1 at x = 1/2.
         lost = ~(lengths > 1e-12) | ~np.isfinite(lengths)
         vectors[lost] = (0.0, 0.0, 1.0)
         lengths[lost] = 1.0
@@ -173,32 +173,31 @@ def height_range(
     bits: int = 16,
     mid: float | None = None,
 ) -> tuple[float, float]:
-    """Mid level and scale that bring heights into [0, 1], as d = (h - mid) * scale.
+    """Return the mid level and scale that map heights d to [0, 1], with d = (h - mid) * scale.
 
     Parameters
     ----------
     heights : (H, W) float
         Signed distances in model units.
     covered : (H, W) bool
-        Which of them count; of those, only finite ones do.
+        Texels to take into account. Heights that are not finite are ignored.
     bits
-        Of the codes that are to come, 8 or 16.
+        Bits of the codes, 8 or 16.
     mid
-        Mid level that is wanted, in [0, 1]. None is the code just over the middle, 128 / 255 or
-        32768 / 65535, because 1/2 is no code: so that the codes of no displacement
-        decode to exactly none.
+        Mid level in [0, 1]. None: the code just above the middle, 128 / 255 or 32768 / 65535. 1/2
+        is not a code; with this level, a displacement of 0 decodes to exactly 0.
 
     Returns
     -------
     mid : float
     scale : float
-        Model units from black to white; the least that clips no height. 1 where nothing is
-        displaced or covered, so that the map is flat at its mid level.
+        Model units from black to white; the least that clips no height. 1 if no texel is displaced
+        or covered, so that the map is flat at its mid level.
 
     Raises
     ------
     OptionError
-        `mid` lies outside [0, 1], or at an end of it with heights on its far side.
+        `mid` is outside [0, 1], or is 0 or 1 although there are heights beyond it.
     """
     mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
     if not 0.0 <= mid <= 1.0:
@@ -222,18 +221,18 @@ def encode_heights(
     scale: float,
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Signed distances d as levels h = d / scale + mid.
+    """Encode signed distances d as levels h = d / scale + mid.
 
-    A decoded height is off by at most half a step, scale / (2^bits - 1) / 2, where it lies in the
-    range (-mid * scale, (1 - mid) * scale); outside it is clipped, see `count_clipped`.
+    Heights in the range (-mid * scale, (1 - mid) * scale) decode with an error of at most half a
+    step, scale / (2^bits - 1) / 2. Heights outside are clipped; see `count_clipped`.
 
     Parameters
     ----------
     heights : (...,) float32
         Model units.
     bits
-        8 or 16 for codes; 32 for float32 levels, which are not clipped. With `mid` 0 and `scale`
-        1 those are the heights themselves.
+        8 or 16 for integer codes; 32 for float32 levels, which are not clipped. With `mid` 0 and
+        `scale` 1, these are the heights themselves.
 
     Returns
     -------
@@ -242,7 +241,7 @@ def encode_heights(
     Raises
     ------
     OptionError
-        `scale` is 0 or not finite, or `bits` is something else.
+        `scale` is 0 or not finite, or `bits` is not 8, 16 or 32.
     """
     if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):
         raise OptionError(f"scale: {scale} with the mid level {mid} maps no heights; give others")
@@ -257,7 +256,7 @@ def encode_heights(
 def decode_heights(
     pixels: npt.NDArray[Any], *, mid: float, scale: float
 ) -> npt.NDArray[np.float32]:
-    """Signed distances in model units, (h - mid) * scale, of codes or of levels in [0, 1]."""
+    """Decode codes or levels in [0, 1] to signed distances (h - mid) * scale in model units."""
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
     return ((np.asarray(pixels, np.float64) / top - mid) * scale).astype(np.float32)
 
@@ -265,14 +264,14 @@ def decode_heights(
 def count_clipped(
     heights: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, mid: float, scale: float
 ) -> int:
-    """How many covered heights lie outside what integer codes hold with this mid and scale."""
+    """Count the covered heights that integer codes clip with this mid level and scale."""
     levels = heights[covered].astype(np.float64) / scale + mid
-    # Relative to the whole range: the rounding of scale and of the division.
+    # The rounding error of scale and of the division, relative to the whole range.
     return int(np.count_nonzero((levels < -1e-9) | (levels > 1.0 + 1e-9)))
 
 
 def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Linear light in [0, 1] to sRGB values in [0, 1]; what lies outside is clipped."""
+    """Convert linear values to sRGB values in [0, 1]; values outside [0, 1] are clipped."""
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     return np.where(
         light <= 0.0031308,
@@ -282,7 +281,7 @@ def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
 
 
 def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """SRGB values in [0, 1] to linear light in [0, 1]."""
+    """Convert sRGB values in [0, 1] to linear values in [0, 1]."""
     values = np.asarray(values, np.float64)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 

@@ -7,10 +7,10 @@ Importance Sampling", 2008, for reading each sample from a level as wide as its 
 Hammersley points after Dammertz, "Hammersley Points on the Hemisphere", 2012, so that the result is
 the same each time; Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
 
-Irradiance is integrated and not projected on spherical harmonics (Ramamoorthi and Hanrahan, "An
-Efficient Representation for Irradiance Environment Maps", 2001): their nine coefficients ring about
-a small strong sun and can go below 0, while the sum over a small cube map is exact to its size and
-costs a tenth of a second.
+Irradiance is integrated, not projected onto spherical harmonics (Ramamoorthi and Hanrahan, "An
+Efficient Representation for Irradiance Environment Maps", 2001): nine coefficients ring around a
+small bright sun and can become negative, while the sum over a small cube map is exact at its size
+and takes a tenth of a second.
 
 The split-sum table departs from Karis in the masking and shadowing of microfacets, which are
 Smith's, height-correlated, as in the BRDF of glTF 2.0 (Heitz, "Understanding the Masking-Shadowing
@@ -39,36 +39,36 @@ from texbake.texture.cube_map import (
     texel_directions,
 )
 
-# Texels of the result a band.
+# Texels of the result per band.
 _BAND = 256
 
-# Light that varies within 1/32 of a face, about 3 degrees, is smooth to a cosine of 180 degrees.
+# Detail of 1/32 of a face, about 3 degrees, is negligible for a cosine lobe of 180 degrees.
 _IRRADIANCE_SOURCE = 32
 _MOST_SAMPLES = 4096
 
 # Samples are moved outwards in the lobe, from 1 - u to its third power, and weighted by the
-# derivative. Much of the light of a studio comes through the long tail of GGX, where plain
-# importance sampling puts a few samples of a hundred: powers of 1, 2 and 3 left errors of 69, 22
-# and 18 % (root mean square, relative, dark directions too; roughness 0.2, 256 samples) under two
-# lamps.
+# derivative. Much of the light in a studio comes through the long tail of GGX, where plain
+# importance sampling places only a few percent of the samples: with two lamps, powers of 1, 2 and 3
+# gave errors of 69, 22 and 18 % (relative root mean square, including dark directions; roughness
+# 0.2, 256 samples).
 _TAIL_POWER = 3
 
 
 def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> CubeMap:
-    """Light that falls on a diffuse surface by its normal, divided by pi.
+    """Compute the irradiance of a diffuse surface by its normal, divided by pi.
 
     Parameters
     ----------
     cube
         Radiance by direction.
     size
-        Texels along one side of the result, which is smooth: 16 to 64.
+        Side of a face of the result in texels. The result is smooth, so 16 to 64 is enough.
 
     Returns
     -------
     CubeMap
-        Mean radiance over the hemisphere, weighted by cosine: a surface of color C_b reflects C_b
-        times that. A constant environment gives its constant.
+        Mean radiance over the hemisphere, weighted by cosine. A surface of color C_b reflects C_b
+        times this value. A constant environment gives its constant.
 
     Raises
     ------
@@ -100,25 +100,27 @@ def specular_levels(
     samples: int = 1024,
     threads: int | None = None,
 ) -> CubeChain:
-    """Levels that hold what a surface of growing roughness mirrors, by the mirrored direction.
+    """Prefilter a cube map for specular reflections, with one level per roughness.
 
     Parameters
     ----------
     cube
         Radiance by direction.
     n_levels
-        Level i is for roughness i / (n_levels - 1), with alpha = roughness²; level 0 is the mirror.
+        Level i is for roughness i / (n_levels - 1), with alpha = roughness²; level 0 is a mirror.
     size
-        Texels along one side of level 0; each further level has half as many.
+        Side of a face of level 0 in texels; each further level is half as large.
     samples
-        Directions a texel of level 1. Each reads a level of the source as wide as what it stands
-        for. Further levels, which have ever fewer texels, take twice as many each, up to 4,096.
+        Directions per texel of level 1. Each sample reads the level of the source whose texels are
+        as wide as its share of directions. Each further level, which has fewer texels, uses twice
+        as many samples, up to 4,096.
 
     Returns
     -------
     CubeChain
-        To be read at level roughness (n_levels - 1) with `filter="trilinear"`, and multiplied by
-        what `split_sum_table` says. A constant environment gives its constant.
+        Radiance by reflected direction. Read it at level roughness (n_levels - 1) with
+        `filter="trilinear"`, and apply the scale and bias of `split_sum_table`. A constant
+        environment gives its constant.
 
     Raises
     ------
@@ -143,7 +145,7 @@ def specular_levels(
 
 
 def hammersley(n_points: int) -> npt.NDArray[np.float64]:
-    """Points that fill the unit square evenly, (n, 2): (i + 1/2) / n, and i with its bits reversed.
+    """Return evenly spread points (n, 2) in the unit square: (i + 1/2) / n, and i bit-reversed.
 
     Examples
     --------
@@ -158,13 +160,13 @@ def hammersley(n_points: int) -> npt.NDArray[np.float64]:
 
 
 def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.float64]:
-    """Directions in which a rough mirror looks, seen along its normal.
+    """Sample the reflection lobe of a rough mirror that is seen along its normal.
 
     Returns
     -------
     (n, 5) float64
-        x, y, z with the normal along z; the level of the source to read there, a whole number; and
-        the weight, which has the cosine in it, after Karis. Only those above the surface.
+        x, y, z with the normal along z; the level of the source to read, a whole number; and the
+        weight, which includes the cosine, after Karis. Only directions above the surface.
     """
     points = hammersley(samples)
     alpha2 = roughness**4
@@ -173,13 +175,13 @@ def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.f
     turn = 2 * np.pi * points[:, 1]
     cosine2 = rest / (1 + (alpha2 - 1) * (1 - rest))
     sine2 = alpha2 * (1 - rest) / (1 + (alpha2 - 1) * (1 - rest))
-    # Mirrored at the half vector: its angle to the normal is doubled.
+    # Reflect the view at the half vector, which doubles the angle to the normal.
     sine = 2 * np.sqrt(cosine2 * sine2)
     cosine = cosine2 - sine2
-    # Density of the mirrored directions D (n·h) / (4 v·h), where v is the normal.
+    # Density of the reflected directions, D (n·h) / (4 v·h), where v is the normal.
     density = alpha2 / (4 * np.pi * (cosine2 * (alpha2 - 1) + 1) ** 2) / widened
     per_texel = 4 * np.pi / (6.0 * source.size**2)
-    # One more, as the authors advise: samples overlap, and bright lamps leave no pattern of them.
+    # One level more, as the authors advise: samples overlap, so bright lamps leave no pattern.
     level = np.floor(0.5 * np.log2(1 / (samples * density) / per_texel) + 1.5)
     level = np.clip(level, 0, source.n_levels - 1)
     lobe = [sine * np.cos(turn), sine * np.sin(turn), cosine, level, cosine * widened]
@@ -189,7 +191,7 @@ def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.f
 def _rough(
     source: CubeChain, lobe: npt.NDArray[np.float64], size: int, threads: int | None
 ) -> CubeMap:
-    """Mean over a lobe about each texel's direction."""
+    """Average a cube map over a lobe about the direction of each texel."""
     normals = texel_directions(size).reshape(-1, 3)
     out = np.empty((len(normals), source.n_channels), np.float32)
 
@@ -208,9 +210,9 @@ _RIM_POWER = 3
 
 @lru_cache(maxsize=4)
 def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
-    """Scale and bias of F0 by the cosine to the eye and the roughness.
+    """Return the scale and bias of F0 by n·v and roughness.
 
-    A surface with the specular color F0 reflects F0 scale + bias of prefiltered light.
+    A surface with the specular color F0 reflects the prefiltered light times F0 scale + bias.
 
     Parameters
     ----------
@@ -220,8 +222,8 @@ def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
     Returns
     -------
     (size, size, 2) float32
-        [row, column] is for roughness (row + 0.5) / size and n·v = (column + 0.5) / size: texel
-        centers. Read-only; computed once a process.
+        [row, column] is for roughness (row + 0.5) / size and n·v = (column + 0.5) / size, the texel
+        centers. Read-only; computed once per process.
 
     Raises
     ------
@@ -238,15 +240,15 @@ def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
 
 
 def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Scale and bias (n, 2) by the cosine of the view with the normal, in (0, 1]."""
+    """Return scale and bias (n, 2) by n·v in (0, 1]."""
     points = hammersley(_TABLE_SAMPLES)
     view_z = cosines[:, None]
     view_x = np.sqrt(1 - view_z**2)
-    # The view in the space in which the facets are a hemisphere.
+    # The view direction in the space in which the facets are a hemisphere.
     length = np.hypot(alpha * view_x, view_z)
     high_x, high_z = alpha * view_x / length, view_z / length
-    # Points on the disk of the hemisphere as the view sees it, part of which is hidden.
-    # More of them, of less weight each, near its rim, which stands for the long tail of GGX.
+    # Points on the projected disk of the hemisphere, part of which is hidden from the view. There
+    # are more of them, with smaller weights, near the rim, which is the long tail of GGX.
     rest, turn = (1 - points[:, 0]) ** _RIM_POWER, 2 * np.pi * points[:, 1]
     share = _RIM_POWER * (1 - points[:, 0]) ** (_RIM_POWER - 1)
     radius = np.sqrt(1 - rest)
@@ -254,7 +256,8 @@ def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.ND
     seen = 0.5 * (1 + high_z)
     t2 = (1 - seen) * np.sqrt(1 - t1**2) + seen * t2
     t3 = np.sqrt(np.maximum(0, 1 - t1**2 - t2**2))
-    # First axis y, second axis the view turned a quarter about it; then the facet stretched back.
+    # The first axis is y, the second the view rotated by a quarter turn about y. The facet normal
+    # is then stretched back.
     half_x = alpha * (-high_z * t2 + high_x * t3)
     half_y = alpha * np.broadcast_to(t1, half_x.shape)
     half_z = np.maximum(high_x * t2 + high_z * t3, 0)
@@ -262,7 +265,7 @@ def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.ND
     view_half = (view_x * half_x + view_z * half_z) / length
     light_z = 2 * view_half * half_z / length - view_z
     lit = light_z > 0
-    # Of facets that the eye sees, those that the light reaches too: G2 / G1.
+    # Share of the visible facets that the light reaches: G2 / G1.
     view_root = _root(alpha, view_z)
     light_root = _root(alpha, np.where(lit, light_z, 1.0))
     weight = np.where(
@@ -274,6 +277,6 @@ def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.ND
 
 
 def _root(alpha: float, cosine: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Root in Smith's functions of GGX."""
+    """Return the square root in Smith's functions for GGX."""
     root: npt.NDArray[np.float64] = np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2)
     return root

@@ -106,7 +106,7 @@ class PhotoOptions(TextureBakeOptions):
     max_angle: Annotated[
         float,
         Option(
-            "Angle between the surface and the view from which on a photograph has no weight.",
+            "Angle between normal and view at which the weight of a photograph reaches 0.",
             metavar="DEG",
             above=0,
             high=90,
@@ -142,7 +142,7 @@ class PhotoOptions(TextureBakeOptions):
     margin: Annotated[
         float,
         Option(
-            "Pixels around the outline of what hides something that are left out as well.",
+            "Width of the margin around occluders that is left out as well, in pixels.",
             metavar="PX",
             low=0,
             high=64,

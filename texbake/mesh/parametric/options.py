@@ -96,7 +96,7 @@ class MakeOptions(CheckedOptions):
     height: Annotated[
         float | None,
         Option(
-            "Height of the shape, for a height field that of white.",
+            "Height of the shape; for a height field, the height of white.",
             metavar="H",
             above=0,
             unit="model units",
@@ -142,7 +142,7 @@ class MakeOptions(CheckedOptions):
     turns: Annotated[
         float | None,
         Option(
-            "Part of a whole turn that a profile is swept by.",
+            "Fraction of a full turn that a profile is swept by.",
             metavar="T",
             above=0,
             high=1,
@@ -152,7 +152,7 @@ class MakeOptions(CheckedOptions):
     crease: Annotated[
         float | None,
         Option(
-            "Angle of a profile from which on its edges are hard.",
+            "Least angle at which an edge of a profile is hard.",
             metavar="DEG",
             low=0,
             high=90,

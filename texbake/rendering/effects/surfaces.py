@@ -81,7 +81,7 @@ _BAND = 1 << 15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Relief:
+class ObjectRelief:
     """An object with its displacement map, independent of the camera.
 
     Attributes
@@ -125,14 +125,14 @@ def _displacement_called_for(request: RenderRequest) -> Iterator[Call]:
             yield Call(index, request.name(index), "its material has a displacement map")
 
 
-def _load_relief(state: RenderState, target: Target) -> Relief | DrawnObject:
+def _load_relief(state: RenderState, target: Target) -> ObjectRelief | DrawnObject:
     """Prepare the displacement; returns the displaced object if it is the same for all views."""
     assert target is not None
     relief = _relief(state, target)
     return relief if relief.holder.edge_px is not None else _cut(state, target, relief, MapView())
 
 
-def _relief(state: RenderState, target: int) -> Relief:
+def _relief(state: RenderState, target: int) -> ObjectRelief:
     item = state.scene.objects[target]
     drawn = state.of(PLACED_OBJECTS, target)
     holder = item.material.displacement
@@ -153,7 +153,7 @@ def _relief(state: RenderState, target: int) -> Relief:
         normals=smooth_normals(item.mesh, threads=state.threads),
         linear=linear,
     )
-    return Relief(
+    return ObjectRelief(
         drawn=drawn,
         surface=surface,
         holder=holder,
@@ -231,7 +231,9 @@ def _displace(state: RenderState, target: Target) -> DrawnObject:
     return _cut(state, target, known, view)
 
 
-def _cut(state: RenderState, target: int, relief: Relief, view: EdgeView | MapView) -> DrawnObject:
+def _cut(
+    state: RenderState, target: int, relief: ObjectRelief, view: EdgeView | MapView
+) -> DrawnObject:
     """Subdivide a surface where its edges are too long, and displace its vertices."""
 
     def moves(places: Places, points: FloatArray) -> FloatArray:
@@ -271,7 +273,7 @@ def _cut(state: RenderState, target: int, relief: Relief, view: EdgeView | MapVi
 
 
 def _values_at(
-    relief: Relief, target: int, places: Places, rows: slice, widths: FloatArray
+    relief: ObjectRelief, target: int, places: Places, rows: slice, widths: FloatArray
 ) -> FloatArray:
     """(n, 1) heights or (n, 3) vectors in object space, at positions on the faces."""
     faces, weights = places.base_faces[rows], places.weights[rows].astype(np.float64)

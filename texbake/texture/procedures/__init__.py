@@ -1,6 +1,6 @@
-"""Textures by formula, evaluated at points: `evaluate(name, points, footprint)`.
+"""Procedural textures, evaluated at points: `evaluate(name, points, footprint)`.
 
-Names, parameters and their checks are there without numpy; the rest is loaded when it is used.
+Names, parameters and their checks do not need numpy; everything else is imported when it is used.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The default colors of each procedure, evenly spaced from value 0 to value 1.
+"""The default ramp of each procedure: colors, evenly spaced from value 0 to value 1.
 
-Marble, wood and granite have colors of their own. The other procedures are one number, and their
-ramps are black and white. Loads no numpy, so that scene files can be checked without it.
+Marble, wood and granite have colors. The ramps of the other procedures, which return a single
+value, are black and white. Imports no numpy, so that scene files can be checked without it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _COLORS: dict[str, tuple[Rgb, ...]] = {
         (0.88, 0.87, 0.84),
         (0.90, 0.89, 0.87),
     ),
-    # Light wood of spring to dark wood of autumn.
+    # Light spring wood to dark autumn wood.
     "wood": (
         (0.60, 0.36, 0.16),
         (0.53, 0.30, 0.12),
@@ -29,7 +29,7 @@ _COLORS: dict[str, tuple[Rgb, ...]] = {
         (0.31, 0.14, 0.045),
         (0.20, 0.08, 0.025),
     ),
-    # Mica, quartz, feldspar and the white between, in nearly flat steps.
+    # Mica, quartz, feldspar and white, in nearly flat steps.
     "granite": (
         (0.03, 0.03, 0.03),
         (0.04, 0.04, 0.04),

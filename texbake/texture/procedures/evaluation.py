@@ -1,8 +1,8 @@
-"""All procedures, and their values at points.
+"""Evaluate procedural textures at points.
 
-A procedure is evaluated at points of any space: x, y, z of an object or of the world, or (u, v).
-Given the width of a pixel, it gives the mean over the pixel as well as it is known: edges of
-checkers and stripes exactly, octaves of noise by fading to their mean.
+A procedure is evaluated at points of any space: x, y, z in object or world space, or (u, v). With
+the width of a pixel, the result is the mean over the pixel: exact for checkers and stripes,
+approximate for noise, whose octaves fade to their mean.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from texbake.texture.procedures.points import (
 
 @dataclass(frozen=True)
 class Procedure:
-    """A texture by formula.
+    """A procedural texture.
 
     Attributes
     ----------
     name : str
     defaults : mapping
-        Its parameters.
+        Defaults of its parameters.
     n_channels : int
-        3 where it has colors of its own, else 1.
+        3 if the procedure has colors, else 1.
     work : callable
-        From samples and all parameters to the work on a band of them.
+        Takes samples and all parameters, and returns a function that evaluates a band of them.
     """
 
     name: str
@@ -76,26 +76,26 @@ def evaluate(
     scalar: bool = False,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Values of a procedure at points.
+    """Evaluate a procedure at points.
 
     Parameters
     ----------
     name
         One of `PROCEDURES`.
     points : (n, 3) or (n, 2) float64
-        Two coordinates: z = 0, and checker and cells are plane ones. A coordinate that is not
-        finite, or larger than 2^50, where neighboring numbers lie too far apart for a pattern,
-        counts as 0.
+        With two coordinates, z = 0, and checkers and Worley cells are two-dimensional. Coordinates
+        that are not finite, or larger than 2^50, where floats are too far apart for a pattern,
+        count as 0.
     footprint : (n,), (n, 3) or (n, 2) float, optional
         Width of the pixel at each point in the units of the points, along all axes or along each.
-        With a width along each axis a face within the plane between two layers of a checker shows
-        one of them, with one width for all the gray between both. None, and widths that are
-        negative or not a number: the value at the point itself.
+        This matters for a face in the plane between two layers of a checker: with a width per axis
+        it shows one of the layers, with a single width their mean. None, and widths that are
+        negative or NaN, give the value at the point.
     parameters
-        What differs from the defaults, `seed` among it.
+        Parameters that differ from the defaults, such as `seed`.
     scalar
-        The value from 0 to 1 also of a procedure with colors; the place in its ramp
-        (`default_ramps`).
+        Whether procedures with colors return their value from 0 to 1 instead, which is the position
+        on their ramp (`default_ramps`).
     threads
         None for every processor.
 
@@ -107,7 +107,7 @@ def evaluate(
     Raises
     ------
     OptionError
-        The procedure or a parameter is not known, or an array has another shape.
+        The procedure or a parameter is unknown, or an array has the wrong shape.
 
     Examples
     --------

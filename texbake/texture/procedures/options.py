@@ -13,7 +13,7 @@ WEIGHTS = ("cubic", "quintic")
 PROFILES = ("hard", "sine")
 FEATURES = ("f1", "f2-f1")
 
-# How octaves follow one another: each `lacunarity` times finer and `gain` times lower.
+# Each octave is `lacunarity` times finer than the one before, with `gain` times its amplitude.
 _OCTAVES = {"octaves": 6, "lacunarity": 2.0, "gain": 0.5}
 
 # The procedures and their parameters; lengths in units of the points, angles in radians.
@@ -51,7 +51,7 @@ PROCEDURE_DEFAULTS: dict[str, dict[str, Any]] = {
     "worley": {"feature": "f1", "jitter": 1.0, "dimensions": None, "seed": 0},
 }
 PROCEDURE_NAMES = tuple(PROCEDURE_DEFAULTS)
-# Those that have colors of their own; the others give one number.
+# Procedures with colors; the others return a single value.
 COLORED_PROCEDURES = ("marble", "wood", "granite")
 
 _CHOICES: dict[str, tuple[Any, ...]] = {
@@ -60,8 +60,8 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
     "feature": FEATURES,
     "dimensions": (2, 3, None),
 }
-# Least and greatest value. Beyond 32 octaves of twice the frequency, float64 has no digits left
-# even next to the origin; the greatest frequencies keep every product finite.
+# Least and greatest values. After 32 octaves of doubled frequency, float64 has no digits left even
+# near the origin; the limits of the frequencies keep every product finite.
 _WHOLE_RANGES = {"octaves": (1, 32)}
 _RANGES = {
     "lacunarity": (1.0, 16.0),
@@ -79,7 +79,7 @@ _VECTORS = ("direction", "axis")
 
 
 def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Every parameter of a procedure: what is given, checked, and defaults for the rest.
+    """Check the given parameters of a procedure, and add the defaults of the others.
 
     Parameters
     ----------
@@ -91,12 +91,12 @@ def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     Returns
     -------
     dict
-        Keys as in `PROCEDURE_DEFAULTS[name]`; vectors as tuples of floats, not normalized.
+        Keys as in `PROCEDURE_DEFAULTS[name]`; vectors are tuples of floats, not normalized.
 
     Raises
     ------
     OptionError
-        The procedure is not known, has no such parameter, or the parameter no such value.
+        The procedure is unknown, it has no such parameter, or a value is invalid.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
 
 
 def parameter_schemas() -> dict[str, Any]:
-    """JSON Schema of each parameter that some procedure has; one name means one thing in all."""
+    """Return the JSON Schema of each parameter; a name has the same meaning in all procedures."""
     names = dict.fromkeys(key for defaults in PROCEDURE_DEFAULTS.values() for key in defaults)
     return {
         name: {
@@ -151,10 +151,10 @@ def _parameter_schema(name: str) -> dict[str, Any]:
 
 
 def _checked(where: str, key: str, value: Any) -> Any:
-    """Return the value of a parameter; parameters of one name mean the same everywhere."""
+    """Check and return the value of a parameter, by its name."""
     if key in _CHOICES:
         choices = _CHOICES[key]
-        # Of the very type: 2.0 and True are equal to whole numbers, arrays to nothing.
+        # Compare the types as well: 2.0 and True equal whole numbers, and arrays equal nothing.
         if type(value) not in (str, int, type(None)) or value not in choices:
             words = ", ".join(str(choice) for choice in choices if choice is not None)
             raise OptionError(f"{where}: {value!r} is not known; give one of {words}")
@@ -179,7 +179,7 @@ def _checked_number(where: str, key: str, value: Any) -> int | float:
         return int(value)
     inner = key in _INNER_RANGES
     low, high = _INNER_RANGES[key] if inner else _RANGES[key]
-    # False also for what is not a number.
+    # Also False for NaN.
     if not _is_real(value) or not (low < value < high if inner else low <= value <= high):
         words = f"between {low:g} and {high:g}" if inner else f"from {low:g} to {high:g}"
         raise OptionError(f"{where}: {value!r} is not right; give a number {words}")

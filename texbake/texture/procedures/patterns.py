@@ -47,7 +47,7 @@ from texbake.texture.procedures.ramps import own_ramp
 
 
 def checker(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
-    """Squares over x and y, or cubes; None: as many dimensions as the points have."""
+    """Squares in x and y, or cubes; with None, the points determine the number of dimensions."""
     n_dimensions = parameters["dimensions"] or samples.n_dimensions
 
     def work(start: int, stop: int) -> None:
@@ -57,7 +57,7 @@ def checker(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
 
 def stripes(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
-    """Stripes of 1 begin at the origin and take `width` of a period; see `pulses`."""
+    """Stripes of value 1 that begin at the origin and cover `width` of each period."""
     direction = unit_vector(parameters["direction"])
     pattern = {"hard": HARD, "sine": SINE}[parameters["profile"]]
     width = parameters["width"]

@@ -1,7 +1,7 @@
 """The points at which a procedure is evaluated, and the width of a pixel at each.
 
-A pixel is a box about its point: equally wide along every axis, or with its own width along each.
-The kernels that read points and widths are in `noise_kernels`.
+A pixel is a box around its point, with the same width along every axis or one width per axis. The
+kernels that read points and widths are in `noise_kernels`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 
-# Work over points start to stop - 1.
+# A function that evaluates the points start to stop - 1.
 Work = Callable[[int, int], None]
 
 # Points per band: a few milliseconds of work.
@@ -26,14 +26,14 @@ BAND = 1 << 14
 
 @dataclass(frozen=True, eq=False)
 class ProcedurePoints:
-    """Points to evaluate, and where the results go.
+    """Points at which to evaluate a procedure, and the array for the results.
 
     Attributes
     ----------
     points : (n, 2 or 3) float64
-        Read-only, contiguous; a third coordinate that is not there is 0.
+        Read-only, contiguous; a missing third coordinate is 0.
     widths : (n, 1), (n, 2 or 3) or (0, 1) float32
-        Widths of the pixels along all axes or along each; none: nothing is filtered.
+        Widths of the pixels along all axes or along each. If empty, nothing is filtered.
     out : (n, 1 or 3) float32
         Values from 0 to 1, or linear RGB.
     """
@@ -44,7 +44,7 @@ class ProcedurePoints:
 
     @property
     def n_dimensions(self) -> int:
-        """Number of coordinates that the points have."""
+        """Number of coordinates per point."""
         return int(self.points.shape[1])
 
 
@@ -61,10 +61,10 @@ def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def checked_widths(
     footprint: npt.ArrayLike | None, points: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float32]:
-    """Return pixel widths as `ProcedurePoints` has them; raise `OptionError` on another shape."""
+    """Return widths for `ProcedurePoints`; raise `OptionError` if the shape is wrong."""
     if footprint is None:
         return _NO_WIDTHS
-    with np.errstate(over="ignore"):  # too wide for float32 is infinitely wide
+    with np.errstate(over="ignore"):  # widths beyond float32 become infinite
         array = _readable(footprint, np.float32)
     if array.ndim == 1:
         array = array.reshape(-1, 1)
@@ -78,7 +78,7 @@ def checked_widths(
 
 
 def _readable(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
-    """Return values as a contiguous, read-only array, so that kernels have one signature."""
+    """Return a contiguous, read-only array, so that kernels are compiled for one signature."""
     array = np.require(values, dtype, "C").view()
     array.flags.writeable = False
     return array
@@ -89,7 +89,7 @@ _NO_WIDTHS = _readable(np.empty((0, 1)), np.float32)
 
 @lru_cache(maxsize=64)
 def unit_vector(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
-    """(3,) float64, read-only: a direction that has a length, normalized."""
+    """Normalize a nonzero direction; return (3,) float64, read-only."""
     vector = np.array(direction, np.float64) / math.hypot(*direction)
     vector.flags.writeable = False
     return vector

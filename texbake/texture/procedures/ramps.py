@@ -14,20 +14,20 @@ import numpy.typing as npt
 
 from texbake.texture.procedures.default_ramps import DEFAULT_RAMPS
 
-# Values a mean of colors is taken over; each ramp has a few stops only.
+# Number of values for the mean color; ramps have only a few stops.
 _N_VALUES = 1 << 12
 
 
 @dataclass(frozen=True, eq=False)
 class Ramp:
-    """Colors of a procedure.
+    """Color ramp of a procedure.
 
     Attributes
     ----------
     stops : (k, 3) float64
-        Linear RGB, evenly spaced over values 0 to 1. Read-only.
+        Linear RGB at evenly spaced values from 0 to 1. Read-only.
     mean : (3,) float64
-        Mean color over the values that the procedure has. Read-only.
+        Mean color over the distribution of the procedure's values. Read-only.
     """
 
     stops: npt.NDArray[np.float64]
@@ -36,7 +36,7 @@ class Ramp:
 
 @lru_cache(maxsize=16)
 def own_ramp(name: str, distribution: str) -> Ramp:
-    """Colors of a procedure whose values are `even` over 0 to 1, or those of a `sine`."""
+    """Return the ramp of a procedure with values distributed `even` in [0, 1] or as a `sine`."""
     stops = np.array(DEFAULT_RAMPS[name])
     t = (np.arange(_N_VALUES) + 0.5) / _N_VALUES
     values = t if distribution == "even" else 0.5 + 0.5 * np.sin(2.0 * np.pi * t)
