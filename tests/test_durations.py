@@ -23,6 +23,6 @@ def test_units(word, seconds):
 
 
 @pytest.mark.parametrize("word", ["0s", "-1", "later", "", "inf", "nan", "s", "20 seconds", None])
-def test_what_is_not_a_duration(word):
+def test_invalid_durations(word):
     with pytest.raises(OptionError, match=r"time_budget: .* is not a duration"):
         parse_seconds(word)

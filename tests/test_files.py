@@ -90,7 +90,7 @@ def test_permissions_and_links_stay(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "why"), [("", "it is a folder"), ("no/a.png", "there is no folder")]
 )
-def test_a_place_that_cannot_be_written_is_told_before_the_work(
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     tmp_path: Path, name: str, why: str
 ) -> None:
     for look in (check_writable, lambda path: replacing(path).__enter__()):

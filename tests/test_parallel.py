@@ -28,7 +28,7 @@ def test_every_item_is_worked_on_once(threads, n_items, band):
 
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
-def test_an_error_comes_out_and_stops_what_has_not_begun(threads, error):
+def test_an_error_is_raised_and_stops_pending_calls(threads, error):
     begun = []
 
     def work(start, stop):
@@ -43,7 +43,7 @@ def test_an_error_comes_out_and_stops_what_has_not_begun(threads, error):
     assert len(begun) < 1000
 
 
-def test_progress_is_told_in_the_calling_thread():
+def test_progress_is_reported_in_the_calling_thread():
     callers = set()
     run_bands(
         lambda start, stop: None,

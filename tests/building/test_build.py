@@ -97,7 +97,7 @@ def test_less_memory_gives_the_same_bytes(
     assert run(path, max_memory="1M")[1] == []
 
 
-def test_only_what_changed_runs(write: Write, run: Run) -> None:
+def test_only_changed_steps_run(write: Write, run: Run) -> None:
     path = write()
     run(path)
     path.write_text(path.read_text().replace("padding = 1", "padding = 2"))
@@ -338,7 +338,7 @@ def test_a_damaged_result_under_real_workers(rotten: Path) -> None:
     assert build(rotten, BuildOptions(jobs=2)).ok
 
 
-def test_a_damaged_result_that_cannot_be_made_again_blocks_what_reads_it(
+def test_a_damaged_result_that_cannot_be_made_again_blocks_its_readers(
     rotten: Path, inline: Any
 ) -> None:
     crew = inline(slots=2)
@@ -425,7 +425,7 @@ after = "limits"
     assert run(path)[1] == ["a.limits", "a.low"]
 
 
-def test_a_full_disk_fails_what_it_hits_and_leaves_nothing_half_written(
+def test_a_full_disk_fails_a_step_and_leaves_no_partial_file(
     scans: Path, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(source: Path, target: Path) -> None:

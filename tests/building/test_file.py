@@ -193,6 +193,6 @@ def test_only_names_assets(write: Write) -> None:
         plan_build(path, BuildOptions(only=("bal",)))
 
 
-def test_assets_ask_for_steps_and_get_what_these_need(write: Write) -> None:
+def test_chosen_steps_of_an_asset_bring_their_inputs(write: Write) -> None:
     path = write('[[assets]]\nname = "a"\nsteps = "low"\n')
     assert [step.step for step in plan_build(path)] == ["high", "low"]

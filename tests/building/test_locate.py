@@ -51,7 +51,7 @@ def test_every_key_has_its_line() -> None:
     assert "not" not in lines and "not.a.header" not in lines
 
 
-def test_a_place_without_a_line_has_that_of_what_it_is_in() -> None:
+def test_a_key_without_a_line_has_that_of_its_table() -> None:
     lines = key_lines(TEXT)
     assert line_of(lines, "assets[1].inputs.high[1]") == 11
     assert line_of(lines, "assets[0].options.low.padding") == 7

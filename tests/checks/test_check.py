@@ -293,7 +293,7 @@ def files(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["nan.obj", "index.obj", "empty.obj", "noise.glb"])
-def test_what_is_no_mesh_is_a_finding(files: Path, name: str) -> None:
+def test_a_file_that_is_not_a_mesh_is_a_finding(files: Path, name: str) -> None:
     report = check_files(files / name)
     (finding,) = report.findings
     assert (finding.name, finding.severity, finding.count) == ("unreadable", "error", 1)

@@ -44,7 +44,7 @@ def test_a_ray_that_misses_its_side_of_a_thin_wall_takes_the_other(case_of: Call
     assert len(heights(torn, case.low, [0, 1])) == 0  # culled, nothing is found
 
 
-def test_faces_beyond_the_number_looked_at_are_told_of(monkeypatch, case_of: Callable) -> None:
+def test_a_limit_on_checked_faces_is_reported(monkeypatch, case_of: Callable) -> None:
     monkeypatch.setattr(walls, "_MAX_FACES", 4)
     case = case_of("thin-walls")
     found = check(case.mesh, case.low, CheckOptions(size=128)).finding("thin-walls")

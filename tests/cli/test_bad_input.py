@@ -269,7 +269,7 @@ def test_results_that_cannot_be_printed(workplace: Path, script: Path) -> None:
     assert "No space left" in done.stderr
 
 
-def test_reading_is_not_disturbed_by_what_is_written(workplace: Path, invoke: Invoke) -> None:
+def test_inputs_are_read_before_outputs_replace_them(workplace: Path, invoke: Invoke) -> None:
     before = read_mesh("low.obj")
     invoke("unwrap low.obj -o low.obj --size 128")
     after = read_mesh("low.obj")

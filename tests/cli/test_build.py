@@ -89,7 +89,7 @@ def test_an_error_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -> Non
     )
 
 
-def test_watch_builds_what_is_saved_until_it_is_ended(pipeline: Path, script: Path) -> None:
+def test_watch_builds_saved_changes_until_it_is_stopped(pipeline: Path, script: Path) -> None:
     with subprocess.Popen(
         [script, "watch", "p.toml", "--jobs", "1"],
         stdout=subprocess.PIPE,

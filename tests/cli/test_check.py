@@ -1,4 +1,4 @@
-"""`texbake check`: the preflight."""
+"""`texbake check`: tables, reports, pictures and exit codes."""
 
 import json
 from collections.abc import Callable

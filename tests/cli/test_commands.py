@@ -173,7 +173,7 @@ def test_directx_turns_the_green_channel(workplace: Path, invoke: Invoke) -> Non
     np.testing.assert_allclose(opengl[..., 1], 1.0 - directx[..., 1], atol=1e-7)  # float32
 
 
-def test_one_trace_gives_what_two_give(workplace: Path, invoke: Invoke) -> None:
+def test_one_trace_gives_the_same_maps_as_two(workplace: Path, invoke: Invoke) -> None:
     invoke("bake high.ply low.obj -o maps --maps normal,displacement --size 32 --format exr")
     invoke("bake-normals high.ply low.obj -o n.exr --size 32")
     invoke("bake-displacement high.ply low.obj -o d.exr --size 32")

@@ -34,7 +34,7 @@ def examples_in(text: str) -> list[str]:
     return re.findall(r"^ +texbake (.+)$", text.partition("Example:")[2], re.MULTILINE)
 
 
-def test_help_lists_every_command_with_what_it_does() -> None:
+def test_help_lists_every_command_with_its_purpose() -> None:
     result = CliRunner().invoke(texbake, ["--help"])
     assert result.exit_code == 0
     for name in COMMANDS:

@@ -67,7 +67,7 @@ def test_make_as_a_process(line: str, workplace: Path, run: Run) -> None:
     assert read_mesh("a.obj").n_faces == 32
 
 
-def test_it_is_what_the_api_makes(workplace: Path, invoke: Invoke) -> None:
+def test_the_mesh_is_that_of_the_api(workplace: Path, invoke: Invoke) -> None:
     invoke("make torus -o a.obj --resolution 9x5 --radius 2 --minor-radius 0.5 --quiet")
     mesh = make("torus", resolution=(9, 5), radius=2, minor_radius=0.5)
     read = read_mesh("a.obj")

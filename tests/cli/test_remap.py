@@ -121,7 +121,7 @@ def test_a_file_that_is_not_a_trace_is_one_line(tmp_path):
     assert "it is not a file of hits" in result.output
 
 
-def test_a_mesh_without_what_a_map_needs_is_one_line(baked, tmp_path):
+def test_a_mesh_without_the_inputs_of_a_map_is_one_line(baked, tmp_path):
     bare = uv_sphere(8, 16)
     write_mesh(bare, tmp_path / "bare.obj")
     result = run(

@@ -128,7 +128,7 @@ def test_an_error_in_a_file_is_one_line(
     assert not Path("t.png").exists() and not Path("a.png").exists()
 
 
-def test_a_photograph_reaches_what_it_sees(shop: Path, invoke: Invoke) -> None:
+def test_a_photograph_covers_the_faces_in_view(shop: Path, invoke: Invoke) -> None:
     invoke(
         "bake-texture low.obj -o t.png --photo red.png --camera front.toml --size 64 --fill none "
         "--feather 0 --report r.json"

@@ -20,7 +20,7 @@ def test_every_group_is_recorded():
 
 
 @pytest.mark.parametrize("group", record.GROUPS)
-def test_what_is_written_is_what_it_was(group):
+def test_files_have_the_recorded_checksums(group):
     now, then = record.record(group), GOLDENS[group]
     assert set(now) == set(then)
     assert {name for name in now if now[name] != then[name]} == set()

@@ -206,7 +206,7 @@ def test_files_come_back(image_case, suffix, bits, tmp_path):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_padding_keeps_what_is_owned_and_makes_nothing_up(image_case, share):
+def test_padding_keeps_owned_texels_and_invents_none(image_case, share):
     image = image_case.make()
     height, width = image.shape[:2]
     owned = np.random.default_rng(3).random((height, width)) < share

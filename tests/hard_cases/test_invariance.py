@@ -48,7 +48,7 @@ def test_a_power_of_two_changes_no_bit_of_a_mapping(plain_case, scale):
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_a_power_of_two_scales_what_is_baked(plain_case, scale, in_cells):
+def test_a_power_of_two_scales_baked_maps(plain_case, scale, in_cells):
     mesh = in_cells(plain_case)
     ours, theirs = baked(sized(mesh, scale)), baked(mesh)
     np.testing.assert_array_equal(ours.texel_faces, theirs.texel_faces)
@@ -69,7 +69,7 @@ def test_a_quarter_turn_turns_normals(plain_case):
         np.testing.assert_allclose(make(turned), make(mesh) @ QUARTER.T, atol=1e-13)
 
 
-def test_a_move_changes_normals_by_what_it_rounds(plain_case):
+def test_a_move_changes_normals_only_by_rounding(plain_case):
     mesh = plain_case.make()
     shift = mesh.diagonal * 1024.0
     moved = mesh.replace(positions=mesh.positions + shift)

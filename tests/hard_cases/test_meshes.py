@@ -55,7 +55,7 @@ def test_off_keeps_positions_and_faces_bit_for_bit(mesh_case, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", ["stl", "glb"])
-def test_formats_of_float32_keep_what_float32_holds(mesh_case, suffix, tmp_path, attempt):
+def test_formats_of_float32_lose_only_rounding(mesh_case, suffix, tmp_path, attempt):
     mesh = mesh_case.make()
     path = tmp_path / f"mesh.{suffix}"
 

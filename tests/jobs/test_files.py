@@ -53,7 +53,7 @@ def test_meshes_one_after_another(folder: Path) -> None:
     assert texbake.info_file("low.obj").distortion is None
 
 
-def test_a_repair_counts_what_it_changed(folder: Path) -> None:
+def test_a_repair_counts_its_changes(folder: Path) -> None:
     ball = uv_sphere(4, 8)
     twice = texbake.Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))
     texbake.write_mesh(twice, "twice.ply")

@@ -168,7 +168,7 @@ def test_a_slide_is_baked_with_its_spot() -> None:
     np.testing.assert_allclose(found.values[plain], (white.values * colors)[plain], rtol=1e-6)
 
 
-def test_only_what_is_static_is_baked_and_taken_out() -> None:
+def test_only_static_lights_are_baked_and_removed() -> None:
     moving = Light(direction=(0, -1, 0), static=False)
     hung = Light(direction=(0, 0, -1), follows_camera=True)
     scene = Scene(objects=(FLOOR,), lighting=Lighting(lights=(moving, hung)))
@@ -178,7 +178,7 @@ def test_only_what_is_static_is_baked_and_taken_out() -> None:
     assert maps.shown_in(scene).lighting.lights == (moving, hung)
 
 
-def test_what_casts_and_receives_is_what_does_in_pictures() -> None:
+def test_objects_cast_and_receive_shadows_as_in_pictures() -> None:
     sun = Light(direction=(0.0, -1.0, 0.0), shadow=SHADOW)
     below = np.hypot(*(floor_points() - CENTER)[..., [0, 2]].T) < 0.9 * RADIUS
 

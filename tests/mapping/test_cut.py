@@ -54,7 +54,7 @@ def test_scale_changes_no_bit(scale: float) -> None:
 
 
 @pytest.mark.parametrize("direction", [(1, 1, 1), (-1, 0.3, 0), (0, 0, 1)])
-def test_place_changes_nothing_but_what_positions_lose(direction: tuple[float, ...]) -> None:
+def test_a_move_changes_charts_only_by_rounding(direction: tuple[float, ...]) -> None:
     mesh = grid_sphere(24, 48)
     moved = mesh.replace(positions=mesh.positions + 2e6 * np.array(direction))
     # A point may fall into the next cell of the grid.

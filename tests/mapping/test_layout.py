@@ -232,7 +232,7 @@ def test_of_many_layers_some_dozens_are_mixed() -> None:
     assert sums[0, 0, 0] / sums[0, 0, 3] == 0.25
 
 
-def test_a_face_over_what_is_full_still_shows_beside_it() -> None:
+def test_a_face_over_full_pixels_still_shows_beside_them() -> None:
     left = np.array([[0.0, 0.0], [6.0, 0.0], [0.0, 99.0]])
     pixels = np.concatenate([np.tile(left, (500, 1, 1)), [left * [3.0, 1.0]]])
     colors = np.zeros((501, 3))

@@ -134,7 +134,7 @@ def test_pca_in_a_plane_that_is_given_turns_within_it(seed):
 
 
 @pytest.mark.parametrize("mesh", [cube(), icosphere(2)], ids=["cube", "sphere"])
-def test_pca_of_what_spreads_evenly_is_the_front(mesh):
+def test_pca_of_an_evenly_spread_mesh_is_the_front(mesh):
     # Directions of equal variances are projected onto: a rounding away from the axes.
     assert np.abs(mapped(mesh, fit="pca").corners - mapped(mesh).corners).max() < 1e-14
 

@@ -191,7 +191,7 @@ def test_aside_stays_out_of_the_picture_and_project_leaves_all() -> None:
     assert left[~facing].all()
 
 
-def test_a_projector_in_the_mesh_lights_what_is_before_it() -> None:
+def test_a_projector_inside_the_mesh_lights_the_faces_before_it() -> None:
     room = flipped(icosphere(3))
     found = cast(room, camera=(0.0, 0.0, 1e-9), fov=90.0)
     assert np.isfinite(found.corners).all()

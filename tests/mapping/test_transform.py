@@ -97,7 +97,7 @@ def test_a_bulge_scales_the_middle_and_never_folds(strength: float) -> None:
 
 
 @pytest.mark.parametrize("warp", [lambda p: twirl(p, 200.0), lambda p: bulge(p, -1.0)])
-def test_round_warps_leave_what_is_outside_bit_for_bit(warp) -> None:  # type: ignore[no-untyped-def]
+def test_round_warps_keep_points_outside_bit_for_bit(warp) -> None:  # type: ignore[no-untyped-def]
     outside = GRID[np.hypot(*(GRID - 0.5).T) >= 0.5]
     assert len(outside) > 1000
     assert np.array_equal(warp(outside), outside)

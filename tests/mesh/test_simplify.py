@@ -67,7 +67,7 @@ def folded_sheet():
 @BOTH
 @pytest.mark.parametrize("n_faces", [4, 500, 1001])
 def test_closed_meshes_reach_the_count_and_stay_closed(n_faces, quality):
-    mesh = orange(20_000)
+    mesh = orange(6_000)
     low, report = simplify_with_report(mesh, n_faces, quality=quality)
     # Edges of a closed surface collapse two faces at a time.
     assert n_faces - 1 <= low.n_faces <= n_faces

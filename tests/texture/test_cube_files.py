@@ -52,7 +52,7 @@ def _pairs(n):
     return np.arange(n - 1), np.arange(1, n)
 
 
-def test_seen_from_inside_faces_are_what_cameras_take(noise):
+def test_seen_from_inside_faces_are_the_pictures_of_cameras(noise):
     """Sides exactly; top and bottom turned by half a turn from those of `cube_face_axes`."""
     seen = in_convention(noise.faces, "inside")
     for face in range(6):

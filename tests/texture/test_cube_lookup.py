@@ -237,7 +237,7 @@ def smooth(directions):
     return np.sin(directions @ np.array([[1.0], [-2.0], [0.5]])) + 1.5
 
 
-def test_a_panorama_is_where_it_says():
+def test_a_panorama_has_its_directions():
     image = np.zeros((64, 128, 1), np.float32)
     image[31:33, 63:65] = 1.0  # the middle
     image[31:33, 95:97] = 2.0  # three quarters to the right

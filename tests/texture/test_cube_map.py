@@ -70,7 +70,7 @@ def test_directions_of_texels_lie_on_them():
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 16, 100])
-def test_solid_angles_sum_to_the_sphere_and_are_what_texels_cover(size):
+def test_solid_angles_sum_to_the_sphere_and_agree_with_the_texels(size):
     angles = solid_angles(size)
     assert angles.min() > 0
     assert 6 * angles.sum() == pytest.approx(4 * np.pi, rel=1e-13)
@@ -114,7 +114,7 @@ def test_corners_are_the_mean_of_the_three_texels_that_meet(noise):
         np.testing.assert_allclose(corner, mean, rtol=3e-7)
 
 
-def test_what_is_not_finite_is_held_as_0():
+def test_values_that_are_not_finite_become_0():
     faces = np.ones((6, 2, 2, 1), np.float32)
     faces[0, 0, 0], faces[1, 1, 1], faces[5, 0, 1] = np.nan, np.inf, -np.inf
     cube = CubeMap(faces)

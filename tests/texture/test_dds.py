@@ -83,7 +83,7 @@ def test_flat_normals_are_flat_on_all_levels(path):
     assert all((level == 128).all() for level in decoded_levels(path))
 
 
-def test_texbake_reads_what_it_wrote(path, photo):
+def test_texbake_reads_its_own_files(path, photo):
     write_dds(photo, path, block_format="bc7", mipmaps=False)
     image = read_image(path, color=True)
     assert image.pixels.shape[:2] == photo.shape[:2]
@@ -109,7 +109,7 @@ def test_bytes_are_the_same_for_any_number_of_threads(tmp_path, photo):
     assert (tmp_path / "1.dds").read_bytes() == (tmp_path / "3.dds").read_bytes()
 
 
-def test_what_blocks_cannot_hold_is_an_error(tmp_path, path, monkeypatch):
+def test_values_that_blocks_cannot_hold_are_an_error(tmp_path, path, monkeypatch):
     pixels = np.zeros((6, 8, 3), np.float32)
     with pytest.raises(OptionError, match="8 x 6 cannot be block-compressed"):
         write_dds(pixels, path, block_format="bc7")

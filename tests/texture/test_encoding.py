@@ -46,7 +46,7 @@ def test_rounding_is_that_of_exact_arithmetic(bits, values):
     assert quantize_unsigned(values, bits).tolist() == exact
 
 
-def test_halves_round_up_and_what_is_out_of_range_is_clipped():
+def test_halves_round_up_and_values_out_of_range_are_clipped():
     values = [-np.inf, -1.0, 0.0, 0.5, 1.0, 7.0, np.inf, np.nan]
     assert quantize_unsigned(np.array(values), 8).tolist() == [0, 0, 0, 128, 255, 255, 255, 0]
 

@@ -101,7 +101,7 @@ def test_the_smallest_images(shape: tuple[int, int], wrap: str) -> None:
         np.testing.assert_array_equal(field.heights, np.zeros(shape))
 
 
-def test_what_is_not_finite_is_flat_and_spreads_no_further() -> None:
+def test_values_that_are_not_finite_become_flat_and_do_not_spread() -> None:
     heights = waves(16, 16)[0]
     whole = height_to_normal(heights)
     heights[5, 5] = np.nan
@@ -145,7 +145,7 @@ def test_frankot_chellappa_is_not_exact_where_a_map_ends() -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_round_trip_of_waves_loses_what_the_closed_form_says(method: str) -> None:
+def test_round_trip_of_waves_agrees_with_the_closed_form(method: str) -> None:
     """A wave of w radians per texel returns as sin w / w (one derivative) or cos² w/2 of itself."""
     n, k = 64, 4
     w = 2 * np.pi * k / n
@@ -181,7 +181,7 @@ def test_round_trip_of_a_rough_surface_through_8_bits() -> None:
         assert error < 0.03, method
 
 
-def test_slopes_of_no_surface_are_fitted_and_told() -> None:
+def test_slopes_without_a_surface_are_fitted_and_reported() -> None:
     """A whirl has slopes that no heights have: the best fit is flat, and all is left over."""
     y, x = np.mgrid[:32, :32] + 0.5
     w = 2 * np.pi / 32

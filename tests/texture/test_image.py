@@ -195,7 +195,7 @@ def test_usual_bits():
     assert [check_image_format(f"A.{s}", color=True) for s in ("PNG", "EXR", "TIF")] == [8, 16, 8]
 
 
-def test_what_a_format_does_not_hold_is_an_error_before_anything_is_written(tmp_path, pixels):
+def test_pixels_that_a_format_cannot_hold_are_an_error_before_anything_is_written(tmp_path, pixels):
     for suffix, bits, what in (
         ("tga", 16, r"TGA holds 8 bits per channel, not 16; use PNG or EXR or TIFF"),
         ("png", 32, r"PNG holds 8 or 16 bits per channel, not 32; use EXR or TIFF or HDR"),

@@ -35,7 +35,7 @@ def test_files_like_another_lose_nothing(name, bits, is_float, suffix):
         ("a.exr", 32, True, 65505.0, 32),
     ],
 )
-def test_bits_keep_what_the_source_has(target, bits, is_float, greatest, expected):
+def test_bits_follow_the_source(target, bits, is_float, greatest, expected):
     source = Image(PIXELS, bits=bits, is_float=is_float)
     assert bits_for(target, PIXELS * 2 * np.float32(greatest), source) == expected
 
@@ -54,7 +54,7 @@ def test_several_images_are_written_into_new_folders(tmp_path):
         np.testing.assert_array_equal(read_image(file, color=True).pixels, PIXELS)
 
 
-def test_what_a_format_cannot_hold_is_found_before_the_folder_is_made(tmp_path):
+def test_values_that_a_format_cannot_hold_are_refused_before_the_folder_is_made(tmp_path):
     with pytest.raises(OptionError, match="HDR holds 3 channels"):
         write_images({tmp_path / "new" / "a.hdr": PIXELS[..., :1]}, color=True)
     assert list(tmp_path.iterdir()) == []

@@ -31,7 +31,7 @@ def layers():
     }  # fmt: skip
 
 
-def test_layers_come_back_with_what_they_say_of_themselves(path, layers):
+def test_layers_come_back_with_their_metadata(path, layers):
     write_layers(layers, path)
     back = read_layers(path)
     assert back.keys() == layers.keys()
@@ -67,7 +67,7 @@ def test_an_image_without_layers_is_the_layer_without_a_name(path):
     assert layer[1].metadata == {"texbake:space": "object"}
 
 
-def test_what_layers_cannot_be_is_an_error(tmp_path, path, layers):
+def test_invalid_layers_are_an_error(tmp_path, path, layers):
     small = {"a": Image(pixels=np.zeros((2, 3, 1), np.float32))}
     for wrong, message in (
         ({}, "there is no layer"),

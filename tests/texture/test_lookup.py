@@ -89,7 +89,7 @@ def padded(image, wrap, border=0.0, *, by=64):
 
 @pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("size", [(5, 7), (1, 1), (1, 4), (2, 1)])
-def test_outside_it_reads_what_numpy_pads_with(wrap, size):
+def test_outside_it_agrees_with_the_padding_of_numpy(wrap, size):
     height, width = size
     image = np.random.default_rng(1).random((*size, 2)).astype(np.float32)
     points = np.random.default_rng(2).uniform(-4.0, 5.0, (3000, 2))
@@ -125,7 +125,7 @@ def test_whatever_the_coordinates_no_texel_outside_is_read(size, wrap):
     assert (lookup(image, points, wrap=wrap, border=1.0) == 1.0).all()
 
 
-def test_what_is_not_a_number_counts_as_0(image):
+def test_nan_counts_as_0(image):
     points = np.array([[np.nan, 0.3], [0.3, np.nan]])
     zeros = np.array([[0.0, 0.3], [0.3, 0.0]])
     for wrap in WRAPS:
@@ -167,7 +167,7 @@ def random_volume(depth, height, width, n_channels=2):
 @pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("size", [(4, 3, 5), (1, 1, 1), (1, 2, 1)])
 @pytest.mark.parametrize("name", VOLUME_FILTERS)
-def test_volume_reads_what_numpy_pads_with(name, size, wrap):
+def test_a_volume_outside_agrees_with_the_padding_of_numpy(name, size, wrap):
     volume = random_volume(*size)
     points = np.random.default_rng(1).uniform(-2.0, 3.0, (3000, 3))
     border = {"constant_values": 0.25} if wrap == "border" else {}
@@ -244,14 +244,14 @@ def test_stops_of_a_ramp_are_evenly_spaced_from_0_to_1():
     np.testing.assert_allclose(at([0, 1 / 3, 2 / 3, 1]), STOPS, atol=1e-6)
 
 
-def test_a_ramp_between_stops_is_what_numpy_interpolates():
+def test_a_ramp_between_stops_agrees_with_interpolation_in_numpy():
     values = np.random.default_rng(0).random(1000).astype(np.float32)
     expected = np.stack([np.interp(values, np.arange(4) / 3, c) for c in STOPS.T], axis=1)
     np.testing.assert_allclose(at(values), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
-def test_a_ramp_outside_goes_on_as_its_wrap_mode_says(wrap):
+def test_a_ramp_outside_follows_its_wrap_mode(wrap):
     values = np.random.default_rng(0).uniform(-3, 4, 1000).astype(np.float32)
     inside = {
         "clamp": np.clip(values, 0, 1),

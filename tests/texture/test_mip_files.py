@@ -119,7 +119,7 @@ def test_words_of_the_options_are_those_of_the_chain():
             MipOptions(**wrong)
 
 
-def test_what_is_no_normal(tmp_path, rock):
+def test_pixels_that_are_not_normals(tmp_path, rock):
     with pytest.raises(OptionError, match="roughness: only normals have one"):
         write_mip_levels(rock, tmp_path / "a", roughness=tmp_path / "b")
     write_image(np.zeros((2, 2), np.uint8), tmp_path / "gray.png")

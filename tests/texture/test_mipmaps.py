@@ -95,7 +95,7 @@ def test_kaiser_keeps_more_of_what_the_smaller_level_can_show_and_less_of_what_i
     assert kept["kaiser", "beyond"] < 0.25 * kept["box", "beyond"]
 
 
-def test_kaiser_finds_across_the_border_what_the_wrap_mode_says():
+def test_kaiser_follows_the_wrap_mode_across_the_border():
     ramp = np.broadcast_to(np.arange(64, dtype=np.float32)[None, :, None], (64, 64, 1))
     first = {
         wrap: mip_chain(ramp, filter="kaiser", wrap=wrap).level(1)[0, 0, 0]

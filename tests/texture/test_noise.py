@@ -166,7 +166,7 @@ def test_the_generator_gives_the_published_numbers():
     ]  # fmt: skip
 
 
-def test_tables_are_what_they_say():
+def test_tables_are_permutations_and_unit_gradients():
     tables = lattice(3)
     np.testing.assert_array_equal(np.sort(tables.permutation[:256]), np.arange(256))
     np.testing.assert_array_equal(tables.permutation[256:], tables.permutation[:256])

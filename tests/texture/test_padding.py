@@ -48,7 +48,7 @@ def squared_distances(chart_ids):
 
 @given(chart_ids=charts(), padding=st.integers(0, 30))
 @settings(max_examples=200, deadline=None)
-def test_it_finds_what_trying_all_owners_finds(chart_ids, padding):
+def test_it_agrees_with_trying_all_owners(chart_ids, padding):
     owners = nearest_owner(chart_ids, padding, threads=1)
     distances, rows, columns = squared_distances(chart_ids)
     reached = (distances <= padding**2).any(axis=2)
@@ -118,7 +118,7 @@ def test_owners_keep_their_values_bit_for_bit():
     np.testing.assert_array_equal(push_pull(values, owned)[owned], values[owned])
 
 
-def test_what_is_not_finite_never_spreads():
+def test_values_that_are_not_finite_never_spread():
     values = np.zeros((9, 9, 2), np.float32)
     values[4, 4] = [1.0, np.nan]
     chart_ids = np.full((9, 9), -1, np.int32)
@@ -172,7 +172,7 @@ def test_push_pull_of_a_constant_is_exactly_that_constant(chart_ids, value):
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (13, 1), (64, 64), (37, 101)])
-def test_push_pull_fills_everything_within_the_range_of_what_it_has(size):
+def test_push_pull_fills_everything_within_the_range_of_its_input(size):
     rng = np.random.default_rng(2)
     values = np.full((*size, 1), -1.0, np.float32)
     mask = rng.random(size) < 0.05

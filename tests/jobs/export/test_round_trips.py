@@ -154,7 +154,7 @@ def alike(ours, theirs):
     return psnr, outline
 
 
-def test_threejs_shows_what_texbake_shows(assets, by_threejs):
+def test_threejs_draws_the_same_picture(assets, by_threejs):
     psnr, outline = alike(by_texbake(assets["ball"], 1), by_threejs["ball"])
     # What is left is rounding to 8 bits and mip levels.
     assert psnr > 45.0
@@ -173,7 +173,7 @@ def test_a_wrong_green_channel_would_be_seen(assets, by_threejs):
     assert psnr < 30.0
 
 
-def test_blender_shows_what_texbake_shows(assets, blender, tmp_path):
+def test_blender_draws_the_same_picture(assets, blender, tmp_path):
     pictures = {}
     for name in "ball", "wrong":
         picture = tmp_path / f"{name}.exr"
