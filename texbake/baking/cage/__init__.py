@@ -1,1 +1,1 @@
-"""A cage measured from two meshes: around the dense surface, no farther out than it must."""
+"""Cages fitted to a pair of meshes: around the high-poly surface, no farther out than necessary."""
