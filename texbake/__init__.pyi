@@ -21,13 +21,12 @@ from .baking.rays import RayMaps as RayMaps
 from .baking.remap import remap as remap, remap_hits as remap_hits
 from .baking.report import BakeReport as BakeReport
 from .baking.result import BakedMap as BakedMap, BakeResult as BakeResult, WrittenMap as WrittenMap
-from .baking.texture.camera import PhotoCamera as PhotoCamera
 from .baking.texture.options import (
     PhotoOptions as PhotoOptions,
     SolidOptions as SolidOptions,
     TextureBakeOptions as TextureBakeOptions,
 )
-from .baking.texture.photo import Photo as Photo
+from .baking.texture.photo import Photo as Photo, PhotoCamera as PhotoCamera
 from .baking.texture.photos import bake_photos as bake_photos
 from .baking.texture.result import (
     TextureBake as TextureBake,

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from texbake.baking.texture.camera import read_camera
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
-from texbake.baking.texture.photo import Photo
+from texbake.baking.texture.photo import Photo, read_camera
 from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.result import TextureBake, TextureReport
 from texbake.baking.texture.solid import bake_solid

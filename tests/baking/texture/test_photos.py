@@ -9,11 +9,10 @@ import pytest
 
 from texbake import read_mesh, write_image
 from texbake.baking.rays import RayField
-from texbake.baking.texture.camera import PhotoCamera
 from texbake.baking.texture.coverage import TextureCoverage
 from texbake.baking.texture.options import PhotoOptions
-from texbake.baking.texture.photo import Photo
-from texbake.baking.texture.photo_sources import border_weight
+from texbake.baking.texture.photo import Photo, PhotoCamera
+from texbake.baking.texture.photo_weights import border_weight_kernel
 from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.result import TextureBake
 from texbake.errors import OptionError, UvError
@@ -222,13 +221,15 @@ def test_the_weight_is_the_power_of_the_cosine() -> None:
 
 
 def test_the_border_of_a_photograph_weighs_nothing() -> None:
-    weights = [border_weight(u, 0.5, 0.1) for u in (-1.0, 0.0, 1e-9, 0.05, 0.1, 0.5, 0.95, 1.0)]
+    weights = [
+        border_weight_kernel(u, 0.5, 0.1) for u in (-1.0, 0.0, 1e-9, 0.05, 0.1, 0.5, 0.95, 1.0)
+    ]
     assert weights[:2] == [0.0, 0.0] and weights[-1] == 0.0
     assert 0.0 < weights[2] < 1e-10
     assert weights[3] == pytest.approx(0.5) == weights[6]
     assert weights[4] == weights[5] == 1.0
-    assert border_weight(0.5, np.nan, 0.1) == 0.0
-    assert border_weight(1e-9, 0.5, 0.0) == 1.0
+    assert border_weight_kernel(0.5, np.nan, 0.1) == 0.0
+    assert border_weight_kernel(1e-9, 0.5, 0.0) == 1.0
 
 
 def test_opacity_weighs_and_clear_pixels_do_not_tint() -> None:
@@ -279,7 +280,9 @@ def test_a_photograph_that_sees_nothing_is_told() -> None:
     photo = Photo(image=solid(RED), camera=away, name="sky.jpg")
     found = bake_photos(plane(), [photo], EVEN)
     assert not found.has_color.any()
-    assert any(warning.startswith("sky.jpg: no texel") for warning in found.report.warnings)
+    assert any(
+        warning.startswith("sky.jpg: it shows no texel") for warning in found.report.warnings
+    )
 
 
 def test_a_photograph_can_have_coordinates_of_its_own() -> None:
@@ -344,17 +347,17 @@ def test_size_and_place_change_nothing() -> None:
 
 
 def test_wrong_input_is_one_clear_error(tmp_path: Path) -> None:
-    with pytest.raises(OptionError, match="photo: give at least one"):
+    with pytest.raises(OptionError, match="photos: there are none"):
         bake_photos(plane(), [])
     for both in ({}, {"camera": FRONT, "mapped": plane()}):
-        with pytest.raises(OptionError, match="photo: give each a camera or a mesh"):
+        with pytest.raises(OptionError, match="camera, mapped: give each photograph exactly one"):
             Photo(image=solid(RED), **both)  # type: ignore[arg-type]
     with pytest.raises(OptionError, match=r"plane.*: it has 4 faces where .* has 2"):
         bake_photos(plane(), [Photo(image=solid(RED), mapped=plane(2, 1).replace(name="plane2"))])
     flat = ((1.0, 0, 0, 0), (1.0, 0, 0, 0), (0, 0, -1.0, 0), (0, 0, 0, 1.0))
     with pytest.raises(OptionError, match=r"p\.png: matrix: its rows s, t and q flatten"):
         bake_photos(plane(), [Photo(image=solid(RED), camera=flat, name="p.png")])
-    with pytest.raises(OptionError, match="photograph 1: the shape"):
+    with pytest.raises(OptionError, match="photograph 1: its shape"):
         bake_photos(plane(), [Photo(image=solid(RED)[0], camera=FRONT)])
     with pytest.raises(UvError, match="no texture coordinates"):
         bake_photos(

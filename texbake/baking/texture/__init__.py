@@ -1,1 +1,1 @@
-"""Colors baked into a mesh's own atlas: solid procedures, and photographs cast onto it."""
+"""Textures baked onto a mesh: solid procedures evaluated in space, and projected photographs."""

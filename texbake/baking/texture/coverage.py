@@ -1,4 +1,4 @@
-"""The samples that a mesh owns in its texture, band by band, and how values change between them."""
+"""The texels that a mesh covers, with their samples, and how values change between samples."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 from texbake.texture.lookup import texel_coordinates
 
-# Some 200 bytes each while photographs are looked up.
+# About 200 bytes each while photographs are looked up.
 _SAMPLES_AT_ONCE = 1 << 19
 
 
 class TextureCoverage:
-    """Which texels of a texture a mesh covers.
+    """The texels that a mesh covers, known in full once all `bands` have been read.
 
     Parameters
     ----------
     mesh : Mesh
     options : BakeOptions
-        Size, samples and threads are taken from it.
+        Of which size, samples and threads matter here.
 
     Attributes
     ----------
@@ -33,6 +33,7 @@ class TextureCoverage:
     samples_overlapping : int
         Samples that several faces cover; counted by `bands`.
     faces_outside_tile : int
+        Faces with a corner outside the unit square.
 
     Raises
     ------
@@ -51,7 +52,7 @@ class TextureCoverage:
         self.faces_outside_tile = self._faces.n_outside_tile
 
     def bands(self, stages: Stages) -> Iterator[TexelBand]:
-        """Yield all texels with their samples, from the top down; shown as the stage "bake"."""
+        """Yield the texels with their samples from the top down, as the stage "bake"."""
         for band in owned_bands(
             self._faces,
             self.grid,
@@ -65,20 +66,21 @@ class TextureCoverage:
 
 
 def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> FloatArray:
-    """How values that are linear over each face change from sample to sample.
+    """Change of values that are linear over each face from one sample to the next.
 
     Parameters
     ----------
     mesh : Mesh
         With texture coordinates.
     corner_values : (F, 3, K) float64
-        Values at the corners of each face, such as its positions.
+        Values at the corners of each face, such as positions.
     grid : SampleGrid
 
     Returns
     -------
     (F, K, 2) float64
-        Per sample to the right, and per sample down; zero for a face without area in the texture.
+        Change per sample to the right and per sample down; 0 for a face without area in the
+        texture.
     """
     texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
     along = corner_values[:, 1] - corner_values[:, 0]
@@ -95,9 +97,17 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
 
 
 def greatest_lengths(steps: FloatArray) -> FloatArray:
-    """(F,) float64: how far a point moves at most per sample in any direction.
+    """Longest way that a point moves per sample, over all directions in the texture.
 
-    Of steps (F, 3, 2): the greatest singular value of each matrix.
+    Parameters
+    ----------
+    steps : (F, 3, 2) float64
+        Steps of positions, from `sample_steps`.
+
+    Returns
+    -------
+    (F,) float64
+        The greatest singular value of each matrix.
     """
     a = np.einsum("ij,ij->i", steps[:, :, 0], steps[:, :, 0])
     b = np.einsum("ij,ij->i", steps[:, :, 0], steps[:, :, 1])

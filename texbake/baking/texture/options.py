@@ -25,7 +25,7 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class TextureBakeOptions(TextureOptions):
-    """What every texture bake can be asked for."""
+    """Options of every texture bake."""
 
     samples: Annotated[int, Option("Samples per texel, averaged.", choices=SAMPLES)] = 4
     padding: Annotated[int, PADDING_OPTION] = AtlasOptions.padding
@@ -41,7 +41,7 @@ class TextureBakeOptions(TextureOptions):
 
     @property
     def for_bake(self) -> BakeOptions:
-        """These choices as those of a bake, which has them as well."""
+        """The options that a bake of maps shares, as its options."""
         return BakeOptions(
             size=self.size,
             samples=self.samples,

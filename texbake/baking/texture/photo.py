@@ -1,41 +1,168 @@
-"""A photograph with what says where it shows a mesh, and lookups in its pixels."""
+"""Photographs and the cameras that took them.
+
+World space is right-handed. A camera matrix takes (x, y, z, 1) in model space to (s, t, r, q) as in
+`texbake.mapping.classical.projector`: (s / q, t / q) is (0, 0) at the lower left and (1, 1) at the
+upper right corner of the picture, and q, like r, is the depth along the view.
+"""
 
 from __future__ import annotations
 
+import math
 import os
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.texture.camera import PhotoCamera
-from texbake.baking.texture.photo_sources import Views
-from texbake.errors import OptionError
+from texbake.baking.texture.photo_mappings import PhotoLookups
+from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike
-from texbake.mapping.options.checks import Matrix
+from texbake.mapping.classical.projector import read_matrix
+from texbake.mapping.options.checks import Matrix, Vector, check_direction, check_numbers
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.texture.image import Image, read_image
 from texbake.texture.mipmaps import mip_chain
 from texbake.texture.sample import sample
 
+# Least component of `up` across the view, relative to its length: with less, rounding alone could
+# turn the picture.
+_LEAST_UP = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotoCamera:
+    """A perspective camera.
+
+    Attributes
+    ----------
+    position, target : (x, y, z)
+        Position of the camera, and the point in the middle of its picture; model space.
+    up : (x, y, z)
+        Direction that is up in the picture; of any length, but not along the view.
+    fov : float
+        Vertical field of view in degrees, above 0 and below 180.
+    aspect : float, optional
+        Width of the picture divided by its height; None takes it from the photograph's pixels.
+
+    Raises
+    ------
+    OptionError
+        A value is out of range, or `position`, `target` and `up` do not determine a view.
+    """
+
+    position: Vector
+    target: Vector
+    up: Vector = (0.0, 1.0, 0.0)
+    fov: float = 35.0
+    aspect: float | None = None
+
+    def __post_init__(self) -> None:
+        check_numbers("position", self.position, 3)
+        check_numbers("target", self.target, 3)
+        check_direction("up", self.up)
+        if not _is_number(self.fov) or not 0.0 < self.fov < 180.0:
+            raise OptionError(f"fov: {self.fov!r} degrees must be above 0 and below 180")
+        if self.aspect is not None and not (
+            _is_number(self.aspect) and 0.0 < self.aspect < math.inf
+        ):
+            raise OptionError(f"aspect: {self.aspect!r} must be above 0, such as 1.5")
+        self.axes()
+
+    def axes(self) -> FloatArray:
+        """(3, 3) float64: the unit vectors right, up and back (against the view) as rows."""
+        back = np.subtract(self.position, self.target)
+        distance = np.linalg.norm(back)
+        if not 0.0 < distance < math.inf:
+            raise OptionError(
+                "target: it is the position of the camera; give a point that it looks at"
+            )
+        back = back / distance
+        right = np.cross(np.divide(self.up, np.abs(self.up).max()), back)
+        across = np.linalg.norm(right)
+        if across < _LEAST_UP:
+            raise OptionError(f"up: {self.up} is along the view; give a direction across it")
+        right = right / across
+        return np.stack([right, np.cross(back, right), back])
+
+    def matrix(self, aspect: float = 1.0) -> FloatArray:
+        """(4, 4) float64: model space to (s, t, r, q); `aspect` applies if the camera has none."""
+        right, up, back = self.axes()
+        focal = 1.0 / math.tan(math.radians(self.fov) / 2.0)
+        across = focal / (self.aspect or aspect)
+        rows = np.stack([0.5 * (across * right - back), 0.5 * (focal * up - back), -back, -back])
+        return np.column_stack([rows, -rows @ np.asarray(self.position, np.float64)])
+
+
+def read_camera(path: PathLike) -> PhotoCamera | Matrix:
+    """Read the camera of a photograph.
+
+    Parameters
+    ----------
+    path
+        A TOML file with `position` and `target` and, optionally, `up`, `fov` and `aspect`. A file
+        with any other suffix holds the 16 numbers of a matrix, as `read_matrix` takes them.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    FileFormatError
+        The file is not TOML, or a key is wrong or missing; the message names the key.
+    """
+    if Path(path).suffix.lower() != ".toml":
+        return read_matrix(path)
+    try:
+        with Path(path).open("rb") as file:
+            keys = tomllib.load(file)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"{path}: it is not TOML: {error}") from error
+    return _camera_of(path, keys)
+
+
+def _camera_of(path: PathLike, keys: Mapping[str, Any]) -> PhotoCamera:
+    known = tuple(PhotoCamera.__dataclass_fields__)
+    for key in keys:
+        if key not in known:
+            raise FileFormatError(f"{path}: {key}: unknown key; a camera has {', '.join(known)}")
+    for key in "position", "target":
+        if key not in keys:
+            raise FileFormatError(f"{path}: {key}: it is missing; give {key} = [x, y, z]")
+    try:
+        return PhotoCamera(**{key: _value(value) for key, value in keys.items()})
+    except OptionError as error:
+        raise FileFormatError(f"{path}: {error}") from error
+
+
+def _value(value: Any) -> Any:
+    return tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Photo:
-    """A photograph, and where it was taken from or where it shows each face.
+    """A photograph, with its camera or with a mesh that is unwrapped onto it.
 
     Attributes
     ----------
     image : path, Image or (H, W, C) float32
-        An array holds linear colors, gray or red, green and blue. The second channel of two or the
-        fourth of four is an opacity, which weighs them; a pixel that is not finite has none.
+        An array holds linear colors, gray or RGB. The second channel of two and the fourth of four
+        is opacity, by which pixels are weighted; a pixel that is not finite has none.
     camera : PhotoCamera or 4 x 4 numbers, optional
-        The projector; a matrix as `texbake unwrap --method projector --matrix` takes it.
+        A camera, or a matrix as in `read_camera`.
     mapped : Mesh, optional
-        Instead of a camera: the baked mesh's faces, in their order, with texture coordinates that
-        are places in the photograph. What lies outside the unit square is not in it.
+        Instead of a camera: the faces of the baked mesh, in the same order, with texture
+        coordinates in the photograph. Whatever lies outside the unit square is not in it.
     name : str, optional
-        What messages call it; None: the name of its file.
+        Name in messages and reports; None takes the name of the file.
     """
 
     image: PathLike | Image | npt.NDArray[np.float32]
@@ -45,11 +172,11 @@ class Photo:
 
     def __post_init__(self) -> None:
         if (self.camera is None) == (self.mapped is None):
-            raise OptionError("photo: give each a camera or a mesh with its coordinates, not both")
+            raise OptionError("camera, mapped: give each photograph exactly one of the two")
 
 
-class Picture:
-    """The pixels of a photograph, filtered, with their opacity.
+class PhotoPixels:
+    """The pixels of a photograph with their opacity, as a mipmap chain that can be filtered.
 
     Attributes
     ----------
@@ -75,31 +202,36 @@ class Picture:
         self.name = photo.name or Path(image.name).name
         pixels = image.pixels
         if pixels.ndim != 3 or pixels.size == 0 or pixels.shape[2] > 4:
-            raise OptionError(f"{self.name}: the shape {pixels.shape} is not (height, width, 1-4)")
+            raise OptionError(
+                f"{self.name}: its shape {pixels.shape} is not that of an image; give (height, "
+                "width, channels) with 1 to 4 channels"
+            )
         self.height, self.width = pixels.shape[:2]
         self._threads = threads
-        self._chain = mip_chain(_weighed(pixels), kind="color", wrap="clamp", threads=threads)
+        self._mipmaps = mip_chain(
+            _premultiplied(pixels), kind="color", wrap="clamp", threads=threads
+        )
 
-    def weighted(self, views: Views) -> FloatArray:
-        """(m, 4) float64: colors times their weights, and those weights, of opacity as well."""
-        found = sample(
-            self._chain,
-            views.coordinates,
-            views.derivatives,
+    def weighted_colors(self, lookups: PhotoLookups) -> FloatArray:
+        """(m, 4) float64: filtered colors times weight and opacity, and that product itself."""
+        colors = sample(
+            self._mipmaps,
+            lookups.coordinates,
+            lookups.derivatives,
             filter="ewa",
             wrap="clamp",
             threads=self._threads,
         )
-        return found * views.weights[:, None]
+        return colors * lookups.weights[:, None]
 
 
-def _weighed(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _premultiplied(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """(H, W, 4) float32: colors times opacity, and opacity."""
     n_colors = 1 if pixels.shape[2] < 3 else 3
-    weighed = np.ones((*pixels.shape[:2], 4), np.float32)
-    weighed[..., :3] = pixels[..., :n_colors]
+    weighted = np.ones((*pixels.shape[:2], 4), np.float32)
+    weighted[..., :3] = pixels[..., :n_colors]
     if pixels.shape[2] > n_colors:
-        weighed[..., 3] = np.clip(pixels[..., n_colors], 0.0, 1.0)
-        weighed[..., :3] *= weighed[..., 3:]
-    weighed[~np.isfinite(weighed).all(axis=2)] = 0.0
-    return weighed
+        weighted[..., 3] = np.clip(pixels[..., n_colors], 0.0, 1.0)
+        weighted[..., :3] *= weighted[..., 3:]
+    weighted[~np.isfinite(weighted).all(axis=2)] = 0.0
+    return weighted

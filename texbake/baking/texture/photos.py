@@ -1,4 +1,4 @@
-"""Photographs baked into a mesh's own atlas, blended by how well each shows a texel."""
+"""Photographs baked into the texture of a mesh, blended by how well each shows a texel."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import numpy as np
 
 from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
-from texbake.baking.texture.camera import PhotoCamera
 from texbake.baking.texture.coverage import TextureCoverage
-from texbake.baking.texture.mapped_source import MappedSource
 from texbake.baking.texture.options import PhotoOptions
-from texbake.baking.texture.photo import Photo, Picture
-from texbake.baking.texture.photo_sources import PhotoSource, SurfacePoints
-from texbake.baking.texture.projected_source import ProjectedSource
-from texbake.baking.texture.result import PhotoShare, TextureBake, finished
-from texbake.baking.texture.visibility import Visibility
+from texbake.baking.texture.photo import Photo, PhotoCamera, PhotoPixels
+from texbake.baking.texture.photo_mappings import (
+    CameraMapping,
+    CameraOcclusion,
+    PhotoMapping,
+    PhotoPoints,
+    UvMapping,
+)
+from texbake.baking.texture.result import PhotoShare, TextureBake, finish_texture
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -32,7 +34,7 @@ def bake_photos(
     *,
     progress: ProgressSink | None = None,
 ) -> TextureBake:
-    """Blend photographs into a mesh's texture.
+    """Blend photographs into the texture of a mesh.
 
     Parameters
     ----------
@@ -43,21 +45,22 @@ def bake_photos(
     options
         None for `PhotoOptions()`.
     progress
-        Is told of the stages.
+        Receives the stages.
 
     Returns
     -------
     TextureBake
-        Three channels. A texel has the mean of what its samples show in all photographs, weighted
-        as `options` says; one that none shows has no color of its own and is told in the report.
-        The same, byte for byte, for any number of threads.
+        Three channels. A texel is the weighted mean of its samples in all photographs. A texel that
+        no photograph shows is unseen: it is filled as `options.fill` says, and counted in the
+        report. The result is the same, byte for byte, for any number of threads.
 
     Raises
     ------
     UvError
         The mesh has no texture coordinates, or they cover nothing.
     OptionError
-        There is no photograph, a camera has no picture, or a mesh of coordinates has other faces.
+        There are no photographs, a matrix flattens the picture, or a mesh that is unwrapped onto a
+        photograph has other faces.
     FileError
         A photograph cannot be read.
 
@@ -72,33 +75,33 @@ def bake_photos(
     mesh = as_mesh(mesh)
     options = options or PhotoOptions()
     if not photos:
-        raise OptionError("photo: give at least one")
+        raise OptionError("photos: there are none; give at least one")
     stages = Stages(progress)
     coverage = TextureCoverage(mesh, options.for_bake)
     frame = LocalFrame.around(mesh)
-    # Rays of no length start on the surface and go against its smooth normals.
+    # Rays of length 0 start on the surface; their directions are its smooth normals, reversed.
     field = RayField(mesh, frame, kind="smooth", front=0.0, back=0.0, threads=options.threads)
     with stages.stage("read photographs"):
-        pictures = [Picture(photo, i, threads=options.threads) for i, photo in enumerate(photos)]
+        pixels = [PhotoPixels(photo, i, threads=options.threads) for i, photo in enumerate(photos)]
     values = np.zeros((coverage.grid.height, coverage.grid.width, 3), np.float32)
     has_color = np.zeros(values.shape[:2], np.bool_)
-    tally = _Tally([picture.name for picture in pictures])
+    tally = _Tally([photo.name for photo in pixels])
     with ExitStack() as opened:
-        sources = list(_sources(mesh, photos, pictures, frame, coverage, options, opened))
+        mappings = list(_mappings(mesh, photos, pixels, frame, coverage, options, opened))
         for band in coverage.bands(stages):
-            with stages.part("cast photographs"):
+            with stages.part("project photographs"):
                 points = _points(field, band.samples)
-                parts = []
-                for picture, source in zip(pictures, sources, strict=True):
-                    views = source.views(points)
-                    parts.append(band.sums(picture.weighted(views), views.ids))
-                total = np.sum(parts, axis=0)
+                sums = []
+                for photo, mapping in zip(pixels, mappings, strict=True):
+                    lookups = mapping.look_up(points)
+                    sums.append(band.sums(photo.weighted_colors(lookups), lookups.ids))
+                total = np.sum(sums, axis=0)
                 seen = total[:, 3] > 0.0
                 rows = slice(band.rows.start, band.rows.stop)
                 values[rows].reshape(-1, 3)[seen] = total[seen, :3] / total[seen, 3:]
                 has_color[rows] = seen.reshape(-1, band.width)
-                tally.add([part[:, 3] for part in parts], total[:, 3])
-    return finished(
+                tally.add([weighted[:, 3] for weighted in sums], total[:, 3])
+    return finish_texture(
         mesh,
         options,
         coverage,
@@ -110,44 +113,44 @@ def bake_photos(
     )
 
 
-def _sources(
+def _mappings(
     mesh: Mesh,
     photos: Sequence[Photo],
-    pictures: Sequence[Picture],
+    pixels: Sequence[PhotoPixels],
     frame: LocalFrame,
     coverage: TextureCoverage,
     options: PhotoOptions,
     opened: ExitStack,
-) -> Iterator[PhotoSource]:
-    """Yield what tells how points look in each photograph; `opened` frees it."""
-    visibility = None
+) -> Iterator[PhotoMapping]:
+    """Yield the mapping into each photograph; `opened` frees what they share."""
+    occlusion = None
     if options.occlusion and any(photo.camera is not None for photo in photos):
-        visibility = Visibility(mesh, frame, threads=options.threads)
-        opened.callback(visibility.close)
-    for photo, picture in zip(photos, pictures, strict=True):
+        occlusion = CameraOcclusion(mesh, frame, threads=options.threads)
+        opened.callback(occlusion.close)
+    for photo, image in zip(photos, pixels, strict=True):
         if photo.mapped is not None:
-            yield MappedSource(mesh, photo.mapped, coverage.grid, options)
+            yield UvMapping(mesh, photo.mapped, coverage.grid, options)
             continue
         camera = photo.camera
         try:
             matrix = (
-                camera.matrix(picture.width / picture.height)
+                camera.matrix(image.width / image.height)
                 if isinstance(camera, PhotoCamera)
                 else np.array(camera, np.float64)
             )
-            margins = options.margin / picture.width, options.margin / picture.height
-            yield ProjectedSource(mesh, matrix, frame, coverage.grid, options, visibility, margins)
+            margins = options.margin / image.width, options.margin / image.height
+            yield CameraMapping(mesh, matrix, frame, coverage.grid, options, occlusion, margins)
         except OptionError as error:
-            raise OptionError(f"{picture.name}: {error}") from error
+            raise OptionError(f"{image.name}: {error}") from error
 
 
-def _points(field: RayField, samples: Samples) -> SurfacePoints:
+def _points(field: RayField, samples: Samples) -> PhotoPoints:
     rays = field.rays(samples)
-    return SurfacePoints(samples.faces, samples.barycentrics, rays.origins, -rays.directions)
+    return PhotoPoints(samples.faces, samples.barycentrics, rays.origins, -rays.directions)
 
 
 class _Tally:
-    """How much each photograph gives, added up band by band."""
+    """Sums up, band by band, how much each photograph contributes."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
@@ -155,7 +158,7 @@ class _Tally:
         self._shares = [0.0] * len(names)
 
     def add(self, weights: Sequence[FloatArray], total: FloatArray) -> None:
-        """Take in the weights of some texels in each photograph, and their sums."""
+        """Add the weights of some texels in each photograph, given their totals."""
         divisors = np.where(total > 0.0, total, 1.0)
         for i, weight in enumerate(weights):
             self._seen[i] += int(np.count_nonzero(weight > 0.0))

@@ -1,4 +1,4 @@
-"""What a texture bake gives back, and what it tells of itself."""
+"""The result of a texture bake: the texture with its padding, a report, and warnings."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from texbake.texture.padding import push_pull
 
 Float32Array = npt.NDArray[np.float32]
 
-# Colors of the picture of what is unseen: not covered, covered and seen, covered and unseen.
+# Colors of the map of unseen texels: not covered, covered and seen, covered but unseen.
 _UNSEEN_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
 
 
 @dataclass(frozen=True)
 class PhotoShare:
-    """What one photograph gave.
+    """How much of the texture one photograph contributes.
 
     Attributes
     ----------
     name : str
     texels_seen : int
-        Texels in which it has a weight.
+        Texels that the photograph shows, with any weight.
     percent : float
-        Of the colors of all texels that have one.
+        Its share of the weight in all texels that are seen.
     """
 
     name: str
@@ -55,17 +55,18 @@ class TextureReport:
     n_faces : int
     options : TextureBakeOptions
     source : str
-        The procedure, or how many photographs.
+        Name of the procedure, or number of photographs.
     scale : (x, y, z) or None
-        What positions were multiplied by for a procedure.
+        Factor that positions were multiplied by for a procedure.
     texels, texels_covered, texels_unseen : int
-        Of the texture; covered by the mesh; covered without a color of their own.
+        Texels of the texture, those that the mesh covers, and those among them that no photograph
+        shows.
     texels_overlapping : float
         Samples that several faces cover, in texels; the first face wins.
     faces_outside_tile : int
         Faces with a corner outside the unit square.
     padding_meets : int
-        Texels that the padding of two charts wants.
+        Texels where the padding of two charts meets.
     photos : tuple of PhotoShare
     stages : tuple of StageRecord
     """
@@ -86,23 +87,27 @@ class TextureReport:
 
     @property
     def unseen_percent(self) -> float:
-        """Texels without a color of their own, in percent of the covered ones."""
+        """Unseen texels in percent of the covered ones."""
         return 100.0 * self.texels_unseen / max(self.texels_covered, 1)
 
     @property
     def seconds(self) -> float:
-        """Time of all stages so far."""
+        """Time of all stages."""
         return sum(stage.seconds for stage in self.stages)
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should look at, a sentence each."""
-        filled = "filled from around them" if self.options.fill == "push-pull" else "left black"
+        """Problems that a user should check, one sentence each."""
+        filled = (
+            "filled from the colors around them"
+            if self.options.fill == "push-pull"
+            else "left black"
+        )
         checks = [
             (
                 self.texels_unseen,
                 f"{self.texels_unseen:,} texels ({self.unseen_percent:.2f} %) are in no photograph "
-                f"and are {filled}; see them with --unseen-map",
+                f"and are {filled}; see them with `unseen_map`",
             ),
             (
                 self.texels_overlapping,
@@ -111,23 +116,23 @@ class TextureReport:
             ),
             (
                 self.faces_outside_tile,
-                f"{self.faces_outside_tile:,} faces reach outside the unit square; "
-                "what lies outside is not baked",
+                f"{self.faces_outside_tile:,} faces extend outside the unit square; "
+                "the parts outside are not baked",
             ),
             (
                 self.padding_meets,
                 f"the padding of two charts meets on {self.padding_meets:,} texels; "
-                "use less padding or leave more room between charts",
+                "use less `padding` or leave more room between charts",
             ),
         ]
         checks += [
-            (photo.texels_seen == 0, f"{photo.name}: no texel is seen in it; is its camera right?")
+            (photo.texels_seen == 0, f"{photo.name}: it shows no texel; check its camera")
             for photo in self.photos
         ]
         return [message for count, message in checks if count]
 
     def table(self) -> list[tuple[str, str]]:
-        """Rows of a label and a figure, for a person."""
+        """Rows of a label and a figure, to print."""
         options = self.options
         size = f"{options.width_px} x {options.height_px}, {options.samples} samples"
         rows = [("texture", f"{self.source} onto {self.n_faces:,} faces"), ("size", size)]
@@ -146,7 +151,7 @@ class TextureReport:
         return [*rows, ("total", f"{self.seconds:.2f} s")]
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values, for `json.dump`."""
+        """All figures as plain values for `json.dump`."""
         return {
             **asdict(self),
             "unseen_percent": self.unseen_percent,
@@ -162,11 +167,11 @@ class TextureBake:
     Attributes
     ----------
     values : (H, W, C) float32
-        Linear; padded and filled.
+        Linear values, padded and filled.
     texel_faces : (H, W) int32
         Face of the mesh that owns each texel, -1 for none.
     has_color : (H, W) bool
-        Covered texels with a color of their own.
+        Covered texels that have a value of their own, before padding and filling.
     report : TextureReport
     """
 
@@ -177,34 +182,38 @@ class TextureBake:
 
     @cached_property
     def unseen(self) -> npt.NDArray[np.bool_]:
-        """(H, W) bool: texels that the mesh covers and no photograph shows."""
+        """(H, W) bool: texels that the mesh covers but no photograph shows."""
         return (self.texel_faces >= 0) & ~self.has_color
 
     def unseen_map(self) -> npt.NDArray[np.uint8]:
-        """(H, W, 3) uint8 picture: gray outside the charts, green where seen, red where not."""
+        """(H, W, 3) uint8 picture: gray outside the charts, green where seen, red where unseen."""
         return _UNSEEN_COLORS[(self.texel_faces >= 0).astype(np.intp) + self.unseen]
 
     def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
-        """Write the texture; the format is that of the suffix.
+        """Write the texture to an image file.
 
         Parameters
         ----------
         path
-            As `write_image` takes it.
+            The suffix chooses the format, as in `write_image`.
         color
-            Whether it is color, sRGB-coded in integer files, or data such as roughness or height.
+            True for colors, which integer files store with the sRGB curve; False for data such as
+            roughness or height.
         bits
-            8, 16 or 32 a channel; None: what is usual for the format.
+            8, 16 or 32 bits per channel; None for the usual number of the format.
 
         Raises
         ------
-        OptionError, FileError
+        OptionError
+            The format does not hold such an image.
+        FileError
+            The file cannot be written.
         """
         threads = self.report.options.threads
         write_image(self.values, path, color=color, bits=bits, threads=threads)
 
 
-def finished(
+def finish_texture(
     mesh: Mesh,
     options: TextureBakeOptions,
     coverage: TextureCoverage,
@@ -216,7 +225,7 @@ def finished(
     scale: tuple[float, float, float] | None = None,
     photos: tuple[PhotoShare, ...] = (),
 ) -> TextureBake:
-    """Fill what has no color, pad the charts and put the figures together.
+    """Fill the unseen texels, pad the charts, and sum up the report.
 
     Raises
     ------
@@ -228,7 +237,7 @@ def finished(
     if not covered.any():
         raise UvError(
             f"{mesh.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} texture; use a greater --size"
+            f"{options.width_px} x {options.height_px} texture; use a greater `size`"
         )
     n_unseen = int(np.count_nonzero(covered & ~has_color))
     known = has_color
@@ -237,7 +246,7 @@ def finished(
             filled = push_pull(values, has_color, threads=options.threads)
             values = np.where(covered[..., None], filled, values)
             known = covered
-        # NO_FACE is -1, and so the last entry: it has no chart.
+        # NO_FACE is -1 and so takes the last entry, which is no chart.
         charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[faces]
         padding = ChartPadding(charts, known, options.for_bake)
         background = (0.0,) * values.shape[2]

@@ -1,4 +1,4 @@
-"""A solid procedure baked into a mesh's own atlas: each texel gets the value at its point in space.
+"""A solid procedure baked into a texture: each texel takes the value at its point in space.
 
 Based on: Perlin, "An image synthesizer", SIGGRAPH 1985; Peachey, "Solid texturing of complex
 surfaces", SIGGRAPH 1985.
@@ -11,7 +11,7 @@ import numpy as np
 from texbake.baking.rays import RayField
 from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
-from texbake.baking.texture.result import TextureBake, finished
+from texbake.baking.texture.result import TextureBake, finish_texture
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
@@ -24,22 +24,23 @@ from texbake.texture.procedures.options import COLORED_PROCEDURES
 def bake_solid(
     mesh: MeshLike, options: SolidOptions | None = None, *, progress: ProgressSink | None = None
 ) -> TextureBake:
-    """Bake a procedure over space into a mesh's texture.
+    """Bake a solid procedure into the texture of a mesh.
 
     Parameters
     ----------
     mesh
-        With texture coordinates. Positions are those of its file.
+        With texture coordinates.
     options
         None for `SolidOptions()`.
     progress
-        Is told of the stages.
+        Receives the stages.
 
     Returns
     -------
     TextureBake
-        Three channels with `colors` and for procedures that have colors, else one. What is finer
-        than a sample of a texel is faded out. The same, byte for byte, for any number of threads.
+        Three channels with `colors` or for a procedure that makes colors, otherwise one. Detail
+        finer than a sample fades to its mean. The result is the same, byte for byte, for any number
+        of threads.
 
     Raises
     ------
@@ -59,8 +60,8 @@ def bake_solid(
     coverage = TextureCoverage(mesh, options.for_bake)
     frame = LocalFrame.around(mesh)
     scale = np.broadcast_to(np.asarray(_scale(mesh, options)), 3)
-    # Rays of no length start on the surface.
-    places = RayField(mesh, frame, kind="face", front=0.0, back=0.0, threads=options.threads)
+    # Rays of length 0 start on the surface.
+    field = RayField(mesh, frame, kind="face", front=0.0, back=0.0, threads=options.threads)
     scaled = mesh.positions[mesh.faces] * scale
     widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
     ramp = None if options.colors is None else np.asarray(options.colors, np.float32)
@@ -70,8 +71,8 @@ def bake_solid(
     has_color = np.zeros((grid.height, grid.width), np.bool_)
     for band in coverage.bands(stages):
         with stages.part("evaluate"):
-            points = places.rays(band.samples).origins
-            found = evaluate(
+            points = field.rays(band.samples).origins
+            results = evaluate(
                 options.procedure,
                 (points / frame.scale + frame.center) * scale,
                 widths[band.samples.faces],
@@ -80,13 +81,13 @@ def bake_solid(
                 threads=options.threads,
             )
             if ramp is not None:
-                found = ramp_lookup(ramp, found[:, 0], threads=options.threads)
+                results = ramp_lookup(ramp, results[:, 0], threads=options.threads)
             counts = band.counts()
-            means = band.sums(found) / np.maximum(counts, 1)[:, None]
+            means = band.sums(results) / np.maximum(counts, 1)[:, None]
             rows = slice(band.rows.start, band.rows.stop)
             values[rows] = means.reshape(-1, grid.width, n_channels)
             has_color[rows] = (counts > 0).reshape(-1, grid.width)
-    return finished(
+    return finish_texture(
         mesh, options, coverage, values, has_color, stages,
         source=options.procedure, scale=tuple(scale.tolist()),
     )  # fmt: skip

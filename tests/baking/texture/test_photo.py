@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.baking.texture.camera import PhotoCamera, read_camera
+from texbake.baking.texture.photo import PhotoCamera, read_camera
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.mapping.classical.projector import camera_matrix
 from texbake.mesh.shapes import uv_sphere
@@ -56,13 +56,16 @@ def test_files_of_both_kinds(tmp_path: Path) -> None:
         ("position = [0, 0]\ntarget = [0, 0, 1]", "position: .* is not 3 finite numbers"),
         ("position = 'x'\ntarget = [0, 0, 1]", "position: 'x' is not 3 finite numbers"),
         ("position = [0, 0, nan]\ntarget = [0, 0, 1]", "position"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 1]", "target: it is where the camera stands"),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 1]", "target: it is the position of the camera"),
         ("position = [0, 5, 0]\ntarget = [0, 0, 0]", r"up: .* is along the view"),
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nup = [0, 0, 0]", "up: .* has no length"),
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = 180", "fov: 180 degrees"),
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = true", "fov: True degrees"),
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\naspect = -1", "aspect: -1"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35", "lens: it is no key of a camera"),
+        (
+            "position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35",
+            "lens: unknown key; a camera",
+        ),
         ("position = [0,", "it is not TOML"),
     ],
 )

@@ -1,0 +1,334 @@
+"""Where points of a mesh appear in a photograph, and how much the photograph counts there.
+
+A camera shows what faces it, what lies inside its frame and what no other part of the mesh hides.
+A mesh with texture coordinates in the photograph gives no direction: there a face counts by the
+area it takes of the photograph, relative to its size on the surface. In a photograph taken from far
+away that is the cosine of the viewing angle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.texels import SampleGrid
+from texbake.baking.texture.coverage import sample_steps
+from texbake.baking.texture.options import PhotoOptions
+from texbake.baking.texture.photo_weights import camera_weights_kernel, uv_weights_kernel
+from texbake.errors import OptionError
+from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
+from texbake.mapping.classical.projector import projector_matrix, seen_from_of
+from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.weld import weld_rows
+from texbake.parallel import run_bands
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
+
+# Points per band: some milliseconds of work.
+_BAND = 1 << 15
+
+# Occlusion rays towards a camera farther away than this start here, just outside the mesh, since
+# float32 rays from far away have few digits left where they arrive. Local units.
+_OUTSIDE = 2.0
+
+# Surfaces nearer to a point than this do not hide it. Local units: 100 times the error of a float32
+# ray two units long, so that a surface does not hide itself at the angles at which photographs
+# count.
+_CONTACT = 2.0**-16
+
+# Depth over distance across the view of the steepest surface that counts as continuous: 83 degrees.
+# Anything steeper between a point and the pixels around it is an occluder in front of it.
+_MARGIN_SLOPE = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoPoints:
+    """Points on a mesh that are looked up in photographs.
+
+    Attributes
+    ----------
+    faces : (n,) int32
+    barycentrics : (n, 2) float64
+        Weights of the second and third corner.
+    positions, normals : (n, 3) float64
+        In the local frame; normals are smooth unit vectors, or zero.
+    """
+
+    faces: IntArray
+    barycentrics: FloatArray
+    positions: FloatArray
+    normals: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoLookups:
+    """Where some of the points appear in one photograph.
+
+    Attributes
+    ----------
+    ids : (m,) int64
+        Indices of the points that the photograph shows, ascending.
+    coordinates : (m, 2) float64
+        UV coordinates in the photograph, v up.
+    derivatives : (m, 4) float32
+        du/dx, dv/dx, du/dy, dv/dy with x and y in samples of the baked texture.
+    weights : (m,) float64
+        Above 0, up to 1.
+    """
+
+    ids: npt.NDArray[np.int64]
+    coordinates: FloatArray
+    derivatives: npt.NDArray[np.float32]
+    weights: FloatArray
+
+
+class PhotoMapping(Protocol):
+    """Maps points of the mesh into one photograph."""
+
+    def look_up(self, points: PhotoPoints) -> PhotoLookups:
+        """Find and weight the points that the photograph shows."""
+
+
+class CameraOcclusion:
+    """Finds the points of a mesh that its own surface hides from a camera.
+
+    Close it when done: it holds a ray tree.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    frame : LocalFrame
+        Of the mesh alone.
+    """
+
+    def __init__(self, mesh: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
+        self._scene = RayScene.build(mesh, frame, threads=threads)
+
+    def hidden(
+        self,
+        points: FloatArray,
+        faces: IntArray,
+        seen_from: FloatArray,
+        slack: FloatArray | float = 0.0,
+    ) -> npt.NDArray[np.bool_]:
+        """Find the points that have a surface between them and the camera.
+
+        Rays start at the camera, or just outside the mesh if that is nearer, and end just before
+        the point: whatever they hit hides it. Faces hide from either side.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            In local units.
+        faces : (n,) int32
+            Faces that the points lie on, which do not hide them.
+        seen_from : (4,) float64
+            Camera at a point (x, y, z, 1), or infinitely far in the direction (x, y, z, 0).
+        slack : (n,) float64
+            Surfaces nearer to a point than this do not hide it; local units.
+
+        Returns
+        -------
+        (n,) bool
+        """
+        towards = seen_from[:3] - seen_from[3] * points
+        distances = np.sqrt(np.einsum("ij,ij->i", towards, towards))
+        towards /= np.where(distances > 0.0, distances, 1.0)[:, None]
+        lengths = (
+            np.minimum(distances, _OUTSIDE) if seen_from[3] else np.full(len(points), _OUTSIDE)
+        )
+        rays = Rays(
+            points + lengths[:, None] * towards,
+            -towards,
+            np.maximum(lengths - _CONTACT - slack, 0.0),
+            lengths,
+        )
+        hit_faces = self._scene.cast(rays, cull_back_faces=False).faces
+        return np.asarray((hit_faces != NO_HIT) & (hit_faces != faces))
+
+    def close(self) -> None:
+        """Free the ray tree."""
+        self._scene.close()
+
+
+class CameraMapping:
+    """Projects points into a photograph through its camera.
+
+    The weight falls with the angle between the surface and the view. Points that face away, that
+    are hidden, or that lie within a margin around the outline of what hides others have none:
+    pixels on an outline mix the colors of both sides.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    matrix : (4, 4) float64
+        Model space to (s, t, r, q).
+    frame : LocalFrame
+        Of the mesh.
+    occlusion : CameraOcclusion, optional
+        None: all that faces the camera is seen.
+    margins : (float, float)
+        Width and height of the margin around outlines, in the unit square of the photograph.
+
+    Raises
+    ------
+    OptionError
+        The matrix flattens the picture to a line or a point.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        matrix: FloatArray,
+        frame: LocalFrame,
+        grid: SampleGrid,
+        options: PhotoOptions,
+        occlusion: CameraOcclusion | None,
+        margins: tuple[float, float],
+    ) -> None:
+        a, b, c, d = (tuple(float(value) for value in row) for row in matrix)
+        given = UnwrapOptions(method="projector", matrix=(a, b, c, d))  # type: ignore[arg-type]
+        local = projector_matrix(mesh, given, frame)
+        self._seen_from = seen_from_of(local)
+        self._matrix = np.ascontiguousarray(local[[0, 1, 3]])
+        corners = frame.to_local(mesh.positions)[mesh.faces]
+        self._margin_steps = _margin_steps(self._matrix, self._seen_from, margins)
+        self._steps = self._matrix[:, :3] @ sample_steps(mesh, corners, grid)
+        self._face_normals = face_normals(mesh)
+        self._least_cosine = math.cos(math.radians(options.max_angle))
+        self._options = options
+        self._occlusion = occlusion
+
+    def look_up(self, points: PhotoPoints) -> PhotoLookups:
+        """Project points, without those behind the camera, out of frame, turned away or hidden."""
+        n = len(points.faces)
+        coordinates, weights = np.empty((n, 2)), np.empty(n)
+        derivatives = np.empty((n, 4), np.float32)
+        shape = (self._least_cosine, self._options.falloff, self._options.feather)
+
+        def project(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            camera_weights_kernel(
+                (points.faces[band], points.positions[band], points.normals[band]),
+                (self._matrix, self._seen_from),
+                (self._face_normals, self._steps),
+                shape,
+                coordinates[band],
+                derivatives[band],
+                weights[band],
+            )
+
+        run_bands(project, n, band=_BAND, threads=self._options.threads)
+        ids = self._unhidden(points, np.flatnonzero(weights))
+        return PhotoLookups(ids, coordinates[ids], derivatives[ids], weights[ids])
+
+    def _unhidden(self, points: PhotoPoints, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Those of some points that are visible, as are the four corners of the margin around."""
+        if self._occlusion is None:
+            return ids
+        hidden = self._occlusion.hidden
+        ids = ids[~hidden(points.positions[ids], points.faces[ids], self._seen_from)]
+        if not self._margin_steps.any():
+            return ids
+        for across, up in (-1, -1), (1, -1), (-1, 1), (1, 1):
+            positions = points.positions[ids]
+            depths = positions @ self._matrix[2, :3] + self._matrix[2, 3]
+            step = across * self._margin_steps[:, 0] + up * self._margin_steps[:, 1]
+            slack = _MARGIN_SLOPE * np.linalg.norm(step) * depths
+            beside = positions + depths[:, None] * step
+            ids = ids[~hidden(beside, points.faces[ids], self._seen_from, slack)]
+        return ids
+
+
+def _margin_steps(
+    matrix: FloatArray, seen_from: FloatArray, margins: tuple[float, float]
+) -> FloatArray:
+    """(3, 2) float64: how far a point at depth 1 moves across the view by each margin."""
+    rows = np.stack(
+        [matrix[0, :3], matrix[1, :3], matrix[2, :3] if seen_from[3] else seen_from[:3]]
+    )
+    return np.asarray(np.linalg.inv(rows)[:, :2] * margins)
+
+
+class UvMapping:
+    """Looks points up in a photograph through the texture coordinates of another mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh that is baked.
+    mapped : Mesh
+        The same faces with texture coordinates in the photograph.
+
+    Raises
+    ------
+    UvError
+        `mapped` has no texture coordinates.
+    OptionError
+        `mapped` has other faces, or its texture coordinates have no area.
+    """
+
+    def __init__(self, mesh: Mesh, mapped: Mesh, grid: SampleGrid, options: PhotoOptions) -> None:
+        if mapped.n_faces != mesh.n_faces:
+            raise OptionError(
+                f"{mapped.name}: it has {mapped.n_faces:,} faces where {mesh.name} has "
+                f"{mesh.n_faces:,}; give a mesh with the same faces in the same order"
+            )
+        self._corners = mapped.corner_uvs()
+        self._steps = sample_steps(mesh, self._corners, grid)
+        self._facing = _facing_by_area(mesh, mapped)
+        self._options = options
+
+    def look_up(self, points: PhotoPoints) -> PhotoLookups:
+        """Look points up; leave out those outside the photograph or without area in it."""
+        n = len(points.faces)
+        coordinates, weights = np.empty((n, 2)), np.empty(n)
+
+        def look_up(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            uv_weights_kernel(
+                (points.faces[band], points.barycentrics[band]),
+                (self._corners, self._facing),
+                (self._options.falloff, self._options.feather),
+                coordinates[band],
+                weights[band],
+            )
+
+        run_bands(look_up, n, band=_BAND, threads=self._options.threads)
+        ids = np.flatnonzero(weights)
+        derivatives = self._steps[points.faces[ids]].transpose(0, 2, 1).reshape(-1, 4)
+        return PhotoLookups(ids, coordinates[ids], derivatives.astype(np.float32), weights[ids])
+
+
+def _facing_by_area(mesh: Mesh, mapped: Mesh) -> FloatArray:
+    """(F, 3) float64: area in the photograph per surface area, relative to the greatest.
+
+    Averaged over the faces around each position, weighted by area, so that it varies smoothly; 0 at
+    the corners of faces without area. The greatest is the density that 1 % of the surface exceeds.
+    """
+    surface = surface_areas(mesh.positions[mesh.faces])
+    taken = np.abs(signed_areas(measurable_uvs(mapped)))
+    used = (taken > 0.0) & (surface > 0.0)
+    if not used.any():
+        raise OptionError(
+            f"{mapped.name}: its texture coordinates cover no area of the photograph; give a mesh "
+            "that is unwrapped onto it"
+        )
+    density = np.where(used, taken / np.where(surface > 0.0, surface, 1.0), 0.0)
+    order = np.argsort(density, kind="stable")
+    covered = np.cumsum(surface[order])
+    greatest = density[order[np.searchsorted(covered, 0.99 * covered[-1])]]
+    shares = np.minimum(density / (greatest or density.max()), 1.0)
+    vertices = weld_rows(mesh.positions)[mesh.faces]
+    weights = np.where(used, surface, 0.0)
+    totals = np.bincount(vertices.ravel(), np.repeat(weights, 3), minlength=mesh.n_vertices)
+    sums = np.bincount(vertices.ravel(), np.repeat(weights * shares, 3), minlength=mesh.n_vertices)
+    means = sums / np.where(totals > 0.0, totals, 1.0)
+    return np.where(used[:, None], means[vertices], 0.0)
