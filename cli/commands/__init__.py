@@ -1,1 +1,1 @@
-"""One module a command, of the name of the command."""
+"""One module per command, named after it."""

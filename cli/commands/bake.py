@@ -1,4 +1,4 @@
-"""`texbake bake`: all maps of a high-poly mesh for a low-poly one, with the same rays."""
+"""`texbake bake`: bake maps of a high-poly mesh for a low-poly mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake bake-displacement`: how far the dense mesh lies from the light one."""
+"""`texbake bake-displacement`: bake the displacement of a high-poly mesh for a low-poly mesh."""
 
 from __future__ import annotations
 

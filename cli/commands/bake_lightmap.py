@@ -1,4 +1,4 @@
-"""`texbake bake-lightmap`: the light of a scene, baked into maps of its objects."""
+"""`texbake bake-lightmap`: bake the lights of a scene into light maps of its objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake bake-normals`: the dense mesh's normals on the light one."""
+"""`texbake bake-normals`: bake the normals of a high-poly mesh for a low-poly mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake bake-texture`: solid procedures and photographs onto a mesh's own atlas."""
+"""`texbake bake-texture`: bake procedures or photographs into the texture of a mesh."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def bake_texture(
 def _options(
     photos: Sequence[Path], cameras: Sequence[Path], choices: dict[str, Any]
 ) -> SolidOptions | PhotoOptions:
-    """Options of the bake that is asked for."""
+    """Return the options of the requested bake: a procedure or photographs."""
     solid = {name: choices.pop(name) for name in _SOLID}
     cast = {name: choices.pop(name) for name in _PHOTO if name in choices}
     if (solid["procedure"] is None) == (not photos):

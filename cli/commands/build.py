@@ -1,4 +1,4 @@
-"""`texbake build`: all assets of a pipeline."""
+"""`texbake build`: build all assets of a pipeline."""
 
 from __future__ import annotations
 

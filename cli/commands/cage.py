@@ -1,4 +1,4 @@
-"""`texbake cage`: a cage measured from the two meshes."""
+"""`texbake cage`: create a cage that fits the high-poly and the low-poly mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake check`: what will go wrong in a bake, before it does."""
+"""`texbake check`: find problems of a bake before it runs."""
 
 from __future__ import annotations
 

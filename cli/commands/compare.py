@@ -1,4 +1,4 @@
-"""`texbake compare`: how close a light mesh with its maps comes to the dense mesh."""
+"""`texbake compare`: compare a low-poly mesh and its maps with the high-poly mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake cubemap`: latitude-longitude images to cube maps and back."""
+"""`texbake cubemap`: convert latitude-longitude images to cube maps and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake demo`: the whole job on an orange made by code."""
+"""`texbake demo`: run the whole workflow on a generated orange."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake export`: an asset folder for another program."""
+"""`texbake export`: write an asset folder for another program."""
 
 from __future__ import annotations
 

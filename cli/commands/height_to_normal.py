@@ -1,4 +1,4 @@
-"""`texbake height-to-normal`: heights to normals."""
+"""`texbake height-to-normal`: convert a height map to a normal map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake info`: what is in a mesh."""
+"""`texbake info`: print the properties of a mesh."""
 
 from __future__ import annotations
 

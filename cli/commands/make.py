@@ -1,4 +1,4 @@
-"""`texbake make`: meshes of parametric surfaces."""
+"""`texbake make`: make meshes of parametric surfaces."""
 
 from __future__ import annotations
 

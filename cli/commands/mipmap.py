@@ -1,4 +1,4 @@
-"""`texbake mipmap`: the mip levels of an image."""
+"""`texbake mipmap`: write the mip levels of an image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake normal-to-height`: normals to heights."""
+"""`texbake normal-to-height`: convert a normal map to a height map."""
 
 from __future__ import annotations
 

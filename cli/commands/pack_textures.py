@@ -1,4 +1,4 @@
-"""`texbake pack-textures`: several images in one."""
+"""`texbake pack-textures`: pack several images into one."""
 
 from __future__ import annotations
 

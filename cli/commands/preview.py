@@ -1,4 +1,4 @@
-"""`texbake preview`: a picture of a mesh or a scene."""
+"""`texbake preview`: render a mesh or a scene."""
 
 from __future__ import annotations
 

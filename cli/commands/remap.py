@@ -1,4 +1,4 @@
-"""`texbake remap`: other maps from a trace that was kept."""
+"""`texbake remap`: make other maps from the hits of an earlier bake."""
 
 from __future__ import annotations
 

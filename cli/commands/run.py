@@ -1,4 +1,4 @@
-"""`texbake run`: the whole job."""
+"""`texbake run`: simplify, unwrap, bake and render in one command."""
 
 from __future__ import annotations
 

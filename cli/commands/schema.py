@@ -1,4 +1,4 @@
-"""`texbake schema`: the JSON Schema of pipeline and scene files."""
+"""`texbake schema`: print the JSON Schema of pipeline and scene files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake simplify`: fewer triangles."""
+"""`texbake simplify`: reduce the triangles of a mesh."""
 
 from __future__ import annotations
 

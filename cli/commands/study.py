@@ -1,4 +1,4 @@
-"""`texbake study`: what accuracy costs in time."""
+"""`texbake study`: measure accuracy against time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`texbake unwrap`: texture coordinates for meshes."""
+"""`texbake unwrap`: create texture coordinates for a mesh."""
 
 from __future__ import annotations
 

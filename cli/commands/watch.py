@@ -1,4 +1,4 @@
-"""`texbake watch`: build again whatever is saved."""
+"""`texbake watch`: build again whenever a file changes."""
 
 from __future__ import annotations
 

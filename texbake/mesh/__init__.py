@@ -1,1 +1,1 @@
-"""A mesh: what it is, where it comes from, how it is made lighter."""
+"""Meshes: the data structure, file formats, parametric surfaces, simplification and repair."""

@@ -59,9 +59,9 @@ class GroupInfo:
 class MeshInfo:
     """Counts and measures of a mesh, all plain Python values.
 
-    Components, edges, duplicate faces and what follows from them are counted with vertices at
-    exactly one place taken as one, because formats such as STL and glTF split vertices; how many
-    are split is `n_split_vertices`.
+    For components, edges, duplicate faces and derived figures, vertices at exactly the same
+    position count as one, because formats such as STL and glTF split vertices. `n_split_vertices`
+    is the number of split vertices.
 
     Attributes
     ----------

@@ -50,13 +50,13 @@ class Mesh:
     group_names : tuple of str
         Names of the groups (OBJ groups and objects, glTF primitives).
     name : str
-        The name in messages: that of its file.
+        File name, for messages.
 
     Raises
     ------
     MeshError
-        A number is not finite, an index is out of range, shapes do not fit together, or there
-        is no face.
+        A number is not finite, an index is out of range, shapes do not match, or there are no
+        faces.
     """
 
     positions: FloatArray

@@ -1,8 +1,8 @@
-"""Runs PyMeshLab's quadric edge collapse in a process of its own: `quadric_worker.py FOLDER`.
+"""Run PyMeshLab's quadric edge collapse in a separate process: `quadric_worker.py FOLDER`.
 
-Reads `mesh.npz` and writes `reduced-0.npz` and perhaps `reduced-1.npz`, each as soon as it is made;
-or, where PyMeshLab does not load, `import_error.txt`.
-It is a script, started by `decimate`, and imports nothing of texbake, to start quickly.
+Reads `mesh.npz` and writes `reduced-0.npz` and possibly `reduced-1.npz`, each when it is finished.
+If PyMeshLab cannot be imported, it writes `import_error.txt` instead. `decimate` starts this
+script, which imports nothing of texbake, so that it starts quickly.
 """
 
 from __future__ import annotations

@@ -13,11 +13,11 @@ University of Copenhagen, 2008, and the rules published with its reference imple
 5. A triangle with two equal positions takes no part; its corners copy those of the first triangle
    that uses the same vertex.
 
-In step 3 opposite directions can cancel to within rounding, and what is then left is part of the
-definition. So these steps are in float32, in the order of operations and with the arc cosine of
+In step 3, opposite directions can cancel up to rounding, and the remainder is then part of the
+definition. These steps therefore use float32, and the order of operations and the arc cosine of
 Blender's port (intern/mikktspace, Copyright Blender Authors), against which the tests check this
-module; sums are in float64, so that they hardly depend on the order of faces. As in that port there
-is no angular threshold.
+module. Sums are in float64, so that they hardly depend on the order of faces. As in that port,
+there is no angular threshold.
 """
 
 from __future__ import annotations

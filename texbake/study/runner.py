@@ -103,7 +103,7 @@ def _first_run(
     def work() -> tuple[object, float]:
         return _timed(lambda: bench.work(setting.value), clock)
 
-    # This peak is kept where there is no other: for a slow setting in a study of one round.
+    # This peak is the only one for a slow setting in a study of one round.
     (product, taken), peak = with_peak_memory(work)
     trial = Trial(setting, bench.judge(setting.value, product), peak)
     if taken > seconds:

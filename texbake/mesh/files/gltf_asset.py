@@ -29,7 +29,7 @@ from texbake.mesh.files.gltf_compression import (
     encode_vertices,
 )
 
-_VERTICES, _INDICES = 34962, 34963  # what a buffer view is bound to
+_VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
 _REPEAT, _LINEAR, _TRILINEAR = 10497, 9729, 9987
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}

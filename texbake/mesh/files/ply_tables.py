@@ -1,7 +1,7 @@
-"""The tables of a PLY file: what its header says of them, and their rows as columns.
+"""Read the tables of a PLY file, described by its header, as columns.
 
-A body of text is given as the float64 numbers in it, so that every value takes one unit of the
-body; in a binary body the unit is a byte.
+An ASCII body is passed as an array of its numbers in float64, so that every value takes one unit of
+the body. In a binary body, the unit is a byte.
 
 Based on: G. Turk, "The PLY Polygon File Format", 1994.
 """

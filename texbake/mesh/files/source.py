@@ -115,7 +115,7 @@ def read_lines(path: PathLike, kind: str) -> list[TextLine]:
 
 
 def parse_row(path: PathLike, line: TextLine, n_numbers: int, what: str) -> list[float]:
-    """Finite numbers of a line that must have so many; `what` says what they are."""
+    """Parse a line of `n_numbers` finite numbers; messages call the line `what`."""
     if len(line.words) != n_numbers:
         raise FileFormatError(
             f"{path}: line {line.number}: it has {len(line.words)} words; "

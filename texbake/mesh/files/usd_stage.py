@@ -107,7 +107,7 @@ def _reason(error: Exception) -> str:
     return " ".join(first.split()).strip("'") or "no reason was given"
 
 
-# Types of texture coordinates, those that say what they are for first.
+# Types of texture coordinates; the dedicated types come first.
 _PAIRS = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]", "float2[]", "double2[]", "half2[]")
 
 

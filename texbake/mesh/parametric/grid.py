@@ -249,7 +249,7 @@ def _firsts_of(ids: IntArray) -> IntArray:
 
 
 def _numbered(firsts: IntArray) -> tuple[IntArray, npt.NDArray[np.intp]]:
-    """Number what each row is, from the first rows that equal them; and those first rows."""
+    """Number distinct rows, given the first equal row of each; also return those first rows."""
     is_first = firsts == np.arange(len(firsts), dtype=np.int32)
     numbers = np.cumsum(is_first, dtype=np.int32) - 1
     return numbers[firsts], np.flatnonzero(is_first)

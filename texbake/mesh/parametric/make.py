@@ -1,16 +1,15 @@
-"""Meshes of parametric surfaces, which carry their own (u, v) as texture coordinates.
+"""Make meshes of parametric surfaces, with (u, v) as texture coordinates.
 
-Made here are the plane, the height field and the Möbius strip; surfaces of revolution and Bézier
-patches have modules of their own.
+This module makes the plane, the height field and the Möbius strip. Surfaces of revolution and
+Bézier patches are in separate modules.
 
 A plane and a height field face +z, with v along y. A height field has one vertex at the center of
-each pixel, exactly as high as the pixel says, and the texture coordinates of that center: an image
-of the same size, laid over it, fits pixel by pixel, and its borders lie half a pixel outside of the
-surface.
+each pixel, with the height of the pixel and the texture coordinates of that center. An image of the
+same size fits it pixel by pixel, with borders half a pixel outside the surface.
 
-The middle of a Möbius strip is a circle about y through +z, where u is 1/2. There the strip stands
-upright; away from it, it turns about that circle, by pi for each twist in a whole round. With an
-odd number of twists the ends are glued upside down: vertex (u = 1, v) is (u = 0, 1 - v). Faces wind
+The center line of a Möbius strip is a circle about y through +z, where u is 1/2. There the strip is
+upright; along the circle it rotates about the center line, by pi per twist in a full turn. With an
+odd number of twists the ends join upside down: vertex (u = 1, v) is (u = 0, 1 - v). Faces wind
 counter-clockwise in (u, v), and normals are those of (u, v): both are continuous everywhere except
 at the seam, across which they jump to the other side. The surface has one side, so that any winding
 must have such a seam; `mesh_info` counts its edges as misoriented. Seen from behind, a face shows

@@ -1,8 +1,8 @@
 """Surfaces of revolution about the y axis: cylinder, cone, sphere, torus, and any profile.
 
-All close on themselves vertex by vertex, face outwards, and have normals of the closed form. A pole
-is one vertex; there, each face takes the normal at its own middle u, which at the tip of a cone is
-that of the side below it and at the poles of a sphere is the axis.
+All are closed vertex by vertex, face outwards, and have exact normals. A pole is a single vertex
+whose normal in each face is the one at the middle u of the face: at the tip of a cone, the normal
+of its side; at the poles of a sphere, the axis.
 
 Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, section 2-3, example 4.
 """

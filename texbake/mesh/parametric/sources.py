@@ -157,7 +157,8 @@ def read_patches(path: PathLike) -> FloatArray:
     FileError
         The file is missing or cannot be read.
     FileFormatError
-        It is no such file, or has a hole; the message names the patch and the line.
+        The file is not a patch file, or a patch is incomplete. The message names the patch and the
+        line.
     """
     lines = read_lines(path, "a patch file")
     if not lines:

@@ -85,8 +85,8 @@ def _bump_gradient_bench(case: Case) -> Bench:
 def forward_normals(heights: Floats) -> Floats:
     """(H, W, 3) normals from the difference to the next texel, as textbooks define bump mapping.
 
-    It is the slope half a texel further on, so its error is proportional to the step, where that of
-    a central difference is proportional to its square.
+    The difference is the slope half a texel further on, so its error is proportional to the step,
+    while the error of a central difference is proportional to the square of the step.
     """
     along_x = (np.roll(heights, -1, axis=1) - heights) * np.float32(heights.shape[1])
     up_y = (np.roll(heights, 1, axis=0) - heights) * np.float32(heights.shape[0])

@@ -1,12 +1,12 @@
-"""The truth about maps: a ray cast from any point of a low-poly mesh, or very many in a texel.
+"""Ground truth for maps: rays from points of the low-poly mesh, or very many rays per texel.
 
-Probes are spread evenly over the low-poly mesh. From each a ray is cast as in a bake, and what it
-hits is the truth: the normal and the height of the high-poly mesh, or of the closed form that this
-was made from. A map is read as a renderer reads it: looked up bilinearly at the coordinates of the
-probe, and turned from tangent space with interpolated normals and tangents.
+Probes are spread evenly over the low-poly mesh. From each probe a ray is cast as in a bake, and its
+hit is the truth: the normal and the height of the high-poly mesh, or of the closed form from which
+this mesh was made. Maps are read as in a renderer: sampled bilinearly at the coordinates of the
+probe, and transformed from tangent space with interpolated normals and tangents.
 
-The mean normal over a texel adds up all rays before anything is normalized: a mean of unit means
-would count parts with differing normals for too much.
+For the mean normal of a texel, all rays are added up before normalizing: a mean of normalized means
+would give too much weight to parts with differing normals.
 """
 
 from __future__ import annotations
