@@ -1,4 +1,4 @@
-"""The cage holds the dense surface, and no vertex of it could go in by itself."""
+"""The cage encloses the high-poly surface, and no vertex could move in on its own."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from texbake.mesh.simplify import simplify
 
 @pytest.fixture(scope="module")
 def peel() -> tuple[Mesh, Mesh]:
-    """A made dense mesh with dents and bumps, and a light one."""
+    """A high-poly mesh with dents and bumps, and a low-poly one."""
     high = orange(6_000)
     return high, simplify(high, 300)
 
 
 def _outside(points: np.ndarray, cage: Mesh) -> int:
-    """How many points the closed cage does not wind around.
+    """Number of points that the closed cage does not enclose, by their winding numbers.
 
     Based on: A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", 1983.
     """
@@ -36,8 +36,8 @@ def _outside(points: np.ndarray, cage: Mesh) -> int:
     return int(np.count_nonzero(angles / (4.0 * np.pi) < 0.5))
 
 
-def test_a_surface_at_one_height_gives_that_height() -> None:
-    """A plane lifted by 0.25: every vertex moves by 0.25, to the rounding of the ray tree."""
+def test_a_cage_of_a_lifted_plane_moves_by_its_height() -> None:
+    """Every vertex moves by 0.25, up to the rounding of the ray tree."""
     low = plane(3, 2)
     high = plane(17, 11)
     high = high.replace(positions=high.positions + np.array([0.0, 0.0, 0.25]))
@@ -47,8 +47,8 @@ def test_a_surface_at_one_height_gives_that_height() -> None:
     np.testing.assert_array_equal(cage.mesh.uvs, low.uvs)
 
 
-def test_one_peak_is_held_by_the_face_under_it_alone() -> None:
-    """A tent over the middle of one of two faces: the far vertex stays, the others touch it."""
+def test_a_peak_moves_only_the_face_under_it() -> None:
+    """Over a tent on one of two faces, the vertex of the other face alone stays in place."""
     low = plane()
     middle = low.positions[low.faces[0]].mean(axis=0)
     peak = middle + np.array([0.0, 0.0, 0.3])
@@ -65,7 +65,7 @@ def test_one_peak_is_held_by_the_face_under_it_alone() -> None:
     assert cage.n_beside == 0
 
 
-def test_no_dense_vertex_lies_outside(peel: tuple[Mesh, Mesh]) -> None:
+def test_no_high_poly_vertex_lies_outside(peel: tuple[Mesh, Mesh]) -> None:
     high, low = peel
     cage = fit_cage(high, low)
     assert cage.greatest_outside == 0.0
@@ -73,14 +73,14 @@ def test_no_dense_vertex_lies_outside(peel: tuple[Mesh, Mesh]) -> None:
     assert _outside(high.positions, low) > 200  # so that the cage was needed
 
 
-def test_no_vertex_could_go_in_by_itself(peel: tuple[Mesh, Mesh]) -> None:
-    """Each vertex that was moved out, moved in by a twentieth of that, lets something through."""
+def test_no_vertex_could_move_in_on_its_own(peel: tuple[Mesh, Mesh]) -> None:
+    """Moving a vertex back by a twentieth of its distance lets something through."""
     high, low = peel
     cage = fit_cage(high, low, margin=0.0)
     moved = np.flatnonzero(cage.distances > 0.002 * high.diagonal)
     assert len(moved) > 20
     directions = cage.mesh.positions - low.positions
-    # Points of the dense faces too: what holds a vertex out may lie over an edge of the cage.
+    # Face centers too: the points that hold a vertex out may lie over an edge of the cage.
     points = np.vstack([high.positions, high.positions[high.faces].mean(axis=1)])
     loose = 0
     for vertex in moved[:: max(len(moved) // 12, 1)]:
@@ -91,7 +91,7 @@ def test_no_vertex_could_go_in_by_itself(peel: tuple[Mesh, Mesh]) -> None:
     assert loose <= 2
 
 
-def test_rays_from_it_miss_nothing_and_reach_less_far(peel: tuple[Mesh, Mesh]) -> None:
+def test_rays_from_a_cage_miss_nothing_and_are_shorter(peel: tuple[Mesh, Mesh]) -> None:
     high, _ = peel
     low = uv_sphere(8, 12)
     options = BakeOptions(size=64)
@@ -119,8 +119,8 @@ def test_vertices_of_one_position_move_together() -> None:
     assert len(np.unique(cage.positions, axis=0)) == low.n_vertices
 
 
-def test_size_and_place_do_not_matter(peel: tuple[Mesh, Mesh]) -> None:
-    """The same pair a million times smaller and away from the origin: distances in proportion."""
+def test_scaling_and_moving_both_meshes_scales_the_distances(peel: tuple[Mesh, Mesh]) -> None:
+    """The same pair, a million times smaller and away from the origin."""
     high, low = peel
     cage = fit_cage(high, low)
     small = [
@@ -134,13 +134,13 @@ def test_size_and_place_do_not_matter(peel: tuple[Mesh, Mesh]) -> None:
     )
 
 
-def test_any_number_of_threads(peel: tuple[Mesh, Mesh]) -> None:
+def test_the_number_of_threads_changes_no_byte(peel: tuple[Mesh, Mesh]) -> None:
     one, three = (fit_cage(*peel, threads=threads).mesh.positions for threads in (1, 3))
     assert one.tobytes() == three.tobytes()
 
 
-def test_what_lies_beside_the_border_is_told() -> None:
-    """A dense plane wider than the light one."""
+def test_points_beside_the_border_are_a_warning() -> None:
+    """The high-poly plane is wider than the low-poly one."""
     high = plane(9, 9)
     high = high.replace(positions=high.positions * 2.0 + np.array([0.0, 0.0, 0.1]))
     cage = fit_cage(high, plane(2, 2))
@@ -148,7 +148,7 @@ def test_what_lies_beside_the_border_is_told() -> None:
     assert any("border" in warning for warning in cage.warnings)
 
 
-def test_vertices_without_a_normal_stay_and_are_told() -> None:
+def test_vertices_without_a_normal_stay_with_a_warning() -> None:
     low = plane(2, 2)
     line = low.replace(positions=low.positions * [1.0, 0.0, 0.0])
     cage = fit_cage(plane(4, 4), line)
@@ -159,6 +159,6 @@ def test_vertices_without_a_normal_stay_and_are_told() -> None:
 
 
 @pytest.mark.parametrize("margin", [-1.0, float("nan"), float("inf")])
-def test_a_margin_that_is_none(margin: float) -> None:
+def test_a_negative_or_infinite_margin_is_an_error(margin: float) -> None:
     with pytest.raises(OptionError, match="margin"):
         fit_cage(plane(), plane(), margin=margin)

@@ -1,4 +1,4 @@
-"""Cameras of photographs: what their matrices see, and their files."""
+"""Cameras of photographs: their matrices and their files."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 
 
-def test_the_picture_is_that_of_a_preview() -> None:
-    """A point that a preview's camera shows in a pixel has that place in the photograph."""
+def test_a_camera_projects_as_a_preview_does() -> None:
+    """A point has the same position in the photograph as in a preview from the same camera."""
     options = RenderOptions(width=300, height=200, view=(35.0, -20.0))
     seen = Camera.framing(uv_sphere(8, 8), options=options)
     target = seen.eye - seen.axes[2]
@@ -30,14 +30,14 @@ def test_the_picture_is_that_of_a_preview() -> None:
     np.testing.assert_allclose(t / q, (clip[:, 1] / clip[:, 3] + 1) / 2, atol=1e-12)
 
 
-def test_it_is_the_projector_of_unwrap() -> None:
+def test_a_camera_projects_as_unwrap_does() -> None:
     mesh = uv_sphere(8, 8)
     camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0), fov=40.0)
     expected = camera_matrix(mesh, (0.0, 0.0, 4.0), 40.0)
     np.testing.assert_allclose(camera.matrix(), expected, atol=1e-12)
 
 
-def test_files_of_both_kinds(tmp_path: Path) -> None:
+def test_cameras_are_read_from_toml_and_from_matrices(tmp_path: Path) -> None:
     toml = tmp_path / "front.toml"
     toml.write_text("position = [0, 1, 3]\ntarget = [0, 1, 0]\nup = [0, 0.5, 0]\nfov = 50\n")
     assert read_camera(toml) == PhotoCamera(
@@ -69,18 +69,18 @@ def test_files_of_both_kinds(tmp_path: Path) -> None:
         ("position = [0,", "it is not TOML"),
     ],
 )
-def test_a_wrong_file_is_told_with_its_key(tmp_path: Path, text: str, message: str) -> None:
+def test_an_error_in_a_file_names_the_key(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "camera.toml"
     file.write_text(text)
     with pytest.raises(FileFormatError, match=rf"camera\.toml: {message}"):
         read_camera(file)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"no\.toml: cannot be read"):
         read_camera(tmp_path / "no.toml")
 
 
-def test_wrong_values_are_told_in_python_too() -> None:
+def test_wrong_values_are_an_error_in_python_too() -> None:
     with pytest.raises(OptionError, match="fov"):
         PhotoCamera(position=(0, 0, 1), target=(0, 0, 0), fov=0.0)

@@ -1,4 +1,4 @@
-"""Photographs cast onto meshes and back: what is seen gets its color, what is not gets none."""
+"""Photographs baked onto meshes: seen texels take their color, unseen texels stay empty."""
 
 import dataclasses
 from collections.abc import Callable
@@ -36,12 +36,12 @@ def solid(color: Array, height: int = 8, width: int = 8) -> Array:
     return np.full((height, width, len(color)), color, np.float32)
 
 
-def places(mesh: Mesh, found: TextureBake) -> Array:
-    """(H, W, 3): the point of each covered texel; NaN elsewhere."""
-    coverage = TextureCoverage(mesh, dataclasses.replace(found.report.options, samples=1).for_bake)
+def texel_positions(mesh: Mesh, result: TextureBake) -> Array:
+    """(H, W, 3): the position of each covered texel; NaN elsewhere."""
+    coverage = TextureCoverage(mesh, dataclasses.replace(result.report.options, samples=1).for_bake)
     frame = LocalFrame.around(mesh)
     field = RayField(mesh, frame, kind="face", front=0.0, back=0.0)
-    points = np.full((*found.texel_faces.shape, 3), np.nan)
+    points = np.full((*result.texel_faces.shape, 3), np.nan)
     for band in coverage.bands(Stages()):
         origins = field.rays(band.samples).origins
         points.reshape(-1, 3)[band.samples.texel_ids] = origins / frame.scale + frame.center
@@ -49,7 +49,7 @@ def places(mesh: Mesh, found: TextureBake) -> Array:
 
 
 def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, height: int) -> Array:
-    """Photograph a mesh, a ray a pixel: (H, W, 4), with opacity 0 where there is no mesh."""
+    """Photograph a mesh, one ray per pixel: (H, W, 4), with opacity 0 beside the mesh."""
     frame = LocalFrame.around(mesh)
     right, up, back = camera.axes()
     tall = np.tan(np.radians(camera.fov) / 2)
@@ -59,12 +59,12 @@ def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, heig
     eye = frame.to_local(np.array([camera.position]))
     origins = np.repeat(eye, len(rays), axis=0)
     scene = RayScene.build(mesh, frame)
-    found = scene.cast(
+    hits = scene.cast(
         Rays(origins, rays, np.full(len(rays), 20.0), np.zeros(len(rays))), cull_back_faces=False
     )
     scene.close()
-    hit = found.faces >= 0
-    points = (origins + rays * found.distances[:, None]) / frame.scale + frame.center
+    hit = hits.faces >= 0
+    points = (origins + rays * hits.distances[:, None]) / frame.scale + frame.center
     picture = np.zeros((len(rays), 4), np.float32)
     picture[hit, :3] = colors(points[hit])
     picture[hit, 3] = 1.0
@@ -77,15 +77,15 @@ def waves(points: Array) -> Array:
 
 def around(target: Array, distance: float, n: int) -> list[PhotoCamera]:
     angles = 2 * np.pi * np.arange(n) / n
-    ways = np.stack([np.sin(angles), 0.3 * (-1.0) ** np.arange(n), np.cos(angles)], axis=1)
+    directions = np.stack([np.sin(angles), 0.3 * (-1.0) ** np.arange(n), np.cos(angles)], axis=1)
     return [
-        PhotoCamera(position=tuple(target + distance * way), target=tuple(target), fov=45.0)
-        for way in ways
+        PhotoCamera(position=tuple(target + distance * direction), target=tuple(target), fov=45.0)
+        for direction in directions
     ]
 
 
 def two_walls() -> Mesh:
-    """A wall, and a smaller one half as far from z = 3 before its middle; both in one atlas."""
+    """A wall, and a screen in front of its middle, halfway to z = 3; both in one atlas."""
     wall, screen = plane(), plane()
     assert wall.uvs is not None and screen.uvs is not None
     wall = wall.replace(uvs=wall.uvs * (0.5, 1.0), name="wall")
@@ -97,60 +97,60 @@ def two_walls() -> Mesh:
     return join_meshes([wall, screen])
 
 
-def test_a_photograph_of_one_color_gives_it_wherever_it_is_seen() -> None:
+def test_a_photograph_of_one_color_gives_that_color_to_all_seen_texels() -> None:
     sphere = uv_sphere(16, 24)
     camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
-    found = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], EVEN)
+    result = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], EVEN)
     np.testing.assert_array_equal(
-        found.values[found.has_color], np.tile(RED, (found.has_color.sum(), 1))
+        result.values[result.has_color], np.tile(RED, (result.has_color.sum(), 1))
     )
-    np.testing.assert_array_equal(found.values[~found.has_color], 0.0)
-    assert found.report.texels_unseen == found.unseen.sum() > 0
+    np.testing.assert_array_equal(result.values[~result.has_color], 0.0)
+    assert result.report.texels_unseen == result.unseen.sum() > 0
     # Seen from distance 4, a point of the unit sphere is 80 degrees off where z = 0.4145 or so:
     # cos(80) of the angle at the point between its normal z and (4 - z) / |...|.
-    z = places(sphere, found)[:, :, 2]
-    assert z[found.has_color].min() > 0.3
-    assert found.has_color[z > 0.5].all()
+    z = texel_positions(sphere, result)[:, :, 2]
+    assert z[result.has_color].min() > 0.3
+    assert result.has_color[z > 0.5].all()
 
 
-def test_the_colors_are_those_of_the_picture_not_mirrored_nor_turned() -> None:
-    """A plane that fills the picture gets its very texels."""
+def test_the_picture_is_neither_mirrored_nor_rotated() -> None:
+    """A plane that fills the picture takes its pixels as texels."""
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)
     camera = PhotoCamera(
         position=(0.5, 0.5, 2.0), target=(0.5, 0.5, 0.0), fov=float(np.degrees(2 * np.arctan(0.25)))
     )
-    found = bake_photos(plane(), [Photo(image=image, camera=camera)], EVEN)
-    # Rays to the corners meet the very border: all inside it is seen, and texel centers lie on
-    # pixel centers to some 1e-12.
-    np.testing.assert_allclose(found.values, image, atol=1e-5)
-    assert found.report.unseen_percent == 0.0
+    result = bake_photos(plane(), [Photo(image=image, camera=camera)], EVEN)
+    # The corners of the plane project onto the border, so all texels are seen, and their centers
+    # lie on pixel centers to some 1e-12.
+    np.testing.assert_allclose(result.values, image, atol=1e-5)
+    assert result.report.unseen_percent == 0.0
 
 
-def test_parallel_light_by_a_matrix() -> None:
+def test_a_matrix_gives_a_parallel_projection() -> None:
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)
     # Looks along -z: s = x, t = y, r = depth, q = 1.
     matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0, 0, 0, 1.0))
-    found = bake_photos(plane(), [Photo(image=image, camera=matrix)], EVEN)
-    np.testing.assert_allclose(found.values, image, atol=1e-5)
+    result = bake_photos(plane(), [Photo(image=image, camera=matrix)], EVEN)
+    np.testing.assert_allclose(result.values, image, atol=1e-5)
     hidden = bake_photos(two_walls(), [Photo(image=image, camera=matrix)], EVEN)
-    # A quarter by a quarter of the wall lies in the screen's shadow: 8 of 32 by 16 of 64 texels.
+    # A quarter by a quarter of the wall is behind the screen: 8 of 32 by 16 of 64 texels.
     wall = hidden.has_color[:, :32]
     assert (~wall).sum() == 8 * 16
     assert not wall[24:40, 12:20].any()
 
 
-def test_what_is_hidden_gets_nothing_exactly() -> None:
-    """The shadow of the screen is twice its size, by similar triangles."""
+def test_exactly_the_hidden_texels_are_unseen() -> None:
+    """The hidden part of the wall is twice the size of the screen, by similar triangles."""
     mesh = two_walls()
     colors = {"wall": RED, "screen": GREEN}
     image = take_photo(
         mesh, FRONT, lambda p: np.where(p[:, 2:] > 1.0, colors["screen"], colors["wall"]), 256, 256
     )
     photo = Photo(image=image, camera=FRONT)
-    found = bake_photos(mesh, [photo], EVEN)
-    points = places(mesh, found)
+    result = bake_photos(mesh, [photo], EVEN)
+    points = texel_positions(mesh, result)
     shadow = (points[..., 2] < 1.0) & (np.abs(points[..., :2] - 0.5) < 0.25).all(axis=2)
-    np.testing.assert_array_equal(found.unseen, shadow)
+    np.testing.assert_array_equal(result.unseen, shadow)
     through = bake_photos(mesh, [photo], dataclasses.replace(EVEN, occlusion=False))
     assert not through.unseen.any()
     inner = (points[..., 2] > 1.0) & (np.abs(points[..., :2] - 0.5) < 0.11).all(axis=2)
@@ -158,13 +158,13 @@ def test_what_is_hidden_gets_nothing_exactly() -> None:
     np.testing.assert_allclose(through.values[inner] - GREEN, 0.0, atol=1e-6)
 
 
-def test_a_margin_keeps_pixels_of_the_outline_out() -> None:
+def test_a_margin_leaves_out_pixels_of_outlines() -> None:
     mesh = two_walls()
     image = take_photo(mesh, FRONT, lambda p: np.where(p[:, 2:] > 1.0, GREEN, RED), 110, 110)
     photo = Photo(image=image[..., :3] + 0.0, camera=FRONT)
     bare = bake_photos(mesh, [photo], dataclasses.replace(EVEN, size=512))
     wide = bake_photos(mesh, [photo], dataclasses.replace(EVEN, size=512, margin=1.5))
-    wall = places(mesh, bare)[..., 2] < 1.0
+    wall = texel_positions(mesh, bare)[..., 2] < 1.0
     assert (bare.values[wall & bare.has_color, 1] > 0.05).sum() > 100
     assert (wide.values[wall & wide.has_color, 1] > 0.05).sum() == 0
     assert 0 < (bare.has_color & ~wide.has_color).sum() < 0.1 * wall.sum()
@@ -180,7 +180,7 @@ def test_a_curved_surface_does_not_hide_itself() -> None:
     np.testing.assert_array_equal(with_rays.has_color, without.has_color)
 
 
-def test_weights_of_two_photographs_sum_to_1() -> None:
+def test_two_photographs_have_weights_that_sum_to_1() -> None:
     sphere = uv_sphere(16, 24)
     cameras = [
         PhotoCamera(position=(4 * np.sin(a), 0.5, 4 * np.cos(a)), target=(0.0, 0.0, 0.0))
@@ -191,18 +191,18 @@ def test_weights_of_two_photographs_sum_to_1() -> None:
         Photo(image=solid(one), camera=camera) for one, camera in zip(ones, cameras, strict=True)
     ]
     options = dataclasses.replace(EVEN, samples=4, feather=0.1)
-    found = bake_photos(sphere, photos, options)
-    sums = found.values.sum(axis=2)
-    np.testing.assert_allclose(sums[found.has_color], 1.0, atol=1e-6)
-    both = found.has_color & (found.values[..., :2] > 0.05).all(axis=2)
+    result = bake_photos(sphere, photos, options)
+    sums = result.values.sum(axis=2)
+    np.testing.assert_allclose(sums[result.has_color], 1.0, atol=1e-6)
+    both = result.has_color & (result.values[..., :2] > 0.05).all(axis=2)
     assert both.sum() > 100
-    shares = found.report.photos
+    shares = result.report.photos
     assert shares[0].percent + shares[1].percent == pytest.approx(100.0)
-    assert shares[0].percent == pytest.approx(100 * found.values[found.has_color][:, 0].mean())
+    assert shares[0].percent == pytest.approx(100 * result.values[result.has_color][:, 0].mean())
 
 
 def test_the_weight_is_the_power_of_the_cosine() -> None:
-    """At the middle of a plane seen straight on and at 60 degrees, with a falloff of 1."""
+    """In the middle of a plane that is seen head-on and at 60 degrees."""
     side = PhotoCamera(
         position=(0.5 + 4 * np.sin(np.pi / 3), 0.5, 4 * np.cos(np.pi / 3)), target=(0.5, 0.5, 0.0)
     )
@@ -220,7 +220,7 @@ def test_the_weight_is_the_power_of_the_cosine() -> None:
     np.testing.assert_allclose(bake_photos(plane(), photos, narrow).values[32, 32], [1, 0, 0])
 
 
-def test_the_border_of_a_photograph_weighs_nothing() -> None:
+def test_the_border_of_a_photograph_has_no_weight() -> None:
     weights = [
         border_weight_kernel(u, 0.5, 0.1) for u in (-1.0, 0.0, 1e-9, 0.05, 0.1, 0.5, 0.95, 1.0)
     ]
@@ -232,18 +232,18 @@ def test_the_border_of_a_photograph_weighs_nothing() -> None:
     assert border_weight_kernel(1e-9, 0.5, 0.0) == 1.0
 
 
-def test_opacity_weighs_and_clear_pixels_do_not_tint() -> None:
-    """Half the picture is clear blue: it gives no color, nor does its border a fringe."""
+def test_transparent_pixels_give_no_color() -> None:
+    """The transparent blue half of a picture gives no color, nor a fringe along its edge."""
     image = solid(np.array([*RED, 1.0], np.float32), 32, 32)
     image[:, 16:] = (0.0, 0.0, 1.0, 0.0)
     camera = dataclasses.replace(FRONT, fov=20.0)
-    found = bake_photos(plane(), [Photo(image=image, camera=camera)], EVEN)
-    assert 0.4 < found.has_color.mean() < 0.6
-    assert not found.has_color[:, 36:].any()
-    np.testing.assert_allclose(found.values[found.has_color] - RED, 0.0, atol=1e-6)
+    result = bake_photos(plane(), [Photo(image=image, camera=camera)], EVEN)
+    assert 0.4 < result.has_color.mean() < 0.6
+    assert not result.has_color[:, 36:].any()
+    np.testing.assert_allclose(result.values[result.has_color] - RED, 0.0, atol=1e-6)
 
 
-def test_many_photographs_give_back_the_colors_of_a_mesh() -> None:
+def test_photographs_from_all_sides_reproduce_the_colors_of_a_mesh() -> None:
     sphere = uv_sphere(32, 48)
     cameras = around(np.zeros(3), 3.0, 6)
     photos = [
@@ -251,60 +251,61 @@ def test_many_photographs_give_back_the_colors_of_a_mesh() -> None:
         for camera in cameras
     ]
     # One sample, at the center of each texel, where the colors are known.
-    found = bake_photos(sphere, photos, PhotoOptions(size=512, samples=1))
-    error = np.abs(found.values - waves(places(sphere, found)))[found.has_color].max(axis=1)
+    result = bake_photos(sphere, photos, PhotoOptions(size=512, samples=1))
+    difference = np.abs(result.values - waves(texel_positions(sphere, result)))
+    error = difference[result.has_color].max(axis=1)
     # A pixel covers 1/130 of the radius, and up to 1/23 where the surface is at 80 degrees to it:
     # waves 0.4 sin 5x bend by up to 0.4 * 5² / 23² / 8 = 0.0024 between pixels.
     assert np.percentile(error, 99) < 0.0024
     assert np.median(error) < 2e-4
-    assert found.report.unseen_percent < 3.0  # about the poles, which lie more than 80 degrees off
-    assert found.report.seconds > 0.0
+    assert result.report.unseen_percent < 3.0  # the poles are seen at more than 80 degrees
+    assert result.report.seconds > 0.0
 
 
-def test_what_is_unseen_is_filled_and_told() -> None:
+def test_unseen_texels_are_filled_and_reported() -> None:
     sphere = uv_sphere(16, 24)
     camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
     options = dataclasses.replace(EVEN, fill="push-pull", padding=2)
-    found = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], options)
-    np.testing.assert_allclose(found.values, np.broadcast_to(RED, found.values.shape), atol=1e-6)
-    report = found.report
+    result = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], options)
+    np.testing.assert_allclose(result.values, np.broadcast_to(RED, result.values.shape), atol=1e-6)
+    report = result.report
     assert any("in no photograph" in warning for warning in report.warnings)
     assert dict(report.table())["texels unseen"].startswith(f"{report.texels_unseen:,} ")
-    assert report.to_json()["photos"][0]["texels_seen"] == found.has_color.sum()
-    picture = found.unseen_map()
-    assert (picture[found.unseen] == (255, 40, 60)).all()
+    assert report.to_json()["photos"][0]["texels_seen"] == result.has_color.sum()
+    picture = result.unseen_map()
+    assert (picture[result.unseen] == (255, 40, 60)).all()
 
 
-def test_a_photograph_that_sees_nothing_is_told() -> None:
+def test_a_photograph_that_shows_no_texel_is_a_warning() -> None:
     away = PhotoCamera(position=(0.5, 0.5, 3.0), target=(0.5, 0.5, 6.0))
     photo = Photo(image=solid(RED), camera=away, name="sky.jpg")
-    found = bake_photos(plane(), [photo], EVEN)
-    assert not found.has_color.any()
+    result = bake_photos(plane(), [photo], EVEN)
+    assert not result.has_color.any()
     assert any(
-        warning.startswith("sky.jpg: it shows no texel") for warning in found.report.warnings
+        warning.startswith("sky.jpg: it shows no texel") for warning in result.report.warnings
     )
 
 
-def test_a_photograph_can_have_coordinates_of_its_own() -> None:
-    """A mesh whose coordinates are turned by a quarter looks its texels up turned."""
+def test_a_photograph_can_have_a_mesh_unwrapped_onto_it() -> None:
+    """Texture coordinates rotated by 90 degrees rotate the texture."""
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)
     mesh = plane()
     assert mesh.uvs is not None
     turned = mesh.replace(uvs=np.stack([mesh.uvs[:, 1], 1 - mesh.uvs[:, 0]], axis=1))
-    found = bake_photos(mesh, [Photo(image=image, mapped=turned)], EVEN)
-    np.testing.assert_allclose(found.values, np.rot90(image), atol=1e-5)
+    result = bake_photos(mesh, [Photo(image=image, mapped=turned)], EVEN)
+    np.testing.assert_allclose(result.values, np.rot90(image), atol=1e-5)
 
 
-def test_coordinates_outside_a_photograph_are_not_in_it() -> None:
+def test_coordinates_outside_a_photograph_are_unseen() -> None:
     mesh = plane(2, 1)
     assert mesh.uvs is not None
     moved = mesh.replace(uvs=mesh.uvs * (2.0, 1.0))
-    found = bake_photos(mesh, [Photo(image=solid(RED), mapped=moved)], EVEN)
-    assert found.has_color[:, :32].all() and not found.has_color[:, 32:].any()
+    result = bake_photos(mesh, [Photo(image=solid(RED), mapped=moved)], EVEN)
+    assert result.has_color[:, :32].all() and not result.has_color[:, 32:].any()
 
 
-def test_of_two_with_own_coordinates_the_one_with_more_texels_counts_more() -> None:
-    """One shows the left half large and the right half small, the other the other way round."""
+def test_a_photograph_counts_by_the_area_that_it_gives_a_face() -> None:
+    """One photograph shows the left half large and the right half small, the other vice versa."""
     mesh = plane(2, 1)
     assert mesh.uvs is not None
 
@@ -322,7 +323,7 @@ def test_of_two_with_own_coordinates_the_one_with_more_texels_counts_more() -> N
     assert np.abs(np.diff(values[32, :, 0])).max() < 0.1  # smooth over the edge between faces
 
 
-def test_threads_change_no_byte() -> None:
+def test_the_number_of_threads_changes_no_byte() -> None:
     sphere = uv_sphere(16, 24)
     image = np.random.default_rng(0).random((50, 70, 3), dtype=np.float32)
     photos = [Photo(image=image, camera=camera) for camera in around(np.zeros(3), 3.0, 3)]
@@ -333,7 +334,7 @@ def test_threads_change_no_byte() -> None:
     assert bakes[0].values.tobytes() == bakes[1].values.tobytes()
 
 
-def test_size_and_place_change_nothing() -> None:
+def test_scaling_and_moving_the_scene_changes_nothing() -> None:
     sphere = uv_sphere(16, 24)
     image = np.random.default_rng(0).random((50, 70, 3), dtype=np.float32)
     moved = sphere.replace(positions=sphere.positions * 512.0 + (4096.0, 0.0, 0.0))
@@ -378,22 +379,23 @@ def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path: Path) -> None:
     image = solid(RED)
     image[3, 3] = np.nan
     write_image(image, tmp_path / "a.exr", color=True, bits=32)
-    found = bake_photos(plane(), [Photo(image=tmp_path / "a.exr", camera=FRONT)], EVEN)
-    assert np.isfinite(found.values).all()
-    assert found.report.photos[0].name == "a.exr"
+    result = bake_photos(plane(), [Photo(image=tmp_path / "a.exr", camera=FRONT)], EVEN)
+    assert np.isfinite(result.values).all()
+    assert result.report.photos[0].name == "a.exr"
 
 
 @pytest.mark.realdata
-def test_a_real_mesh_gets_its_own_colors_back(data_dir: Path) -> None:
+def test_photographs_reproduce_the_colors_of_a_real_mesh(data_dir: Path) -> None:
     mesh = read_mesh(data_dir / "pairs" / "spot" / "low_uv.obj")
     low, high = mesh.bounds
     cameras = around((low + high) / 2, 1.6 * mesh.diagonal, 6)
     photos = [
         Photo(image=take_photo(mesh, camera, waves, 400, 300), camera=camera) for camera in cameras
     ]
-    found = bake_photos(mesh, photos, PhotoOptions(size=512, samples=1))
-    error = np.abs(found.values - waves(places(mesh, found)))[found.has_color].max(axis=1)
+    result = bake_photos(mesh, photos, PhotoOptions(size=512, samples=1))
+    difference = np.abs(result.values - waves(texel_positions(mesh, result)))
+    error = difference[result.has_color].max(axis=1)
     # As on a sphere; pixels are 1/170 of the diagonal, which is 2.5 long.
     assert np.percentile(error, 99) < 0.01
     assert np.median(error) < 1e-3
-    assert found.report.unseen_percent < 5.0
+    assert result.report.unseen_percent < 5.0

@@ -1,4 +1,4 @@
-"""Procedures baked into an atlas, held against the procedures themselves."""
+"""Procedures baked into a texture, compared with the procedures themselves."""
 
 import dataclasses
 
@@ -20,26 +20,26 @@ Array = np.ndarray
 
 
 def centers(size: int) -> Array:
-    """Points of the unit square at the centers of texels, as a plane has them in space."""
+    """Positions of texel centers on a plane that fills the unit square."""
     y, x = (np.mgrid[:size, :size] + 0.5) / size
     return np.stack([x.ravel(), 1.0 - y.ravel(), np.zeros(size * size)], axis=1)
 
 
 @pytest.mark.parametrize("procedure", ["noise", "marble", "wood", "worley"])
-def test_a_texel_has_the_value_at_its_point(procedure: str) -> None:
+def test_a_texel_takes_the_value_at_its_point(procedure: str) -> None:
     size = 32
     options = SolidOptions(procedure=procedure, scale=3.0, size=size, samples=1)
-    found = bake_solid(plane(4, 2), options)  # corners at corners of texels: nothing is snapped
+    result = bake_solid(plane(4, 2), options)  # corners at corners of texels: nothing is snapped
     footprint = np.full(size * size, 3.0 / size, np.float32)
     expected = evaluate(procedure, centers(size) * 3.0, footprint, parameters={})
     # Points go through the local frame, and are off by some units of 2^-53.
-    np.testing.assert_allclose(found.values.reshape(expected.shape), expected, atol=2e-6)
-    assert found.report.texels_covered == size * size
-    assert found.report.texels_unseen == 0
-    assert not found.report.warnings
+    np.testing.assert_allclose(result.values.reshape(expected.shape), expected, atol=2e-6)
+    assert result.report.texels_covered == size * size
+    assert result.report.texels_unseen == 0
+    assert not result.report.warnings
 
 
-def test_a_checker_is_counted_texel_by_texel() -> None:
+def test_a_checker_has_cells_of_8_texels() -> None:
     # Cells of 8 texels; a footprint of a quarter texel blurs their edges by half that each way.
     options = SolidOptions(
         procedure="checker", parameters={"dimensions": 2}, scale=4.0, size=32, samples=16
@@ -59,7 +59,7 @@ def test_a_ramp_of_one_color_gives_that_color() -> None:
     np.testing.assert_allclose(values, np.broadcast_to((0.2, 0.4, 0.6), values.shape), atol=1e-6)
 
 
-def test_a_ramp_takes_the_value_of_the_procedure() -> None:
+def test_a_ramp_maps_the_values_of_the_procedure() -> None:
     plain = SolidOptions(procedure="noise", scale=5.0, size=16, samples=1)
     colored = dataclasses.replace(plain, colors=((0.0, 1.0, 0.5), (1.0, 0.0, 0.5)))
     value, color = bake_solid(plane(), plain).values, bake_solid(plane(), colored).values
@@ -67,7 +67,7 @@ def test_a_ramp_takes_the_value_of_the_procedure() -> None:
     np.testing.assert_allclose(color, expected, atol=1e-6)
 
 
-def test_size_and_place_change_nothing_by_default() -> None:
+def test_scaling_the_mesh_changes_nothing_by_default() -> None:
     mesh = uv_sphere(12, 16)
     options = SolidOptions(procedure="granite", size=64)
     large = mesh.replace(positions=mesh.positions * 1024.0)
@@ -77,20 +77,20 @@ def test_size_and_place_change_nothing_by_default() -> None:
     assert two.report.scale == (2.0**-10,) * 3
 
 
-def test_threads_change_no_byte() -> None:
+def test_the_number_of_threads_changes_no_byte() -> None:
     options = SolidOptions(procedure="marble", size=128)
     one = bake_solid(uv_sphere(12, 16), dataclasses.replace(options, threads=1))
     three = bake_solid(uv_sphere(12, 16), dataclasses.replace(options, threads=3))
     assert one.values.tobytes() == three.values.tobytes()
 
 
-def test_far_finer_than_a_texel_it_is_even() -> None:
+def test_detail_far_finer_than_a_texel_fades_to_its_mean() -> None:
     options = SolidOptions(procedure="noise", scale=1e4, size=16, samples=1)
     assert np.ptp(bake_solid(plane(), options).values) < 1e-3
 
 
-def test_steps_and_widths_are_those_of_a_known_map() -> None:
-    # A plane 6 wide and 2 high on a texture of 3 x 4 samples: 2 and 0.5 a sample.
+def test_sample_steps_of_a_stretched_plane() -> None:
+    # A plane 6 wide and 2 high on a texture of 3 x 4 samples: 2 and 0.5 per sample.
     mesh = plane().replace(positions=plane().positions * (6.0, 2.0, 1.0))
     steps = sample_steps(mesh, mesh.positions[mesh.faces], SampleGrid(3, 4, 1))
     np.testing.assert_allclose(steps[:, :, 0], [[2, 0, 0]] * 2, atol=1e-12)
@@ -103,7 +103,7 @@ def test_steps_and_widths_are_those_of_a_known_map() -> None:
     )
 
 
-def test_coverage_notes_the_first_face_of_each_texel() -> None:
+def test_coverage_agrees_with_a_trace() -> None:
     mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16).for_bake
     coverage = TextureCoverage(mesh, options)
     n_samples = sum(len(band.samples) for band in coverage.bands(Stages()))

@@ -100,7 +100,7 @@ class PhotoOptions(TextureBakeOptions):
     """How `bake_photos` projects and blends photographs.
 
     The weight of a photograph falls from 1, where the surface faces the camera, to 0 at
-    `max_angle`, by the power `falloff`; a power of 0 weights all that is seen alike.
+    `max_angle`, by the power `falloff`; a power of 0 weights everything seen alike.
     """
 
     max_angle: Annotated[
