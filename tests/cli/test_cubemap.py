@@ -70,7 +70,7 @@ def test_cubemap_as_a_process(workplace: Path, run: Run) -> None:
         ("sky.hdr -o a.png --layout faces", 2, "faces go to a folder"),
         ("sky.hdr -o a --layout cross", 2, "cross is one image"),
         ("sky.hdr -o a.hdr --layout latlong", 2, "sky.hdr is a latlong already"),
-        ("sky.hdr -o a --size 0", 2, "size: 0 is too small"),
+        ("sky.hdr -o a --size 0", 2, "size: 0 is out of range; it must be 1 or more"),
         ("sky.hdr -o a --convention maya", 2, "'maya'"),
         ("sky.hdr -o sky.hdr", 2, "also an input"),
         ("sky.hdr -o a.xyz", 1, "'.xyz' is not known"),

@@ -193,7 +193,7 @@ def test_a_report_does_not_replace_the_mesh_of_a_scene(invoke, scene):
         ("preview ball.toml -o p.png --filter sharp", 2, "sharp"),
         ("preview ball.toml -o ball.toml", 2, "ball.toml"),
         ("preview ball.toml -o p.png --view turntable:0", 2, "turntable"),
-        ("preview ball.toml -o p --view turntable:2 --filter nearest,ewa", 2, "one way"),
+        ("preview ball.toml -o p --view turntable:2 --filter nearest,ewa", 2, "name one of each"),
         ("preview missing.toml -o p.png", 1, "missing.toml"),
         ("preview ball.toml -o p.txt", 1, "p.txt"),
         ("preview ball.toml -o p.png --affine-vs-perspective --interpolation affine", 2, "names"),
