@@ -611,7 +611,7 @@ def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
     assert [(item.name, item.by, item.why) for item in plan.left_out] == [
         ("idle", "", "no idle"), ("tree", "c", "is too late"),
     ]  # fmt: skip
-    with pytest.raises(AssertionError, match="tree stands before ground"):
+    with pytest.raises(AssertionError, match="tree comes before ground"):
         compile_plan(request, effects[::-1])
 
 

@@ -84,5 +84,5 @@ def test_a_frame_tells_the_nearest_triangle_of_a_pixel_and_its_distance():
     )
     np.testing.assert_array_equal(frame.face_ids, [[3, -1]])
     np.testing.assert_array_equal(frame.depths, np.float32([[0.1 / 0.5, np.inf]]))
-    with pytest.raises(OptionError, match="kept no normals"):
+    with pytest.raises(OptionError, match="has no normals"):
         _ = frame.normals

@@ -116,7 +116,7 @@ class Camera:
         """
         if not 0.0 < fov < math.pi:
             raise OptionError(
-                f"fov: {math.degrees(fov):g} degrees show nothing; it must be above 0 and below 180"
+                f"fov: {math.degrees(fov):g} is out of range; it must be above 0 and below 180"
             )
         if not 0.0 < near < math.inf:
             raise OptionError(f"near: {near:g} is not above 0; give the distance of the near plane")
@@ -192,13 +192,13 @@ def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[floa
     largest = max(float(np.abs(place).max()), float(np.abs(goal).max()))
     back = _unit(place / 2 - goal / 2)
     if back is None or float(np.abs(place / 2 - goal / 2).max()) <= _ROUNDING * largest:
-        raise OptionError("position: it is that of the target; move one of them")
+        raise OptionError("position: it is the same as the target; move one of them")
     upward_unit = _unit(upward)
     if upward_unit is None:
         raise OptionError("up: it has no length; give a direction such as 0, 1, 0")
     right = np.cross(upward_unit, back)
     if float(np.linalg.norm(right)) <= _PARALLEL:
-        raise OptionError("up: the view goes along it; give another direction")
+        raise OptionError("up: it is parallel to the view; give another direction")
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(back, right), back])
 
@@ -223,7 +223,7 @@ def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
         offsets = cloud - center
         squared = max(squared, float(np.einsum("ij,ij->i", offsets, offsets).max()))
     if not math.isfinite(squared):
-        raise MeshError(f"{meshes[0].name}: it is too large to look at; scale it down")
+        raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
     return center, math.sqrt(squared) if squared > 0.0 else 1.0
 
 

@@ -54,7 +54,7 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
             return
         for name in effect.needs(request, call.target):
             needed = by_name[name]
-            assert places[name] < places[effect.name], f"{effect.name} stands before {name}"
+            assert places[name] < places[effect.name], f"{effect.name} comes before {name}"
             target = call.target if needed.of == effect.of else None
             assert target is not None or needed.of == "picture", f"{effect.name} needs {name}"
             add(needed, Call(target, call.by, f"for {effect.name}"))

@@ -79,7 +79,7 @@ class Frame:
             The picture was drawn without `keep=("normals",)`.
         """
         if self._normals is None:
-            raise OptionError('frame: it kept no normals; draw it with keep=("normals",)')
+            raise OptionError('frame: it has no normals; draw it with keep=("normals",)')
         return self._normals
 
     @cached_property

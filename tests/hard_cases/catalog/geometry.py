@@ -230,7 +230,7 @@ GEOMETRY: tuple[Case[Mesh], ...] = (
          wrong="squares overflow, and areas become infinite",
          make=lambda: moved(icosphere(1), 1e300), traits=CLOSED,
          refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "stl": "too large for the float32",
-                  "glb": "beyond float32", "preview": "too large to look at", "bake": BEYOND_MAPS}),
+                  "glb": "beyond float32", "preview": "too large to render", "bake": BEYOND_MAPS}),
     Case(name="sizes 1 to 1e-9 in one",
          wrong="an epsilon relative to the whole mesh swallows its small parts",
          make=_spread_of_scales, traits=SOLID),

@@ -75,7 +75,7 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
         document = read_document(path)
         for name in document.texts("extensionsRequired"):
             if name not in SHOWN:
-                document.fail(f"it needs {name}, which is not shown")
+                document.fail(f"it requires {name}, which is not supported")
         return _Reader(document).scene()
 
 
@@ -92,7 +92,7 @@ class _Reader:
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
         self.notes = [
-            f"it asks for {name}, which is not shown"
+            f"it uses {name}, which is not supported"
             for name in document.texts("extensionsUsed")
             if name not in SHOWN
         ]
@@ -166,7 +166,7 @@ class _Reader:
                 )
             except OptionError:
                 # The specification allows this as a way to hide a node's content.
-                self.notes.append(f"the node {name!r} flattens what it holds; it is left out")
+                self.notes.append(f"the node {name!r} is scaled flat; it is left out")
                 continue
             self.objects.append(item)
 
@@ -179,7 +179,7 @@ class _Reader:
             tangents = piece.tangents[piece.corners].astype(np.float32)
         uvs, uv_faces = piece.uvs, piece.corners
         if uvs is None and has_textures:
-            self.notes.append(f"{name!r} has textures and no coordinates for them; (0, 0) is shown")
+            self.notes.append(f"{name!r} has textures but no texture coordinates; (0, 0) is used")
             uvs, uv_faces = np.array([[0.0, 1.0]]), 0 * piece.corners
         mesh = Mesh(
             positions=piece.positions,
@@ -236,7 +236,7 @@ def _cone(document: Document, light: dict[str, Any]) -> dict[str, Any]:
     outer = _number(document, spot, "outerConeAngle", math.pi / 4)
     inner = _number(document, spot, "innerConeAngle", 0.0)
     if not 0.0 <= inner < outer <= math.pi / 2 + 1e-6:
-        document.fail(f"a cone from {inner:g} to {outer:g} radians is none")
+        document.fail(f"a cone from {inner:g} to {outer:g} radians is not valid")
     return {
         "angle": min(math.degrees(2.0 * outer), _WIDEST),
         "blend": 1.0 - inner / outer,
@@ -255,7 +255,7 @@ def view_of(
     camera = document.item("cameras", node["camera"])
     name = camera.get("name") or node.get("name") or node["camera"]
     if camera.get("type") != "perspective":
-        return f"the camera {name!r} is {camera.get('type')}; only perspective ones are shown"
+        return f"the camera {name!r} is {camera.get('type')}; only perspective is supported"
     lens = document.mapping(camera, "perspective")
     fov = math.degrees(_number(document, lens, "yfov", 0.0))
     near = _number(document, lens, "znear", 0.0)

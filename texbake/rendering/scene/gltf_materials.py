@@ -320,5 +320,5 @@ class MaterialReader:
             or not math.isfinite(value)
             or (value < 0.0 and not signed)
         ):
-            self.document.fail(f"{key!r} is {value!r}, not a number that it can be")
+            self.document.fail(f"{key!r} is {value!r}, which is not a valid number")
         return float(value)

@@ -106,7 +106,7 @@ class Light:
         if not all(map(math.isfinite, (*self.position, *self.up))):
             raise OptionError(f"{self.name}.position: it and up must be finite")
         if self.kind != "point" and not 0.0 < math.hypot(*self.direction) < math.inf:
-            raise OptionError(f"{self.name}.direction: {self.direction} points nowhere")
+            raise OptionError(f"{self.name}.direction: {self.direction} is not a direction")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +160,7 @@ class Environment:
 
     def __post_init__(self) -> None:
         if self.image is not None and self.faces:
-            raise OptionError("faces: the image says it already; give one of them")
+            raise OptionError("faces: it conflicts with the image; give only one")
         _check_color("environment.color", self.color)
         if len(self.faces) not in (0, 6):
             raise OptionError(f"faces: {len(self.faces)} are not six: +x, -x, +y, -y, +z, -z")

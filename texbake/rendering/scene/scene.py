@@ -62,7 +62,9 @@ class CameraView:
             if getattr(self, name) is not None and self.position is None:
                 raise OptionError(f"{name}: it belongs to a camera with a position; give that too")
         if self.fov is not None and not 0.0 < self.fov < 180.0:
-            raise OptionError(f"fov: {self.fov:g} degrees show nothing; above 0 and below 180 do")
+            raise OptionError(
+                f"fov: {self.fov:g} is out of range; it must be above 0 and below 180"
+            )
         if self.near is not None and not 0.0 < self.near < math.inf:
             raise OptionError(f"near: {self.near:g} is not above 0")
 
@@ -237,7 +239,7 @@ def turntable_cameras(scene: Scene, options: RenderOptions, n_views: int) -> lis
         `n_views` is below 1; or as for `camera_of`.
     """
     if n_views < 1:
-        raise OptionError(f"turntable: {n_views} views are none; give 1 or more")
+        raise OptionError(f"turntable: {n_views} views is out of range; it must be 1 or more")
     first = camera_of(scene, options)
     center, _ = Camera.sphere_around(*_outlines(scene))
     axis = np.array(UP_AXES[options.up])

@@ -1,1 +1,1 @@
-"""Scene files: TOML, checked key by key, to a `Scene`."""
+"""Scene files: TOML that is validated key by key and becomes a `Scene`."""

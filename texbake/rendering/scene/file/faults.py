@@ -1,6 +1,6 @@
-"""What is wrong with a scene file, as one line: where it is, what it is, what was expected.
+"""Error messages for scene files, in one line: the place, the value and what was expected.
 
-Checks raise `fault`; pydantic keeps the place, and `first_fault` makes the line of both.
+Checks raise `fault`, pydantic records the place, and `first_fault` combines both to a message.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 from texbake.errors import FileFormatError, OptionError, TexbakeError
 from texbake.files import PathLike
 
-# Errors whose cause is most likely that of the others, first: a misspelled key is also missing.
+# Kinds of errors to report first, since they may cause others: a misspelled key is also missing.
 _FIRST = ("key", "fault")
 _EXPECTED = {
     "float_type": "not a number; give one such as 0.5",
@@ -29,22 +29,22 @@ _EXPECTED = {
     "list_type": "not a list; give one in brackets",
     "dict_type": "not a table",
 }
-# An error of an options class: maybe what it is of, then the option, then what is wrong.
+# Message of an options class: an optional owner, the option, and what is wrong.
 _OPTION = re.compile(r"(?:[^:]*\.)?([\w-]+): (.*)", re.DOTALL)
 
 
 def fault(what: str) -> PydanticCustomError:
-    """Error of a value; `what` says what it is and what was expected."""
+    """Error for a value; `what` says what is wrong and what was expected."""
     return PydanticCustomError("fault", "{what}", {"what": what})
 
 
 def key_fault(key: str, what: str) -> PydanticCustomError:
-    """Error of a key in a table."""
+    """Error for a key in a table."""
     return PydanticCustomError("key", "{what}", {"what": what, "key": key})
 
 
 def shown(value: Any) -> str:
-    """Return a value of a file as a message has it: short, text in quotes."""
+    """Format a value of a file for a message: shortened, with text in quotes."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, PurePath):
@@ -54,14 +54,14 @@ def shown(value: Any) -> str:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """`did you mean 'x'?`, or the known words where none is near."""
+    """Suggest a similar word (`did you mean 'x'?`), or list the known words."""
     words = list(known)
     close = get_close_matches(word, words, n=1, cutoff=0.6)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(words)}"
 
 
 def place_of(steps: Sequence[int | str]) -> str:
-    """`objects[1].material.roughness`; steps in angle brackets are no keys and are left out."""
+    """Format a place as `objects[1].material.roughness`, without steps in angle brackets."""
     place = ""
     for step in steps:
         if isinstance(step, int):
@@ -72,7 +72,7 @@ def place_of(steps: Sequence[int | str]) -> str:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Place of the first error, and what is wrong there: `camera.fov: 'wide' is no number`."""
+    """Format the first error with its place: `camera.fov: 'wide' is not a number`."""
     errors = error.errors(include_url=False)
     order = {kind: rank for rank, kind in enumerate(_FIRST)}
     worst = min(errors, key=lambda item: order.get(item["type"], len(order)))
@@ -92,7 +92,7 @@ def first_fault(error: ValidationError) -> str:
 
 
 def option_fault(steps: Sequence[int | str], error: Exception) -> str:
-    """Line of an error of what is made at a place; that of an option may name it first."""
+    """Format an error raised while building the object at a place; it may start with an option."""
     message = str(error)
     named = _OPTION.fullmatch(message) if isinstance(error, OptionError) else None
     if named is None:
@@ -103,7 +103,7 @@ def option_fault(steps: Sequence[int | str], error: Exception) -> str:
 
 @contextmanager
 def at(path: PathLike, *steps: int | str) -> Iterator[None]:
-    """Give an error of what is made of a place in a file that place."""
+    """Add the place in the file to errors raised in this context."""
     try:
         yield
     except TexbakeError as error:

@@ -24,7 +24,7 @@ from texbake.rendering.scene.lights import (
 )
 from texbake.rendering.studio import STUDIO_ROOM
 
-# Keys that only some kinds of light read.
+# Keys that only some kinds of light use.
 _READ_BY = {
     "position": ("point", "spot"),
     "direction": ("directional", "spot"),
@@ -45,10 +45,10 @@ def _light(kind: str, target: tuple[float, ...] | None = None, **given: Any) -> 
         if kind not in _READ_BY.get(key, (kind,)):
             raise OptionError(f"{key}: a {kind} light does not use it; leave it out")
     if kind != "directional" and "position" not in given:
-        raise OptionError(f"position: it is missing; a {kind} light stands somewhere")
+        raise OptionError(f"position: it is missing; a {kind} light needs one")
     if target is not None:
         if "direction" in given:
-            raise OptionError("direction: the target says it already; give one of them")
+            raise OptionError("direction: it conflicts with the target; give only one")
         start = given.get("position", (0.0, 0.0, 0.0))
         given["direction"] = tuple(b - a for a, b in zip(start, target, strict=True))
     return Light(kind=kind, **given)
@@ -94,7 +94,7 @@ OcclusionTable = table(AmbientOcclusion)
 
 
 def _named(lights: list[Light]) -> tuple[Light, ...]:
-    """Lights, of which those without a name get one that tells them apart."""
+    """Give lights without a name a distinct one."""
     return tuple(
         replace(light, name=f"{light.kind} {i + 1}") if light.name == Light.name else light
         for i, light in enumerate(lights)

@@ -1,4 +1,4 @@
-"""Materials of a scene file: every slot, and the effects that hang on a material."""
+"""Materials of a scene file: slots, and effects such as normal maps and reflections."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ RefractionTable = table(Refraction, _ENVIRONMENT, short="strength")
 
 
 def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
-    """(4, 4) numbers of a list of sixteen, row by row, of four rows, or of a file."""
+    """(4, 4): matrix from sixteen numbers row by row, from four rows, or from a file."""
     if isinstance(value, str):
         try:
             return np.array(read_matrix(existing_file(value, info)))
@@ -106,7 +106,7 @@ def _projected(
     strength = {"strength": given.pop("strength")} if "strength" in given else {}
     if matrix is not None:
         if given:
-            raise OptionError(f"{min(given)}: the matrix says it already; give one of them")
+            raise OptionError(f"{min(given)}: it conflicts with the matrix; give only one")
         return ProjectedTexture(texture=texture, matrix=matrix, **strength)
     for name in "position", "target":
         if name not in given:

@@ -1,4 +1,4 @@
-"""Objects of a scene file: their meshes read or made, mapped, and put into place."""
+"""Objects of a scene file: reads or generates meshes, maps and transforms them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from texbake.rendering.scene.scene import SceneObject, checked_transform
 from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import read_image
 
-# Shapes beside the parametric ones, and the keys that they take.
+# Shapes other than parametric ones, and the keys that they take.
 PLAIN_SHAPES: dict[str, tuple[str, ...]] = {
     "cube": (),
     "icosphere": ("level",),
@@ -111,13 +111,13 @@ class ObjectMaker:
     Attributes
     ----------
     path
-        Of the scene file, for messages.
+        Path of the scene file, for messages.
     materials
-        Those that have a name.
+        Materials by name.
     notes
-        What files of objects ask for and is not shown.
+        Features of the objects' files that are not supported.
     files
-        Those that lie beside files of objects and belong to them.
+        Further files that the objects' files refer to.
     """
 
     path: PathLike
@@ -129,7 +129,7 @@ class ObjectMaker:
     _names: set[str] = field(default_factory=set)
 
     def made(self, index: int, found: Table) -> list[SceneObject]:
-        """Objects of one table: a single one, or all of a glTF file."""
+        """Build the objects of one table: a single object, or all objects of a glTF file."""
         given = found.given()
         steps = "objects", index
         with at(self.path, *steps):
@@ -199,7 +199,7 @@ _FLAGS = ("casts_shadows", "receives_shadows", "visible")
 
 
 def _is_whole_scene(given: Mapping[str, Any]) -> bool:
-    """Whether an object is all that a glTF file holds, with its own materials."""
+    """Whether an object is a whole glTF file with its own materials."""
     return (
         "mesh" in given
         and given["mesh"].suffix.lower() in GLTF_SUFFIXES
@@ -210,7 +210,7 @@ def _is_whole_scene(given: Mapping[str, Any]) -> bool:
 def _check_source(given: Mapping[str, Any]) -> None:
     if ("mesh" in given) == ("shape" in given):
         raise OptionError(
-            "shape: the mesh says it already; give one of them"
+            "shape: it conflicts with the mesh; give only one"
             if "mesh" in given
             else "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"
         )
@@ -224,7 +224,7 @@ def _transform(given: Mapping[str, Any]) -> FloatArray | None:
     parts = {key: given[key] for key in ("translate", "rotate", "scale") if key in given}
     if "matrix" in given:
         if parts:
-            raise OptionError(f"{next(iter(parts))}: the matrix says it already; give one of them")
+            raise OptionError(f"{next(iter(parts))}: it conflicts with the matrix; give only one")
         return checked_transform(given["matrix"], "matrix")
     return checked_transform(transform_matrix(**parts), "scale") if parts else None
 
@@ -253,6 +253,6 @@ def _shape(given: Mapping[str, Any]) -> Mesh:
 
 
 def _with_flat_sides(mesh: Mesh) -> Mesh:
-    """Return the mesh with a normal for each face, where shading would round its edges."""
+    """Return the mesh with flat normals if smooth shading would round its edges."""
     corners = np.repeat(np.arange(mesh.n_faces, dtype=np.int32)[:, None], 3, axis=1)
     return mesh.replace(normals=face_normals(mesh), normal_faces=corners)

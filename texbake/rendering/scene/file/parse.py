@@ -1,4 +1,4 @@
-"""A scene file's text to a `Scene`."""
+"""Parsing the text of a scene file to a `Scene`."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from texbake.rendering.scene.scene import Scene, check_view
 
 
 def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = None) -> Scene:
-    """Scene of the content of a file.
+    """Parse the content of a scene file.
 
     Parameters
     ----------
     path
-        Of the file; names in it are relative to its folder.
+        Path of the file; file names in it are relative to its folder.
     text
         TOML, in UTF-8.
     progress
-        Told of the meshes that are read.
+        Receives a stage for each mesh that is read.
 
     Raises
     ------
     FileFormatError
-        It is not TOML, or something in it is not as it should be; the message has the key.
+        It is not TOML, or its content is not valid; the message names the key.
     """
     place = Place(Path(path).parent)
     try:

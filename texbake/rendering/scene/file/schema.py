@@ -1,6 +1,6 @@
-"""The whole of a scene file, and what each of its tables becomes.
+"""The tables of a scene file, and the objects that they become.
 
-`TABLES` names the tables, for the documentation to be held against.
+`TABLES` lists the tables by their headings in the documentation.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from texbake.rendering.scene.scene import CameraView
 from texbake.schema import JsonSchema, option
 from texbake.texture.encoding import encode_srgb
 
-# Options of a picture that belong to the camera, to bare meshes or to a single picture.
+# Render options that are not keys of [render]: for the camera, for bare meshes or per picture.
 NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
 
 
@@ -67,7 +67,7 @@ def _view(view: tuple[float, ...] | None = None, **given: Any) -> CameraView:
 
 
 def _background(value: Any) -> tuple[float, ...] | None:
-    """SRGB-coded color, as `RenderOptions` has it; None for no background."""
+    """SRGB-coded color as in `RenderOptions`; None for no background."""
     if value == "transparent":
         return None
     return tuple(min(channel, 1.0) for channel in encode_srgb(color_of(value)).tolist())
@@ -134,17 +134,17 @@ SceneTable: type[Table] = create_model(
 
 
 def scene_schema() -> JsonSchema:
-    """JSON Schema of scene files, draft 2020-12, for editors to complete and check them by.
+    """JSON Schema of scene files, draft 2020-12, for completion and validation in editors.
 
     Returns
     -------
     dict
-        Plain values, for `json.dumps`.
+        JSON values, for `json.dumps`.
     """
     return file_schema(SceneTable, "texbake scene")
 
 
-# Each table, by the heading that documents it.
+# Tables by their headings in the documentation.
 TABLES: dict[str, type[Table]] = {
     "the file": SceneTable,
     "[camera]": CameraTable,

@@ -1,8 +1,8 @@
 """Tables of a scene file, derived from the classes that they become.
 
-A key is a field of its class and has its default, so that what a class can hold can be written in a
-file, and no default is written twice. pydantic checks; the class itself is made in the same pass,
-so that what it raises gets its place in the file.
+Each key is a field of its class, with the same default, so that files can express everything the
+class can hold and no default is written twice. pydantic validates the keys and builds the class in
+the same pass, so that errors of the class are reported with their place in the file.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from texbake.rendering.scene.file.values import (
 )
 from texbake.schema import JsonSchema, OptionField, option_fields
 
-# Types of keys by their names, where the type of the field does not say enough.
+# Types of keys by name, for fields whose own type is not specific enough.
 _BY_NAME: dict[str, Any] = {
     "color": Color,
     "ground": Color,
@@ -56,15 +56,15 @@ class Table(BaseModel):
     Attributes
     ----------
     source
-        The class whose fields its keys are.
+        The class whose fields are the keys.
     short
-        Key that a value stands for which is no table; None where it must be one.
+        Key that is set by a plain value in place of the table; None if a table is required.
     switchable
-        Whether `true` stands for a table with nothing in it.
+        Whether `true` is accepted as an empty table.
     takes_more
-        Whether keys that are not known are kept.
+        Whether unknown keys are kept.
     further_keys
-        JSON Schemas of those.
+        JSON Schemas of unknown keys.
     """
 
     model_config = ConfigDict(extra="ignore", arbitrary_types_allowed=True)
@@ -96,7 +96,7 @@ class Table(BaseModel):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchema:
-        """JSON Schema of what stands for the table: its keys, or a value for the short key."""
+        """JSON Schema of the table: its keys, or a value for the short key."""
         named = handler(core_schema)
         schema = handler.resolve_ref_schema(named)
         schema["additionalProperties"] = False
@@ -114,17 +114,17 @@ class Table(BaseModel):
 
     @classmethod
     def keys(cls) -> list[str]:
-        """Keys that it knows."""
+        """Known keys."""
         return list(cls.model_fields)
 
     def given(self) -> dict[str, Any]:
-        """Known keys that the file has, with their values, in the order of the class."""
+        """Known keys that the file sets, with their values, in the order of the class."""
         given = self.model_fields_set
         return {key: getattr(self, key) for key in type(self).model_fields if key in given}
 
 
 class OpenTable(Table):
-    """A table that keeps keys that are not known, for something else to check."""
+    """A table that keeps unknown keys, to be validated elsewhere."""
 
     model_config = ConfigDict(extra="allow")
     takes_more: ClassVar[bool] = True
@@ -142,24 +142,24 @@ def table(
     takes_more: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> type[Table]:
-    """Model of the table that holds the fields of a dataclass.
+    """Create the model of a table whose keys are the fields of a dataclass.
 
     Parameters
     ----------
     kind
         The dataclass.
     types_of
-        Types of keys whose field does not say them.
+        Types of keys that differ from the field's type.
     name
-        Of the model; None: that of the class.
+        Name of the model; None uses that of the class.
     without
-        Fields that are no keys.
+        Fields that are not keys.
     required
-        Keys that must be given though the field has a default.
+        Keys that must be given even though the field has a default.
     short, switchable, takes_more
-        As of `Table`.
+        As in `Table`.
     more
-        Types of further keys, which the class does not have.
+        Types of additional keys that are not fields of the class.
     """
     checks = types_of_fields(kind, types_of)
     keys: dict[str, Any] = {}
@@ -176,7 +176,7 @@ def table(
 
 
 def types_of_fields(kind: type, types_of: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """How keys named as the fields of a dataclass are checked, and what their JSON Schema says."""
+    """Types of keys for the fields of a dataclass, for validation and for JSON Schema."""
     return {
         item.name: described(
             (types_of or {}).get(item.name) or _BY_NAME.get(item.name) or _type_of(item),
@@ -187,23 +187,23 @@ def types_of_fields(kind: type, types_of: Mapping[str, Any] | None = None) -> di
 
 
 def described(kind: Any, said: JsonSchema | str) -> Any:
-    """Type of a key with its description and its default, for the JSON Schema."""
+    """Type of a key with its description and default, for JSON Schema."""
     if any(getattr(part, "json_schema_extra", None) for part in get_args(kind)[1:]):
-        return kind  # it is described already
+        return kind  # already described
     said = {"description": said} if isinstance(said, str) else said
 
     def add(schema: JsonSchema) -> None:
-        schema.pop("default", None)  # None, which only means that the key is not there
+        schema.pop("default", None)  # a default of None only means that the key is not given
         schema.update({key: said[key] for key in ("description", "default") if key in said})
 
     return Annotated[kind, Field(json_schema_extra=add)]
 
 
 class FileSchema(GenerateJsonSchema):
-    """JSON Schema of a file, in which a value may fit several forms of a slot."""
+    """JSON Schema generator that lets a value match several forms of a slot."""
 
     def tagged_union_schema(self, schema: Any) -> JsonSchema:
-        """Any of the forms; a word that names a file can look like a color."""
+        """Use `anyOf`, since a file name can look like a color."""
         found = super().tagged_union_schema(schema)
         return {"anyOf": found["oneOf"]} if "oneOf" in found else found
 
@@ -215,22 +215,22 @@ def file_schema(model: type[Table], title: str) -> JsonSchema:
 
 
 def made(model: type[Table], make: Callable[..., Any]) -> Any:
-    """Type of a table of which something is made: `make(**keys that are given)`."""
+    """Type of a table that becomes the result of `make(**given_keys)`."""
     return converted(model, lambda found: make(**found.given()))
 
 
 def converted(kind: Any, convert: Callable[[Any], Any]) -> Any:
-    """Type of a value of which a function makes another once it has been checked."""
+    """Type of a value that a function converts after validation."""
     return Annotated[kind, AfterValidator(convert)]
 
 
 def list_of(kind: Any, convert: Callable[[list[Any]], Any] = tuple) -> Any:
-    """Type of a list of values of one type, of which a function makes something."""
+    """Type of a list of values of one type that a function converts."""
     return converted(list[kind], convert)
 
 
 def _type_of(item: OptionField) -> Any:
-    """How a key is checked, by the type of its field."""
+    """Type of a key, by the type of its field."""
     return Annotated[_check_of(item), WithJsonSchema(item.json_schema())]
 
 

@@ -96,7 +96,7 @@ Procedure = converted(ProcedureTable, _procedure_texture)
 
 
 def _kind_of(value: Any) -> str:
-    """Tag of the form that a value of a slot has."""
+    """Tag for the form of a slot's value."""
     if isinstance(value, ImageTexture | ProcedureTexture):
         return "<made>"
     if isinstance(value, dict):
@@ -106,7 +106,7 @@ def _kind_of(value: Any) -> str:
 
 
 def _slot(check: Callable[[Any], Any], schema: JsonSchema) -> Any:
-    """Type of a slot whose constants a function checks, and a JSON Schema describes."""
+    """Type of a slot; `check` validates its constants and `schema` describes them."""
     return Annotated[
         Annotated[Any, PlainValidator(check), WithJsonSchema(schema), Tag("<constant>")]
         | Annotated[ImageOnly, Tag("<image>")]

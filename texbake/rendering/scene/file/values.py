@@ -1,6 +1,6 @@
 """Single values of a scene file: numbers, vectors, colors, words, files.
 
-A color as a list is linear; "#rrggbb" is what color pickers show, which is sRGB-coded.
+Colors given as lists are linear; "#rrggbb", as shown by color pickers, is sRGB-coded.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _COUNTS = {2: "two", 3: "three", 4: "four", 16: "sixteen"}
 
 @dataclass(frozen=True)
 class Place:
-    """What checks know of the file: the folder that names of files in it are relative to.
+    """Context of validation: the folder that file names are relative to.
 
-    They note in `files` those that they find.
+    Files that are found are added to `files`.
     """
 
     folder: Path
@@ -59,9 +59,9 @@ def _is_list(value: object, n: int | None) -> bool:
 
 
 def numbers(n: int | None, *, or_one: bool = False) -> Any:
-    """Type of a list of n finite numbers (None: of one or more), which becomes a tuple.
+    """Type of a list of n finite numbers (None: one or more), which becomes a tuple.
 
-    With `or_one` a single number is taken too; it stands for n times itself.
+    With `or_one`, a single number is accepted, too, and repeated n times.
     """
     ends = {} if n is None else {"minItems": n, "maxItems": n}
     schema = {"type": "array", "items": {"type": "number"}, **(ends or {"minItems": 1})}
@@ -80,9 +80,9 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
 
 
 def linear(value: str) -> tuple[float, float, float]:
-    """Linear color of "#rrggbb" or "#rgb", which are sRGB-coded.
+    """Linear color of an sRGB-coded "#rrggbb" or "#rgb".
 
-    Raises the error of a field where it is neither.
+    Raises a `fault` for other text.
     """
     if not _HEX.fullmatch(value):
         raise fault(f"{value!r} is not a color; write '#rrggbb', or a list of three linear numbers")
@@ -95,7 +95,7 @@ def linear(value: str) -> tuple[float, float, float]:
 
 
 def color_of(value: Any) -> tuple[float, ...]:
-    """Linear color of three linear numbers or of "#rrggbb"."""
+    """Linear color from three linear numbers or from "#rrggbb"."""
     if isinstance(value, str):
         return linear(value)
     if not _is_list(value, 3):
@@ -138,7 +138,7 @@ Factor = Annotated[
 
 
 def choice(words: Sequence[str]) -> Any:
-    """Type of one word of a few."""
+    """Type of a word from a list."""
 
     def check(value: Any) -> str:
         if not isinstance(value, str) or value not in words:
@@ -152,7 +152,7 @@ def choice(words: Sequence[str]) -> Any:
 
 
 def existing_file(value: Any, info: ValidationInfo) -> Path:
-    """Path of a file that is there, by its name relative to the scene file."""
+    """Path of an existing file, given relative to the scene file."""
     if not isinstance(value, str) or not value:
         raise fault(f"{shown(value)} is not a file name")
     assert isinstance(info.context, Place)
@@ -186,5 +186,5 @@ def _tupled(value: Any) -> Any:
     return tuple(map(_tupled, value)) if isinstance(value, list) else value
 
 
-# A value that an options class checks itself; lists become tuples.
+# A value that its options class validates; lists become tuples.
 Plain = Annotated[Any, AfterValidator(_tupled)]
