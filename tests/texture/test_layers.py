@@ -72,7 +72,7 @@ def test_invalid_layers_are_an_error(tmp_path, path, layers):
     for wrong, message in (
         ({}, "there is no layer"),
         (layers | small, r"differ in size \(3 x 2, 5 x 6\)"),
-        ({"a.b": small["a"]}, "'a.b' is no name"),
+        ({"a.b": small["a"]}, "'a.b' is not a layer name"),
         ({"a": Image(pixels=np.full((1, 1, 1), 1e6, np.float32), bits=16)}, "beyond half"),
         ({"a": Image(pixels=np.zeros((1, 1, 5), np.float32))}, "more than four channels"),
     ):

@@ -174,7 +174,7 @@ def test_threads_change_nothing():
         ({"kind": "vector"}, "kind: 'vector' is not known"),
         ({"filter": "lanczos"}, "filter: 'lanczos' is not known"),
         ({"wrap": "tile"}, "wrap: 'tile' is not known"),
-        ({"roughness": True}, "roughness: it is lost in normals"),
+        ({"roughness": True}, "roughness: only normal maps have it"),
     ],
 )
 def test_wrong_options_are_errors(options, message):
@@ -190,5 +190,5 @@ def test_an_image_without_texels_or_channels_is_an_error(shape):
 
 
 def test_normals_have_three_channels():
-    with pytest.raises(OptionError, match="4 channels are no normals"):
+    with pytest.raises(OptionError, match="4 channels are not a normal map"):
         mip_chain(random_image(4, 4, 4), kind="normal")

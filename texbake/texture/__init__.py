@@ -1,1 +1,1 @@
-"""Values over texture coordinates: images, their coding and their lookup."""
+"""Textures: image files, encoding, filtering, mip maps, cube maps and procedures."""

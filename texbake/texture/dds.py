@@ -117,7 +117,7 @@ def write_dds(
         raise OptionError(f"block_format: {block_format!r} is not known; it is one of {known}")
     form = BLOCK_FORMATS[block_format]
     if kind == "color" and not form.dxgi_srgb:
-        raise OptionError(f"block_format: {block_format} holds no colors; use bc7 or bc1")
+        raise OptionError(f"block_format: {block_format} cannot store colors; use bc7 or bc1")
     height, width = values.shape[:2]
     if height % 4 or width % 4 or max(height, width) > _MAX_SIZE:
         raise OptionError(

@@ -47,7 +47,7 @@ def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
         The file cannot be written.
     """
     if Path(path).suffix.lower() != ".exr":
-        raise FileFormatError(f"{path}: layers are kept by EXR files alone; give a .exr file")
+        raise FileFormatError(f"{path}: only EXR files store layers; give a .exr file")
     _check_layers(layers, path)
     names, types, columns = [], [], []
     metadata: dict[str, Value] = {}
@@ -124,7 +124,7 @@ def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
         raise OptionError(f"{path}: its layers differ in size ({words}); bake them at one size")
     for layer, image in layers.items():
         if not layer or "." in layer:
-            raise OptionError(f"{path}: {layer!r} is no name of a layer; use one without dots")
+            raise OptionError(f"{path}: {layer!r} is not a layer name; use one without dots")
         if image.pixels.shape[2] not in _CHANNELS:
             raise OptionError(f"{path}: the layer {layer!r} has more than four channels")
         if image.bits != 32 and np.abs(image.pixels).max() > np.finfo(np.float16).max:

@@ -157,7 +157,7 @@ def mip_chain(
         if value not in known:
             raise OptionError(f"{name}: {value!r} is not known; it is one of {', '.join(known)}")
     if roughness and kind != "normal":
-        raise OptionError(f"roughness: it is lost in normals, not in {kind}; give kind='normal'")
+        raise OptionError(f"roughness: only normal maps have it, not {kind}; give kind='normal'")
     if kind == "normal":
         image = _unit_vectors(image)
     sizes = _level_sizes(*image.shape[:2])
@@ -186,7 +186,7 @@ def _checked(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
 
 def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     if image.shape[2] != 3:
-        raise OptionError(f"image: {image.shape[2]} channels are no normals; they have 3")
+        raise OptionError(f"image: {image.shape[2]} channels are not a normal map; give 3")
     # Divide by the largest component first, because its square may overflow float32.
     largest = np.abs(image).max(axis=2, keepdims=True)
     vectors = np.zeros_like(image)

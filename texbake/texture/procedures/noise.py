@@ -68,19 +68,19 @@ _MASK = (1 << 64) - 1
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Tables of a seed, read-only.
+    """Tables for a seed, read-only.
 
     Attributes
     ----------
     permutation : (512,) uint8
-        phi, twice over, so that a sum of two numbers below 256 can be looked up. Of bytes the
-        compiler knows that no index is negative, which saves a fifth of the time of noise.
+        phi, repeated twice, so that a sum of two numbers below 256 can be looked up. With bytes,
+        the compiler knows that no index is negative, which saves a fifth of the time of noise.
     sphere : (256, 3) float64
-        Unit vectors, even over the sphere: the gradients of 1985.
+        Unit vectors, uniform over the sphere: the gradients of 1985.
     edges : (256, 3) float64
         Vectors from the center of a cube to the middles of its edges: the gradients of 2002.
     places : (256, 3) float64
-        Points, even in the unit cube.
+        Points, uniform in the unit cube.
     """
 
     permutation: npt.NDArray[np.uint8]
@@ -91,14 +91,14 @@ class Lattice:
 
 @lru_cache(maxsize=64)
 def lattice(seed: int) -> Lattice:
-    """Tables of a seed; any whole number, those that differ by a multiple of 2^64 are the same."""
+    """Return the tables for a seed, any whole number; only its value modulo 2^64 matters."""
     random = _SplitMix64(seed)
     permutation = list(range(PERIOD))
     for last in range(PERIOD - 1, 0, -1):  # Fisher and Yates
         other = random.below(last + 1)
         permutation[last], permutation[other] = permutation[other], permutation[last]
     directions = [vector for vector in product((-1, 0, 1), repeat=3) if vector.count(0) == 1]
-    # Of 16 a few more than once, as 2002 has it: the corners of a tetrahedron.
+    # 16 vectors, as in 2002: four of the 12, the corners of a tetrahedron, occur twice.
     directions += [(1, 1, 0), (-1, 1, 0), (0, -1, 1), (0, -1, -1)]
     tables = Lattice(
         permutation=np.array(permutation * 2, np.uint8),
@@ -112,7 +112,7 @@ def lattice(seed: int) -> Lattice:
 
 
 class _SplitMix64:
-    """A generator of 64-bit integers in whole numbers of Python, the same everywhere."""
+    """A random generator of 64-bit integers in plain Python, the same on every platform."""
 
     def __init__(self, seed: int) -> None:
         self._state = seed & _MASK
@@ -125,15 +125,15 @@ class _SplitMix64:
         return mixed ^ (mixed >> 31)
 
     def below(self, bound: int) -> int:
-        """Whole number from 0 to bound - 1; uneven by less than 2^-56."""
+        """Return a whole number from 0 to bound - 1, uniform to within 2^-56."""
         return (self._next() * bound) >> 64
 
     def unit(self) -> float:
-        """Multiple of 2^-53 in [0, 1)."""
+        """Return a multiple of 2^-53 in [0, 1)."""
         return (self._next() >> 11) * 2.0**-53
 
     def direction(self) -> tuple[float, float, float]:
-        """Unit vector: a point within the unit ball, moved outwards."""
+        """Return a unit vector, from a point in the unit ball."""
         while True:
             x, y, z = (2.0 * self.unit() - 1.0 for _ in "xyz")
             squared = x * x + y * y + z * z
@@ -147,19 +147,19 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Weight:
-    """What is known of noise with one of the two weights.
+    """Statistics of noise with one of the two weights.
 
-    The bound is reached where all eight gradients point to the middle of their cell; for edges of
-    a cube it is the greatest value that a search over all points and gradients found, rounded up.
-    The others are means over space, with three coordinates or in the plane z = 0, and over seeds 0
-    to 31; one seed lies within some 2 % of them, in the plane within 5 %. The variance of the cubic
-    form has a closed form, from which these are taken.
+    The bound is reached if all eight gradients point to the middle of their cell. For the edges of
+    a cube, it is the greatest value in a search over all points and gradients, rounded up. The
+    other figures are means over space, with three coordinates or in the plane z = 0, and over seeds
+    0 to 31. A single seed is within about 2 % of them, in the plane within 5 %. The variance of the
+    cubic form has a closed form, from which its values are taken.
 
     Attributes
     ----------
     quintic : bool
     bound : float
-        No noise is larger.
+        Upper bound on |noise|.
     variance : (float, float)
         Mean of noise^2; with two coordinates and with three.
     size : (float, float)
@@ -179,7 +179,7 @@ WEIGHTS = {
 
 
 def gradients(weight: str, seed: int) -> FloatArray:
-    """(256, 3) float64, read-only: the gradients that belong to a weight."""
+    """Return the gradients for a weight and a seed, (256, 3) float64, read-only."""
     tables = lattice(seed)
     return tables.edges if WEIGHTS[weight].quintic else tables.sphere
 
@@ -200,7 +200,7 @@ def noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
 
 def squared_amplitudes(octaves: int, gain: float) -> float:
-    """Sum of the squared amplitudes of octaves."""
+    """Return the sum of the squared amplitudes of octaves."""
     return sum(gain ** (2 * i) for i in range(octaves))
 
 
@@ -212,13 +212,13 @@ def signed_noise(
     seed: int = 0,
     threads: int | None = None,
 ) -> npt.NDArray[np.float64]:
-    """Signed gradient noise.
+    """Evaluate signed gradient noise at points.
 
     Parameters
     ----------
     points : (n, 3) or (n, 2) float64
-        A cell of the lattice is a unit cube. Two coordinates: z = 0. A coordinate that is not
-        finite, or larger than 2^50, counts as 0.
+        The cells of the lattice are unit cubes. With two coordinates, z = 0. Coordinates that are
+        not finite, or larger than 2^50, count as 0.
     footprint : (n,) or (n, 3) float, optional
         Width of the pixel at each point, along all axes or along each.
     weight
@@ -236,7 +236,7 @@ def signed_noise(
     Raises
     ------
     OptionError
-        A parameter is not as above, or an array has another shape.
+        A parameter is invalid, or an array has the wrong shape.
 
     Examples
     --------
@@ -254,7 +254,7 @@ def fractal_sum(
     threads: int | None = None,
     **parameters: Any,
 ) -> npt.NDArray[np.float64]:
-    """Sum of g^i noise(l^i p + i c), signed; parameters of `fractal`, rest of `signed_noise`."""
+    """Return the signed sum of g^i noise(l^i p + i c); see `fractal` and `signed_noise`."""
     full = checked_parameters("fractal", parameters)
     return _signed(points, footprint, full, absolute=False, threads=threads)
 
@@ -266,7 +266,7 @@ def turbulence_sum(
     threads: int | None = None,
     **parameters: Any,
 ) -> npt.NDArray[np.float64]:
-    """Sum of g^i |noise(l^i p)|; parameters of `turbulence`, rest of `signed_noise`."""
+    """Return the sum of g^i |noise(l^i p)|; see `turbulence` and `signed_noise`."""
     full = checked_parameters("turbulence", parameters)
     return _signed(points, footprint, full, absolute=True, threads=threads)
 
@@ -277,7 +277,7 @@ _NO_OCTAVES = {"octaves": 1, "lacunarity": 1.0, "gain": 1.0}
 def _tables(
     parameters: dict[str, Any], n_dimensions: int, absolute: bool
 ) -> tuple[Any, Any, bool, int, tuple[float, float], float]:
-    """What `octave_sum` takes before the point."""
+    """Return the arguments of `octave_sum` before the point."""
     weight, seed = WEIGHTS[parameters["weight"]], parameters["seed"]
     return (
         lattice(seed).permutation,
@@ -335,12 +335,15 @@ def _as_values(samples: ProcedurePoints, parameters: dict[str, Any], *, absolute
 
 _FEATURE_CODES = {"f1": F1, "f2-f1": F2_MINUS_F1}
 
-# Points that the mean of a pattern is measured at, in its first period: good to 0.3 %.
+# Number of points, in the first period, for the mean of a pattern; accurate to 0.3 %.
 _N_MEASURED = 1 << 14
 
 
 def worley(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
-    """F1 or F2 - F1 in cell widths, clamped to 1; None: as many dimensions as the points have."""
+    """Return F1 or F2 - F1 in cell widths, clamped to 1.
+
+    If the parameter `dimensions` is None, the points determine the number of dimensions.
+    """
     n_dimensions = parameters["dimensions"] or samples.n_dimensions
     feature, jitter, seed = (parameters[key] for key in ("feature", "jitter", "seed"))
     mean = _worley_mean(feature, jitter, n_dimensions, seed) if len(samples.widths) else 0.0
@@ -357,8 +360,8 @@ def worley(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
 @lru_cache(maxsize=64)
 def _worley_mean(feature: str, jitter: float, n_dimensions: int, seed: int) -> float:
-    """Mean value of a pattern, which wide pixels show."""
-    # Multiples of the plastic number's powers modulo 1: points that cover space evenly.
+    """Return the mean value of a pattern, which wide pixels show."""
+    # Multiples of the powers of the plastic number modulo 1 cover space evenly.
     steps = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
     points = np.arange(_N_MEASURED)[:, None] * steps % 1.0 * PERIOD
     points = points[:, :n_dimensions].copy()
