@@ -1,4 +1,4 @@
-"""A mesh displaced by a height map, cut as finely as the map: what a baked map must give back."""
+"""A mesh displaced by a height map at full resolution: the reference for baked maps."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def displace(
 
 
 def interpolated(corners: FloatArray, places: Places, rows: slice) -> FloatArray:
-    """(n, C) float64: what corners (F, 3, C) of base triangles hold, at some places."""
+    """(n, C) float64: values at corners (F, 3, C), interpolated at places."""
     a, b, c = np.moveaxis(corners[places.base_faces[rows]], 1, 0)
     along, up = places.weights[rows].T.astype(np.float64)
     return np.asarray(a + along[:, None] * (b - a) + up[:, None] * (c - a))

@@ -1,4 +1,4 @@
-"""What a scene should not be: each picture is defined, and holds no NaN."""
+"""Degenerate scenes: every picture is defined and free of NaN."""
 
 import numpy as np
 import pytest

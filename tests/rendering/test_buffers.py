@@ -71,7 +71,7 @@ def test_coordinates_are_red_and_green_and_start_again_in_each_tile(wall):
 
 
 def rho(wall, width, height):
-    """Most texels that a pixel steps over, by differences of closed forms."""
+    """Largest step of a pixel in texels, from differences of closed forms."""
     origin, right, down = wall.camera.view_rays(24, 16)
     columns, rows = np.meshgrid(np.arange(24) + 0.5, np.arange(16) + 0.5)
 

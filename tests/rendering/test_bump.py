@@ -45,7 +45,7 @@ def on_wall(wall, material, mesh=None, transform=None, **options):
 
 
 def points_of(wall):
-    """(16, 24, 3): what lies at those pixels."""
+    """(16, 24, 3): surface points at those pixels."""
     origin, right, down = wall.camera.view_rays(*FINE.values())
     columns, rows = np.meshgrid(np.arange(240) + 0.5, np.arange(160) + 0.5)
     rays = (origin + columns[..., None] * right + rows[..., None] * down)[SOME, SOME]

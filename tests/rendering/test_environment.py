@@ -31,7 +31,7 @@ def looking(direction, up=(0, 1, 0)):
 
 
 def behind(environment, direction, **options):
-    """What is seen past a tiny sphere far off, in the middle of the picture's left half."""
+    """Background beside a tiny, distant sphere, at the center of the picture's left half."""
     options = RenderOptions(width=16, height=16, supersampling=1, **options)
     mesh = uv_sphere(4, 8)
     far = SceneObject(mesh=mesh.replace(positions=mesh.positions * 1e-3 + (50, 50, 50)))

@@ -1,4 +1,4 @@
-"""What --explain prints: passes in order, why they run, what they took; and what is left out."""
+"""Output of --explain: passes in order with reasons and costs, and the effects left out."""
 
 import json
 

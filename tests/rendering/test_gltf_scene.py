@@ -1,4 +1,4 @@
-"""glTF files as scenes, held against what the specification says."""
+"""Reading glTF files as scenes, checked against the specification."""
 
 import base64
 import json

@@ -1,4 +1,4 @@
-"""Parallax occlusion against where rays meet heights, told in closed form or by brute force."""
+"""Parallax occlusion against ray intersections in closed form or by brute force."""
 
 from dataclasses import replace
 

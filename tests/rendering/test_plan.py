@@ -1,4 +1,4 @@
-"""What nothing calls for is never entered: every effect has a scene with it and one without."""
+"""Effects that nothing calls for never run: a scene with and one without each effect."""
 
 import inspect
 import sys
@@ -425,7 +425,7 @@ def test_what_nothing_calls_for_runs_no_line_of_its_module(effect):
 
 
 def watching(scene_effects=EFFECTS):
-    """Effects with one more at the end, which keeps what fragments are shaded."""
+    """All effects, plus one at the end that records the shaded fragments."""
     kept = []
     probe = Effect(
         name="probe",

@@ -20,7 +20,7 @@ FLAT = np.eye(4)
 
 
 def drawn(positions, faces, matrix, width, height, back_faces="cull", **options):
-    """What is seen of one object."""
+    """The visibility buffer of a single object."""
     world = joined([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
     modes = np.array([SHOW_BACK if back_faces == "show" else CULL_BACK], np.uint8)
     return rasterize(world, matrix, width, height, modes=modes, **options)

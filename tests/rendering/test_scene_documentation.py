@@ -1,4 +1,4 @@
-"""The text of the page about scene files is held against what the reader takes."""
+"""The documentation of scene files matches the keys that the reader accepts."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""Scene files: what is written is what is there, and what is wrong is told in one line."""
+"""Scene files: every key takes effect, and errors are reported in one line."""
 
 import numpy as np
 import pytest

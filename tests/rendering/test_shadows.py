@@ -1,4 +1,4 @@
-"""Shadows: where they fall against closed forms, and no light or shade where there is none."""
+"""Shadows against closed forms, without light leaks or false shadows."""
 
 import math
 
@@ -57,7 +57,7 @@ def drawn(
 
 
 def share(*objects: SceneObject, light: Light, camera: Camera = ABOVE) -> np.ndarray:
-    """(H, W): what shadows leave of the light of a picture; NaN where there is none to leave."""
+    """(H, W): share of the light that shadows let through; NaN for pixels without light."""
     bare = Light(
         kind=light.kind, decay=0.0, blend=0.0, position=light.position, direction=light.direction,
         angle=light.angle,
