@@ -91,7 +91,7 @@ def test_quiet_prints_the_table_alone(invoke: Invoke, overlapping: str) -> None:
     ("line", "words"),
     [
         ("check low.obj --padding -1", "padding: -1 is out of range"),
-        ("check low.obj --min-texel-density 0", "min_texel_density: 0"),
+        ("check low.obj --min-texel-density 0", "--min-texel-density: 0.0 is out of range"),
         ("check low.obj --fail-on sometimes", "'sometimes' is not one of"),
         ("check low.obj --report low.obj", "also an input"),
         ("check", "missing argument"),
