@@ -83,7 +83,7 @@ class Cage:
             ("vertices", f"{len(self.distances):,}"),
             (
                 "moved by",
-                f"{np.median(self.distances):.4g} in the median, {self.distances.min():.4g} to "
+                f"{np.median(self.distances):.4g} (median), {self.distances.min():.4g} to "
                 f"{self.distances.max():.4g}",
             ),
             ("fitted to", f"{self.n_points:,} points of the high-poly mesh"),

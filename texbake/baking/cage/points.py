@@ -87,7 +87,7 @@ def _ray_points(
     scene: RayScene,
     limit: float,
 ) -> OuterPoints:
-    """Points where rays cast outward from a lattice on each low-poly face leave the high mesh."""
+    """Points where rays, cast outward from a lattice on each face, leave the high-poly mesh."""
     weights = _lattice(len(faces))
     owners = np.repeat(np.arange(len(faces), dtype=np.int32), len(weights))
     at = np.tile(weights, (len(faces), 1))
