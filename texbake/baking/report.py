@@ -134,7 +134,7 @@ class BakeReport:
         counts = self.counts
         hint = "see them with `miss_map`"
         if self.miss_percent > 50.0:
-            hint = "check for inverted normals and too short ray distances"
+            hint = "is the mesh turned inside out, or are the ray distances too short?"
         checks = (
             (
                 self.texels_missed,

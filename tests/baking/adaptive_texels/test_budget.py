@@ -1,4 +1,4 @@
-"""What a time budget is turned into."""
+"""The settings that a time budget leads to."""
 
 import pytest
 
@@ -27,7 +27,7 @@ def test_ample_time_buys_the_closest_bound():
 def test_too_little_time_buys_one_sample():
     report = bake(bumpy(), plane(), BakeOptions(size=64, time_budget="1ms")).report
     assert report.budget.choice == "1 sample per texel"
-    # The probe is part of what it would take, as it is of what is predicted.
+    # The probe counts towards the predicted time.
     total = float(report.budget.why.split("about ")[1].split(" s in all")[0])
     assert total == pytest.approx(report.budget.predicted_seconds, abs=0.05)
     assert report.sampling is None
@@ -36,14 +36,14 @@ def test_too_little_time_buys_one_sample():
     assert any("time budget" in warning for warning in report.warnings)
 
 
-def test_the_error_asked_for_is_where_it_ends():
+def test_no_bound_is_closer_than_the_given_error():
     options = BakeOptions(size=64, time_budget=600, max_error="3deg", front=0.1, back=0.1)
     report = bake(bumpy(), plane(), options).report
     assert report.budget.choice == "`max_error=3deg`"
     assert not report.measured
 
 
-def test_the_map_is_that_of_the_settings_it_names():
+def test_the_map_equals_that_of_the_reported_settings():
     options = {"size": 64, "front": 0.1, "back": 0.1}
     by_time = bake(bumpy(), plane(), BakeOptions(**options, time_budget=600, max_error="2deg"))
     by_error = bake(bumpy(), plane(), BakeOptions(**options, max_error="2deg"))

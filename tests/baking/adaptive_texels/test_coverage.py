@@ -80,8 +80,8 @@ def test_owners_are_those_of_the_rasterizer_on_any_grid(mesh, per_side):
 
 
 @pytest.mark.parametrize("mesh", MESHES)
-def test_masks_are_what_the_rasterizer_covers(mesh):
-    """Also of the texels that no outline passes through, which are not tested."""
+def test_masks_equal_the_coverage_of_the_rasterizer(mesh):
+    """This includes texels that no outline passes through, whose sub-squares are not tested."""
     bins = FaceBins.of(mesh, WIDTH, HEIGHT)
     centers, _ = rasterize_uv(
         snap_uvs(mesh, SampleGrid(WIDTH, HEIGHT, 1)), SampleGrid(WIDTH, HEIGHT, 1)

@@ -13,7 +13,7 @@ SIZE = 64
 
 
 def ridge(bend=0.2, at=0.0):
-    """A plane over [-1, 1]^2 that goes up by `bend` times the way beyond x = `at`."""
+    """A plane over [-1, 1]^2 that rises with slope `bend` beyond x = `at`."""
     edges = np.array([-1.0, at, 1.0])
     x, y = np.meshgrid(edges, [-1.0, 1.0])
     z = bend * np.maximum(x - at, 0.0)
@@ -88,7 +88,7 @@ def test_only_texels_at_an_edge_get_more_samples():
     np.testing.assert_allclose(tilt, 0.7 * slope, atol=slope / 16 + 0.05)
 
 
-def test_a_smooth_surface_needs_no_more():
+def test_a_smooth_surface_needs_one_sample_per_texel():
     mesh = uv_sphere(64, 128)
     result = bake(mesh, mesh, options(front=0.1, back=0.1, max_error="0.5deg"))
     sampling = result.report.sampling
@@ -144,20 +144,20 @@ def test_the_bound_holds_against_256_samples(shading, bound, within):
     one = bake(high, low, options(max_error=None, high_shading=shading))
     plain = degrees(one.maps["normal"].values.astype(float), truth)[has_data]
     assert (plain <= limit).mean() < within - 0.02  # the bound is not met by chance
-    # The check by a second cast says the same as the truth does, but for its own few samples.
+    # The check agrees with the truth, up to the error of its own few samples.
     measured = result.report.sampling.errors[0].measured_within_percent
     assert abs(measured / 100 - (errors <= limit).mean()) < 0.05
 
 
 def test_a_bound_that_64_samples_do_not_meet_is_reported():
-    """Estimates of the texels that a leap crosses stay above the bound, and the report says so."""
+    """Errors of texels that a leap crosses stay above the bound, and a warning reports them."""
     high, low = plane(90, 90, bumps), plane()
     report = bake(high, low, options(max_error="0.2deg", high_shading="flat")).report
     assert report.sampling.within_percent < 80
     assert any("estimated to be off by more" in warning for warning in report.warnings)
 
 
-def test_heights_hold_a_length_and_a_share_of_the_diagonal():
+def test_heights_have_bounds_as_a_length_and_as_a_share_of_the_diagonal():
     def steps(x, y):
         return 0.1 * (np.abs(x - 0.313) < 0.2) * (np.abs(y - 0.2) < 0.3)
 

@@ -1,4 +1,4 @@
-"""Parts put together are what the parts are alone."""
+"""Parts baked together equal the parts baked alone."""
 
 import numpy as np
 import pytest
@@ -26,16 +26,16 @@ def wavy(theta, phi):
     return 1 + 0.02 * np.sin(7 * theta) * np.cos(9 * phi)
 
 
-def ball(name: str, x: float, *, dense: bool = False, u: float = 0.0) -> Mesh:
-    """A sphere at x; light ones lie in the half of the texture that begins at u."""
-    mesh = uv_sphere(40, 80, wavy) if dense else uv_sphere(12, 24)
+def ball(name: str, x: float, *, is_high: bool = False, u: float = 0.0) -> Mesh:
+    """A sphere at x; a low-poly one fills the half of the texture that begins at u."""
+    mesh = uv_sphere(40, 80, wavy) if is_high else uv_sphere(12, 24)
     uvs = mesh.uvs * [0.46, 0.92] + np.array([u + 0.02, 0.04])
     return mesh.replace(positions=mesh.positions + np.array([x, 0, 0]), uvs=uvs, name=name)
 
 
-# So close that rays of one would hit the other: the distance of the middles is not 2.
+# The spheres overlap, so that rays of one can hit the other.
 LOWS = [ball("left_low", 0.0), ball("Right_low", 1.9, u=0.5)]
-HIGHS = [ball("LEFT_high", 0.0, dense=True), ball("right_high_01", 1.9, dense=True)]
+HIGHS = [ball("LEFT_high", 0.0, is_high=True), ball("right_high_01", 1.9, is_high=True)]
 HIGH, LOW = join_meshes(HIGHS), join_meshes(LOWS)
 
 
@@ -45,12 +45,12 @@ def options(**changes) -> BakeOptions:
 
 @pytest.mark.parametrize("samples", [1, 4])
 @pytest.mark.parametrize("as_files", [False, True], ids=["groups", "files"])
-def test_each_part_is_what_it_is_alone(samples, as_files):
+def test_each_part_equals_a_bake_of_it_alone(samples, as_files):
     high, low = (HIGHS, LOWS) if as_files else ([HIGH], [LOW])
     whole = bake_parts(high, low, options(samples=samples), MATCH).targets[ONLY]
     alone = [
-        bake(dense, light, options(samples=samples, padding=0))
-        for dense, light in zip(HIGHS, LOWS, strict=True)
+        bake(high_part, low_part, options(samples=samples, padding=0))
+        for high_part, low_part in zip(HIGHS, LOWS, strict=True)
     ]
     covered = [one.texel_faces >= 0 for one in alone]
     assert not (covered[0] & covered[1]).any()
@@ -62,16 +62,16 @@ def test_each_part_is_what_it_is_alone(samples, as_files):
             assert np.array_equal(whole.maps[name].values[mine], expected), name
 
 
-def test_adaptive_samples_of_each_part_are_those_that_it_has_alone():
+def test_adaptive_samples_of_each_part_equal_those_of_it_alone():
     chosen = {"maps": ("normal",), "samples": "adaptive"}
     whole = bake_parts([HIGH], [LOW], options(**chosen), MATCH).targets[ONLY]
-    for dense, light in zip(HIGHS, LOWS, strict=True):
-        alone = bake(dense, light, options(padding=0, **chosen))
+    for high_part, low_part in zip(HIGHS, LOWS, strict=True):
+        alone = bake(high_part, low_part, options(padding=0, **chosen))
         mine = alone.texel_faces >= 0
         assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
 
 
-def test_without_names_rays_see_everything():
+def test_without_matching_rays_hit_all_parts():
     chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
     plain = bake_parts([HIGH], [LOW], chosen).targets[ONLY]
     matched = bake_parts([HIGH], [LOW], chosen, MATCH).targets[ONLY]
@@ -97,7 +97,7 @@ def test_one_of_each_is_a_plain_bake(samples):
 
 
 def test_occluders_are_all_or_the_match():
-    """A lid over a plate darkens it, unless it sees its match alone; the plate is found either way.
+    """A lid darkens the plate below it, unless only its match occludes; rays hit the plate in both.
 
     In the middle of a unit square under another at height h, the lid is seen under the form factor
     of four rectangles that meet above the point: 4 (2 / 2 pi) a atan(a), a = s / sqrt(1 + s^2),
@@ -124,7 +124,7 @@ def test_occluders_are_all_or_the_match():
         assert (result.maps["normal"].values == [0, 0, 1]).all()
 
 
-def test_what_is_ignored_hides_nothing():
+def test_ignored_parts_do_not_occlude():
     low = plane(4, 4).replace(name="plate_low")
     plate = plane(4, 4).replace(name="plate_high")
     lid = plane().replace(name="lid_ignore", positions=plane().positions + np.array([0, 0, 0.5]))
@@ -159,7 +159,7 @@ def test_tiles_are_shifted_bakes(samples, tile):
             assert np.array_equal(ours, alone.maps[name].values), (udim, name)
 
 
-def test_groups_are_sets_and_together_cover_what_one_set_does():
+def test_sets_of_groups_together_cover_what_one_set_covers():
     chosen = options(maps=("normal",), padding=0)
     plain = bake(HIGH, LOW, chosen)
     result = bake_parts([HIGH], [LOW], chosen, PartsOptions(texture_sets="groups"))
@@ -203,7 +203,7 @@ def test_rays_at_the_border_of_a_set_are_those_of_the_whole():
     low = ball("low", 0.0)
     middles = low.positions[low.faces].mean(axis=1)[:, 2]
     low = low.replace(face_groups=(middles > 0).astype(int), group_names=("down", "up"))
-    high = ball("high", 0.0, dense=True)
+    high = ball("high", 0.0, is_high=True)
     chosen = options(maps=("normal",), padding=0, samples=1)
     plain = bake(high, low, chosen).maps["normal"].values
     result = bake_parts([high], [low], chosen, PartsOptions(texture_sets="groups"))
@@ -212,18 +212,18 @@ def test_rays_at_the_border_of_a_set_are_those_of_the_whole():
         assert np.array_equal(found.maps["normal"].values[mine], plain[mine])
 
 
-def test_meshes_that_share_an_atlas_count_what_overlaps():
+def test_overlaps_of_meshes_that_share_an_atlas_are_counted():
     left = plane(2, 2).replace(name="a.obj", uvs=plane(2, 2).uvs * [0.5, 1])
     other = plane(2, 2).replace(
         name="b.obj", uvs=plane(2, 2).uvs * [0.75, 1] + np.array([0.25, 0]),
         positions=plane(2, 2).positions + np.array([2, 0, 0]),
     )  # fmt: skip
-    dense = [
+    highs = [
         mesh.replace(positions=mesh.positions + np.array([0, 0, height]))
         for mesh, height in ((left, 0.1), (other, 0.2))
     ]
     chosen = BakeOptions(size=32, maps=("displacement",), front=0.3, back=0.3)
-    result = bake_parts(dense, [left, other], chosen)
+    result = bake_parts(highs, [left, other], chosen)
     heights = result.targets[ONLY].maps["displacement"].values[:, :, 0]
     np.testing.assert_allclose(heights[:, :16], 0.1, rtol=1e-6)
     np.testing.assert_allclose(heights[:, 16:], 0.2, rtol=1e-6)
@@ -232,7 +232,7 @@ def test_meshes_that_share_an_atlas_count_what_overlaps():
     assert result.targets[ONLY].report.texels_covered == 32 * 32
 
 
-def test_a_miss_does_not_stand_in_the_way_of_what_another_part_found():
+def test_a_hit_of_another_part_replaces_a_miss():
     first = plane().replace(name="a_low")
     second = plane().replace(name="b_low", positions=plane().positions + np.array([3, 0, 0]))
     far = plane().replace(name="a_high", positions=plane().positions + np.array([0, 9, 0]))
@@ -243,7 +243,7 @@ def test_a_miss_does_not_stand_in_the_way_of_what_another_part_found():
     assert result.report.n_overlapping == 64
 
 
-def test_numbers_of_objects_are_the_same_for_all_parts():
+def test_ids_of_objects_are_the_same_for_all_parts():
     found = bake_parts([HIGH], [LOW], options(maps=("object-id",), padding=0), MATCH).targets[ONLY]
     baked = found.maps["object-id"]
     assert baked.legend == ("LEFT_high", "right_high_01")
@@ -269,7 +269,7 @@ def test_integer_files_of_tiles_share_one_scale(tmp_path):
     assert all(file.metadata["texbake:displacement_scale"] == 1.0 for file in result.write(exr))
 
 
-def test_maps_that_wait_in_files_are_the_same(tmp_path):
+def test_maps_that_are_kept_in_files_are_the_same(tmp_path):
     low = join_meshes([LOWS[0], LOWS[1].replace(uvs=LOWS[1].uvs + np.array([1, 0]))])
     chosen, parts = options(maps=("normal", "displacement")), PartsOptions(udim=True)
     kept = bake_parts([HIGH], [low], chosen, parts)
@@ -280,7 +280,7 @@ def test_maps_that_wait_in_files_are_the_same(tmp_path):
             assert np.array_equal(baked.values, kept.targets[target].maps[name].values)
 
 
-def test_images_for_rays_are_asked_for_by_set():
+def test_each_set_has_its_own_images_for_rays():
     low = join_meshes([LOWS[0], LOWS[1].replace(uvs=LOWS[1].uvs + np.array([1, 0]))])
     chosen = options(maps=("normal",), front=0.1, back=0.1)
     masks = {1001: np.zeros((2, 2)), 1002: np.ones((2, 2))}
@@ -301,21 +301,24 @@ def test_images_for_rays_are_asked_for_by_set():
 
 
 def test_a_cage_is_divided_as_its_mesh():
-    """Of a cage that is the light mesh grown about each middle, the parts are those cages alone."""
+    """A cage of both spheres, each grown about its center, gives each part its own cage."""
     middles = np.repeat([[0.0, 0, 0], [1.9, 0, 0]], LOWS[0].n_vertices, axis=0)
     cage = LOW.replace(positions=(LOW.positions - middles) * 1.1 + middles)
     chosen = options(maps=("normal",), back=0.1, padding=0)
     whole = bake_parts([HIGH], [LOW], chosen, MATCH, cage=cage).targets[ONLY]
-    for i, (dense, light) in enumerate(zip(HIGHS, LOWS, strict=True)):
-        n = light.n_vertices
+    for i, (high_part, low_part) in enumerate(zip(HIGHS, LOWS, strict=True)):
+        n = low_part.n_vertices
         alone = bake(
-            dense, light, chosen, cage=light.replace(positions=cage.positions[i * n : (i + 1) * n])
+            high_part,
+            low_part,
+            chosen,
+            cage=low_part.replace(positions=cage.positions[i * n : (i + 1) * n]),
         )
         mine = alone.texel_faces >= 0
         assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
 
 
-def test_bytes_do_not_depend_on_threads():
+def test_same_bytes_for_any_number_of_threads():
     one, three = (
         bake_parts([HIGH], [LOW], options(threads=n), MATCH).targets[ONLY] for n in (1, 3)
     )
@@ -355,7 +358,7 @@ def test_wrong_input_is_one_line(arguments, changes, error, message):
         bake_parts(*arguments, **changes)
 
 
-def test_colors_of_two_meanings_are_not_joined():
+def test_linear_and_srgb_colors_are_not_joined():
     colored = [
         mesh.replace(colors=np.ones((mesh.n_vertices, 3)), name=name)
         for mesh, name in zip(HIGHS, ("a.glb", "b.ply"), strict=True)
@@ -363,13 +366,13 @@ def test_colors_of_two_meanings_are_not_joined():
     chosen = options(maps=("vertex-color",))
     with pytest.raises(OptionError, match="vertex_colors"):
         bake_parts(colored, LOWS, chosen)
-    told = options(maps=("vertex-color",), vertex_colors="linear")
-    values = bake_parts(colored, LOWS, told).targets[ONLY]
+    chosen = options(maps=("vertex-color",), vertex_colors="linear")
+    values = bake_parts(colored, LOWS, chosen).targets[ONLY]
     assert (values.maps["vertex-color"].values[values.has_data] == 1.0).all()
 
 
 def test_primitives_of_one_object_are_one_part():
-    """glTF has a primitive for each material of an object; they are told as NAME 0, NAME 1."""
+    """glTF has a primitive per material of an object; the groups are called NAME 0, NAME 1."""
     half = np.arange(LOWS[0].n_faces) % 2
     cut = LOWS[0].replace(
         name="asset.glb", face_groups=half, group_names=("left_low 0", "left_low 1")
@@ -379,7 +382,7 @@ def test_primitives_of_one_object_are_one_part():
     assert [part.low for part in result.report.parts] == ["left_low"]
     plain = bake(HIGHS[0], LOWS[0], chosen)
     assert np.array_equal(result.targets[ONLY].maps["normal"].values, plain.maps["normal"].values)
-    # Elsewhere a number makes another name, which is not one of a light part.
+    # In other formats a number is part of the name, which is then not that of a low-poly part.
     with pytest.raises(MeshError, match="no low-poly part"):
         bake_parts([HIGHS[0]], [cut.replace(name="asset.obj")], chosen, MATCH)
 
@@ -395,7 +398,7 @@ def test_groups_of_one_name_are_one_set():
     assert np.array_equal(found.maps["normal"].values, plain.maps["normal"].values)
 
 
-def test_real_pairs_baked_together_are_what_they_are_alone(data_dir):
+def test_real_pairs_baked_together_equal_each_baked_alone(data_dir):
     """Two scans of one asset, as sets of maps of their own, to the last byte of padding."""
     pairs = {
         name: [

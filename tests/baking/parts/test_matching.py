@@ -1,4 +1,4 @@
-"""Who is baked from whom, by name alone."""
+"""Parts matched by name."""
 
 import string
 
@@ -12,12 +12,12 @@ from texbake.errors import MeshError, OptionError
 OPTIONS = PartsOptions(match_by_name=True)
 
 
-def told(high, low, options=OPTIONS):
+def matched(high, low, options=OPTIONS):
     return match_names(high, low, options).to_json()
 
 
 def test_numbers_may_follow_and_letters_may_not():
-    found = told(
+    found = matched(
         ["body_high", "Body_HIGH_01", "body_high.002", "body_high3", "body_highlight"],
         ["BODY_low"],
     )
@@ -32,29 +32,29 @@ def test_numbers_may_follow_and_letters_may_not():
 
 
 def test_a_name_that_begins_with_another_is_not_it():
-    found = told(["arm_high", "arm_left_high"], ["arm_low", "arm_left_low"])
+    found = matched(["arm_high", "arm_left_high"], ["arm_low", "arm_left_low"])
     assert [match["high"] for match in found["matches"]] == [["arm_high"], ["arm_left_high"]]
 
 
-def test_what_is_ignored_takes_no_part():
-    found = told(["a_high", "a_high_ignore", "b_high_ignored"], ["a_low", "c_low_ignore", "d"])
+def test_ignored_parts_are_not_matched():
+    found = matched(["a_high", "a_high_ignore", "b_high_ignored"], ["a_low", "c_low_ignore", "d"])
     assert found["matches"] == [{"base": "a", "low": "a_low", "high": ["a_high"]}]
     assert found["high_ignored"] == ["a_high_ignore"]
     assert found["low_ignored"] == ["c_low_ignore"]
     assert found["low_left_over"] == ["d"]
-    # `_ignored` goes on with a letter, and so is a part of b.
-    assert [m["base"] for m in told(["b_high_ignored"], ["b_low"])["matches"]] == ["b"]
+    # `_ignored` is not the suffix `_ignore`, so this is a part of b.
+    assert [m["base"] for m in matched(["b_high_ignored"], ["b_low"])["matches"]] == ["b"]
 
 
-def test_left_overs_are_warned_about():
+def test_parts_left_over_give_warnings():
     first, second = match_names(["a_high", "x_high"], ["a_low", "y_low"], OPTIONS).warnings
     assert "y_low" in first and "not baked" in first
     assert "x_high" in second and "not used" in second
 
 
-def test_other_suffixes_may_hold_what_patterns_mean():
+def test_suffixes_may_contain_special_characters():
     options = PartsOptions(match_by_name=True, high_suffix=".hp+", low_suffix="(lp)")
-    assert told(["a.hp+2"], ["A(LP)"], options)["matches"][0]["base"] == "A"
+    assert matched(["a.hp+2"], ["A(LP)"], options)["matches"][0]["base"] == "A"
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_other_suffixes_may_hold_what_patterns_mean():
         ([], [], "no low-poly part"),
     ],
 )
-def test_what_cannot_be_matched_is_one_line(high, low, message):
+def test_parts_that_cannot_be_matched_are_one_line(high, low, message):
     with pytest.raises(MeshError, match=message) as caught:
         match_names(high, low, OPTIONS)
     assert "\n" not in str(caught.value)
@@ -106,7 +106,7 @@ def test_every_part_is_matched_left_over_or_ignored_once(bases, random):
 @pytest.mark.parametrize(
     "choice", [{"high_suffix": "_hp"}, {"low_suffix": "_lp"}, {"occluders": "match"}]
 )
-def test_what_is_for_matching_is_not_left_out_silently(choice: dict[str, str]) -> None:
+def test_options_of_matching_need_matching(choice: dict[str, str]) -> None:
     with pytest.raises(OptionError, match="match_by_name"):
         PartsOptions(**choice)
     PartsOptions(match_by_name=True, **choice)

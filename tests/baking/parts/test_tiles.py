@@ -35,17 +35,17 @@ def test_a_face_that_crosses_is_in_each_tile_that_is_baked():
 
 
 @pytest.mark.parametrize("shift", [(-1, 0), (0, -1), (10, 0), (0, 900), (9, 899)])
-def test_what_lies_in_no_tile_is_counted(shift):
+def test_faces_in_no_tile_are_counted(shift):
     tiles = Tiles.of(np.concatenate([UNIT, UNIT + np.array(shift)]))
     assert (tiles.numbers, tiles.n_outside) == ([1001], 2)
 
 
-def test_a_face_over_everything_asks_for_one_tile():
+def test_a_face_over_everything_needs_one_tile():
     wide = np.array([[[-1e6, -1e6], [1e6, -1e6], [2.5, 2e6 + 1.0]]])
     assert len(Tiles.of(wide).numbers) <= 1
 
 
-def test_faces_without_area_ask_for_no_tile():
+def test_faces_without_area_need_no_tile():
     assert Tiles.of(np.concatenate([UNIT + np.array([2.0, 0.0]), np.zeros((1, 3, 2))])).numbers == [
         1003
     ]
