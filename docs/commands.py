@@ -1,6 +1,7 @@
 """The commands of a page, and the pictures of the tutorials.
 
-    python docs/commands.py            # run the tutorials and put their pictures into docs/images/
+    python docs/commands.py                  # run the tutorials, keep their pictures
+    python docs/commands.py texture-mapping  # one of them
 
 Every command in a `sh` block is run, in the order of the page, in one folder. A tutorial shows what
 its commands have drawn: `![...](../images/PAGE/NAME.png)` is the file NAME.png of that folder.
@@ -16,9 +17,13 @@ import sys
 import tempfile
 from pathlib import Path
 
+from PIL import Image
+
+WIDTH = 1000  # pixels
 DOCS = Path(__file__).parent
 _BLOCK = re.compile(r"^```(sh|toml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _PICTURE = re.compile(r"!\[[^]]*\]\(\.\./images/([\w-]+)/([\w-]+)\.png\)")
+_TEXBAKE = "from texbake_cli.main import main; main()"
 _SAVED = re.compile(r"Save this as `([\w.]+)`")
 
 
@@ -54,18 +59,27 @@ def run_page(page: Path, folder: Path) -> None:
     for name, text in files_of(page).items():
         (folder / name).write_text(text, "utf-8")
     for words in commands_of(page):
-        print(shlex.join(words))
+        print(shlex.join(words), flush=True)
         if words[0] == "mkdir":
             (folder / words[1]).mkdir()
-            continue
-        texbake = [sys.executable, "-c", "from texbake_cli.main import main; main()"]
-        subprocess.run([*texbake, *words[1:]], cwd=folder, check=True)
+        else:
+            subprocess.run([sys.executable, "-c", _TEXBAKE, *words[1:]], cwd=folder, check=True)
 
 
-def main() -> None:
-    """Run every tutorial and keep its pictures."""
+def keep_picture(path: Path, kept: Path) -> None:
+    """Write a picture at a page's width, with 256 colors."""
+    with Image.open(path) as picture:
+        small = picture.convert("RGB")
+    small.thumbnail((WIDTH, WIDTH))
+    small.quantize(256, dither=Image.Dither.NONE).save(kept, optimize=True)
+
+
+def main(pages: list[str]) -> None:
+    """Run tutorials that have pictures and keep these."""
     for page in sorted((DOCS / "tutorials").glob("*.md")):
         names = pictures_of(page)
+        if not names or (pages and page.stem not in pages):
+            continue
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary)
             shutil.copytree(DOCS.parent / "samples" / "scenes", folder / "scenes")
@@ -74,8 +88,8 @@ def main() -> None:
             images.mkdir(parents=True, exist_ok=True)
             for name in names:
                 found = sorted(folder.rglob(f"{name}.png"), key=lambda path: len(path.parts))
-                shutil.copyfile(found[0], images / f"{name}.png")
+                keep_picture(found[0], images / f"{name}.png")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
