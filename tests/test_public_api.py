@@ -117,5 +117,5 @@ def test_the_main_job_runs_on_paths_and_on_meshes_of_trimesh(tmp_path: Path) -> 
         assert texbake.unwrap(a).uvs is not None
         assert texbake.distortion(b) is not None
         assert texbake.draw_layout(b, 16).shape[:2] == (16, 16)
-        assert texbake.render(b, texbake.RenderOptions(width=16, height=16)) is not None
+        assert texbake.render(b, options=texbake.RenderOptions(width=16, height=16)) is not None
         assert texbake.vertex_curvatures(a).shape == (high.n_vertices,)

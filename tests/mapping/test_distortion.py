@@ -249,7 +249,7 @@ def test_a_real_atlas_is_measured_as_it_always_was(data_dir: Path) -> None:
 def test_errors() -> None:
     with pytest.raises(UvError, match="no texture coordinates"):
         distortion(cube())
-    with pytest.raises(UvError, match="none of its faces has area both"):
+    with pytest.raises(UvError, match="none of its faces has an area both"):
         distortion(mapped(plane(), np.zeros((2, 2))))
     line = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=float)
     faces = np.array([[0, 1, 2]], dtype=np.int32)

@@ -17,7 +17,7 @@ AREAS = frozenset({"plain"})
 PLAIN = AREAS | {"flat"}
 
 UNMEASURABLE = "areas cannot be computed"
-BEYOND_MAPS = "float32 numbers of maps do not hold"
+BEYOND_MAPS = "float32 numbers of maps cannot hold"
 NO_AREA = dict.fromkeys(("atlas", "study"), "none of its 2 faces has an area")
 
 

@@ -13,7 +13,7 @@ UVS = frozenset({"uvs"})
 TOO_FAR = "tiles from the origin, so areas in the texture cannot be computed"
 NOTHING_COVERED = {
     "bake": "cover nothing: all of them have no area",
-    "distortion": "none of its faces has area both in space and in the texture",
+    "distortion": "none of its faces has an area both in space and in the texture",
 }
 
 

@@ -130,8 +130,9 @@ def test_channels_are_packed_as_each_program_reads_them(export, maps):
 def test_missing_maps_are_constant_and_reported(tmp_path, mesh, maps):
     given = {"roughness": maps / "rock_roughness.png"}
     result = export_asset(mesh, given, tmp_path, ExportOptions(target="unreal"))
-    assert result.notes == ("T_rock_ORM.png: no ao and no metalness was given; it is constant "
-                            "there",)  # fmt: skip
+    assert result.notes == (
+        "T_rock_ORM.png: no ao and no metalness was given; the channel is constant",
+    )
     codes = codes_of(result.maps[0].path)
     assert (codes[..., 0] == 255).all()
     assert (codes[..., 2] == 0).all()
@@ -297,7 +298,7 @@ def settings_of(result):
 
 @pytest.mark.parametrize("target", ["threejs", "godot", "blender"])
 def test_only_a_glb_without_tiles_is_reported_to_hold_maps(target, export, mesh, maps, tmp_path):
-    held = {"threejs": "ORM maps are in it", "godot": "maps already", "blender": "maps already"}
+    held = {"threejs": "ORM maps are in it", "godot": "maps already", "blender": "already has all"}
     assert held[target] in settings_of(export(target))
     tiled = {f"{kind}:{tile}": maps / f"rock_{kind}.png" for kind in ("normal", "ao")
              for tile in (1001, 1002)}  # fmt: skip
