@@ -63,8 +63,8 @@ bake_options = all_of(
         ),
         image_option(
             "--offset-map",
-            "Multiply the front distance, or the cage's, by this image, from 0 to 1, or above in "
-            "float files.",
+            "Multiply the front distance, or the cage's offset, by this image. Values are 0 to 1; "
+            "float files may hold greater ones.",
         ),
         options_of(BakeOptions, "high_shading", "cull_back_faces", "padding", "fill"),
         options_of(BakeOptions, "fail_on_miss"),

@@ -35,6 +35,10 @@ _KINDS = {
     "boolean": "`true`, `false`",
 }
 _PLURALS = {"integer": "whole numbers", "number": "numbers", "string": "texts", "object": "tables"}
+_CHECKS = (
+    "What `texbake check` finds; see [Check meshes before a bake](../how-to/check.md). Where this "
+    "page has …, a finding has a figure or a name."
+)
 _MADE = "<!-- Made by docs/reference.py; change the program, not this page. -->"
 
 
@@ -68,7 +72,7 @@ def _command(command: click.Command, context: click.Context) -> Iterable[str]:
     rows = []
     for parameter in command.params:
         record = parameter.get_help_record(context)
-        if record is not None:
+        if record is not None and record[1]:
             rows.append(_option_row(*record))
     yield table(("option", "default", "meaning"), rows)
     lines = [line.strip() for line in (command.epilog or "").splitlines()]
@@ -88,18 +92,18 @@ def pipeline_page() -> str:
     schema = pipeline_schema()
     parts = ["# Pipeline files", _MADE]
     parts.append(
-        "A pipeline file is TOML. `texbake build` runs it; see [Building](../how-to/build.md). "
-        "`texbake schema pipeline` prints the JSON Schema of these keys, by which an editor "
-        "completes and checks them."
+        "A pipeline file is a TOML file that `texbake build` runs; see [Build many "
+        "assets](../how-to/build.md). `texbake schema pipeline` prints the JSON Schema of these "
+        "keys, with which an editor completes and checks them."
     )
     parts += ["## The file", keys_table(schema)]
     parts += ["## [[assets]]", keys_table(schema["$defs"]["Asset"])]
     parts.append("## [steps.NAME]")
     parts.append(
-        "Every step has these keys: `do`, its kind; `after`, steps that must have succeeded "
-        "before; `output`, the names of the files that are published. An input is the name of an "
-        "input of the asset, or of another step, whose first output it means; `STEP.OUTPUT` is "
-        "another one."
+        "Every step has these keys: `do`, its kind; `after`, the steps that must succeed before "
+        "it; `output`, the names of the files that it publishes. An input of a step is the name of "
+        "an input of the asset, or of another step, which means the first output of that step. "
+        "`STEP.OUTPUT` names any of its outputs."
     )
     kinds = schema["properties"]["steps"]["additionalProperties"]["oneOf"]
     for kind, of_kind in zip(STEP_KINDS.values(), kinds, strict=True):
@@ -144,7 +148,7 @@ def scenes_page(page: str) -> str:
 
 def checks_page() -> str:
     """Write every kind of finding."""
-    parts = ["# Checks", _MADE, "What `texbake check` finds; see [Checking](../how-to/check.md)."]
+    parts = ["# Checks", _MADE, _CHECKS]
     for name, kind in KINDS.items():
         parts.append(f"## {kind.title}")
         parts.append(f"`{name}`. {_plain(kind.problem)} {_plain(kind.remedy)}")
@@ -153,6 +157,7 @@ def checks_page() -> str:
 
 def _plain(text: str) -> str:
     """Write a message without the figures that a finding fills in."""
+    text = re.sub(r"(?<=[.])\{[^}]*\}", "", text)  # a further sentence, where there is one
     return re.sub(r"\{[^}]*\}", "…", text)
 
 

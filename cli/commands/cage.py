@@ -48,8 +48,8 @@ def cage(
     """Fit a cage around HIGH, starting from LOW.
 
     The cage has the faces and texture coordinates of LOW, and no part of HIGH lies outside it. It
-    is as tight as possible: no vertex could move farther in on its own. It is for bake --cage, and
-    for any other program that takes cages.
+    is as tight as possible: no vertex could move farther in on its own. Use it with bake --cage,
+    or in any other program that takes cages.
     """
     with terminal.progress() as progress:
         done = texbake.cage_file(

@@ -42,7 +42,7 @@ _GROUPS_SHOWN = 12
 @click.option(
     "--size",
     type=Size(),
-    help="Width and height in texels of the texture that --uv counts with.  [default: 1024]",
+    help="Width and height in texels of the texture that --uv assumes.  [default: 1024]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 @terminal_options

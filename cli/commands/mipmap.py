@@ -44,7 +44,7 @@ from ..types import FileOf
     "--roughness",
     type=FileOf(IMAGE_SUFFIXES),
     metavar="DIR|PICTURE",
-    help="Also write the roughness that averaging the normals of a level loses.",
+    help="Also write the roughness of each level, from how much its normals vary.",
 )
 @threads_option
 @terminal_options

@@ -37,7 +37,7 @@ from ..types import FileOf
     "--scene",
     type=FileOf(SCENE_SUFFIXES),
     metavar="SCENE",
-    help="Scene to draw, for settings that are studied on pictures.  [default: a made one]",
+    help="Scene to draw, for settings that are studied on pictures.  [default: a generated one]",
 )
 @options_of(StudyOptions, "knobs")
 @output_folder("Folder of the results.", default=Path("study"), show_default=True)
@@ -57,7 +57,7 @@ def study(
 ) -> None:
     """Measure what each setting buys and costs.
 
-    Uses the meshes HIGH and LOW and a scene, or made ones whose exact answers are known. Writes a
+    Uses the meshes HIGH and LOW and a scene, or generated ones with known answers. Writes a
     page that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
     """
     options = StudyOptions(

@@ -275,12 +275,15 @@ AssetTable: type[Table] = create_model(
     "Asset",
     __base__=Table,
     __doc__="One asset, or one for each file that its first input matches.",
-    name=(described(Text, "Name of the asset; may hold names in braces."), None),
+    name=(
+        described(Text, "Name of the asset; {stem} and {folder} of its first input are filled in."),
+        None,
+    ),
     inputs=(
         described(dict[Word, References], "Files of the asset by name, as paths or patterns."),
         None,
     ),
-    steps=(described(References, "Steps that are wanted; without it, all."), None),
+    steps=(described(References, "Steps that this asset needs; without it, all."), None),
     options=(
         described(
             dict[str, dict[str, Any]], "Options of steps that differ for this asset, by step."
@@ -292,7 +295,7 @@ PipelineTable: type[Table] = create_model(
     "PipelineFile",
     __base__=Table,
     __doc__="A pipeline: its assets, and the steps that each of them goes through.",
-    folder=(described(Text, f"Folder of the output; without it, {FOLDER}."), None),
+    folder=(described(Text, f"Folder of the outputs; without it, {FOLDER}."), None),
     store=(described(Text, "Folder or URL of stored results."), None),
     outputs=(described(Text, "Folder or URL of published outputs."), None),
     assets=(described(list_of(AssetTable, _some), "The assets to build."), ...),

@@ -249,7 +249,7 @@ _COORDINATES = (
         title="mirrored coordinates",
         low="warning",
         problem="These faces run clockwise in the texture: text reads backward, and programs that "
-        "ignore the sign of the bitangent light the detail from the wrong side.",
+        "ignore the sign of the bitangent shade the detail as if lit from the wrong side.",
         remedy="Flip the charts, unless they are mirrored on purpose.",
     ),
     Kind(

@@ -131,7 +131,7 @@ class RenderOptions(CheckedOptions):
     bounces: Annotated[
         int,
         Option(
-            "Number of reflections within reflections of environments rendered from the scene.",
+            "Number of reflections within reflections, for environments rendered from the scene.",
             metavar="N",
             low=0,
             high=MAX_BOUNCES,
@@ -139,7 +139,11 @@ class RenderOptions(CheckedOptions):
     ] = 1
     max_triangles: Annotated[
         int,
-        Option("Most triangles that displacement may divide a mesh into.", metavar="N", low=1),
+        Option(
+            "Greatest number of triangles that displacement may divide a mesh into.",
+            metavar="N",
+            low=1,
+        ),
     ] = 4_000_000
 
     def __post_init__(self) -> None:

@@ -49,8 +49,8 @@ class CubeOptions(CheckedOptions):
     convention: Annotated[
         str,
         Option(
-            "Faces as graphics APIs look them up, which is mirrored (opengl), or as the eye sees "
-            "them from inside.",
+            "Faces as graphics APIs look them up, mirrored (opengl), or as the eye sees them from "
+            "inside (inside).",
             choices=CONVENTIONS,
         ),
     ] = "opengl"

@@ -18,8 +18,8 @@ class PackOptions(CheckedOptions):
     size: Annotated[
         Size | None,
         Option(
-            "Width and height of the whole; images that do not fit are all scaled down by the "
-            "same factor.",
+            "If the images do not fit, all are scaled down by one factor. Width and height of the "
+            "packed image.",
             metavar="PX|WxH",
             low=1,
             high=MAX_SIZE,

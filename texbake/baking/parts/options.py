@@ -19,8 +19,8 @@ class PartsOptions(CheckedOptions):
     match_by_name: Annotated[
         bool,
         Option(
-            "Bake each part only from the high-poly parts of its name: body_low from body_high, "
-            "body_high_01, ...; parts are groups of the meshes, or files, and names with _ignore "
+            "Bake each part only from the high-poly parts with its name: body_low from body_high, "
+            "body_high_01 and so on. A part is a group of a mesh, or a file. Names with _ignore "
             "are left out."
         ),
     ] = False

@@ -157,10 +157,12 @@ class PageStep:
 
     Attributes
     ----------
-    view, up
-        As in `RenderOptions`.
+    view
+        Azimuth and elevation of the camera in degrees, and its distance in model units.
+    up : str
+        Axis of the world that is up in the pictures: y or z.
     size : int
-        Pixels along each side of its pictures.
+        Width and height of the pictures, in pixels.
     """
 
     view: tuple[float, float] | tuple[float, float, float | None] = RenderOptions.view

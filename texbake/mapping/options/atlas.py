@@ -29,7 +29,7 @@ class AtlasOptions(TextureOptions):
     padding: Annotated[
         int,
         Option(
-            "Room that is left around each chart, so that a bake can pad it by as many texels.",
+            "Room left around each chart for the padding of a bake.",
             metavar="PX",
             low=0,
             unit="texels",

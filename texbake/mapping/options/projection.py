@@ -88,7 +88,7 @@ class ProjectionOptions(CheckedOptions):
     ] = None
     caps: Annotated[
         bool,
-        Option("Cylindrical: map faces that look along the axis by a plane, beside the side."),
+        Option("Cylindrical: map faces that look along the axis, such as ends, by a plane."),
     ] = False
     overlap: Annotated[
         bool,

@@ -32,9 +32,9 @@ class TransformOptions(CheckedOptions):
     warp: Annotated[
         str | tuple[str, float] | WarpFunction | None,
         Option(
-            "Bend the coordinates; the strengths are "
+            "Bend the coordinates. The default strengths are: "
             + ", ".join(f"{name} {strength:g}" for name, strength in WARPS.items())
-            + " unless one is given.",
+            + ".",
             choices=tuple(WARPS),
             metavar=f"{'|'.join(WARPS)}[:STRENGTH]",
         ),
@@ -42,7 +42,7 @@ class TransformOptions(CheckedOptions):
     flip: Annotated[str | None, Option("Mirror s, t or both about 1/2.", choices=FLIPS)] = None
     rotate: Annotated[
         float,
-        Option("Turn counter-clockwise about (1/2, 1/2).", metavar="DEG", unit="degrees"),
+        Option("Turn counterclockwise about (1/2, 1/2).", metavar="DEG", unit="degrees"),
     ] = 0.0
     scale: Annotated[
         float | tuple[float, float],
@@ -59,7 +59,9 @@ class TransformOptions(CheckedOptions):
             default="as the mapping gives it",
         ),
     ] = None
-    offset: Annotated[tuple[float, float], Option("Add this at the end.", metavar="S,T")] = (
+    offset: Annotated[
+        tuple[float, float], Option("Add this at the end, to move the coordinates.", metavar="S,T")
+    ] = (
         0.0,
         0.0,
     )

@@ -35,7 +35,7 @@ class Shadow:
     """
 
     size: Annotated[
-        int, Option("Width of the shadow map in texels, for a point light of each cube face.")
+        int, Option("Width of the shadow map in texels; for a point light, of each cube face.")
     ] = 1024
     filter_radius: Annotated[
         float, Option("Radius in texels of percentage-closer filtering; 0 gives hard edges.")
@@ -78,7 +78,7 @@ class Light:
         float, Option("Share of the half angle over which a spot light fades out.")
     ] = 0.15
     decay: Annotated[
-        float, Option("Power by which a point or spot light falls with distance; 0 for none.")
+        float, Option("Power of the distance by which a point or spot light fades; 0 for none.")
     ] = 2.0
     shadow: Annotated[
         Shadow | None, Option("Shadow map of the light; without it the light casts no shadows.")
@@ -88,7 +88,10 @@ class Light:
     ] = None
     static: Annotated[bool, Option("Whether light maps contain the light.")] = True
     follows_camera: Annotated[
-        bool, Option("Whether position and direction are right, up and back of the camera.")
+        bool,
+        Option(
+            "Whether x, y and z of position and direction are right, up and back of the camera."
+        ),
     ] = False
 
     def __post_init__(self) -> None:
@@ -148,7 +151,7 @@ class Environment:
         0.0,
         0.0,
     )
-    intensity: Annotated[float, Option("Factor of the environment.")] = 1.0
+    intensity: Annotated[float, Option("Factor of the environment's light.")] = 1.0
     rotate: Annotated[
         float, Option("Angle in degrees by which the environment is turned about the up axis.")
     ] = 0.0

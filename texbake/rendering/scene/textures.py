@@ -41,7 +41,10 @@ class ImageTexture:
     filter: Annotated[str, Option("Filter between texels.")] = "trilinear"
     wrap: Annotated[
         str | None,
-        Option("Outside the unit square; without it repeat if coordinates leave it, else clamp."),
+        Option(
+            "What lies outside the unit square: by default repeat if coordinates leave it, else "
+            "clamp."
+        ),
     ] = None
     border: Annotated[
         tuple[float, ...],
