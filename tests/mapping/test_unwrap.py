@@ -232,7 +232,7 @@ def test_bytes_do_not_depend_on_threads() -> None:
 def test_only_an_atlas_takes_several_meshes() -> None:
     with pytest.raises(OptionError, match="box maps one mesh at a time"):
         unwrap_together([cube(), cube()], method="box")
-    with pytest.raises(OptionError, match="there is none"):
+    with pytest.raises(OptionError, match="there are none"):
         unwrap_together([])
 
 
