@@ -34,7 +34,8 @@ def schema(file: str, output: Path | None, terminal: Terminal) -> None:
     """Print the JSON Schema of pipeline or scene files.
 
     With it, an editor completes and checks TOML files as you type. In VS Code, install the
-    extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene file.
+    extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene
+    file.
     """
     if output is None:
         contents = texbake.pipeline_schema() if file == "pipeline" else texbake.scene_schema()
