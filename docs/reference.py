@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 import re
+import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,17 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
+def _page(parts: Iterable[str]) -> str:
+    """Write a page; prose is wrapped, but not where a line would then start like a list item."""
+    wrapped = []
+    for part in parts:
+        is_prose = not part.startswith(("#", "|", "```", "<!--", ":::"))
+        lines = textwrap.wrap(part, 120, break_long_words=False, break_on_hyphens=False)
+        safe = is_prose and not any(re.match(r"([-+*#>|]|\d+[.)])(\s|$)", line) for line in lines)
+        wrapped.append("\n".join(lines) if safe else part)
+    return "\n\n".join(wrapped) + "\n"
+
+
 def commands_page() -> str:
     """Write every command with its options, as its help page has them."""
     parts = ["# Commands", _MADE, "`texbake COMMAND --help` prints the same."]
@@ -59,7 +71,7 @@ def commands_page() -> str:
         assert command is not None
         context = click.Context(command, info_name=name, parent=group)
         parts += _command(command, context)
-    return "\n\n".join(parts) + "\n"
+    return _page(parts)
 
 
 def _command(command: click.Command, context: click.Context) -> Iterable[str]:
@@ -119,7 +131,7 @@ def pipeline_page() -> str:
             parts.append(f"Outputs: {', '.join(f'`{name}`' for name in outputs)}.")
         options = keys_table(of_kind, without={"do", "after", "output", *roles})
         parts.append(options)
-    return "\n\n".join(parts) + "\n"
+    return _page(parts)
 
 
 def _outputs(kind: Any) -> list[str]:
@@ -152,11 +164,12 @@ def checks_page() -> str:
     for name, kind in KINDS.items():
         parts.append(f"## {kind.title}")
         parts.append(f"`{name}`. {_plain(kind.problem)} {_plain(kind.remedy)}")
-    return "\n\n".join(parts) + "\n"
+    return _page(parts)
 
 
 def _plain(text: str) -> str:
     """Write a message without the figures that a finding fills in."""
+    text = text.replace("{message}.", "The finding says what is wrong with the file.")
     text = re.sub(r"(?<=[.])\{[^}]*\}", "", text)  # a further sentence, where there is one
     return re.sub(r"\{[^}]*\}", "…", text)
 
@@ -263,7 +276,7 @@ def python_page() -> str:
         if room in names:
             parts += [f"## {title}", *(f"::: texbake.{name}" for name in sorted(names[room]))]
     assert set(names) <= set(_ROOM_TITLES), set(names) - set(_ROOM_TITLES)
-    return "\n\n".join(parts) + "\n"
+    return _page(parts)
 
 
 def pages() -> dict[Path, str]:
