@@ -205,7 +205,7 @@ def test_clipped_heights_are_reported(workplace: Path, invoke: Invoke) -> None:
     assert invoke(line).stderr == ""
     message = invoke(f"{line} --scale 0.001").stderr
     assert "d.png: " in message
-    assert "are clipped" in message
+    assert "were clipped" in message
 
 
 def test_compare_finds_the_mapped_mesh_closer(workplace: Path, invoke: Invoke) -> None:

@@ -99,12 +99,12 @@ def _image_seed(channels: int, bits: int) -> Maker:
 
 
 def _hits_seed(path: Path) -> None:
-    from texbake import BakeOptions, baking
+    from texbake import BakeOptions, bake
     from texbake.baking.hits_file import write_hits
     from texbake.mesh.shapes import uv_sphere
 
     ball = uv_sphere(4, 6)
-    write_hits(baking(ball, ball, BakeOptions(size=8, keep_hits=True)), path)
+    write_hits(bake(ball, ball, BakeOptions(size=8, keep_hits=True)), path)
 
 
 def _text_seed(text: str) -> Maker:

@@ -174,7 +174,9 @@ def test_only_static_lights_are_baked_and_removed() -> None:
     scene = Scene(objects=(FLOOR,), lighting=Lighting(lights=(moving, hung)))
     maps = bake_light_maps(scene, BakeOptions(size=8))
     assert maps.maps[0].values.max() == 0.0
-    assert maps.warnings == ("light light: it follows the camera, and so is in no light map",)
+    assert maps.warnings == (
+        "light light: it follows the camera and is left out of the light maps",
+    )
     assert maps.shown_in(scene).lighting.lights == (moving, hung)
 
 
@@ -234,7 +236,7 @@ def test_objects_without_coordinates_are_reported() -> None:
     scene = Scene(objects=(FLOOR, bare), lighting=Lighting(lights=(Light(),)), name="room.toml")
     maps = bake_light_maps(scene, BakeOptions(size=8))
     assert [item.name for item in maps.maps] == ["floor"]
-    assert maps.warnings == ("bare: it has no texture coordinates, and so gets no light map",)
+    assert maps.warnings == ("bare: it has no texture coordinates and gets no light map",)
     with pytest.raises(OptionError, match="bare has no light map"):
         maps.shown_in(scene)
     with pytest.raises(UvError, match=r"room\.toml: no object .* has texture coordinates"):
