@@ -48,7 +48,7 @@ from ..types import FileOf
     "named",
     multiple=True,
     metavar="KIND=FILE",
-    help="One map by its kind, in place of the folder's; KIND:1002 is that of a UDIM tile.",
+    help="A map and its kind, in place of that in the folder; KIND:1002 is for UDIM tile 1002.",
 )
 @click.option(
     "--level",

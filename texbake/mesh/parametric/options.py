@@ -142,7 +142,7 @@ class MakeOptions(CheckedOptions):
     turns: Annotated[
         float | None,
         Option(
-            "Fraction of a full turn that a profile is swept by.",
+            "Fraction of a full turn by which the profile is swept.",
             metavar="T",
             above=0,
             high=1,
@@ -152,7 +152,7 @@ class MakeOptions(CheckedOptions):
     crease: Annotated[
         float | None,
         Option(
-            "Least angle at which an edge of a profile is hard.",
+            "Smallest angle at which an edge of the profile is hard.",
             metavar="DEG",
             low=0,
             high=90,
@@ -161,11 +161,11 @@ class MakeOptions(CheckedOptions):
         ),
     ] = None
     profile: Annotated[
-        Any, Option("File of lines of radius and height, for a revolution.", metavar="FILE")
+        Any, Option("File with a radius and a height per line, for a revolution.", metavar="FILE")
     ] = field(default=None, compare=False)
     patches: Annotated[
         Any,
-        Option("File of control points, 16 per patch, for Bézier patches.", metavar="FILE"),
+        Option("File with control points, 16 per patch, for Bézier patches.", metavar="FILE"),
     ] = field(default=None, compare=False)
     image: Annotated[
         Any,

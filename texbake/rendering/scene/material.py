@@ -279,7 +279,7 @@ class Material:
     displacement: Annotated[Displacement | None, Option("Heights that move the surface.")] = None
     parallax: Annotated[
         Parallax | None,
-        Option("Heights below the surface that the line of sight is followed into."),
+        Option("Heights below the surface, into which the line of sight is followed."),
     ] = None
     reflection: Annotated[
         Reflection | None, Option("How much of its surroundings the surface mirrors.")
@@ -292,7 +292,7 @@ class Material:
     ] = ()
     double_sided: Annotated[
         bool | None,
-        Option("Whether back faces are drawn; without it as the picture's options say."),
+        Option("Whether back faces are drawn; without it, as the options of the picture say."),
     ] = None
 
     def __post_init__(self) -> None:

@@ -48,18 +48,18 @@ class ImageTexture:
     ] = None
     border: Annotated[
         tuple[float, ...],
-        Option("Values outside the unit square for wrap border, one or as many as channels."),
+        Option("Values outside the unit square if wrap is border: one, or one per channel."),
     ] = (0.0,)
     scale: Annotated[
         tuple[float, float], Option("Factor of the texture coordinates; 2 tiles twice.")
     ] = (1.0, 1.0)
     offset: Annotated[
-        tuple[float, float], Option("What is added to the coordinates at the end.")
+        tuple[float, float], Option("Added to the coordinates at the end, to move the texture.")
     ] = (0.0, 0.0)
     rotate: Annotated[
         float,
         Option(
-            "Angle in degrees by which coordinates are then turned about (0, 0), counter-clockwise."
+            "Angle in degrees by which coordinates are then turned about (0, 0), counterclockwise."
         ),
     ] = 0.0
     channel: Annotated[
@@ -94,7 +94,9 @@ class ProcedureTexture:
         str,
         Option("Space of the points: of the object, of the world, or texture coordinates (uv)."),
     ] = "object"
-    scale: Annotated[float | tuple[float, float, float], Option("Factor of the points.")] = 1.0
+    scale: Annotated[
+        float | tuple[float, float, float], Option("Factor that the points are multiplied by.")
+    ] = 1.0
     colors: Annotated[
         tuple[Rgb, ...] | None, Option("Colors of a ramp from value 0 to value 1, evenly spaced.")
     ] = None
