@@ -114,7 +114,7 @@ def test_the_table_is_for_a_person(result: RunResult) -> None:
     rows = dict(result.table())
     assert rows["Stages"] == ""
     assert rows["  total"].endswith(" s")
-    assert "bare" in rows["  PSNR of the picture"]
+    assert "without maps" in rows["  PSNR of the picture"]
 
 
 def test_threads_change_no_byte(result: RunResult, high: Mesh, tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def test_a_file_that_repeats_vertices_gets_the_same_sides():
 
 
 def test_padding_that_leaves_nothing_is_one_clear_error():
-    with pytest.raises(OptionError, match=r"padding: 5 texels .* leave no room in 20 x 20"):
+    with pytest.raises(OptionError, match=r"padding: 5 texels .* leave nothing of 20 x 20"):
         mapped(cube(), size=20, padding=5)
 
 
