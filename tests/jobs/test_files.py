@@ -53,6 +53,14 @@ def test_meshes_one_after_another(folder: Path) -> None:
     assert texbake.info_file("low.obj").distortion is None
 
 
+@pytest.mark.parametrize("name", ["mapped.stl", "mapped.OFF"])
+def test_a_file_without_room_for_coordinates_is_a_warning(folder: Path, name: str) -> None:
+    (warning,) = texbake.unwrap_files("bare.ply", name).warnings
+    assert f"{name}: " in warning
+    assert "written without texture coordinates" in warning
+    assert not texbake.unwrap_files("bare.ply", "mapped.ply").warnings
+
+
 def test_a_repair_counts_its_changes(folder: Path) -> None:
     ball = uv_sphere(4, 8)
     twice = texbake.Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))

@@ -27,6 +27,8 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
 from texbake.texture.image import write_image
 
+_WITHOUT_COORDINATES = (".stl", ".off")  # as texbake writes them
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnwrapFiles(JobResult[tuple[UnwrapReport, ...]]):
@@ -97,7 +99,15 @@ def unwrap_files(
     done = UnwrapFiles(
         files=(*outputs, *given(layout, checker, report)),
         report=reports,
-        warnings=tuple(f"{made.mesh}: {note}" for made in reports for note in made.notes),
+        warnings=(
+            *(f"{made.mesh}: {note}" for made in reports for note in made.notes),
+            *(
+                f"{path}: {path.suffix} files are written without texture coordinates; "
+                "use .obj, .ply or .glb"
+                for path in outputs
+                if path.suffix.lower() in _WITHOUT_COORDINATES
+            ),
+        ),
     )
     if report is not None:
         write_report(report, done.to_json())
