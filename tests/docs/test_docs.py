@@ -67,8 +67,10 @@ def world(tmp_path_factory) -> Path:
     picture = np.stack([columns, rows, 0.5 + 0.5 * np.sin(20 * rows * columns)], axis=-1)
     for name in "photo.png", "a.png", "b.png", "wood.png":
         texbake.write_image(picture, folder / name, color=True, bits=8)
-    for name in "skew.png", "offset.png", "roughness.png":
+    for name in "skew.png", "offset.png":
         texbake.write_image(picture[..., :1], folder / name, color=False, bits=8)
+    roughness = np.full((LONGEST_SIDE, LONGEST_SIDE, 1), 0.4)
+    texbake.write_image(roughness, folder / "roughness.png", color=False, bits=8)
     texbake.write_image(picture.astype(np.float32), folder / "studio.hdr", color=False)
     baked = texbake.bake(
         high, low_uv, texbake.BakeOptions(maps=("normal", "displacement"), size=64)
@@ -95,7 +97,7 @@ def first_toml(page: Path) -> str:
 
 
 def smaller(words: list[str]) -> list[str]:
-    """Return a command line with sizes of at most LONGEST_SIDE."""
+    """Return a command line with sizes of at most LONGEST_SIDE, and one knob of a study."""
     line = list(words)
     for i, word in enumerate(line[:-1]):
         if word == "--size":
@@ -105,6 +107,8 @@ def smaller(words: list[str]) -> list[str]:
             line[i + 1] = str(min(int(line[i + 1]), 10_000))
     if line[0] == "demo" and "--triangles" not in line:
         line += ["--triangles", "10000", "--size", str(LONGEST_SIDE)]
+    if line[0] == "study" and "--knob" not in line:
+        line += ["--knob", "texture-lookup", "--repeats", "2"]
     return line
 
 
