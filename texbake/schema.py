@@ -13,7 +13,7 @@ import math
 import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields, replace
 from functools import cache
 from inspect import get_annotations
 from numbers import Integral, Real
@@ -197,6 +197,18 @@ class CheckedOptions:
         for item in option_fields(kind):
             if item.checked:
                 item.check(getattr(self, item.name))
+
+
+def check_fields(instance: Any, prefix: str = "") -> None:
+    """Check the words and numbers of a dataclass; messages name each as `prefix` and its name.
+
+    Fields that can be tuples are skipped: arrays may replace them, so their class checks them.
+    """
+    kind: Any = type(instance)
+    for item in option_fields(kind):
+        if item.checked and not any(get_origin(each) is tuple for each in item.kinds):
+            named = replace(item, name=prefix + item.name) if prefix else item
+            named.check(getattr(instance, item.name))
 
 
 @cache

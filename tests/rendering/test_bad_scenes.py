@@ -338,12 +338,15 @@ def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: Refraction(ior=0.0), "ior: 0.0 is not above 0"),
-        (lambda: Refraction(environment="sky"), "environment: 'sky' is not one of"),
-        (lambda: Reflection(size=0), "size: 0 texels"),
-        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), space="uv"), "space: 'uv'"),
+        (lambda: Refraction(ior=0.0), "ior: 0.0 is out of range; it must be above 0"),
+        (lambda: Refraction(environment="sky"), "environment: sky is not one of"),
+        (lambda: Reflection(size=0), "size: 0 is out of range; it must be 1 to 4096"),
+        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), space="uv"), "space: uv"),
         (lambda: NormalMap(texture=ImageTexture(image=TEXELS), convention="gl"), "convention"),
-        (lambda: ImageTexture(image=TEXELS, channel=-1), "channel: -1 is below 0"),
+        (
+            lambda: ImageTexture(image=TEXELS, channel=-1),
+            "channel: -1 is out of range; it must be 0 or more",
+        ),
         (lambda: Material(exponent=-1.0), "material.exponent: -1.0 is below 0"),
     ],
 )

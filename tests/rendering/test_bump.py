@@ -313,7 +313,7 @@ def test_what_cannot_be_a_bump_map_is_one_line():
     with pytest.raises(UvError):
         normals_of(cube(), bump(WAVES), FACING, CLOSE)
     for fields, words in (
-        ({"form": "phong"}, "form: 'phong' is not one of blinn, exact, emboss"),
+        ({"form": "phong"}, "form: phong is not one of blinn, exact, emboss"),
         ({"height": float("nan")}, "height: nan is not a finite number"),
     ):
         with pytest.raises(OptionError, match=words):

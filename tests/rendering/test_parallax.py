@@ -195,9 +195,9 @@ def test_what_cannot_be_a_parallax_map_is_one_line(wall):
             Material(shading="unlit", parallax=Parallax(texture=texture)), uvs=None, uv_faces=None
         )
     for fields, words in (
-        ({"depth": -0.1}, "depth: -0.1 is not 0 or more"),
+        ({"depth": -0.1}, "depth: -0.1 is out of range; it must be 0 or more"),
         ({"depth": float("nan")}, "depth"),
-        ({"layers": 0}, "layers: 0 is not 1 or more"),
+        ({"layers": 0}, "layers: 0 is out of range; it must be 1 or more"),
     ):
         with pytest.raises(OptionError, match=words):
             Parallax(texture=texture, **fields)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from texbake.errors import OptionError
 from texbake.rendering.scene.textures import ImageTexture, Rgb
-from texbake.schema import Option
+from texbake.schema import Option, check_fields
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,17 +35,22 @@ class Shadow:
     """
 
     size: Annotated[
-        int, Option("Width of the shadow map in texels; for a point light, of each cube face.")
+        int,
+        Option(
+            "Width of the shadow map in texels; for a point light, of each cube face.",
+            low=1,
+            high=16384,
+        ),
     ] = 1024
     filter_radius: Annotated[
-        float, Option("Radius in texels of percentage-closer filtering; 0 gives hard edges.")
+        float,
+        Option(
+            "Radius in texels of percentage-closer filtering; 0 gives hard edges.", low=0, high=16
+        ),
     ] = 1.5
 
     def __post_init__(self) -> None:
-        if not 1 <= self.size <= 16384:
-            raise OptionError(f"size: {self.size} is out of range; it must be 1 to 16384")
-        if not 0.0 <= self.filter_radius <= 16.0:
-            raise OptionError(f"filter_radius: {self.filter_radius} texels are not 0 to 16")
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,11 +59,15 @@ class Light:
 
     name: Annotated[str, Option("Name of the light in messages and in the plan.")] = "light"
     kind: Annotated[
-        str, Option("Light from infinitely far (directional), from a point, or in a cone (spot).")
+        str,
+        Option(
+            "Light from infinitely far (directional), from a point, or in a cone (spot).",
+            choices=KINDS,
+        ),
     ] = "directional"
     color: Annotated[Rgb, Option("Linear color of the light.")] = (1.0, 1.0, 1.0)
     intensity: Annotated[
-        float, Option("Factor of the color; point and spot lights have it at distance 1.")
+        float, Option("Factor of the color; point and spot lights have it at distance 1.", low=0)
     ] = 1.0
     position: Annotated[Vector, Option("Position of a point or spot light in world space.")] = (
         0.0,
@@ -73,12 +82,15 @@ class Light:
         1.0,
         0.0,
     )
-    angle: Annotated[float, Option("Angle of the whole cone of a spot light in degrees.")] = 45.0
+    angle: Annotated[
+        float, Option("Angle of the whole cone of a spot light in degrees.", above=0, below=180)
+    ] = 45.0
     blend: Annotated[
-        float, Option("Share of the half angle over which a spot light fades out.")
+        float, Option("Share of the half angle over which a spot light fades out.", low=0, high=1)
     ] = 0.15
     decay: Annotated[
-        float, Option("Power of the distance by which a point or spot light fades; 0 for none.")
+        float,
+        Option("Power of the distance by which a point or spot light fades; 0 for none.", low=0),
     ] = 2.0
     shadow: Annotated[
         Shadow | None, Option("Shadow map of the light; without it the light casts no shadows.")
@@ -95,17 +107,8 @@ class Light:
     ] = False
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise OptionError(f"{self.name}.kind: {self.kind!r} is not one of {', '.join(KINDS)}")
-        if not 0.0 < self.angle < 180.0:
-            raise OptionError(f"{self.name}.angle: {self.angle} is not above 0 and below 180")
-        if not 0.0 <= self.intensity < math.inf:
-            raise OptionError(f"{self.name}.intensity: {self.intensity} is not 0 or more")
+        check_fields(self, prefix=f"{self.name}.")
         _check_color(f"{self.name}.color", self.color)
-        if not 0.0 <= self.blend <= 1.0:
-            raise OptionError(f"{self.name}.blend: {self.blend} is not from 0 to 1")
-        if not 0.0 <= self.decay < math.inf:
-            raise OptionError(f"{self.name}.decay: {self.decay} is not 0 or more")
         if not all(map(math.isfinite, (*self.position, *self.up))):
             raise OptionError(f"{self.name}.position: it and up must be finite")
         if self.kind != "point" and not 0.0 < math.hypot(*self.direction) < math.inf:
@@ -151,7 +154,7 @@ class Environment:
         0.0,
         0.0,
     )
-    intensity: Annotated[float, Option("Factor of the environment's light.")] = 1.0
+    intensity: Annotated[float, Option("Factor of the environment's light.", low=0)] = 1.0
     rotate: Annotated[
         float, Option("Angle in degrees by which the environment is turned about the up axis.")
     ] = 0.0
@@ -159,20 +162,17 @@ class Environment:
         True
     )
     lighting: Annotated[bool, Option("Whether the environment lights the objects.")] = False
-    size: Annotated[int, Option("Width in texels of each face of its cube map.")] = 512
+    size: Annotated[
+        int, Option("Width in texels of each face of its cube map.", low=1, high=8192)
+    ] = 512
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.image is not None and self.faces:
             raise OptionError("faces: it conflicts with the image; give only one")
         _check_color("environment.color", self.color)
         if len(self.faces) not in (0, 6):
             raise OptionError(f"faces: {len(self.faces)} are not six: +x, -x, +y, -y, +z, -z")
-        if not 0.0 <= self.intensity < math.inf:
-            raise OptionError(f"intensity: {self.intensity} is not 0 or more")
-        if not math.isfinite(self.rotate):
-            raise OptionError(f"rotate: {self.rotate} is not finite")
-        if not 1 <= self.size <= 8192:
-            raise OptionError(f"size: {self.size} is out of range; it must be 1 to 8192")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,19 +181,19 @@ class Fog:
 
     color: Annotated[Rgb, Option("Linear color that distant light fades into.")] = (0.5, 0.55, 0.6)
     mode: Annotated[
-        str, Option("How fog grows with distance: linear from start to end, exp or exp2.")
+        str,
+        Option(
+            "How fog grows with distance: linear from start to end, exp or exp2.", choices=FOG_MODES
+        ),
     ] = "exp"
-    density: Annotated[float, Option("Density of exponential fog per world unit.")] = 0.1
+    density: Annotated[float, Option("Density of exponential fog per world unit.", low=0)] = 0.1
     start: Annotated[float, Option("Distance at which linear fog begins.")] = 0.0
     end: Annotated[float, Option("Distance at which linear fog hides everything.")] = 10.0
 
     def __post_init__(self) -> None:
+        check_fields(self, prefix="fog.")
         _check_color("fog.color", self.color)
-        if self.mode not in FOG_MODES:
-            raise OptionError(f"fog.mode: {self.mode!r} is not one of {', '.join(FOG_MODES)}")
-        if not 0.0 <= self.density < math.inf:
-            raise OptionError(f"fog.density: {self.density} is not 0 or more")
-        if not (math.isfinite(self.start) and self.start < self.end < math.inf):
+        if not self.start < self.end:
             raise OptionError(f"fog.end: {self.end} is not beyond the start, {self.start}")
 
     @property
@@ -208,18 +208,18 @@ class AmbientOcclusion:
 
     radius: Annotated[
         float | None,
-        Option("Distance within which surfaces occlude one another; without it, by scene size."),
+        Option(
+            "Distance within which surfaces occlude one another; without it, by scene size.",
+            above=0,
+        ),
     ] = None
-    samples: Annotated[int, Option("Samples per pixel.")] = 16
-    strength: Annotated[float, Option("Share of the occlusion that is applied, from 0 to 1.")] = 1.0
+    samples: Annotated[int, Option("Samples per pixel.", low=1, high=1024)] = 16
+    strength: Annotated[
+        float, Option("Share of the occlusion that is applied, from 0 to 1.", low=0, high=1)
+    ] = 1.0
 
     def __post_init__(self) -> None:
-        if self.radius is not None and not 0.0 < self.radius < math.inf:
-            raise OptionError(f"radius: {self.radius} is not above 0")
-        if not 1 <= self.samples <= 1024:
-            raise OptionError(f"samples: {self.samples} is out of range; it must be 1 to 1024")
-        if not 0.0 <= self.strength <= 1.0:
-            raise OptionError(f"strength: {self.strength} is not from 0 to 1")
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

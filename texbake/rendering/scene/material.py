@@ -19,7 +19,7 @@ from texbake.rendering.scene.textures import (
     Slot,
     Texture,
 )
-from texbake.schema import Option
+from texbake.schema import Option, check_fields
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
 BUMP_FORMS = ("blinn", "exact", "emboss")
@@ -54,21 +54,23 @@ class NormalMap:
 
     texture: Annotated[ImageTexture, Option("Image of normals.")]
     space: Annotated[
-        str | None, Option("Space of the normals; without it what the file says, else tangent.")
+        str | None,
+        Option(
+            "Space of the normals; without it what the file says, else tangent.",
+            choices=NORMAL_SPACES,
+        ),
     ] = None
     convention: Annotated[
         str | None,
-        Option("+Y up (opengl) or down (directx); without it what the file says, else opengl."),
+        Option(
+            "+Y up (opengl) or down (directx); without it what the file says, else opengl.",
+            choices=CONVENTIONS,
+        ),
     ] = None
     strength: Annotated[float, Option("Factor of x and y of tangent-space normals.")] = 1.0
 
     def __post_init__(self) -> None:
-        for name, choices in ("space", NORMAL_SPACES), ("convention", CONVENTIONS):
-            value = getattr(self, name)
-            if value not in (None, *choices):
-                raise OptionError(f"{name}: {value!r} is not one of {', '.join(choices)}")
-        if not math.isfinite(self.strength):
-            raise OptionError(f"strength: {self.strength} is not a finite number")
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,14 +85,15 @@ class BumpMap:
     texture: Annotated[Texture, Option("Image or procedure of heights.")]
     height: Annotated[float, Option("Height of value 1 in units of the object.")] = 0.05
     form: Annotated[
-        str, Option("Formula of the tilted normal: exact, blinn (first order) or emboss.")
+        str,
+        Option(
+            "Formula of the tilted normal: exact, blinn (first order) or emboss.",
+            choices=BUMP_FORMS,
+        ),
     ] = "exact"
 
     def __post_init__(self) -> None:
-        if self.form not in BUMP_FORMS:
-            raise OptionError(f"form: {self.form!r} is not one of {', '.join(BUMP_FORMS)}")
-        if not math.isfinite(self.height):
-            raise OptionError(f"height: {self.height} is not a finite number")
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,27 +119,23 @@ class Displacement:
         False
     )
     space: Annotated[
-        str | None, Option("Space of vectors; without it what the file says, else tangent.")
+        str | None,
+        Option(
+            "Space of vectors; without it what the file says, else tangent.",
+            choices=DISPLACEMENT_SPACES,
+        ),
     ] = None
     edge_px: Annotated[
         float | None,
-        Option("Longest edge in pixels of the triangles that the surface is divided into."),
+        Option(
+            "Longest edge in pixels of the triangles that the surface is divided into.", above=0
+        ),
     ] = 2.0
 
     def __post_init__(self) -> None:
-        if self.edge_px is None:
-            if not isinstance(self.texture, ImageTexture):
-                raise OptionError("edge_px: a procedure has no texels to go by; give a length")
-        elif not 0.0 < self.edge_px < math.inf:
-            raise OptionError(f"edge_px: {self.edge_px} is not above 0")
-        for name in "height", "mid":
-            value = getattr(self, name)
-            if value is not None and not math.isfinite(value):
-                raise OptionError(f"{name}: {value} is not a finite number")
-        if self.space not in (None, *DISPLACEMENT_SPACES):
-            raise OptionError(
-                f"space: {self.space!r} is not one of {', '.join(DISPLACEMENT_SPACES)}"
-            )
+        check_fields(self)
+        if self.edge_px is None and not isinstance(self.texture, ImageTexture):
+            raise OptionError("edge_px: a procedure has no texels to go by; give a length")
         if self.vector and not isinstance(self.texture, ImageTexture):
             raise OptionError("vector: a procedure has one height and no vector; give an image")
 
@@ -152,14 +151,11 @@ class Parallax:
     texture: Annotated[
         ImageTexture, Option("Image of heights: white is the surface, black the deepest.")
     ]
-    depth: Annotated[float, Option("Depth of black in units of texture coordinates.")] = 0.05
-    layers: Annotated[int, Option("Most steps of the search along the line of sight.")] = 32
+    depth: Annotated[float, Option("Depth of black in units of texture coordinates.", low=0)] = 0.05
+    layers: Annotated[int, Option("Most steps of the search along the line of sight.", low=1)] = 32
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.depth < math.inf:
-            raise OptionError(f"depth: {self.depth} is not 0 or more")
-        if self.layers < 1:
-            raise OptionError(f"layers: {self.layers} is not 1 or more")
+        check_fields(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,14 +170,25 @@ class Reflection:
         Slot, Option("Share of light that is mirrored: a number, color, image or procedure.")
     ] = 1.0
     environment: Annotated[
-        str, Option("What is mirrored: the scene's environment, or its objects (rendered).")
+        str,
+        Option(
+            "What is mirrored: the scene's environment, or its objects (rendered).",
+            choices=ENVIRONMENTS,
+        ),
     ] = "scene"
-    size: Annotated[int, Option("Width in texels of each face of a rendered environment.")] = 256
+    size: Annotated[
+        int,
+        Option(
+            "Width in texels of each face of a rendered environment.",
+            low=1,
+            high=MAX_ENVIRONMENT_SIZE,
+        ),
+    ] = 256
     fresnel: Annotated[bool, Option("Whether the reflection grows toward grazing angles.")] = False
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_constant("strength", self.strength)
-        _check_environment(self.environment, self.size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,26 +198,26 @@ class Refraction:
     strength: Annotated[
         Slot, Option("Share of light that comes through: a number, color, image or procedure.")
     ] = 1.0
-    ior: Annotated[float, Option("Index of refraction.")] = 1.5
+    ior: Annotated[float, Option("Index of refraction.", above=0)] = 1.5
     environment: Annotated[
-        str, Option("What is seen: the scene's environment, or its objects (rendered).")
+        str,
+        Option(
+            "What is seen: the scene's environment, or its objects (rendered).",
+            choices=ENVIRONMENTS,
+        ),
     ] = "scene"
-    size: Annotated[int, Option("Width in texels of each face of a rendered environment.")] = 256
+    size: Annotated[
+        int,
+        Option(
+            "Width in texels of each face of a rendered environment.",
+            low=1,
+            high=MAX_ENVIRONMENT_SIZE,
+        ),
+    ] = 256
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_constant("strength", self.strength)
-        _check_environment(self.environment, self.size)
-        if not 0.0 < self.ior < math.inf:
-            raise OptionError(f"ior: {self.ior} is not above 0; that of glass is 1.5")
-
-
-def _check_environment(environment: str, size: int) -> None:
-    if environment not in ENVIRONMENTS:
-        raise OptionError(f"environment: {environment!r} is not one of {', '.join(ENVIRONMENTS)}")
-    if not 1 <= size <= MAX_ENVIRONMENT_SIZE:
-        raise OptionError(
-            f"size: {size} texels of an environment are not from 1 to {MAX_ENVIRONMENT_SIZE}"
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,7 +244,8 @@ class Material:
     shading: Annotated[
         str,
         Option(
-            "Model of shading: metallic-roughness as in glTF 2.0, unlit, lambert or blinn-phong."
+            "Model of shading: metallic-roughness as in glTF 2.0, unlit, lambert or blinn-phong.",
+            choices=SHADINGS,
         ),
     ] = "metallic-roughness"
     base_color: Annotated[
@@ -259,18 +267,21 @@ class Material:
         Slot | None, Option("Factor of ambient and environment light, from 0 to 1.")
     ] = None
     occlusion_strength: Annotated[
-        float, Option("Share of the occlusion that is applied, from 0 to 1.")
+        float, Option("Share of the occlusion that is applied, from 0 to 1.", low=0, high=1)
     ] = 1.0
     opacity: Annotated[
         Slot | None, Option("Opacity from 0 to 1, which multiplies that of the base color.")
     ] = None
     alpha_mode: Annotated[
         str,
-        Option("What opacity does: blend, mask (leave out what is below the cutoff) or opaque."),
+        Option(
+            "What opacity does: blend, mask (leave out what is below the cutoff) or opaque.",
+            choices=ALPHA_MODES,
+        ),
     ] = "blend"
-    alpha_cutoff: Annotated[float, Option("Opacity below which a masked surface is left out.")] = (
-        0.5
-    )
+    alpha_cutoff: Annotated[
+        float, Option("Opacity below which a masked surface is left out.", low=0, high=1)
+    ] = 0.5
     light_map: Annotated[
         Slot | None, Option("Baked light on the surface, as bake-lightmap makes it.")
     ] = None
@@ -296,21 +307,10 @@ class Material:
     ] = None
 
     def __post_init__(self) -> None:
-        for name, choices in ("shading", SHADINGS), ("alpha_mode", ALPHA_MODES):
-            if getattr(self, name) not in choices:
-                raise OptionError(
-                    f"{self.name}.{name}: {getattr(self, name)!r} is not one of "
-                    f"{', '.join(choices)}"
-                )
+        check_fields(self, prefix=f"{self.name}.")
         for name in _CONSTANT_SLOTS:
             check_constant(f"{self.name}.{name}", getattr(self, name))
         if isinstance(self.exponent, float | int) and self.exponent < 0.0:
             raise OptionError(f"{self.name}.exponent: {self.exponent} is below 0")
-        if not (math.isfinite(self.alpha_cutoff) and 0.0 <= self.alpha_cutoff <= 1.0):
-            raise OptionError(f"{self.name}.alpha_cutoff: {self.alpha_cutoff} is not from 0 to 1")
-        if not 0.0 <= self.occlusion_strength <= 1.0:
-            raise OptionError(
-                f"{self.name}.occlusion_strength: {self.occlusion_strength} is not from 0 to 1"
-            )
         if self.ior != 0.0 and not 1.0 <= self.ior < math.inf:
             raise OptionError(f"{self.name}.ior: {self.ior} is not 1 or more")

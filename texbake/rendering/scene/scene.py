@@ -21,7 +21,7 @@ from texbake.rendering.camera import Camera, axes_toward
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Lighting, Vector
 from texbake.rendering.scene.material import Material
-from texbake.schema import Option
+from texbake.schema import Option, check_fields
 
 # Least allowed ratio of the smallest to the largest singular value. Rounding leaves a flattened
 # axis at about 1e-16; above this limit it still has three significant digits.
@@ -48,12 +48,16 @@ class CameraView:
         tuple[float, float] | tuple[float, float, float | None] | None,
         Option("Azimuth and elevation in degrees, and the distance in world units."),
     ] = None
-    fov: Annotated[float | None, Option("Vertical field of view in degrees.")] = None
+    fov: Annotated[
+        float | None, Option("Vertical field of view in degrees.", above=0, below=180)
+    ] = None
     near: Annotated[
-        float | None, Option("Distance of the near plane, with a position; small without it.")
+        float | None,
+        Option("Distance of the near plane, with a position; small without it.", above=0),
     ] = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if (self.position is None) != (self.target is None):
             raise OptionError("camera: position and target belong together; give both or neither")
         if self.position is not None and self.angles is not None:
@@ -61,12 +65,6 @@ class CameraView:
         for name in "up", "near":
             if getattr(self, name) is not None and self.position is None:
                 raise OptionError(f"{name}: it belongs to a camera with a position; give that too")
-        if self.fov is not None and not 0.0 < self.fov < 180.0:
-            raise OptionError(
-                f"fov: {self.fov:g} is out of range; it must be above 0 and below 180"
-            )
-        if self.near is not None and not 0.0 < self.near < math.inf:
-            raise OptionError(f"near: {self.near:g} is not above 0")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

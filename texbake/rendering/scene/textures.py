@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.schema import Option
+from texbake.schema import Option, check_fields
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,12 +38,13 @@ class ImageTexture:
     """An image, looked up at texture coordinates."""
 
     image: Annotated[PathLike | Image | npt.NDArray[np.float32], Option("Image file.")]
-    filter: Annotated[str, Option("Filter between texels.")] = "trilinear"
+    filter: Annotated[str, Option("Filter between texels.", choices=FILTERS)] = "trilinear"
     wrap: Annotated[
         str | None,
         Option(
             "What lies outside the unit square: by default repeat if coordinates leave it, else "
-            "clamp."
+            "clamp.",
+            choices=WRAPS,
         ),
     ] = None
     border: Annotated[
@@ -64,7 +65,9 @@ class ImageTexture:
     ] = 0.0
     channel: Annotated[
         int | None,
-        Option("The one channel to use; without it the first, or the first three of a color."),
+        Option(
+            "The one channel to use; without it the first, or the first three of a color.", low=0
+        ),
     ] = None
     factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
     color: Annotated[
@@ -72,13 +75,8 @@ class ImageTexture:
     ] = None
 
     def __post_init__(self) -> None:
-        if self.filter not in FILTERS:
-            raise OptionError(f"filter: {self.filter!r} is not one of {', '.join(FILTERS)}")
-        if self.wrap is not None and self.wrap not in WRAPS:
-            raise OptionError(f"wrap: {self.wrap!r} is not one of {', '.join(WRAPS)}")
-        if self.channel is not None and self.channel < 0:
-            raise OptionError(f"channel: {self.channel} is below 0; the first is 0")
-        for name in "border", "scale", "offset", "rotate", "factor":
+        check_fields(self)
+        for name in "border", "scale", "offset", "factor":
             _check_finite(name, getattr(self, name))
 
 
@@ -92,7 +90,10 @@ class ProcedureTexture:
     )
     space: Annotated[
         str,
-        Option("Space of the points: of the object, of the world, or texture coordinates (uv)."),
+        Option(
+            "Space of the points: of the object, of the world, or texture coordinates (uv).",
+            choices=SPACES,
+        ),
     ] = "object"
     scale: Annotated[
         float | tuple[float, float, float], Option("Factor that the points are multiplied by.")
@@ -104,8 +105,7 @@ class ProcedureTexture:
     factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
 
     def __post_init__(self) -> None:
-        if self.space not in SPACES:
-            raise OptionError(f"space: {self.space!r} is not one of {', '.join(SPACES)}")
+        check_fields(self)
         for name in "scale", "factor":
             _check_finite(name, getattr(self, name))
         if self.colors is not None and not self.colors:
