@@ -57,10 +57,10 @@ def info(
     """
     if size is not None and not uv:
         raise OptionError("size: it is for measuring texture coordinates; give --uv as well")
+    options = UnwrapOptions() if size is None else UnwrapOptions(size=size)
+    uv_size = options.size if uv else None
     with terminal.progress() as progress:
-        found = texbake.info_file(
-            mesh, uv_size=(size or UnwrapOptions.size) if uv else None, progress=progress
-        )
+        found = texbake.info_file(mesh, uv_size=uv_size, progress=progress)
     if as_json:
         say(found.to_json())
         return

@@ -36,7 +36,7 @@ def test_command_line(tmp_path):
     for name in ("maps/normal.png", "maps/displacement.png", "normal_directx.png", "preview.png"):
         image = texbake.read_image(folder / name, color=False)
         assert image.pixels.std() > 0.01
-    assert texbake.read_mesh(folder / "light_uv.obj").uvs is not None
+    assert texbake.read_mesh(folder / "low_uv.obj").uvs is not None
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out"]
 
 
