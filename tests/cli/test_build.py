@@ -106,15 +106,18 @@ def test_watch_builds_saved_changes_until_it_is_stopped(pipeline: Path, script: 
                 output += line
             return output
 
-        assert "2 built" in until_watching()
-        pipeline.write_text(PIPELINE.replace("3.0", "4.0"))
-        assert "1 built, 1 current" in until_watching()
-        process.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + 20
-        while process.poll() is None:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        assert process.returncode == 130
+        try:
+            assert "2 built" in until_watching()
+            pipeline.write_text(PIPELINE.replace("3.0", "4.0"))
+            assert "1 built, 1 current" in until_watching()
+            process.send_signal(signal.SIGINT)
+            deadline = time.monotonic() + 20
+            while process.poll() is None:
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+            assert process.returncode == 130
+        finally:
+            process.kill()  # or leaving the block would wait for a process that goes on
 
 
 def test_the_live_table_shows_running_steps_and_their_times() -> None:
