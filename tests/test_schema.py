@@ -34,7 +34,8 @@ class Choices(CheckedOptions):
     ],
 )
 def test_values_that_can_be(values: dict[str, Any]) -> None:
-    Choices(**values)
+    options = Choices(**values)
+    assert {name: getattr(options, name) for name in values} == values
 
 
 @pytest.mark.parametrize(

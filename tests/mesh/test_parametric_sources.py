@@ -67,12 +67,12 @@ def test_wrong_profiles_are_one_clear_line(written, content, message):
 @pytest.mark.parametrize(
     ("profile", "message"),
     [
-        ([], "the shape"),
+        ([], "of shape"),
         ([(1, 1)], "fewer than two points"),
         ([(0, 0), (0, 1)], "on the axis"),
         ([(1, 0), (-1, 1)], "a radius is negative"),
         ([(1, 0), (1, np.nan)], "not finite"),
-        ([(1, 0, 0), (1, 1, 0)], "the shape"),
+        ([(1, 0, 0), (1, 1, 0)], "of shape"),
         ([("a", "b")], "not an array of numbers"),
     ],
 )

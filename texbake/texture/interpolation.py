@@ -167,27 +167,3 @@ def interpolate_cell(texels, cell, x, y, channel, outside):  # type: ignore[no-u
     above = a + x * (b - a)
     below = c + x * (d - c)
     return above + y * (below - above)
-
-
-@kernel
-def bilinear(image, u, v, wrap, out):  # type: ignore[no-untyped-def]
-    """Interpolate the four texels about (u, v) into `out`; to be called from kernels.
-
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        C-contiguous, with at least one texel.
-    u, v : float64
-        Texture coordinates, v up. Whatever they are, no texel outside the image is read; one that
-        is not a number counts as 0, and so does an infinite one that repeats or is mirrored.
-    wrap : int
-        `REPEAT`, where the image tiles the plane; `MIRROR`, where every second tile is turned
-        around; `CLAMP`, where its border texels go on; `BORDER`, where 0 lies around it.
-    out : (C,) float32
-        Written. An image that is constant gives exactly its constant.
-    """
-    height, width, n_channels = image.shape
-    texels = image.reshape((height * width, n_channels))
-    cell, x, y = bilinear_cell(wrap_to_unit(u, wrap), wrap_to_unit(v, wrap), width, height, wrap, 0)
-    for channel in range(n_channels):
-        out[channel] = interpolate_cell(texels, cell, x, y, channel, np.float32(0.0))

@@ -62,7 +62,7 @@ def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
         raise OptionError("profile: it is not an array of numbers") from error
     if points.ndim != 2 or points.shape[1] != 2:
         raise OptionError(
-            f"profile: an array of the shape {points.shape} is no profile; give (n, 2)"
+            f"profile: an array of shape {points.shape} is not a profile; give (n, 2)"
         )
     if not np.isfinite(points).all():
         raise OptionError("profile: a point is not finite")
@@ -135,7 +135,7 @@ def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
         raise OptionError("patches: it is not an array of numbers") from error
     if patches.ndim != 4 or patches.shape[1:] != (4, 4, 3) or len(patches) == 0:
         raise OptionError(
-            f"patches: an array of the shape {patches.shape} holds no patches; give (n, 4, 4, 3)"
+            f"patches: an array of shape {patches.shape} does not hold patches; give (n, 4, 4, 3)"
         )
     if not np.isfinite(patches).all():
         raise OptionError("patches: a point is not finite")
