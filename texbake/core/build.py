@@ -1,0 +1,176 @@
+"""Compile the core: with the compiler that is there, else with the one of `ziglang` from PyPI.
+
+    python -m texbake.core.build               into this folder, for this machine
+    python texbake/core/build.py               the same, before texbake is installed
+    python texbake/core/build.py --sanitize    with AddressSanitizer and UndefinedBehaviorSanitizer
+
+The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since it
+runs before anything is installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+# No fused multiply-adds and nothing reordered: every build gives the same bytes. Without errno and
+# traps, loops with square roots and conditions can use vector instructions; no result changes.
+FLAGS = (
+    "-std=c17", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC",
+    "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unknown-pragmas",
+)  # fmt: skip
+SANITIZER_FLAGS = (
+    "-std=c17", "-O1", "-g", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden",
+    "-fsanitize=address,undefined", "-fno-sanitize=vla-bound", "-fno-sanitize-recover=undefined",
+    "-fno-omit-frame-pointer",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Target:
+    """A machine to compile for: its processor, its system, and how its wheels are tagged."""
+
+    machine: str
+    system: str
+    zig_target: str
+    wheel_tag: str
+
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """Levels of instructions that are worth a build of their own, from the least."""
+        return ("x86-64-v2", "x86-64-v3") if self.machine == "x86_64" else ("arm64",)
+
+    @property
+    def suffix(self) -> str:
+        """Ending of a shared library's name."""
+        return {"windows": ".dll", "macos": ".dylib"}.get(self.system, ".so")
+
+
+TARGETS = (
+    Target("x86_64", "linux", "x86_64-linux-gnu.2.17", "manylinux2014_x86_64"),
+    Target("aarch64", "linux", "aarch64-linux-gnu.2.17", "manylinux2014_aarch64"),
+    Target("x86_64", "windows", "x86_64-windows-gnu", "win_amd64"),
+    Target("x86_64", "macos", "x86_64-macos.11.0", "macosx_11_0_x86_64"),
+    Target("aarch64", "macos", "aarch64-macos.11.0", "macosx_11_0_arm64"),
+)
+
+
+def this_machine() -> Target:
+    """Return the target that is the machine this runs on.
+
+    Raises
+    ------
+    SystemExit
+        There is none.
+    """
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower())
+    machine = machine or platform.machine().lower()
+    system = {"win32": "windows", "darwin": "macos"}.get(sys.platform, "linux")
+    for target in TARGETS:
+        if (target.machine, target.system) == (machine, system):
+            return target
+    raise SystemExit(f"texbake: there is no build of the core for {machine} on {system}")
+
+
+def find_compiler() -> list[str] | None:
+    """Return the command of the compiler that is there, or None."""
+    named = os.environ.get("CC", "").split()
+    if named:
+        return named
+    return next(([name] for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
+
+
+def zig_compiler() -> list[str]:
+    """Return the command of the compiler in the package `ziglang`."""
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def build(folder: Path, target: Target | None = None, *, sanitize: bool = False) -> list[Path]:
+    """Compile the core into a folder; return its libraries, one a level of instructions.
+
+    Parameters
+    ----------
+    target
+        A machine to cross-compile for, with zig; None for this one, with the compiler that is there.
+
+    Raises
+    ------
+    SystemExit
+        A file does not compile.
+    """
+    here = target is None
+    target = target or this_machine()
+    compiler = (find_compiler() if here else None) or [
+        *zig_compiler(),
+        "-target",
+        target.zig_target,
+    ]
+    if sanitize:
+        return [_build_level(folder, target, compiler, "sanitized", list(SANITIZER_FLAGS))]
+    libraries = []
+    for level in target.levels:
+        tuned = [] if level == "arm64" else [_tuning(compiler, level)]
+        libraries.append(_build_level(folder, target, compiler, level, [*FLAGS, *tuned]))
+    return libraries
+
+
+def _tuning(compiler: list[str], level: str) -> str:
+    return f"-mcpu={level.replace('-', '_')}" if "ziglang" in compiler else f"-march={level}"
+
+
+def _build_level(
+    folder: Path, target: Target, compiler: list[str], level: str, flags: list[str]
+) -> Path:
+    library = folder / f"core-{level}{target.suffix}"
+    sources = sorted(FOLDER.glob("*.c"))
+    with tempfile.TemporaryDirectory() as scratch:
+        objects = [Path(scratch) / f"{source.stem}.o" for source in sources]
+        commands = [
+            [*compiler, *flags, "-c", str(source), "-o", str(made)]
+            for source, made in zip(sources, objects, strict=True)
+        ]
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            list(pool.map(_run, commands))
+        # Linked beside its place and renamed, so that a process that has it loaded keeps its own.
+        unfinished = Path(scratch) / library.name
+        sanitizers = [flag for flag in flags if flag.startswith("-fsanitize=")]
+        maths = [] if target.system == "windows" else ["-lm"]
+        names = [str(path) for path in objects]
+        _run([*compiler, "-shared", *sanitizers, *names, *maths, "-o", str(unfinished)])
+        beside = library.with_suffix(f"{library.suffix}.new")
+        shutil.copy(unfinished, beside)
+        beside.replace(library)
+    return library
+
+
+def _run(command: list[str]) -> None:
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    if finished.returncode:
+        raise SystemExit(
+            f"texbake: the core does not compile: {' '.join(command)}\n{finished.stderr}"
+        )
+    if finished.stderr:
+        print(finished.stderr, file=sys.stderr)
+
+
+def main() -> None:
+    """Compile the core for this machine, beside its sources."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--sanitize", action="store_true", help="with sanitizers, for the tests")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="where the library goes")
+    options = parser.parse_args()
+    for library in build(options.folder, sanitize=options.sanitize):
+        print(library)
+
+
+if __name__ == "__main__":
+    main()

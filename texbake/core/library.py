@@ -1,0 +1,92 @@
+"""The compiled library: found, chosen for this processor, and loaded when it is first used.
+
+The core is built once for each level of instructions that matters (x86-64-v2 and v3; NEON is part of
+every arm64). All builds give the same bytes. `TEXBAKE_CORE` names a level, or the path of a library,
+such as one built with sanitizers.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from texbake.core.binding import bind
+from texbake.core.declarations import read_prototype, split_prototypes
+from texbake.errors import DependencyError
+
+FOLDER = Path(__file__).parent
+SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+
+
+class Core:
+    """The functions of `core.h` as methods.
+
+    Each is bound when it is first asked for: its prototype is read, and its checks are written.
+    """
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        match = self._prototypes.get(name)
+        if match is None:
+            raise AttributeError(f"core.h declares no function '{name}'")
+        bound = bind(read_prototype(match), getattr(self._library, name))
+        setattr(self, name, bound)
+        return bound
+
+    def address(self, name: str) -> int:
+        """Return the address of a function, for other native code to call it back."""
+        return ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value or 0
+
+    @cached_property
+    def _prototypes(self) -> dict[str, Any]:
+        return split_prototypes((FOLDER / "core.h").read_text(encoding="utf-8"))
+
+    @cached_property
+    def _library(self) -> ctypes.CDLL:
+        return load_library()
+
+
+def load_library() -> ctypes.CDLL:
+    """Load the fastest build of the core that this processor runs.
+
+    Raises
+    ------
+    DependencyError
+        There is none, or it does not load.
+    """
+    wanted = os.environ.get("TEXBAKE_CORE", "")
+    if wanted and Path(wanted).suffix == SUFFIX:
+        return _load(Path(wanted))
+    built = {path.stem.removeprefix("core-"): path for path in FOLDER.glob(f"core-*{SUFFIX}")}
+    if not built:
+        raise DependencyError(
+            f"texbake: the compiled core is not in {FOLDER}; install texbake again with: "
+            "pip install --force-reinstall --no-deps texbake"
+        )
+    if wanted:
+        if wanted not in built:
+            levels = ", ".join(sorted(built))
+            raise DependencyError(f"TEXBAKE_CORE: there is no build '{wanted}'; there is {levels}")
+        return _load(built[wanted])
+    # The names of the levels sort from the least to the most.
+    *_, last = levels = sorted(built)
+    library = _load(built[levels[0]])
+    if last == "x86-64-v3":
+        library.has_x86_64_v3.restype = ctypes.c_bool
+        if library.has_x86_64_v3():
+            return _load(built[last])
+    return library
+
+
+def _load(path: Path) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as error:
+        raise DependencyError(f"{path}: the compiled core does not load: {error}") from error
+
+
+core = Core()
