@@ -31,13 +31,13 @@ _SCALARS = {
     "float32": ctypes.c_float,
     "float64": ctypes.c_double,
 }
-_RESULTS = {
+_RESULTS: dict[str, Any] = {
     "void": None,
     "bool": ctypes.c_bool,
     "int32_t": ctypes.c_int32,
+    "int64_t": ctypes.c_int64,
     "double": ctypes.c_double,
 }
-_RESULTS["int64_t"] = ctypes.c_int64
 
 
 def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
@@ -49,11 +49,12 @@ def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
     Raises
     ------
     TypeError
-        (by the function returned) An argument is no array, or an array of another dtype.
+        From a call: an argument is no array, or an array of another dtype.
     ValueError
-        (likewise) An array has another shape, is not contiguous or aligned, or cannot be written to.
+        From a call: an array has another shape, is not contiguous or aligned, or is read-only and
+        would be written to.
     MemoryError
-        (likewise) The function found no memory.
+        From a call: the function found no memory.
     """
     function.restype = _RESULTS[declaration.result]
     function.argtypes = [
@@ -76,40 +77,35 @@ def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
 def _source(declaration: Declaration) -> Iterator[str]:
     """Lines of a Python function that checks its arguments and makes the call."""
     derived = declaration.derived
-    arrays = [parameter for parameter in declaration.parameters if parameter.dimensions]
-    given = [
-        parameter.name for parameter in declaration.parameters if parameter.name not in derived
-    ]
+    parameters = declaration.parameters
+    arrays = [parameter for parameter in parameters if parameter.dimensions]
+    given = [parameter.name for parameter in parameters if parameter.name not in derived]
     yield f"def {declaration.name}({', '.join(given)}):"
     for array in arrays:
         yield from _type_check(array)
-    for size, sources in derived.items():
-        array, axis, offset = sources[0]
-        shown = (
-            f"{array.name}.shape[{axis}] {offset:+d}" if offset else f"{array.name}.shape[{axis}]"
-        )
-        yield f"    {size} = {f'0 if {array.name} is None else {shown}' if array.optional else shown}"
+    for size, ((array, axis, offset), *_) in derived.items():
+        missing = f"0 if {array.name} is None else " if array.optional else ""
+        yield f"    {size} = {missing}{array.name}.shape[{axis}] + {offset}"
     for array in arrays:
-        expected = ", ".join(array.dimensions)
         missing = f"{array.name} is not None and " if array.optional else ""
-        yield f"    if {missing}{array.name}.shape != ({expected},):"
+        yield f"    if {missing}{array.name}.shape != ({', '.join(array.dimensions)},):"
         yield f"        _explain('{array.name}', locals())"
-    arguments = ", ".join(_argument(parameter) for parameter in declaration.parameters)
+    call = f"_function({', '.join(_argument(parameter) for parameter in parameters)})"
     if declaration.result == "int64_t":
-        yield f"    result = _function({arguments})"
+        yield f"    result = {call}"
         yield "    if result == _OUT_OF_MEMORY:"
         yield f"        raise MemoryError('{declaration.name}: not enough memory')"
         yield "    return result"
     else:
-        yield f"    return _function({arguments})"
+        yield f"    return {call}"
 
 
 def _type_check(array: Parameter) -> Iterator[str]:
     name = array.name
-    flags = "carray" if array.written else "c_contiguous and {0}.flags.aligned".format(name)
+    flags = "flags.carray" if array.written else f"flags.c_contiguous and {name}.flags.aligned"
     wrong = (
         f"not isinstance({name}, _array) or {name}.dtype != _{array.dtype}"
-        f" or {name}.ndim != {len(array.dimensions)} or not ({name}.flags.{flags})"
+        f" or {name}.ndim != {len(array.dimensions)} or not ({name}.{flags})"
     )
     yield f"    if {f'{name} is not None and ({wrong})' if array.optional else wrong}:"
     yield f"        _explain('{name}', locals())"

@@ -4,8 +4,8 @@
     python texbake/core/build.py               the same, before texbake is installed
     python texbake/core/build.py --sanitize    with AddressSanitizer and UndefinedBehaviorSanitizer
 
-The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since it
-runs before anything is installed.
+The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since
+it runs before anything is installed.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def build(folder: Path, target: Target | None = None, *, sanitize: bool = False)
     Parameters
     ----------
     target
-        A machine to cross-compile for, with zig; None for this one, with the compiler that is there.
+        A machine to cross-compile for, with zig; None for this one, with its own compiler.
 
     Raises
     ------

@@ -25,7 +25,8 @@ DTYPES = {
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _PROTOTYPE = re.compile(r"^(void|\w+) (\w+)\(([^;{}]*)\);", re.MULTILINE)
 _PARAMETER = re.compile(
-    r"(?P<optional>OPTIONAL )?(?P<const>const )?(?P<type>\w+) (?P<name>\w+)(?P<dimensions>(\[[^\]]*\])*)"
+    r"(?P<optional>OPTIONAL )?(?P<const>const )?(?P<type>\w+) "
+    r"(?P<name>\w+)(?P<dimensions>(\[[^\]]*\])*)"
 )
 _SIZE = re.compile(r"([A-Za-z_]\w*)(?: ([+-]) (\d+))?")
 

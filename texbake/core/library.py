@@ -1,8 +1,8 @@
 """The compiled library: found, chosen for this processor, and loaded when it is first used.
 
-The core is built once for each level of instructions that matters (x86-64-v2 and v3; NEON is part of
-every arm64). All builds give the same bytes. `TEXBAKE_CORE` names a level, or the path of a library,
-such as one built with sanitizers.
+The core is built once for each level of instructions that matters (x86-64-v2 and v3; NEON is part
+of every arm64). All builds give the same bytes. `TEXBAKE_CORE` names a level, or the path of a
+library, such as one built with sanitizers.
 """
 
 from __future__ import annotations
@@ -69,16 +69,17 @@ def load_library() -> ctypes.CDLL:
         )
     if wanted:
         if wanted not in built:
-            levels = ", ".join(sorted(built))
-            raise DependencyError(f"TEXBAKE_CORE: there is no build '{wanted}'; there is {levels}")
+            there_is = ", ".join(sorted(built))
+            raise DependencyError(
+                f"TEXBAKE_CORE: there is no build '{wanted}'; there is {there_is}"
+            )
         return _load(built[wanted])
-    # The names of the levels sort from the least to the most.
-    *_, last = levels = sorted(built)
+    levels = sorted(built)  # from the least to the most
     library = _load(built[levels[0]])
-    if last == "x86-64-v3":
+    if levels[-1] == "x86-64-v3":
         library.has_x86_64_v3.restype = ctypes.c_bool
         if library.has_x86_64_v3():
-            return _load(built[last])
+            return _load(built[levels[-1]])
     return library
 
 
