@@ -1,0 +1,88 @@
+"""The table of the core, `core.h`, as Python reads it."""
+
+import re
+
+import pytest
+
+from texbake.core.declarations import read_prototype, split_prototypes
+from texbake.core.library import FOLDER
+
+HEADER = """
+/* A comment with a prototype: void ignored(int64_t n); */
+int64_t smooth(
+    int64_t n, int64_t width,
+    const float image[n][width][3], OPTIONAL const bool mask[n * width],
+    double result[restrict n + 1], double weight);
+void nothing(void);
+"""
+
+
+def declaration(name, header=HEADER):
+    return read_prototype(split_prototypes(header)[name])
+
+
+def test_prototypes_are_found_by_name_and_comments_are_not():
+    assert set(split_prototypes(HEADER)) == {"smooth", "nothing"}
+
+
+def test_a_prototype_is_read_whole():
+    smooth = declaration("smooth")
+    rows = [
+        (each.name, each.dtype, each.dimensions, each.written, each.optional)
+        for each in smooth.parameters
+    ]
+    assert smooth.result == "int64_t"
+    assert rows == [
+        ("n", "int64", (), False, False),
+        ("width", "int64", (), False, False),
+        ("image", "float32", ("n", "width", "3"), False, False),
+        ("mask", "bool", ("n * width",), False, True),
+        ("result", "float64", ("n + 1",), True, False),
+        ("weight", "float64", (), False, False),
+    ]
+
+
+def test_sizes_come_from_the_shapes_that_tell_them():
+    told = {
+        size: [(array.name, axis, offset) for array, axis, offset in sources]
+        for size, sources in declaration("smooth").derived.items()
+    }
+    assert told == {"n": [("image", 0, 0), ("result", 0, -1)], "width": [("image", 1, 0)]}
+
+
+def test_a_size_that_no_dimension_is_alone_stays_an_argument():
+    header = "void fill(int64_t rows, int64_t columns, float image[rows * columns]);"
+    assert declaration("fill", header).derived == {}
+
+
+def test_a_function_without_parameters():
+    assert declaration("nothing").parameters == ()
+
+
+@pytest.mark.parametrize("parameter", ["float *image", "struct arena arena", "unsigned n"])
+def test_what_the_table_cannot_say_is_an_error(parameter):
+    with pytest.raises(ValueError, match="cannot read the parameter"):
+        declaration("wrong", f"void wrong({parameter});")
+
+
+def test_every_file_of_the_core_names_who_calls_it():
+    nameless = [
+        path.name
+        for path in FOLDER.glob("*.c")
+        if path.name != "arena.c"
+        and not re.search(r"Called from [^.]*?(texbake/\w|\w+\.[ch])", path.read_text("utf-8"))
+    ]
+    assert nameless == []
+
+
+def test_every_declared_function_is_defined_in_the_file_that_its_comment_names():
+    header = (FOLDER / "core.h").read_text(encoding="utf-8")
+    sections = re.findall(r"/\* (\w+\.c) \*/\n(.*?)(?=\n/\* \w+\.c \*/|#pragma)", header, re.S)
+    misplaced = [
+        f"{name} is not in {file}"
+        for file, listed in sections
+        for name in split_prototypes(listed)
+        if not re.search(rf"^\w+ {name}\(", (FOLDER / file).read_text(encoding="utf-8"), re.M)
+    ]
+    assert sections
+    assert misplaced == []

@@ -1,0 +1,127 @@
+"""The library that is loaded: which build, and what happens without one."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from texbake.core import core, library
+from texbake.core.library import FOLDER, SUFFIX, load_library
+from texbake.errors import DependencyError
+
+
+def test_an_unknown_function_is_an_attribute_error():
+    with pytest.raises(AttributeError, match=r"core\.h declares no function 'nothing_of_the_kind'"):
+        getattr(core, "nothing_of_the_kind")  # noqa: B009
+
+
+def test_a_function_is_bound_once():
+    assert core.solve_blocks is core.solve_blocks
+
+
+def test_every_declared_function_is_exported_by_every_build():
+    for path in FOLDER.glob(f"core-*{SUFFIX}"):
+        loaded = library._load(path)
+        missing = [name for name in core._prototypes if not hasattr(loaded, name)]
+        assert missing == [], path.name
+
+
+def test_the_library_has_no_python_in_it():
+    for path in FOLDER.glob(f"core-*{SUFFIX}"):
+        content = path.read_bytes()
+        assert b"PyObject" not in content
+        assert b"Py_" not in content
+
+
+def test_without_a_library_the_message_says_what_to_do(monkeypatch, tmp_path):
+    monkeypatch.setattr(library, "FOLDER", tmp_path)
+    with pytest.raises(DependencyError, match="install texbake again with: pip install"):
+        load_library()
+
+
+def test_a_level_that_was_not_built_is_an_error(monkeypatch):
+    monkeypatch.setenv("TEXBAKE_CORE", "x86-64-v9")
+    with pytest.raises(DependencyError, match="there is no build 'x86-64-v9'"):
+        load_library()
+
+
+def test_a_broken_library_is_an_error_of_one_line(monkeypatch, tmp_path):
+    broken = tmp_path / f"core-broken{SUFFIX}"
+    broken.write_bytes(b"not a library")
+    monkeypatch.setenv("TEXBAKE_CORE", str(broken))
+    with pytest.raises(DependencyError, match="the compiled core does not load"):
+        load_library()
+
+
+def test_too_much_memory_is_an_error_and_no_crash():
+    """An arena that cannot grow goes back to the caller, and the next call works."""
+    resource = pytest.importorskip("resource")
+    script = """
+import resource
+import numpy as np
+from texbake.core import core
+
+def solve(n, n_regions):
+    rows = np.arange(n + 1, dtype=np.int64)
+    columns = np.arange(n, dtype=np.int32)
+    blocks = np.tile([2.0, 0.0, 0.0, 2.0], (n, 1))
+    regions = (np.arange(n) % n_regions).astype(np.int32)
+    solution = np.empty((n, 2))
+    target = np.ones((n, 2))
+    core.solve_blocks(rows, columns, blocks, target, target, regions, solution, 1e-9, 10)
+    return solution
+
+solve(10, 1)
+resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9, 2 * 10**9))
+try:
+    solve(20_000, 20_000)  # a dense system of 60,000 rows: 29 GB
+except MemoryError as error:
+    print(error)
+print(solve(10, 1)[0, 0])
+"""
+    assert resource is not None
+    finished = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert finished.stdout == "solve_blocks: not enough memory\n0.5\n"
+
+
+WHOLE_JOB = """
+import hashlib
+import sys
+import numpy as np
+import texbake
+
+threads = int(sys.argv[1])
+high = texbake.make("torus", resolution=(96, 48))
+low = texbake.unwrap(texbake.make("torus", resolution=(12, 8)), method="atlas", threads=threads)
+maps = ("normal", "displacement", "ao")
+result = texbake.bake(high, low, texbake.BakeOptions(size=64, maps=maps, threads=threads))
+digest = hashlib.sha256(np.ascontiguousarray(low.uvs))
+for baked in result.maps.values():
+    digest.update(np.ascontiguousarray(baked.values))
+print(digest.hexdigest())
+"""
+
+
+def digest_of_the_whole_job(threads=2, **environment):
+    finished = subprocess.run(
+        [sys.executable, "-c", WHOLE_JOB, str(threads)],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    return finished.stdout
+
+
+@pytest.mark.skipif(not core.has_x86_64_v3(), reason="the processor has a single level")
+def test_both_levels_of_instructions_give_the_same_bytes():
+    least = digest_of_the_whole_job(TEXBAKE_CORE="x86-64-v2")
+    assert least == digest_of_the_whole_job(TEXBAKE_CORE="x86-64-v3")
+
+
+def test_any_number_of_threads_gives_the_same_bytes():
+    assert len({digest_of_the_whole_job(threads) for threads in (1, 2, 7)}) == 1
