@@ -3,15 +3,12 @@
 PYTHON ?= python3
 WHEELS = manylinux2014_x86_64 manylinux2014_aarch64 win_amd64 macosx_11_0_x86_64 macosx_11_0_arm64
 
-.PHONY: core sanitized wheels
+.PHONY: core wheels
 
 # The core for this machine, beside its sources.
 core:
 	$(PYTHON) texbake/core/build.py
 
-# The core with AddressSanitizer and UndefinedBehaviorSanitizer, for `.ci/sanitize`.
-sanitized:
-	$(PYTHON) texbake/core/build.py --sanitize
 
 # One wheel a platform, all from this machine, into dist/.
 wheels:

@@ -2,7 +2,8 @@
 
     python -m texbake.core.build               into this folder, for this machine
     python texbake/core/build.py               the same, before texbake is installed
-    python texbake/core/build.py --sanitize    with AddressSanitizer and UndefinedBehaviorSanitizer
+    python texbake/core/build.py --sanitize --folder build
+                                               with AddressSanitizer and UndefinedBehaviorSanitizer
 
 The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since
 it runs before anything is installed.
