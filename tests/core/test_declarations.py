@@ -1,11 +1,13 @@
 """The table of the core, `core.h`, as Python reads it."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from texbake.core.declarations import read_prototype, split_prototypes
-from texbake.core.library import FOLDER
+
+SOURCES = Path(__file__).parents[2] / "texbake" / "core"
 
 HEADER = """
 /* A comment with a prototype: void ignored(int64_t n); */
@@ -68,7 +70,7 @@ def test_what_the_table_cannot_say_is_an_error(parameter):
 def test_every_file_of_the_core_names_who_calls_it():
     nameless = [
         path.name
-        for path in FOLDER.glob("*.c")
+        for path in SOURCES.glob("*.c")
         if path.name != "arena.c"
         and not re.search(r"Called from [^.]*?(texbake/\w|\w+\.[ch])", path.read_text("utf-8"))
     ]
@@ -76,13 +78,13 @@ def test_every_file_of_the_core_names_who_calls_it():
 
 
 def test_every_declared_function_is_defined_in_the_file_that_its_comment_names():
-    header = (FOLDER / "core.h").read_text(encoding="utf-8")
+    header = (SOURCES / "core.h").read_text(encoding="utf-8")
     sections = re.findall(r"/\* (\w+\.c) \*/\n(.*?)(?=\n/\* \w+\.c \*/|#pragma)", header, re.S)
     misplaced = [
         f"{name} is not in {file}"
         for file, listed in sections
         for name in split_prototypes(listed)
-        if not re.search(rf"^\w+ {name}\(", (FOLDER / file).read_text(encoding="utf-8"), re.M)
+        if not re.search(rf"^\w+ {name}\(", (SOURCES / file).read_text(encoding="utf-8"), re.M)
     ]
     assert sections
     assert misplaced == []
