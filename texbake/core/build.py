@@ -119,13 +119,21 @@ def build(folder: Path, target: Target | None = None, *, sanitize: bool = False)
         return [_build_level(folder, target, compiler, "sanitized", list(SANITIZER_FLAGS))]
     libraries = []
     for level in target.levels:
-        tuned = [] if level == "arm64" else [_tuning(compiler, level)]
-        libraries.append(_build_level(folder, target, compiler, level, [*FLAGS, *tuned]))
+        flags = [*FLAGS, *_tuning(compiler, level)]
+        libraries.append(_build_level(folder, target, compiler, level, flags))
     return libraries
 
 
-def _tuning(compiler: list[str], level: str) -> str:
-    return f"-mcpu={level.replace('-', '_')}" if "ziglang" in compiler else f"-march={level}"
+def _tuning(compiler: list[str], level: str) -> list[str]:
+    """Options for the instructions of a level.
+
+    Without fused multiply-adds even where the processor has them: GCC 12 makes some of them from
+    pairs of products in spite of `-ffp-contract=off`.
+    """
+    if level == "arm64":
+        return []
+    tuned = f"-mcpu={level.replace('-', '_')}" if "ziglang" in compiler else f"-march={level}"
+    return [tuned, "-mno-fma"]
 
 
 def _build_level(
