@@ -15,9 +15,8 @@ from texbake.checks.options import CheckOptions
 from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces, edge_ids
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.kernels.normals import AREA_ROUNDING
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
-from texbake.mesh.normals import face_normals
+from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.topology import duplicate_faces, repeated_vertices
 from texbake.mesh.weld import weld_rows
 

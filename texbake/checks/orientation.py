@@ -6,7 +6,7 @@ flipped. A closed shell of negative volume is inside out, unless it is the wall 
 lies within another shell.
 
 Based on: A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", 1983 (whether a point
-lies within a shell).
+lies within a shell). Kernel: `core/orientation.c`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray, SurfaceEdges, make_finding
 from texbake.checks.finding import Finding
-from texbake.checks.kernels import orient_kernel
+from texbake.core import core
 from texbake.mapping.seams import connected_faces, next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 
@@ -82,7 +82,7 @@ def _minority(checked: CheckedMesh, one: IdArray, other: IdArray, along: BoolArr
 def _oriented(n: int, one: IdArray, other: IdArray, along: BoolArray) -> tuple[IdArray, BoolArray]:
     """The part of each face, and whether it is wound against the first face of the part."""
     parents, flips = np.arange(n), np.zeros(n, dtype=np.bool_)
-    orient_kernel(parents, flips, one, other, along)
+    core.join_orientations(parents, flips, one, other, along)
     return parents, flips
 
 

@@ -11,7 +11,8 @@ one another cost no more than two. A crossing must be deeper and longer than the
 so that parts that rest on one another do not count, nor neighbors that share a corner.
 
 Based on: Guéziec, Taubin, Lazarus, Horn, "Cutting and stitching: converting sets of polygons to
-manifold surfaces", 2001 (singular edges and vertices). For the intersections, see `kernels`.
+manifold surfaces", 2001 (singular edges and vertices). Kernel of the intersections:
+`core/face_crossings.c`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy.typing as npt
 
 from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
 from texbake.checks.finding import Finding
-from texbake.checks.kernels import crossings_kernel
+from texbake.core import core
 from texbake.mapping.seams import merged_labels, next_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
@@ -286,7 +287,7 @@ def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     most = max(_MIN_PAIRS_PER_FACE, _MAX_PAIRS // mesh.n_faces)
 
     def look(start: int, stop: int) -> None:
-        crossings_kernel(parts, normals, depth, most, start, stop, others, unsure)
+        core.find_crossings(*parts, normals, depth, most, start, stop, others, unsure)
 
     run_bands(look, mesh.n_faces, band=_BAND, threads=threads)
     return others, unsure

@@ -22,8 +22,8 @@ import numpy.typing as npt
 
 from texbake.errors import UvError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
-from texbake.mesh.kernels.normals import AREA_ROUNDING
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import AREA_ROUNDING
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from texbake.errors import MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.weld import weld_rows
 
 if TYPE_CHECKING:
     import trimesh
@@ -221,8 +222,6 @@ def _one_index(mesh: Mesh) -> tuple[IntArray, npt.NDArray[np.intp]]:
     rows = np.stack([ids.ravel() for ids in lists if ids is not None], axis=1)
     if rows.shape[1] == 1:
         return mesh.faces, np.empty(0, np.intp)
-    from texbake.mesh.weld import weld_rows  # loads numba
-
     firsts = weld_rows(rows)
     combinations = np.flatnonzero(firsts == np.arange(len(firsts)))
     _, of_positions = np.unique(rows[combinations, 0], return_index=True)

@@ -200,7 +200,7 @@ class Mesh:
 
 
 def frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Read-only view of an array; kernels are compiled for one kind, so they get these."""
+    """Read-only view of an array."""
     view = array.view()
     view.flags.writeable = False
     return view

@@ -10,22 +10,24 @@ Based on:
     Rusinkiewicz, "Estimating Curvatures and Their Derivatives on Triangle Meshes", 2004, which
         takes the curvature of a face from the differences between the normals of its vertices;
         here only its trace is computed, which has a closed form.
+
+Kernels: `core/vertex_normals.c`, `core/mean_curvature.c`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.kernels.normals import (
-    curvature_kernel,
-    face_normals_kernel,
-    vertex_normals_kernel,
-)
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import resolve_threads, run_bands
+
+# A cross product shorter than this times the square of the longest edge is rounding, not area:
+# subtracting, multiplying and subtracting again leave up to 4 units of 2^-53 an edge.
+AREA_ROUNDING = 8.0 * 2.0**-53
 
 
 def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
@@ -46,7 +48,7 @@ def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     scale = _position_scale(mesh.positions)
 
     def work(start: int, stop: int) -> None:
-        face_normals_kernel(mesh.positions, mesh.faces, scale, start, stop, normals)
+        core.face_normals(mesh.positions, mesh.faces, scale, AREA_ROUNDING, start, stop, normals)
 
     run_bands(work, mesh.n_faces, band=1 << 17, threads=threads)
     return normals
@@ -81,7 +83,6 @@ def smooth_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     if np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32)):
         return _angle_weighted(mesh.positions, mesh.faces, threads)
     faces = firsts[mesh.faces]
-    faces.flags.writeable = False  # numba types read-only arrays by themselves; one is enough
     return _angle_weighted(mesh.positions, faces, threads)[firsts]
 
 
@@ -138,7 +139,7 @@ def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None)
     band = -(-len(positions) // n_bands)
 
     def work(start: int, stop: int) -> None:
-        vertex_normals_kernel(positions, faces, scale, start, stop, normals)
+        core.vertex_normals(positions, faces, scale, AREA_ROUNDING, start, stop, normals)
 
     run_bands(work, len(positions), band=band, threads=threads)
     _fill_canceled(normals, positions, faces)
@@ -198,8 +199,8 @@ def vertex_curvatures(
     firsts = weld_rows(mesh.positions, threads=threads)
     frame = LocalFrame.around(mesh)
     turns, areas = np.zeros(mesh.n_vertices), np.zeros(mesh.n_vertices)
-    curvature_kernel(
-        frozen(frame.to_local(mesh.positions)), mesh.faces, frozen(firsts), frozen(normals),
+    core.add_curvatures(
+        frame.to_local(mesh.positions), mesh.faces, firsts, np.ascontiguousarray(normals),
         turns, areas,
     )  # fmt: skip
     areas[areas == 0.0] = 1.0

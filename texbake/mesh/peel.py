@@ -6,7 +6,7 @@ pole or a seam, each moved a little by a hash of its number so that no rows are 
 
 Based on: Álvaro González, "Measurement of areas on a sphere using Fibonacci and latitude-longitude
 lattices", Mathematical Geosciences 42, 2010; Guy L. Steele et al., "Fast splittable pseudorandom
-number generators", OOPSLA 2014 (the hash).
+number generators", OOPSLA 2014 (the hash). Kernel: `core/orange_pores.c`.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.kernels.pores import N_CELLS, pore_depth_kernel
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 
+_N_CELLS = 48  # a side of the grid that finds the pores near a direction; see `_Pores`
 _FLATTENING = 0.93  # height over width
 _N_PORES = 8000
 _PORE_RADIUS = 0.6  # of the greatest pore, in units of the lattice spacing
@@ -80,7 +81,7 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
 class _Pores:
     """Pores as balls on the unit sphere, listed by the grid cells that they reach into.
 
-    The grid has `N_CELLS` cells a side over the cube from -1 to 1; cell c holds the pores
+    The grid has `_N_CELLS` cells a side over the cube from -1 to 1; cell c holds the pores
     `cell_pores[cell_starts[c]:cell_starts[c + 1]]`.
     """
 
@@ -111,17 +112,17 @@ def _pores() -> _Pores:
     for step in np.ndindex(2, 2, 2):  # no pore is wider than a cell
         reached = low + np.array(step)
         within = (reached <= high).all(axis=1)
-        cells.append((reached[within] * [N_CELLS**2, N_CELLS, 1]).sum(axis=1))
+        cells.append((reached[within] * [_N_CELLS**2, _N_CELLS, 1]).sum(axis=1))
         pores.append(i[within])
     cell_of = np.concatenate(cells)
     order = np.lexsort([np.concatenate(pores), cell_of])
-    starts = np.searchsorted(cell_of[order], np.arange(N_CELLS**3 + 1))
+    starts = np.searchsorted(cell_of[order], np.arange(_N_CELLS**3 + 1))
     return _Pores(centers, radii, depths, starts, np.concatenate(pores)[order])
 
 
 def _cells(points: FloatArray) -> npt.NDArray[np.int64]:
-    cells = np.floor((points + 1.0) * (0.5 * N_CELLS)).astype(np.int64)
-    return np.clip(cells, 0, N_CELLS - 1)
+    cells = np.floor((points + 1.0) * (0.5 * _N_CELLS)).astype(np.int64)
+    return np.clip(cells, 0, _N_CELLS - 1)
 
 
 def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
@@ -137,11 +138,12 @@ def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
 def _pore_depths(directions: FloatArray, pores: _Pores) -> FloatArray:
     """How far the pores sink the peel, in units of its radius."""
     depths = np.empty(len(directions))
-    pore_depth_kernel(
+    core.pore_depths(
         np.ascontiguousarray(directions, dtype=np.float64),
         pores.centers,
         pores.radii,
         pores.depths,
+        _N_CELLS,
         pores.cell_starts,
         pores.cell_pores,
         depths,

@@ -18,6 +18,7 @@ from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, ids_around, split_quads
 from texbake.mesh.parametric.options import MAX_TRIANGLES
+from texbake.mesh.peel import peel_radii
 
 # Levels of an icosphere with no more triangles than that.
 _MOST_LEVELS = 9
@@ -169,8 +170,6 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
         Closed, of genus 0, of nearly equal triangles, about 2 units across, upright on +Y, without
         texture coordinates.
     """
-    from texbake.mesh.peel import peel_radii  # brings numba
-
     _check_count("n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
     directions, faces = _geodesic_sphere(round((n_triangles / 20.0) ** 0.5))
     directions *= peel_radii(directions)[:, None]

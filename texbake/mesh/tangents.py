@@ -27,9 +27,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.kernels.connectivity import fans_kernel, pair_edges_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.weld import weld_rows
@@ -270,11 +270,14 @@ def _flattened(vectors: AnyArray, normals: AnyArray) -> AnyArray:
 def _fans(
     vertices: IntArray, unmapped: BoolArray, preserving: BoolArray
 ) -> tuple[IntArray, BoolArray]:
-    """(F, 3) fan of each corner, -1 for none, and whether each fan keeps the orientation."""
+    """(F, 3) fan of each corner, -1 for none, and whether each fan keeps the orientation.
+
+    Kernel: `core/mikktspace_fans.c`.
+    """
     fans = np.full(vertices.shape, -1, dtype=np.int32)
     fan_preserving = np.zeros(vertices.size, dtype=bool)
     neighbors = _neighbors(vertices)
-    n_fans = fans_kernel(vertices, neighbors, unmapped, preserving, fans, fan_preserving)
+    n_fans = core.number_fans(vertices, neighbors, unmapped, preserving, fans, fan_preserving)
     return fans, fan_preserving[:n_fans]
 
 
@@ -288,5 +291,5 @@ def _neighbors(vertices: IntArray) -> IntArray:
     keys = np.minimum(vertices, ends).astype(np.int64) << 32 | np.maximum(vertices, ends)
     edges = np.argsort(keys.ravel(), kind="stable")
     neighbors = np.full(vertices.size, -1, dtype=np.int32)
-    pair_edges_kernel(keys.ravel(), edges, vertices.ravel(), neighbors)
+    core.pair_edges(keys.ravel(), edges, vertices.ravel(), neighbors)
     return neighbors.reshape(-1, 3)

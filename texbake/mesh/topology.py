@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.kernels.connectivity import components_kernel, has_pinched_vertex_kernel
+from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
@@ -178,10 +178,11 @@ def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
         Number of the component of each face, in the order of their first faces.
     n_components : int
     """
-    parents = np.arange(n_vertices, dtype=np.int32)
     components = np.empty(len(faces), dtype=np.int32)
-    n_components = components_kernel(np.ascontiguousarray(faces, np.int32), parents, components)
-    return components, int(n_components)
+    n_components = core.number_components(
+        int(n_vertices), np.ascontiguousarray(faces, np.int32), components
+    )
+    return components, n_components
 
 
 def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
@@ -202,7 +203,7 @@ def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
     if not edges.closed or edges.misoriented.any():
         return None
     kept = np.ascontiguousarray(faces[~repeated_vertices(faces)], np.int32)
-    if has_pinched_vertex_kernel(kept, n_vertices):
+    if core.has_pinched_vertex(int(n_vertices), kept):
         return None
     _, n_components = face_components(kept, n_vertices)
     return n_components - euler_characteristic(faces, edges) // 2

@@ -1,15 +1,17 @@
-"""Closest points on triangles, found with a tree of bounding boxes, and what they carry over."""
+"""Closest points on triangles, found with a tree of bounding boxes, and what they carry over.
+
+Kernel: `core/triangle_tree.c`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.kernels.triangle_tree import build_kernel, closest_points_kernel, morton_kernel
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
@@ -53,12 +55,12 @@ class TriangleTree:
         faces : (F, 3) int32
             At least one.
         """
-        positions = _shared(positions, np.float64)
-        faces = _shared(faces, np.int32)
+        positions = np.ascontiguousarray(positions, dtype=np.float64)
+        faces = np.ascontiguousarray(faces, dtype=np.int32)
         ids, codes = _morton_order(positions, faces, threads)
         boxes = np.empty((2 * len(faces), 6), dtype=np.float32)
         nodes = np.empty((2 * len(faces), 2), dtype=np.int32)
-        n_nodes = build_kernel(positions, faces, ids, codes, boxes, nodes)
+        n_nodes = core.build_triangle_tree(positions, faces, ids, codes, boxes, nodes)
         return cls(positions, faces, ids, boxes[:n_nodes].copy(), nodes[:n_nodes].copy())
 
     def closest_points(
@@ -91,7 +93,7 @@ class TriangleTree:
         barycentrics : (n, 3) float64
             Weights of the face's corners, none negative, their sum 1 to rounding; 0 there.
         """
-        points = _shared(points, np.float64)
+        points = np.ascontiguousarray(points, dtype=np.float64)
         tree = (self.positions, self.faces, self.order, self.boxes, self.nodes)
         limit = float(max_distance)
         distances = np.empty(len(points))
@@ -99,19 +101,12 @@ class TriangleTree:
         barycentrics = np.empty((len(points), 3))
 
         def work(start: int, stop: int) -> None:
-            closest_points_kernel(
-                tree, points, limit, start, stop, distances, face_ids, barycentrics
+            core.closest_points(
+                *tree, points, limit, start, stop, distances, face_ids, barycentrics
             )
 
         run_bands(work, len(points), band=_BAND, threads=threads)
         return distances, face_ids, barycentrics
-
-
-def _shared(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
-    """Contiguous, as a read-only view: numba compiles once for each kind of array."""
-    array: npt.NDArray[Any] = np.ascontiguousarray(values, dtype=dtype).view()
-    array.flags.writeable = False
-    return array
 
 
 def _morton_order(
@@ -128,7 +123,7 @@ def _morton_order(
     keys = np.empty(len(faces), dtype=np.uint64)
 
     def work(start: int, stop: int) -> None:
-        morton_kernel(positions, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys)
+        core.morton_keys(positions, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys)
 
     run_bands(work, len(faces), band=1 << 17, threads=threads)
     keys.sort()

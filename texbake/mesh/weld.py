@@ -1,7 +1,8 @@
 """Rows that are equal, bit for bit: vertices at one place, corners that share all attributes.
 
 Vertices that a file split at a seam have one position; corners that share position, normal and
-texture coordinates share a tangent. Both are found here, exactly, with no tolerance.
+texture coordinates share a tangent. Both are found here, exactly, with no tolerance. Kernel:
+`core/weld.c`.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.kernels.weld import PART_BITS, hash_rows_kernel, weld_part_kernel
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+
+_PART_BITS = 4
 
 
 def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray:
@@ -44,14 +47,14 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     hashes = np.empty(len(words), dtype=np.uint32)
     firsts = np.empty(len(words), dtype=np.int32)
     run_bands(
-        lambda start, stop: hash_rows_kernel(words, start, stop, hashes),
+        lambda start, stop: core.hash_rows(words, start, stop, hashes),
         len(words),
         band=1 << 18,
         threads=threads,
     )
     run_bands(
-        lambda part, _: weld_part_kernel(words, hashes, part, firsts),
-        1 << PART_BITS,
+        lambda part, _: core.weld_part(words, hashes, _PART_BITS, part, firsts),
+        1 << _PART_BITS,
         band=1,
         threads=threads if len(words) > 1 << 14 else 1,  # below, threads cost more than they bring
     )

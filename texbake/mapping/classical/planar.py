@@ -18,8 +18,8 @@ from texbake.mapping.classical.frames import LocalPoints, center_of, points_abou
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
-from texbake.mesh.kernels.normals import AREA_ROUNDING
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import AREA_ROUNDING
 
 # Relative to the sum of variances. A smaller difference between two of them is rounding, also of
 # float32 positions, and the directions between them are arbitrary.

@@ -12,7 +12,27 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.kernels import kernel
-from texbake.mesh.kernels.triangle_tree import STACK_SIZE, dot, minus, point_at
+
+STACK_SIZE = 63 + 31 + 2  # see core/triangle_tree.h
+
+
+@kernel
+def point_at(values, row):  # type: ignore[no-untyped-def]
+    """A row of an (n, 3) array."""
+    return values[row, 0], values[row, 1], values[row, 2]
+
+
+@kernel
+def minus(a, b):  # type: ignore[no-untyped-def]
+    """Difference of two vectors."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
 
 # In units of the tree's frame, whose size is 1. A hit nearer than this, such as on a duplicate
 # face, is contact and does not hide the point. Rounding errors stay far below it.

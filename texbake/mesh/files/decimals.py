@@ -1,4 +1,7 @@
-"""Decimal numbers in text, read and written so that every float64 keeps its bits."""
+"""Decimal numbers in text, read and written so that every float64 keeps its bits.
+
+Kernel: `core/decimals.c`.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,26 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import FileFormatError
 from texbake.mesh.files.source import ByteArray, line_number
-from texbake.mesh.kernels.decimals import numbers_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
+
+
+def _powers_of_five() -> npt.NDArray[np.uint64]:
+    """(256, 2) uint64: high and low half of each power, its first bit shifted to bit 127."""
+    halves = []
+    for power in range(-128, 128):
+        five = 5 ** abs(power)
+        if power < 0:  # a reciprocal, rounded up
+            five = (1 << (2 * five.bit_length() + 128)) // five + 1
+        bits = five.bit_length()
+        five = five << (128 - bits) if bits <= 128 else five >> (bits - 128)
+        halves.append((five >> 64, five & (2**64 - 1)))
+    return np.array(halves, dtype=np.uint64)
+
+
+POWERS_OF_FIVE = _powers_of_five()
 
 
 class TextNumbers(NamedTuple):
@@ -55,11 +74,12 @@ def parse_numbers(
     tally = np.zeros(3, dtype=np.int64)
     values, lines = np.empty(0), np.empty(0, dtype=np.int64)
     hard = np.empty((0, 2), dtype=np.int64)
-    numbers_kernel(data, start, stop, letter, False, values, lines, hard, tally)
+    fives = POWERS_OF_FIVE
+    core.read_numbers(data, start, stop, letter, False, fives, values, lines, hard, tally)
     values, lines = np.empty(tally[0]), np.empty(tally[1], dtype=np.int64)
     for _ in range(2):  # again where more words are hard than there was room for
         hard = np.empty((max(int(tally[2]), 1024), 2), dtype=np.int64)
-        numbers_kernel(data, start, stop, letter, True, values, lines, hard, tally)
+        core.read_numbers(data, start, stop, letter, True, fives, values, lines, hard, tally)
         if tally[2] <= len(hard):
             break
     for slot, at in hard[: tally[2]].tolist():

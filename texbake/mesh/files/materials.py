@@ -26,9 +26,8 @@ from texbake.files import PathLike
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.gltf import placed_nodes, read_primitive
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.obj import find_lines, read_corners
+from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
 from texbake.mesh.files.source import decode_name, map_file
-from texbake.mesh.kernels.file_rows import MARK, F
 from texbake.mesh.materials import UNPLACED, BaseColor, Materials, Placing
 from texbake.mesh.mesh import FloatArray, Mesh
 

@@ -17,6 +17,8 @@ Where the format leaves a choice, or files differ, this holds:
   color. Colors that are all whole numbers with one above 1 are taken to go up to 255. Vertices
   without a color in a file that has some are white.
 - Lines, points, curves, smoothing groups and unknown statements are skipped.
+
+Kernel: `core/obj_rows.c`.
 """
 
 from __future__ import annotations
@@ -29,24 +31,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import fan_corners, unit_colors
-from texbake.mesh.files.decimals import read_word, write_rows
+from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, map_file, require_text
-from texbake.mesh.kernels.file_rows import (
-    MARK,
-    OUT_OF_RANGE,
-    VN,
-    VT,
-    F,
-    V,
-    corners_kernel,
-    lines_kernel,
-    words_kernel,
-)
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
+
+# Kinds of statements, each with its own list of lines; a mark is g, o or usemtl.
+V, VT, VN, F, MARK = range(5)
+_OUT_OF_RANGE = -2  # written in the place of a position index
 
 
 def read_obj(path: PathLike) -> Mesh:
@@ -164,10 +160,10 @@ _WORD = re.compile(rb"(?:\\(?:\r\n|\r|\n)?|[\x00-\x09\x0b\x0c\x0e-\x20])*([^\x00
 def find_lines(data: ByteArray) -> Lines:
     """Offsets of the statements of each kind: behind the keyword, at it for marks."""
     counts = np.zeros(5, dtype=np.int64)
-    lines_kernel(data, False, counts, np.empty(0, dtype=np.int64))
+    core.find_statements(data, False, counts, np.empty(0, dtype=np.int64))
     ends = np.cumsum(counts)
     offsets = np.empty(ends[-1], dtype=np.int64)
-    lines_kernel(data, True, ends - counts, offsets)
+    core.find_statements(data, True, ends - counts, offsets)
     return tuple(np.split(offsets, ends[:-1]))
 
 
@@ -206,7 +202,9 @@ def _walk_lines(data: ByteArray, starts: Offsets, width: int) -> tuple[FloatArra
     values = np.zeros((len(starts), width))
     n_words = np.empty(len(starts), dtype=np.int32)
     run_bands(
-        lambda start, stop: words_kernel(data, starts, start, stop, values, n_words),
+        lambda start, stop: core.read_rows(
+            data, starts, start, stop, POWERS_OF_FIVE, values, n_words
+        ),
         len(starts),
         band=_BAND,
     )
@@ -225,7 +223,7 @@ def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArra
         raise FileFormatError(f"{path}: it is too large; indices must fit 32 bits")
     corners = np.empty((3, int(ends[-1])), dtype=np.int32)
     run_bands(
-        lambda start, stop: corners_kernel(
+        lambda start, stop: core.read_corners(
             data, starts, start, stop, ends, lines[V], lines[VT], lines[VN], corners
         ),
         len(starts),
@@ -237,7 +235,7 @@ def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArra
         line = line_number(data, int(starts[int(np.searchsorted(ends, slot, side="right"))]))
         what = (
             "an index is out of range; they begin at 1, or at -1 backwards"
-            if corners[0, slot] == OUT_OF_RANGE
+            if corners[0, slot] == _OUT_OF_RANGE
             else "a corner is none of v, v/vt, v//vn, v/vt/vn with whole numbers"
         )
         raise FileFormatError(f"{path}: line {line}: {what}")

@@ -1,7 +1,7 @@
 """Read the tables of a PLY file, described by its header, as columns.
 
 An ASCII body is passed as an array of its numbers in float64, so that every value takes one unit of
-the body. In a binary body, the unit is a byte.
+the body. In a binary body, the unit is a byte. Kernel: `core/ply_rows.c`.
 
 Based on: G. Turk, "The PLY Polygon File Format", 1994.
 """
@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.source import ByteArray
-from texbake.mesh.kernels.file_rows import gather_kernel, walk_kernel
 
 # numpy's code of each type, without byte order.
 TYPES = {
@@ -237,7 +237,11 @@ def _ragged_columns(
     )
     offsets = np.empty((len(layout), element.n_rows), dtype=np.int64)
     sizes = np.empty_like(offsets)
-    failed, end = walk_kernel(body, start, layout, order == ">", offsets, sizes)
+    end = np.empty(1, dtype=np.int64)
+    if text:
+        failed = core.walk_text_rows(body, start, layout, offsets, sizes, end)
+    else:
+        failed = core.walk_binary_rows(body, start, layout, order == ">", offsets, sizes, end)
     if failed >= 0:
         raise FileFormatError(
             f"{path}: row {failed} of '{element.name}' does not end within the file; "
@@ -245,8 +249,11 @@ def _ragged_columns(
         )
     columns: Columns = {}
     for column, prop in enumerate(element.properties):
-        units = np.empty(int(sizes[column].sum()) * int(layout[column, 2]), dtype=body.dtype)
-        gather_kernel(body, offsets[column], sizes[column] * layout[column, 2], units)
+        lengths = sizes[column] * layout[column, 2]
+        units = np.empty(int(lengths.sum()), dtype=body.dtype)
+        core.gather_pieces(
+            body.view(np.uint8), body.itemsize, offsets[column], lengths, units.view(np.uint8)
+        )
         values = units.view(_dtype(prop.type, order))
         columns[prop.name] = values if prop.count_type is None else Ragged(sizes[column], values)
-    return columns, end
+    return columns, int(end[0])

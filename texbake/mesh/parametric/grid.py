@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -214,8 +215,6 @@ def grid_mesh(
     group_names
         As in `Mesh`.
     """
-    from texbake.mesh.weld import weld_rows  # brings numba
-
     used = np.zeros(len(grid.nodes), dtype=bool)
     used[grid.faces.ravel()] = True
     kept = np.flatnonzero(used)

@@ -1,0 +1,52 @@
+/* Parts of a mesh that share no vertex, by union-find; each set is joined under its least vertex.
+
+   Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathematical Society, 2010.
+
+   Called from texbake/mesh/topology.py. */
+
+#include "arena.h"
+#include "core.h"
+
+static int32_t find_root(int32_t *parents, int32_t vertex)
+{
+    while (parents[vertex] != vertex) {
+        parents[vertex] = parents[parents[vertex]];
+        vertex = parents[vertex];
+    }
+    return vertex;
+}
+
+/* Number the components in the order of their first faces; return how many. */
+int64_t number_components(
+    int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
+    int32_t components[n_faces])
+{
+    OPEN_ARENA(arena);
+    int32_t *parents = TAKE(arena, int32_t, n_vertices);
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++)
+        parents[vertex] = (int32_t)vertex;
+    for (int64_t face = 0; face < n_faces; face++) {
+        int32_t a = find_root(parents, faces[face][0]);
+        for (int corner = 1; corner < 3; corner++) {
+            const int32_t b = find_root(parents, faces[face][corner]);
+            if (a < b) {
+                parents[b] = a;
+            } else {
+                parents[a] = b;
+                a = b;
+            }
+        }
+    }
+    int32_t *numbers = TAKE(arena, int32_t, n_vertices);
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++)
+        numbers[vertex] = -1;
+    int32_t n_components = 0;
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t root = find_root(parents, faces[face][0]);
+        if (numbers[root] < 0)
+            numbers[root] = n_components++;
+        components[face] = numbers[root];
+    }
+    close_arena(arena);
+    return n_components;
+}

@@ -1,0 +1,276 @@
+/* The closest point of a triangle, and a bounding volume hierarchy that finds the closest triangle.
+
+   Based on:
+       Christer Ericson, "Real-Time Collision Detection", 2005, section 5.1.5 (the closest point);
+       Tero Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d trees",
+           High-Performance Graphics 2012: triangles in Morton order are split where their highest
+           differing bit changes. Triangles with the same code are split in the middle, which bounds
+           the depth.
+
+   Departs from Ericson, whose products of products lose all their digits on slivers: weights come
+   from the height over the first edge, and a triangle with next to no area is treated as its three
+   edges.
+
+   Called from texbake/mesh/triangle_tree.py. */
+
+#include "triangle_tree.h"
+
+#include <math.h>
+#include <stdbool.h>
+
+#include "core.h"
+#include "numbers.h"
+
+enum { LEAF_SIZE = 4 };
+
+/* The square of the sine of the angle at its first corner under which a triangle is taken as its
+   three edges: its height is then a hundred roundings of its length, or less. */
+static const double SLIVER_SINE_SQUARED = 1e-28;
+
+/* Keys of faces start to stop - 1: the Morton code of their center, then their id. */
+void morton_keys(
+    int64_t n_vertices, int64_t n_faces,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3], const double low[3],
+    double cells_a_unit, int64_t axis_bits, int64_t id_bits, int64_t start, int64_t stop,
+    uint64_t keys[n_faces])
+{
+    for (int64_t face = start; face < stop; face++) {
+        uint64_t code = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            double least = positions[faces[face][0]][axis], most = least;
+            for (int corner = 1; corner < 3; corner++) {
+                const double value = positions[faces[face][corner]][axis];
+                least = min_f64(least, value);
+                most = max_f64(most, value);
+            }
+            const uint64_t cell = (uint64_t)((0.5 * least + 0.5 * most - low[axis]) * cells_a_unit);
+            for (int64_t bit = 0; bit < axis_bits; bit++)
+                code |= (cell >> bit & 1) << (3 * bit + axis);
+        }
+        keys[face] = code << id_bits | (uint64_t)face;
+    }
+}
+
+/* First place of the second half of a range that is split where the highest differing bit of its
+   codes changes, or in the middle where all codes are equal. */
+static int32_t split_place(const uint64_t *codes, int32_t first, int32_t count)
+{
+    const int32_t last = first + count - 1;
+    uint64_t differing = codes[first] ^ codes[last], bit = 1;
+    if (differing == 0)
+        return first + count / 2;
+    while (differing > 1) {
+        differing >>= 1;
+        bit <<= 1;
+    }
+    int64_t below = first, split = last; /* the first code with the bit lies in (below, split] */
+    while (split - below > 1) {
+        const int64_t middle = (below + split) / 2;
+        if (codes[middle] & bit)
+            split = middle;
+        else
+            below = middle;
+    }
+    return (int32_t)split;
+}
+
+/* The box of a leaf, rounded outward to float32. */
+static void bound_faces(
+    const double (*positions)[3], const int32_t (*faces)[3], const int32_t *ids, int32_t count,
+    float box[6])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double least = INFINITY, most = -INFINITY;
+        for (int32_t slot = 0; slot < count; slot++) {
+            for (int corner = 0; corner < 3; corner++) {
+                const double value = positions[faces[ids[slot]][corner]][axis];
+                least = min_f64(least, value);
+                most = max_f64(most, value);
+            }
+        }
+        box[axis] = nextafterf((float)least, -INFINITY);
+        box[axis + 3] = nextafterf((float)most, INFINITY);
+    }
+}
+
+/* Split ranges of the order from the top, then join boxes from the bottom; return how many nodes. */
+int64_t build_triangle_tree(
+    int64_t n_vertices, int64_t n_faces, int64_t n_most,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t ids[n_faces], const uint64_t codes[n_faces], float boxes[n_most][6],
+    int32_t nodes[n_most][2])
+{
+    nodes[0][0] = 0;
+    nodes[0][1] = (int32_t)n_faces;
+    int64_t n_nodes = 1;
+    for (int64_t node = 0; node < n_nodes; node++) {
+        const int32_t first = nodes[node][0], count = nodes[node][1];
+        if (count <= LEAF_SIZE)
+            continue;
+        const int32_t split = split_place(codes, first, count);
+        nodes[n_nodes][0] = first;
+        nodes[n_nodes][1] = split - first;
+        nodes[n_nodes + 1][0] = split;
+        nodes[n_nodes + 1][1] = first + count - split;
+        nodes[node][0] = (int32_t)n_nodes;
+        nodes[node][1] = 0;
+        n_nodes += 2;
+    }
+    for (int64_t node = n_nodes - 1; node >= 0; node--) { /* children come after their parent */
+        const int32_t first = nodes[node][0], count = nodes[node][1];
+        if (count > 0) {
+            bound_faces(positions, faces, ids + first, count, boxes[node]);
+            continue;
+        }
+        for (int axis = 0; axis < 3; axis++) {
+            boxes[node][axis] = min_f32(boxes[first][axis], boxes[first + 1][axis]);
+            boxes[node][axis + 3] = max_f32(boxes[first][axis + 3], boxes[first + 1][axis + 3]);
+        }
+    }
+    return n_nodes;
+}
+
+/* A place on a triangle by the weights of its second and third corner, and how far a point is. */
+struct nearness {
+    double v, w, squared;
+};
+
+/* Where on an edge, from 0 to 1; 0 on an edge without length. */
+static inline double along_edge(double numerator, double denominator)
+{
+    return denominator > 0.0 ? min_f64(max_f64(numerator / denominator, 0.0), 1.0) : 0.0;
+}
+
+static inline struct nearness nearness_at(
+    struct vector ab, struct vector ac, struct vector ap, double v, double w)
+{
+    const struct vector offset = minus(ap, weighted(ab, ac, v, w));
+    return (struct nearness){v, w, dot(offset, offset)};
+}
+
+/* The closest point, given the edges from a to b and to c, and the vector from a to p. The weights
+   are in [0, 1] and so is their sum, to rounding; that of a is what they leave of 1. */
+static inline struct nearness closest_on_triangle(
+    struct vector ab, struct vector ac, struct vector ap)
+{
+    const double ab_ab = dot(ab, ab), ab_ac = dot(ab, ac), ac_ac = dot(ac, ac);
+    const double ab_ap = dot(ab, ap), ac_ap = dot(ac, ap);
+    double v = 0.0, w = 0.0;
+    bool sliver = true;
+    if (ab_ab > 0.0) {
+        struct vector height = minus(ac, weighted(ab, ab, ab_ac / ab_ab, 0.0));
+        /* Twice, because on a needle the first leaves rounding that is not small beside it. */
+        height = minus(height, weighted(ab, ab, dot(ab, height) / ab_ab, 0.0));
+        const double height_squared = dot(height, height);
+        if (height_squared > SLIVER_SINE_SQUARED * ac_ac) {
+            sliver = false;
+            w = dot(height, ap) / height_squared;
+            v = (ab_ap - w * ab_ac) / ab_ab;
+            if (v > 0.0 && w > 0.0 && v + w < 1.0)
+                return nearness_at(ab, ac, ap, v, w);
+        }
+    }
+    /* The closest point lies on an edge that p is beyond. */
+    struct nearness best = {0.0, 0.0, INFINITY};
+    if (sliver || w <= 0.0) {
+        const struct nearness near = nearness_at(ab, ac, ap, along_edge(ab_ap, ab_ab), 0.0);
+        if (near.squared < best.squared)
+            best = near;
+    }
+    if (sliver || v <= 0.0) {
+        const struct nearness near = nearness_at(ab, ac, ap, 0.0, along_edge(ac_ap, ac_ac));
+        if (near.squared < best.squared)
+            best = near;
+    }
+    if (sliver || v + w >= 1.0) {
+        const struct vector bc = minus(ac, ab);
+        const double edge_w = along_edge(dot(bc, minus(ap, ab)), dot(bc, bc));
+        const struct nearness near = nearness_at(ab, ac, ap, 1.0 - edge_w, edge_w);
+        if (near.squared < best.squared)
+            best = near;
+    }
+    return best;
+}
+
+static inline double box_distance_squared(const float box[6], struct vector p)
+{
+    const double dx = max_f64(max_f64(box[0] - p.x, 0.0), p.x - box[3]);
+    const double dy = max_f64(max_f64(box[1] - p.y, 0.0), p.y - box[4]);
+    const double dz = max_f64(max_f64(box[2] - p.z, 0.0), p.z - box[5]);
+    return dx * dx + dy * dy + dz * dz;
+}
+
+/* The face closest to a point, -1 where none is within the distance whose square comes in `best`. */
+static int32_t closest_face(
+    const struct triangle_tree *tree, struct vector p, struct nearness *best)
+{
+    int32_t stack[TREE_STACK_SIZE], best_face = -1;
+    double bounds[TREE_STACK_SIZE];
+    int size = 1;
+    stack[0] = 0;
+    bounds[0] = 0.0;
+    while (size > 0) {
+        size--;
+        const int32_t node = stack[size];
+        if (bounds[size] > best->squared)
+            continue;
+        const int32_t first = tree->nodes[node][0], count = tree->nodes[node][1];
+        for (int32_t slot = first; slot < first + count; slot++) {
+            const int32_t face = tree->order[slot];
+            const struct vector a = corner_of(tree, face, 0);
+            const struct nearness near = closest_on_triangle(
+                minus(corner_of(tree, face, 1), a), minus(corner_of(tree, face, 2), a), minus(p, a));
+            if (near.squared < best->squared || (near.squared == best->squared && best_face < 0)) {
+                *best = near;
+                best_face = face;
+            }
+        }
+        if (count == 0) {
+            const double near = box_distance_squared(tree->boxes[first], p);
+            const double far = box_distance_squared(tree->boxes[first + 1], p);
+            const int32_t swapped = near > far;
+            stack[size] = first + 1 - swapped;
+            bounds[size] = max_f64(near, far);
+            stack[size + 1] = first + swapped;
+            bounds[size + 1] = min_f64(near, far);
+            size += 2;
+        }
+    }
+    return best_face;
+}
+
+/* Find the closest face to points start to stop - 1. */
+void closest_points(
+    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
+    const double points[n][3], double max_distance, int64_t start, int64_t stop,
+    double distances[n], int32_t face_ids[n], double barycentrics[n][3])
+{
+    const struct triangle_tree tree = {positions, faces, order, boxes, nodes};
+    const double limit = max_distance * max_distance;
+    struct vector nearby = corner_of(&tree, order[0], 0); /* on the surface, near the last answer */
+    for (int64_t k = start; k < stop; k++) {
+        const struct vector p = vector_at(points[k]), offset = minus(p, nearby);
+        struct nearness best = {0.0, 0.0, min_f64(limit, dot(offset, offset))};
+        int32_t face = closest_face(&tree, p, &best);
+        if (face < 0 && !(best.squared >= limit)) {
+            best.squared = limit; /* rounding put the point nearby out of its own reach */
+            face = closest_face(&tree, p, &best);
+        }
+        face_ids[k] = face;
+        if (face < 0) {
+            distances[k] = INFINITY;
+            barycentrics[k][0] = barycentrics[k][1] = barycentrics[k][2] = 0.0;
+            continue;
+        }
+        distances[k] = sqrt(best.squared);
+        barycentrics[k][0] = max_f64(1.0 - best.v - best.w, 0.0);
+        barycentrics[k][1] = best.v;
+        barycentrics[k][2] = best.w;
+        const struct vector a = corner_of(&tree, face, 0);
+        const struct vector on_face = weighted(
+            minus(corner_of(&tree, face, 1), a), minus(corner_of(&tree, face, 2), a), best.v, best.w);
+        nearby = (struct vector){a.x + on_face.x, a.y + on_face.y, a.z + on_face.z};
+    }
+}

@@ -1,0 +1,99 @@
+/* Normals of faces, and of vertices, weighted by the angle that each face has there.
+
+   Based on: Thürmer, Wüthrich, "Computing Vertex Normals from Polygonal Facets", Journal of Graphics
+   Tools 3(1), 1998.
+
+   Called from texbake/mesh/normals.py. */
+
+#include <math.h>
+
+#include "core.h"
+#include "numbers.h"
+#include "vectors.h"
+
+static const double PI = 3.141592653589793;
+
+/* In radians. A sum of weighted normals below it is what rounding leaves of normals that cancel. */
+static const double CANCELED = 1e-12;
+
+static inline struct vector scaled_edge(
+    const double (*positions)[3], double scale, int32_t tail, int32_t head)
+{
+    return (struct vector){
+        positions[head][0] * scale - positions[tail][0] * scale,
+        positions[head][1] * scale - positions[tail][1] * scale,
+        positions[head][2] * scale - positions[tail][2] * scale};
+}
+
+/* Length of the cross product of two edges; 0 where it is only rounding. `rounding` is what rounding
+   leaves of the square of the longest edge. */
+static inline double area_length(
+    struct vector ab, struct vector ac, struct vector across, double rounding)
+{
+    const double length = sqrt(dot(across, across));
+    const struct vector bc = minus(ac, ab);
+    const double longest_squared = max_f64(max_f64(dot(ab, ab), dot(ac, ac)), dot(bc, bc));
+    return length <= rounding * longest_squared ? 0.0 : length;
+}
+
+/* Write the unit normals of faces start to stop - 1. */
+void face_normals(
+    int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
+    double normals[n_faces][3])
+{
+    for (int64_t face = start; face < stop; face++) {
+        const struct vector ab = scaled_edge(positions, scale, faces[face][0], faces[face][1]);
+        const struct vector ac = scaled_edge(positions, scale, faces[face][0], faces[face][2]);
+        const struct vector across = cross(ab, ac);
+        const double length = area_length(ab, ac, across, rounding);
+        normals[face][0] = length > 0.0 ? across.x / length : 0.0;
+        normals[face][1] = length > 0.0 ? across.y / length : 0.0;
+        normals[face][2] = length > 0.0 ? across.z / length : 0.0;
+    }
+}
+
+static inline void add_weighted(double normal[3], double angle, struct vector unit)
+{
+    normal[0] += angle * unit.x;
+    normal[1] += angle * unit.y;
+    normal[2] += angle * unit.z;
+}
+
+/* Add every face to those of its corners that lie in start to stop - 1; then normalize them. */
+void vertex_normals(
+    int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
+    double normals[n_vertices][3])
+{
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t a = faces[face][0], b = faces[face][1], c = faces[face][2];
+        const bool owns_a = start <= a && a < stop, owns_b = start <= b && b < stop;
+        const bool owns_c = start <= c && c < stop;
+        if (!(owns_a || owns_b || owns_c))
+            continue;
+        const struct vector ab = scaled_edge(positions, scale, a, b);
+        const struct vector ac = scaled_edge(positions, scale, a, c);
+        const struct vector across = cross(ab, ac);
+        const double length = area_length(ab, ac, across, rounding);
+        if (length == 0.0)
+            continue;
+        const double angle_a = atan2(length, dot(ab, ac));
+        const double angle_b = atan2(length, -dot(ab, minus(ac, ab)));
+        const struct vector unit = {across.x / length, across.y / length, across.z / length};
+        if (owns_a)
+            add_weighted(normals[a], angle_a, unit);
+        if (owns_b)
+            add_weighted(normals[b], angle_b, unit);
+        if (owns_c)
+            add_weighted(normals[c], max_f64(PI - angle_a - angle_b, 0.0), unit);
+    }
+    for (int64_t vertex = start; vertex < stop; vertex++) {
+        double *normal = normals[vertex];
+        const double x = normal[0], y = normal[1], z = normal[2];
+        const double length = sqrt(x * x + y * y + z * z);
+        normal[0] = length > CANCELED ? x / length : 0.0;
+        normal[1] = length > CANCELED ? y / length : 0.0;
+        normal[2] = length > CANCELED ? z / length : 0.0;
+    }
+}

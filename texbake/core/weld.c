@@ -1,0 +1,70 @@
+/* Rows that are equal, bit for bit, found by hashing.
+
+   The rows are dealt into parts by the upper bits of their hash, and each part is welded by itself
+   in a table that fits a processor's cache. So parts can run side by side, and the result is the
+   same for any number of threads.
+
+   Based on: Austin Appleby, MurmurHash2, 2008 (multiply and shift).
+
+   Called from texbake/mesh/weld.py. */
+
+#include <string.h>
+
+#include "arena.h"
+#include "core.h"
+
+static const uint64_t FACTOR = 0xC6A4A7935BD1E995;
+
+/* Hash rows start to stop - 1. */
+void hash_rows(
+    int64_t n, int64_t k, const uint32_t words[n][k], int64_t start, int64_t stop,
+    uint32_t hashes[n])
+{
+    for (int64_t row = start; row < stop; row++) {
+        uint64_t mixed = (uint64_t)k;
+        for (int64_t column = 0; column < k; column++) {
+            uint64_t word = words[row][column] * FACTOR;
+            word ^= word >> 47;
+            mixed = (mixed ^ (word * FACTOR)) * FACTOR;
+        }
+        mixed ^= mixed >> 47;
+        mixed *= FACTOR;
+        hashes[row] = (uint32_t)(mixed >> 32);
+    }
+}
+
+/* Weld the rows whose hash begins with the bits `part`, with open addressing and linear probing. */
+int64_t weld_part(
+    int64_t n, int64_t k, const uint32_t words[n][k], const uint32_t hashes[n], int64_t part_bits,
+    int64_t part, int32_t firsts[n])
+{
+    OPEN_ARENA(arena);
+    const int64_t shift = 32 - part_bits;
+    int64_t n_rows = 0, size = 2;
+    for (int64_t row = 0; row < n; row++)
+        n_rows += hashes[row] >> shift == part;
+    while (size < 2 * n_rows)
+        size *= 2;
+    int32_t *table = TAKE(arena, int32_t, size);
+    memset(table, 0xFF, (size_t)size * sizeof *table); /* -1 */
+    for (int64_t row = 0; row < n; row++) {
+        if (hashes[row] >> shift != part)
+            continue;
+        int64_t slot = hashes[row] & (size - 1);
+        while (true) {
+            const int32_t first = table[slot];
+            if (first < 0) {
+                table[slot] = firsts[row] = (int32_t)row;
+                break;
+            }
+            if (hashes[first] == hashes[row]
+                && memcmp(words[first], words[row], (size_t)k * sizeof(uint32_t)) == 0) {
+                firsts[row] = first;
+                break;
+            }
+            slot = (slot + 1) & (size - 1);
+        }
+    }
+    close_arena(arena);
+    return 0;
+}
