@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from texbake.core import core
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.kernels.lighting import left_after
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Environment, Fog, Lighting
 from texbake.rendering.scene.material import Material
@@ -33,10 +33,18 @@ def test_light_fades_with_the_distance_from_the_eye(wall, fog, left):
     assert np.ptp(share) > 0.1
 
 
+def left_after(distance, mode, density, start, end):
+    light = np.ones((1, 3), np.float32)
+    place = np.array([[0.0, distance, 0.0]])
+    core.fade_into_fog(place, np.zeros(3), mode, density, start, end, np.zeros(3), light)
+    assert (light == light[0, 0]).all()
+    return light[0, 0]
+
+
 def test_what_is_left_at_known_distances():
-    assert left_after(2.0, 1, 0.5, 0.0, 0.0) == math.exp(-1.0)
-    assert left_after(2.0, 2, 0.5, 0.0, 0.0) == math.exp(-1.0)
-    assert left_after(1.0, 2, 0.5, 0.0, 0.0) == math.exp(-0.25)
+    assert left_after(2.0, 1, 0.5, 0.0, 0.0) == np.float32(math.exp(-1.0))
+    assert left_after(2.0, 2, 0.5, 0.0, 0.0) == np.float32(math.exp(-1.0))
+    assert left_after(1.0, 2, 0.5, 0.0, 0.0) == np.float32(math.exp(-0.25))
     assert [left_after(d, 0, 0.0, 2.0, 6.0) for d in (0, 2, 3, 6, 99)] == [1, 1, 0.75, 0, 0]
     assert left_after(math.inf, 1, 0.1, 0.0, 0.0) == 0.0
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.rendering.kernels.lighting import LEAST_ALPHA
+from texbake.rendering.effects.shading_models import LEAST_ALPHA
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.textures import ImageTexture

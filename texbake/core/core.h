@@ -26,6 +26,85 @@
 /* processor.c */
 bool has_x86_64_v3(void);
 
+/* ambient_occlusion.c */
+void find_places(
+    int64_t sample_rows, int64_t sample_columns, int64_t n_positions, int64_t n_faces,
+    int64_t height, int64_t width, const int32_t face_ids[sample_rows][sample_columns],
+    const float depths[sample_rows][sample_columns], int64_t side, double near,
+    const double positions[n_positions][3], const int32_t faces[n_faces][3],
+    const double rays[3][3], double places[height][width][3], double normals[height][width][3],
+    int64_t start, int64_t stop);
+void find_arriving_shares(
+    int64_t height, int64_t width, const double places[height][width][3],
+    const double normals[height][width][3], const double right[3], const double up[3],
+    double pixels_per_unit, double radius, int64_t n_slices, int64_t n_steps,
+    float out[height][width], int64_t start, int64_t stop);
+void smooth_shares(
+    int64_t height, int64_t width, const float rough[height][width],
+    const double places[height][width][3], const double normals[height][width][3], double radius,
+    float out[height][width], int64_t start, int64_t stop);
+
+/* bump_maps.c */
+void measure_pixel_steps(
+    int64_t n_positions, int64_t n_faces, int64_t n, const double positions[n_positions][3],
+    const int32_t faces[n_faces][3], const int32_t of_fragments[n], const float changes[n][4],
+    double out[n][2]);
+void tilt_normals(
+    int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n,
+    const double positions[n_positions][3], const int32_t faces[n_faces][3],
+    const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
+    const double steps[n_faces][4], const double to_object[3][3], const int32_t of_fragments[n],
+    const double weights[n][2], const float shading[n][3], const bool back_facing[n],
+    const double to_world[3][3], const double heights[n], const double slopes[n][2],
+    const double back[3], float out[n][3]);
+void find_light_steps(
+    int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
+    const double positions[n_positions][3], const int32_t faces[n_faces][3],
+    const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
+    const double surface_steps[n_faces][4], const double to_object[3][3],
+    const int32_t of_fragments[n], const double weights[n][2], const float shading[n][3],
+    const bool back_facing[n], const float directions[n_directions][3],
+    const double directions_to_object[3][3], const double steps[n][2], double shifts[n][2],
+    double lengths[n]);
+void add_embossed(
+    int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_metalness,
+    const float normals[n][3], const float directions[n_directions][3],
+    const float radiance[n_radiance][3], const float base[n_base][3],
+    const float metalness[n_metalness][1], const double lifts[n], float out[n][3]);
+
+/* compositing.c */
+void mark_seen_objects(
+    int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
+    const int64_t starts[n_objects + 1], bool seen[n_objects], int64_t start, int64_t stop);
+void keep_finite(int64_t n, float light[n][3], double brightest);
+void put_layer_behind(
+    int64_t height, int64_t width, int64_t n, const int32_t of_samples[height][width],
+    const float colors[n][3], const float opacity[n], OPTIONAL const float directions[n][3],
+    float light[height][width][3], float passed[height][width],
+    OPTIONAL float normals[height][width][3], bool seen[height][width]);
+void sum_samples(
+    int64_t sample_rows, int64_t sample_columns, int64_t height, int64_t width,
+    const float light[sample_rows][sample_columns][3],
+    const float passed[sample_rows][sample_columns],
+    OPTIONAL const float normals[sample_rows][sample_columns][3],
+    const bool seen[sample_rows][sample_columns], int64_t first_row, int64_t side,
+    float color[height][width][4], float coverage[height][width],
+    OPTIONAL float normal_sums[height][width][3]);
+void find_nearest(
+    int64_t sample_rows, int64_t sample_columns, int64_t height, int64_t width,
+    const int32_t face_ids[sample_rows][sample_columns],
+    const float depths[sample_rows][sample_columns], int64_t side, double near,
+    int32_t ids_out[height][width], float depths_out[height][width]);
+void add_fragments(
+    int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
+    const float light[n][3], OPTIONAL const float normals[n][3], float color[n_pixels][4],
+    float coverage[n_pixels], OPTIONAL float normal_sums[n_pixels][3]);
+void finish_pixels(
+    int64_t height, int64_t width, int64_t rows_behind, int64_t columns_behind,
+    float color[height][width][4], float coverage[height][width],
+    OPTIONAL float normals[height][width][3], double n_samples,
+    const float behind[rows_behind][columns_behind][3], bool opaque, int64_t start, int64_t stop);
+
 /* conjugate_gradient.c */
 int64_t solve_blocks(
     int64_t n, int64_t n_entries,
@@ -40,6 +119,30 @@ void read_numbers(
     const uint64_t fives[256][2], double values[n_values], int64_t lines[n_lines],
     int64_t hard[n_hard][2], int64_t tally[3]);
 
+/* displacement.c */
+void take_middles(
+    int64_t n_values, int64_t n, const double values[n_values][3], const int32_t ends[n][2],
+    double out[restrict n][3]);
+int64_t move_vertices(
+    int64_t n_places, int64_t n_channels, int64_t n, const int32_t vertices[n_places],
+    const double values[n_places][n_channels], const double points[n][3],
+    const double normals[n][3], const double linear[3][3], double out[n][3]);
+void measure_texel_lengths(
+    int64_t n, int64_t n_base, int64_t n_points, int64_t n_edges, const int32_t faces[n][3],
+    const int32_t face_edges[n][3], const int32_t base_faces[n], const float weights[n][3][2],
+    OPTIONAL const double corners[n_base][3][2], const uint8_t outside[n_points],
+    double lengths[n_edges]);
+void view_vertices(
+    int64_t n, const double points[n][3], const double positions[n][3], const double eye[3],
+    const double back[3], double near, double steepest, const double sides[5][4],
+    const double margins[5], uint8_t outside[n], double nearest[n], double slants[n],
+    int64_t start, int64_t stop);
+void measure_excess(
+    int64_t n, int64_t n_points, const int32_t ends[n][2], const double points[n_points][3],
+    const double positions[n_points][3], const double nearest[n_points],
+    const double slants[n_points], const double texels[n], double scale, double out[n],
+    int64_t start, int64_t stop);
+
 /* face_components.c */
 int64_t number_components(
     int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
@@ -51,6 +154,50 @@ void find_crossings(
     const int32_t faces[n_faces][3], const int32_t order[n_faces], const float boxes[n_nodes][6],
     const int32_t nodes[n_nodes][2], const double normals[n_faces][3], double depth, int64_t most,
     int64_t start, int64_t stop, int32_t others[n_faces], bool unsure[n_faces]);
+
+/* interpolation.c */
+void move_to_base(
+    int64_t n, int64_t n_changes, int64_t n_pieces, const int32_t faces[n],
+    const double weights[n][2], const float changes[n_changes][4],
+    const float corners[n_pieces][3][2], double weights_out[n][2], float changes_out[n_changes][4]);
+void interpolate_positions(
+    int64_t n_points, int64_t n_faces, int64_t n, const double points[n_points][3],
+    const int32_t corners[n_faces][3], const int32_t faces[n], const double weights[n][2],
+    double out[restrict n][3]);
+void find_view_directions(
+    int64_t n, const float places[n][2], const double rays[3][3], float out[restrict n][3]);
+void interpolate_uvs(
+    int64_t n_uvs, int64_t n_faces, int64_t n, int64_t n_changes, int64_t n_out,
+    const double uvs[n_uvs][2], const int32_t corners[n_faces][3], const int32_t faces[n],
+    const double weights[n][2], const float changes[n_changes][4], double out[n][2],
+    float changes_out[n_out][4]);
+void find_scaled_points(
+    int64_t n_positions, int64_t n_faces, int64_t n, int64_t n_changes, int64_t n_widths,
+    const double positions[n_positions][3], const int32_t corners[n_faces][3],
+    const double matrix[3][4], const int32_t faces[n], const double weights[n][2],
+    const float changes[n_changes][4], double out[n][3], float widths[n_widths][3]);
+
+/* lamps.c */
+void find_arriving_light(
+    int64_t n, const double points[n][3], const float normals[n][3], const double position[3],
+    const double axis[3], double inner, double outer, double decay, const float color[1][3],
+    float directions[n][3], float radiance[n][3]);
+void reflect_lambert(
+    int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, const float normals[n][3],
+    const float directions[n_directions][3], const float radiance[n_radiance][3],
+    const float base[n_base][3], float out[n][3]);
+void reflect_blinn_phong(
+    int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_specular,
+    int64_t n_exponent, int64_t n_gloss, const float normals[n][3],
+    const float directions[n_directions][3], const float radiance[n_radiance][3],
+    const float to_eye[n][3], const float base[n_base][3], const float specular[n_specular][3],
+    const float exponent[n_exponent][1], const float gloss[n_gloss][1], float out[n][3]);
+void reflect_metallic(
+    int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_roughness,
+    int64_t n_metalness, const float normals[n][3], const float directions[n_directions][3],
+    const float radiance[n_radiance][3], const float to_eye[n][3], const float base[n_base][3],
+    const float roughness[n_roughness][1], const float metalness[n_metalness][1],
+    double dielectric, double least_alpha, float out[n][3]);
 
 /* mean_curvature.c */
 void add_curvatures(
@@ -93,6 +240,14 @@ void join_orientations(
     int64_t n, int64_t n_pairs, int64_t parents[n], bool flips[n], const int64_t one[n_pairs],
     const int64_t other[n_pairs], const bool along[n_pairs]);
 
+/* parallax.c */
+void follow_rays(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
+    const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
+    const int64_t sizes[n_levels][2], int64_t wrap, float border, float factor,
+    const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
+    double shares[n]);
+
 /* pinched_vertices.c */
 int64_t has_pinched_vertex(int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3]);
 
@@ -108,6 +263,126 @@ int64_t walk_text_rows(
 void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered]);
+
+/* projected_pictures.c */
+void find_pixel_steps(
+    int64_t n, int64_t n_corners, int64_t n_faces, const double points[n][3],
+    const double corners[n_corners][3], const int32_t faces[n_faces][3],
+    const int32_t drawn_faces[n], const float places[n][2], const double rays[3][3],
+    const double eye[3], double out[n][2][3]);
+void project_points(
+    int64_t n, int64_t n_steps, const double points[n][3], const double steps[n_steps][2][3],
+    const double matrix[4][4], double places[n][2], float changes[n][4], float coverage[n]);
+
+/* sample_statistics.c */
+void add_fragments_squared(
+    int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
+    const float light[n][3], double sums[n_pixels][4], double squares[n_pixels][4],
+    float covered[n_pixels]);
+void add_samples_squared(
+    int64_t sample_rows, int64_t sample_columns, int64_t rows_behind, int64_t columns_behind,
+    int64_t height, int64_t width, const float light[sample_rows][sample_columns][3],
+    const float passed[sample_rows][sample_columns],
+    const bool seen[sample_rows][sample_columns],
+    const float behind[rows_behind][columns_behind][3], int64_t first_row, int64_t side,
+    double sums[height][width][4], double squares[height][width][4], float covered[height][width]);
+void write_window(
+    int64_t rows, int64_t columns, int64_t rows_behind, int64_t columns_behind, int64_t height,
+    int64_t width, const bool mask[rows][columns], int64_t top, int64_t left, int64_t side,
+    const float behind[rows_behind][columns_behind][3], bool is_opaque, bool shows_behind,
+    const double light[rows][columns][4], const double squares[rows][columns][4],
+    const float covered[rows][columns], double light_out[height][width][4],
+    double squares_out[height][width][4], float covered_out[height][width]);
+void drop_unwanted(
+    int64_t sample_rows, int64_t sample_columns, int64_t rows, int64_t columns,
+    int32_t face_ids[sample_rows][sample_columns], const bool mask[rows][columns], int64_t side);
+void write_codes(
+    int64_t height, int64_t width, const double light[height][width][4],
+    const int32_t counts[height][width], float codes[height][width][4], int64_t start, int64_t stop);
+void judge_shading(
+    int64_t height, int64_t width, const float codes[height][width][4],
+    const int32_t shaded[height][width], const float changes[height][width],
+    float errors[height][width], int64_t start, int64_t stop);
+void judge_edges(
+    int64_t height, int64_t width, const double light[height][width][4],
+    const double squares[height][width][4], const int32_t counts[height][width],
+    float errors[height][width], int64_t start, int64_t stop);
+
+/* shading_normals.c */
+void interpolate_normals(
+    int64_t n_normals, int64_t n_faces, int64_t n, const double normals[n_normals][3],
+    const int32_t corners[n_faces][3], const int32_t faces[n], const double weights[n][2],
+    const bool back_facing[n], const double back[3], float out[n][3]);
+void bend_normals(
+    int64_t n_normals, int64_t n_faces, int64_t n, const double normals[n_normals][3],
+    const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], const int32_t faces[n],
+    const double weights[n][2], const float texels[n][3], double strength,
+    const bool back_facing[n], const double back[3], float out[n][3]);
+void turn_normals(
+    int64_t n, const float texels[n][3], const double matrix[3][3], const bool back_facing[n],
+    const double back[3], float out[n][3]);
+
+/* shadow_maps.c */
+void find_seen_bounds(
+    int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
+    const float depths[height][width], const double rays[3][3], const double eye[3], double near,
+    const int64_t starts[n_objects + 1], const bool receives[n_objects], const double axes[3][3],
+    double rounding, int64_t first, int64_t stop, double bounds[n_objects][2][3]);
+void dim_by_shadow(
+    int64_t n, int64_t n_positions, int64_t n_faces, int64_t n_views, int64_t height,
+    int64_t width, int64_t n_directions, int64_t n_radiance, const double points[n][3],
+    const float normals[n][3], const int32_t own_faces[n], int64_t first_own, int64_t stop_own,
+    const double positions[n_positions][3], const int32_t faces[n_faces][3],
+    const double views[n_views][4][4], const float depths[n_views][height][width],
+    const int32_t face_ids[n_views][height][width], const double inverses[n_views][4][4],
+    bool is_cone, const double light[3], double radius,
+    const float directions[n_directions][3], const float radiance[n_radiance][3],
+    float out[n][3]);
+
+/* surrounding_light.c */
+void reflect_ambient(
+    int64_t n_normals, int64_t n_base, int64_t n_share, int64_t n, const float normals[n_normals][3],
+    const double up[3], const float sky[1][3], const float ground[1][3],
+    const float base[n_base][3], const float share[n_share], float out[n][3]);
+void mirror_directions(
+    int64_t n, const float normals[n][3], const float to_eye[n][3], float out[restrict n][3]);
+void reflect_environment(
+    int64_t n, int64_t n_mirrored, int64_t size, int64_t n_base, int64_t n_roughness,
+    int64_t n_metalness, int64_t n_share, const float normals[n][3], const float to_eye[n][3],
+    const float diffuse[n][3], const float mirrored[n_mirrored][3],
+    const float table[size][size][2], const float base[n_base][3],
+    const float roughness[n_roughness][1], const float metalness[n_metalness][1],
+    double dielectric, const float share[n_share], float out[n][3]);
+void refract_directions(
+    int64_t n, const float normals[n][3], const float to_eye[n][3], const bool back_facing[n],
+    double index, float out[restrict n][3]);
+void mix_in_environment(
+    int64_t n, int64_t n_strength, const float normals[n][3], const float to_eye[n][3],
+    const float strength[n_strength][3], const float seen[n][3], bool fresnel, float out[n][3]);
+void fade_into_fog(
+    int64_t n, const double positions[n][3], const double eye[3], int64_t mode, double density,
+    double start, double end, const double color[3], float out[n][3]);
+
+/* triangle_cutting.c */
+int64_t close_marks(
+    int64_t n, int64_t n_points, int64_t n_edges, const int32_t faces[n][3],
+    const int32_t face_edges[n][3], const double points[n_points][3], bool marked[n_edges]);
+void count_pieces(
+    int64_t n, int64_t n_edges, const int32_t face_edges[n][3], const bool marked[n_edges],
+    int64_t added[n + 1]);
+void halve_edges(
+    int64_t n, int64_t n_out, const int32_t ends[n][2], const bool marked[n],
+    const int32_t halves[n], const int32_t middles[n], int32_t out[n_out][2]);
+void cut_triangles(
+    int64_t n, int64_t n_edges, int64_t n_points, int64_t n_out, int64_t n_ends, int64_t n_places,
+    const int32_t faces[n][3], const int32_t face_edges[n][3], const int32_t base_faces[n],
+    const float weights[n][3][2], const int32_t ends[n_edges][2], const bool marked[n_edges],
+    const int32_t halves[n_edges], const int32_t middles[n_edges],
+    const double points[n_points][3], const int64_t added[n + 1], int64_t n_halves,
+    int64_t n_vertices, int32_t faces_out[n_out][3], int32_t face_edges_out[n_out][3],
+    int32_t base_faces_out[n_out], float weights_out[n_out][3][2], int32_t ends_out[n_ends][2],
+    int32_t place_vertices[n_places], int32_t place_faces[n_places],
+    float place_weights[n_places][2], int64_t start, int64_t stop);
 
 /* triangle_tree.c */
 void morton_keys(

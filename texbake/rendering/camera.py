@@ -53,6 +53,10 @@ class Camera:
     fov: float
     near: float
 
+    def __post_init__(self) -> None:
+        for name in "eye", "axes":  # as kernels take them
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.float64))
+
     @classmethod
     def framing(cls, *meshes: Mesh, options: RenderOptions | None = None) -> Camera:
         """Return a camera that frames the common bounding sphere of meshes.

@@ -23,6 +23,8 @@ Based on: Cook, "Shade trees", SIGGRAPH 1984; Cook, Carpenter, Catmull, "The Rey
 architecture", SIGGRAPH 1987, for dicing by size on the screen; here pieces share their corners, so
 no cracks can open. Cantlay, "DirectX 11 terrain tessellation", NVIDIA, 2011, for a length that does
 not depend on the orientation of an edge.
+
+Kernel: `core/displacement.c`.
 """
 
 from __future__ import annotations
@@ -34,17 +36,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.rendering.camera import Camera
-from texbake.rendering.kernels.displacement import (
-    measure_excess,
-    measure_texel_lengths,
-    move_vertices,
-    take_middles,
-    view_vertices,
-)
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.tessellation import (
     MOST_CUTS,
@@ -140,8 +136,8 @@ def displaced(
             break
         pieces, ends, places = cut(pieces, marked, now.points, threads=threads)
         points, normals = np.empty((len(ends), 3)), np.empty((len(ends), 3))
-        take_middles(now.points, ends, points)
-        take_middles(now.normals, ends, normals)
+        core.take_middles(now.points, ends, points)
+        core.take_middles(now.normals, ends, normals)
         positions = _moved(surface, points, normals, places, moves)
         now = Displaced(
             pieces,
@@ -160,7 +156,7 @@ def _moved(
     A vertex without a normal is not moved by heights.
     """
     positions = np.empty((len(points), 3))
-    move_vertices(
+    core.move_vertices(
         places.vertices, moves(places, points), points, normals,
         np.ascontiguousarray(surface.linear, np.float64), positions,
     )  # fmt: skip
@@ -183,9 +179,8 @@ def texel_lengths(
         vertices are all outside the same side are ignored.
     """
     lengths = np.zeros(len(pieces.ends))
-    corners = np.empty((0, 3, 2)) if texels is None else texels
-    measure_texel_lengths(
-        pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights, corners, outside,
+    core.measure_texel_lengths(
+        pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights, texels, outside,
         lengths,
     )  # fmt: skip
     return lengths
@@ -255,7 +250,7 @@ class EdgeView:
         outside, nearest, slants = np.empty(n, np.uint8), np.empty(n), np.empty(n)
 
         def look(start: int, stop: int) -> None:
-            view_vertices(
+            core.view_vertices(
                 now.points, now.positions, self._camera.eye, self._camera.axes[2],
                 self._camera.near, self._steepest, self._sides, self._margins,
                 outside, nearest, slants, start, stop,
@@ -266,7 +261,7 @@ class EdgeView:
         out = np.empty(len(spans))
 
         def measure(start: int, stop: int) -> None:
-            measure_excess(
+            core.measure_excess(
                 now.pieces.ends, now.points, now.positions, nearest, slants, spans,
                 self._focal / self._edge_px, out, start, stop,
             )  # fmt: skip

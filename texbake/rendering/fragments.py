@@ -4,7 +4,9 @@ Effects add to this record one after another, in the order of the plan: the posi
 the values of the material's slots, the normal, and the outgoing light.
 
 An array has one row per fragment, or a single row if all fragments share the value, so that
-constants cost nothing. Kernels read both with `row_of`.
+constants cost nothing. Kernels read both with `row_of` of `core/fragment_values.h`.
+
+Kernel: `core/interpolation.c`.
 """
 
 from __future__ import annotations
@@ -14,12 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.rendering.kernels.interpolation import move_to_base
-from texbake.rendering.kernels.lighting import BRIGHTEST
 from texbake.rendering.scene.material import Material
 
 Floats = npt.NDArray[np.float32]
+
+# Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
+BRIGHTEST = 1e30
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +72,7 @@ class DrawnObject:
         """Convert weights on drawn triangles, and their derivatives, to faces of `mesh`."""
         assert self.base_faces is not None and self.base_weights is not None
         base_weights, base_changes = np.empty_like(weights), np.empty_like(changes)
-        move_to_base(faces, weights, changes, self.base_weights, base_weights, base_changes)
+        core.move_to_base(faces, weights, changes, self.base_weights, base_weights, base_changes)
         return self.base_faces[faces], base_weights, base_changes
 
 

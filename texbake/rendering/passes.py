@@ -1,15 +1,17 @@
-"""The two passes of every picture: rasterizing what is visible, and shading its fragments."""
+"""The two passes of every picture: rasterizing what is visible, and shading its fragments.
+
+Kernel: `core/compositing.c`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.rendering.effect import RenderState, VisibleScene
-from texbake.rendering.fragments import Fragments
-from texbake.rendering.kernels.lighting import keep_finite
-from texbake.rendering.kernels.pixels import mark_seen_objects
+from texbake.rendering.fragments import BRIGHTEST, Fragments
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows, weights_at
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.scanline import rasterize_scanlines
@@ -72,7 +74,7 @@ def seen_objects(
     seen = np.zeros(world.n_objects, np.bool_)
 
     def work(start: int, stop: int) -> None:
-        mark_seen_objects(visibility.face_ids, world.starts, seen, start, stop)
+        core.mark_seen_objects(visibility.face_ids, world.starts, seen, start, stop)
 
     run_bands(work, len(visibility.face_ids), band=_ROWS, threads=threads)
     return frozenset(np.flatnonzero(seen).tolist())
@@ -114,7 +116,7 @@ def shaded_objects(
             if effect.shade is not None:
                 with state.costs.timed(effect.name):
                     effect.shade(fragments, state)
-        keep_finite(fragments.light)
+        core.keep_finite(fragments.light, BRIGHTEST)
         shaded.append(fragments)
     return shaded
 

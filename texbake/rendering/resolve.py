@@ -1,4 +1,7 @@
-"""Resolving samples: averaging the samples of each pixel over the background, into a frame."""
+"""Resolving samples: averaging the samples of each pixel over the background, into a frame.
+
+Kernel: `core/compositing.c`.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray
@@ -16,7 +20,6 @@ from texbake.parallel import run_bands
 from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.kernels.pixels import add_fragments, find_nearest, finish_pixels
 from texbake.rendering.raster.world import VisibilityBuffer
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
@@ -87,7 +90,7 @@ class Frame:
         side = len(self._visibility.face_ids) // self.height
         face_ids = np.full((self.height, self.width), -1, np.int32)
         depths = np.full((self.height, self.width), np.inf, np.float32)
-        find_nearest(
+        core.find_nearest(
             self._visibility.face_ids, self._visibility.depths, side, self._near, face_ids, depths
         )
         return face_ids, depths
@@ -161,10 +164,11 @@ class Sums:
     def add(self, fragments: Fragments) -> None:
         """Add opaque fragments to their pixels."""
         keeps_normals = len(self.normals) > 0 and fragments.normals is not None
-        normals = fragments.normals if keeps_normals else _NO_ROWS
-        add_fragments(
-            fragments.pixels, fragments.counts, fragments.light, normals,
-            self.color.reshape(-1, 4), self.coverage.reshape(-1), self.normals.reshape(-1, 3),
+        core.add_fragments(
+            fragments.pixels, fragments.counts, fragments.light,
+            fragments.normals if keeps_normals else None,
+            self.color.reshape(-1, 4), self.coverage.reshape(-1),
+            self.normals.reshape(-1, 3) if keeps_normals else None,
         )  # fmt: skip
 
     def finished(
@@ -182,14 +186,13 @@ class Sums:
         if behind is not None:
             layer = np.ascontiguousarray(behind.reshape(1, 1, 3) if behind.ndim == 1 else behind)
 
+        normals = self.normals if len(self.normals) else None
+
         def work(start: int, stop: int) -> None:
-            finish_pixels(
-                self.color, self.coverage, self.normals, float(self.n_samples), layer,
+            core.finish_pixels(
+                self.color, self.coverage, normals, float(self.n_samples), layer,
                 behind is not None, start, stop,
             )  # fmt: skip
 
         run_bands(work, len(self.color), band=_BAND, threads=threads)
-        return self.color, self.coverage, self.normals if len(self.normals) else None
-
-
-_NO_ROWS = np.empty((0, 3), np.float32)
+        return self.color, self.coverage, normals

@@ -20,6 +20,8 @@ Based on: Rivara, "Algorithms for refining triangular grids suitable for adaptiv
 techniques", International Journal for Numerical Methods in Engineering 20, 1984 (longest edges);
 Bank, Sherman, Weiser, "Refinement algorithms and data structures for regular local mesh
 refinement", 1983 (a triangle with three cut edges).
+
+Kernel: `core/triangle_cutting.c`.
 """
 
 from __future__ import annotations
@@ -29,14 +31,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.kernels.displacement import (
-    close_marks,
-    count_pieces,
-    cut_triangles,
-    halve_edges,
-)
 
 # After this many cuts an edge is 2^-23 of its original length, the resolution of float32 weights.
 MOST_CUTS = 23
@@ -147,7 +144,7 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
     too_long = np.flatnonzero(wanted)
     room = most - len(pieces.faces)
-    if close_marks(pieces.faces, pieces.face_edges, points, wanted) <= room:
+    if core.close_marks(pieces.faces, pieces.face_edges, points, wanted) <= room:
         return wanted
     n_faces = np.bincount(pieces.face_edges.reshape(-1), minlength=len(pieces.ends))
     longest = too_long[np.argsort(-excess[too_long], kind="stable")]
@@ -185,7 +182,7 @@ def cut(
     halves = np.cumsum(marked, dtype=np.int32) + np.arange(len(marked), dtype=np.int32) - marked
     middles = (pieces.n_vertices - 1 + np.cumsum(marked)).astype(np.int32)
     added = np.empty(len(pieces.faces) + 1, np.int64)
-    count_pieces(pieces.face_edges, marked, added)
+    core.count_pieces(pieces.face_edges, marked, added)
     n_halves, n_inner = len(marked) + n_marked, int(added[-1])
     n_faces = len(pieces.faces) + n_inner
     finer = Pieces(
@@ -201,14 +198,14 @@ def cut(
         base_faces=np.empty(n_inner, np.int32),
         weights=np.empty((n_inner, 2), np.float32),
     )
-    halve_edges(pieces.ends, marked, halves, middles, finer.ends)
+    core.halve_edges(pieces.ends, marked, halves, middles, finer.ends)
 
     def work(start: int, stop: int) -> None:
-        cut_triangles(
-            (pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights),
-            (pieces.ends, marked, halves, middles), points, added, n_halves, pieces.n_vertices,
-            (finer.faces, finer.face_edges, finer.base_faces, finer.base_weights), finer.ends,
-            (places.vertices, places.base_faces, places.weights), start, stop,
+        core.cut_triangles(
+            pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights,
+            pieces.ends, marked, halves, middles, points, added, n_halves, pieces.n_vertices,
+            finer.faces, finer.face_edges, finer.base_faces, finer.base_weights, finer.ends,
+            places.vertices, places.base_faces, places.weights, start, stop,
         )  # fmt: skip
 
     run_bands(work, len(pieces.faces), band=_BAND, threads=threads)

@@ -13,20 +13,18 @@ the samples, minus the part explained by the slope between neighboring pixels. A
 between the samples of two pixels shows only in the difference between these pixels.
 
 The result is an estimate: detail that no sample of a pixel or of its neighbors hits goes unnoticed.
+
+Kernel: `core/sample_statistics.c`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
-from texbake.rendering.adaptive_pixels.sample_statistics import (
-    judge_edges,
-    judge_shading,
-    write_codes,
-)
 
 _ROWS = 32  # pixel rows per band
 
@@ -35,7 +33,7 @@ def code_means(sums: PixelSums, codes: Float32Array, *, threads: int | None) -> 
     """Write the means (H, W, 4) as encoded in a file: light in sRGB, opacity linear."""
 
     def work(start: int, stop: int) -> None:
-        write_codes(sums.light, sums.counts, codes, start, stop)
+        core.write_codes(sums.light, sums.counts, codes, start, stop)
 
     run_bands(work, len(codes), band=_ROWS, threads=threads)
 
@@ -56,7 +54,7 @@ def shading_errors(
     errors = np.empty(shaded.shape, np.float32)
 
     def work(start: int, stop: int) -> None:
-        judge_shading(codes, shaded, changes, errors, start, stop)
+        core.judge_shading(codes, shaded, changes, errors, start, stop)
 
     run_bands(work, len(errors), band=_ROWS, threads=threads)
     return errors
@@ -67,7 +65,7 @@ def edge_errors(sums: PixelSums, *, threads: int | None) -> Float32Array:
     errors = np.empty(sums.counts.shape, np.float32)
 
     def work(start: int, stop: int) -> None:
-        judge_edges(sums.light, sums.squares, sums.counts, errors, start, stop)
+        core.judge_edges(sums.light, sums.squares, sums.counts, errors, start, stop)
 
     run_bands(work, len(errors), band=_ROWS, threads=threads)
     return errors

@@ -1,4 +1,7 @@
-"""Sums of samples per pixel, and of their squares, from which the variance follows."""
+"""Sums of samples per pixel, and of their squares, from which the variance follows.
+
+Kernel: `core/sample_statistics.c`.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.adaptive_pixels.sample_statistics import (
-    add_fragments,
-    add_samples,
-    write_window,
-)
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -59,7 +58,7 @@ class PixelSums:
 
     def add(self, pixels: IntArray, counts: Float32Array, light: Float32Array) -> None:
         """Add opaque fragments to their pixels, weighted by their numbers of samples."""
-        add_fragments(
+        core.add_fragments_squared(
             pixels, counts, light,
             self.light.reshape(-1, 4), self.squares.reshape(-1, 4), self.covered.reshape(-1),
         )  # fmt: skip
@@ -82,7 +81,7 @@ class PixelSums:
             shows a surface.
         behind : (H, W, 3) or (1, 1, 3) float32
         """
-        add_samples(
+        core.add_samples_squared(
             light, passed, seen, behind, first_row, side, self.light, self.squares, self.covered
         )
 
@@ -109,7 +108,7 @@ class PixelSums:
         is_opaque
             Count all samples as opaque, because there is a background behind all surfaces.
         """
-        write_window(
+        core.write_window(
             mask, *corner, side, _DARK if behind is None else behind, is_opaque, behind is not None,
             self.light, self.squares, self.covered, sums.light, sums.squares, sums.covered,
         )  # fmt: skip

@@ -9,6 +9,8 @@ picture.
 
 The picture is rendered in windows, strips just wide enough for the selected pixels, so that memory
 is bounded for any number of samples.
+
+Kernel: `core/sample_statistics.c`.
 """
 
 from __future__ import annotations
@@ -20,10 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
-from texbake.rendering.adaptive_pixels.sample_statistics import drop_unwanted
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import behind_surfaces
 from texbake.rendering.effect import RenderState
@@ -205,7 +207,7 @@ class PixelSampler:
                 part = replace(part, visible_scene=visible)
                 layers = [*PEELED_LAYERS.compute(part, None).layers, *layers]
         for visibility in layers:
-            drop_unwanted(visibility.face_ids, mask, sides.seen)
+            core.drop_unwanted(visibility.face_ids, mask, sides.seen)
         return layers
 
     def _fragments(

@@ -6,8 +6,10 @@ adds the value of its slot. A light map adds the value of its slot times the dif
 
 Ambient occlusion is two effects. The first computes a screen-space picture of the occlusion by
 nearby surfaces from the camera's depths. The second looks up the unoccluded share for each fragment
-and multiplies ambient and environment light by it. The algorithm is described in
-`texbake.rendering.kernels.occlusion`.
+and multiplies ambient and environment light by it. `texbake/core/ambient_occlusion.c` describes
+the algorithm.
+
+Kernels: `core/surrounding_light.c`, `core/ambient_occlusion.c`.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.rendering.effect import (
     Call,
@@ -29,8 +32,6 @@ from texbake.rendering.effect import (
 )
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
-from texbake.rendering.kernels.lighting import reflect_ambient
-from texbake.rendering.kernels.occlusion import find_arriving_shares, find_places, smooth_shares
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Ambient
 from texbake.texture.image import FloatImage
@@ -80,19 +81,19 @@ def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
     per_unit = 0.5 * height / math.tan(camera.fov / 2.0)
 
     def locate(start: int, stop: int) -> None:
-        find_places(
+        core.find_places(
             visibility.face_ids, visibility.depths, side, camera.near, world.positions,
             world.faces, rays, places, normals, start, stop,
         )  # fmt: skip
 
     def gather(start: int, stop: int) -> None:
-        find_arriving_shares(
+        core.find_arriving_shares(
             places, normals, camera.axes[0], camera.axes[1], per_unit, float(radius), n_slices,
             n_steps, rough, start, stop,
         )  # fmt: skip
 
     def blur(start: int, stop: int) -> None:
-        smooth_shares(rough, places, normals, float(radius), smooth, start, stop)
+        core.smooth_shares(rough, places, normals, float(radius), smooth, start, stop)
 
     for work in locate, gather, blur:
         run_bands(work, height, band=_ROWS, threads=state.threads)
@@ -169,7 +170,7 @@ def add_ambient(
         Added to in place.
     """
     two_sided = ambient.ground is not None and normals is not None
-    reflect_ambient(
+    core.reflect_ambient(
         normals if two_sided else np.empty((0, 3), np.float32),
         np.array([0.0, 1.0, 0.0] if up == "y" else [0.0, 0.0, 1.0]),
         one_row(ambient.color, 3),

@@ -27,6 +27,8 @@ dents.
 Based on: Blinn, "Simulation of wrinkled surfaces", SIGGRAPH 1978; Schlag, "Fast embossing effects
 on raster image data", Graphics Gems IV, 1994; Mikkelsen, "Bump mapping unparametrized surfaces on
 the GPU", 2010, for slopes without texture coordinates.
+
+Kernel: `core/bump_maps.c`.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from typing import Any
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
@@ -47,12 +50,6 @@ from texbake.rendering.effects.points import steps_along_surface, steps_along_te
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.kernels.relief import (
-    add_embossed,
-    find_light_steps,
-    measure_pixel_steps,
-    tilt_normals,
-)
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import BumpMap
@@ -140,7 +137,7 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
     holder = bump_of(state.request, fragments.target)
     if not is_over_uvs(holder):
         steps = np.empty((len(fragments), 2))
-        measure_pixel_steps(
+        core.measure_pixel_steps(
             surface.positions, surface.faces, fragments.faces, fragments.changes, steps
         )
         return steps
@@ -176,16 +173,12 @@ def heights_at(
     return np.asarray(values[:, 0] * np.float64(holder.height))
 
 
-def kernel_arrays(
-    fragments: Fragments, surface: BumpSurface
-) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]:
     """Return the arrays that kernels take for a surface and for the fragments on it."""
     return (
-        (
-            surface.positions, surface.faces, surface.normals, surface.normal_faces, surface.steps,
-            surface.to_object,
-        ),
-        (fragments.faces, fragments.weights, fragments.normals, fragments.back_facing),
+        surface.positions, surface.faces, surface.normals, surface.normal_faces, surface.steps,
+        surface.to_object,
+        fragments.faces, fragments.weights, fragments.normals, fragments.back_facing,
     )  # fmt: skip
 
 
@@ -234,7 +227,7 @@ def _bump(fragments: Fragments, state: RenderState) -> None:
     if bump_of(state.request, fragments.target).form == "exact":
         heights = heights_at(fragments, state, surface, np.zeros((1, 2)))
     normals = np.empty((len(fragments), 3), np.float32)
-    tilt_normals(
+    core.tilt_normals(
         *kernel_arrays(fragments, surface), surface.to_world, heights, slopes,
         state.camera.axes[2], normals,
     )  # fmt: skip
@@ -256,13 +249,13 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
     is_metal = fragments.drawn.material.shading == "metallic-roughness"
     for index in shining(state.request):
         light = incident(fragments, state, index)
-        find_light_steps(
+        core.find_light_steps(
             *kernel_arrays(fragments, surface), light.directions, surface.directions_to_object,
             steps, shifts, lengths,
         )  # fmt: skip
         rise = heights_at(fragments, state, surface, shifts)
         rise -= heights_at(fragments, state, surface, -shifts)
-        add_embossed(
+        core.add_embossed(
             fragments.normals, light.directions, light.radiance, fragments.values.base_color,
             fragments.values.metalness if is_metal else _NO_METAL, _over(rise, 2.0 * lengths),
             fragments.light,

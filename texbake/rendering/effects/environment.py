@@ -6,6 +6,8 @@ specular for metallic-roughness).
 
 Based on: Greene, "Environment mapping and other applications of world projections", 1986; Karis,
 "Real Shading in Unreal Engine 4", 2013, for the split of the mirrored part in two.
+
+Kernel: `core/surrounding_light.c`.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import (
@@ -30,7 +33,6 @@ from texbake.rendering.effect import (
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
-from texbake.rendering.kernels.lighting import mirror_directions, reflect_environment
 from texbake.rendering.maps import colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Environment
@@ -184,14 +186,14 @@ def _light(fragments: Fragments, state: RenderState) -> None:
     if fragments.drawn.material.shading == "metallic-roughness":
         assert to_eye is not None
         directions = np.empty_like(normals)
-        mirror_directions(normals, to_eye, directions)
+        core.mirror_directions(normals, to_eye, directions)
         assert values.roughness is not None
         levels = np.broadcast_to(values.roughness[:, 0] * (_LEVELS - 1), len(normals))
         mirrored = state.of(PREFILTERED_MAP).look(
             directions, np.ascontiguousarray(levels, np.float32)
         )
         table = split_sum_table()
-    reflect_environment(
+    core.reflect_environment(
         normals, normals if to_eye is None else to_eye, diffuse, mirrored, table,
         values.base_color, _or_zero(values.roughness), _or_zero(values.metalness),
         head_on(fragments.drawn.material.ior), arriving_share(fragments), fragments.light,

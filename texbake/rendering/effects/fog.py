@@ -3,6 +3,8 @@
 At the distance d the share (end - d) / (end - start) of a surface's light remains for `linear` fog,
 exp(-density d) for `exp`, and exp(-(density d)^2) for `exp2`. The background is infinitely far
 away and has faded completely, so a scene with fog does not show its environment there.
+
+Kernel: `core/surrounding_light.c`.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from texbake.core import core
 from texbake.rendering.effect import (
     Call,
     Effect,
@@ -19,7 +22,6 @@ from texbake.rendering.effect import (
     Target,
 )
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.kernels.lighting import fade_into_fog
 from texbake.rendering.request import RenderRequest
 from texbake.texture.image import FloatImage
 
@@ -40,7 +42,7 @@ def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
 def _shade(fragments: Fragments, state: RenderState) -> None:
     fog = state.scene.lighting.fog
     assert fog is not None
-    fade_into_fog(
+    core.fade_into_fog(
         fragments.positions, state.camera.eye, _MODES[fog.mode], float(fog.density),
         float(fog.start), float(fog.end), np.array(fog.color, np.float64), fragments.light,
     )  # fmt: skip

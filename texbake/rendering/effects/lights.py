@@ -4,6 +4,8 @@ A white surface that faces a light reflects its color times its intensity. Point
 fall off as 1 / d^decay with the distance d. A spot has full strength inside its inner cone and
 fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. At the position of a point light itself, the
 light comes along the normal with its strength at a distance of 0.001.
+
+Kernel: `core/lamps.c`.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import (
@@ -30,7 +33,6 @@ from texbake.rendering.fragments import (
     Incident,
     one_row,
 )
-from texbake.rendering.kernels.lighting import find_arriving_light
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 
@@ -145,7 +147,7 @@ def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> 
         return Incident(directions=one_row(tuple(-light.direction), 3), radiance=light.radiance)
     n = len(normals)
     found = Incident(directions=np.empty((n, 3), np.float32), radiance=np.empty((n, 3), np.float32))
-    find_arriving_light(
+    core.find_arriving_light(
         points, normals, light.position, light.direction, *light.cosines, light.decay,
         light.radiance, found.directions, found.radiance,
     )  # fmt: skip

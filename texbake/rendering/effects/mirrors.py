@@ -13,6 +13,8 @@ facing mirrors thus show a limited number of reflections.
 Based on: Blinn and Newell, "Texture and reflection in computer generated images", CACM 19(10),
 1976; Greene, "Environment mapping and other applications of world projections", 1986; Schlick, "An
 inexpensive BRDF model for physically-based rendering", 1994.
+
+Kernel: `core/surrounding_light.c`.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from texbake.core import core
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import (
     Call,
@@ -37,11 +40,6 @@ from texbake.rendering.effects.lights import in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.kernels.lighting import (
-    mirror_directions,
-    mix_in_environment,
-    refract_directions,
-)
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
@@ -152,7 +150,7 @@ def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats
     environment = _environment(fragments, state, mirror)
     strength = slot_values(fragments, state, f"{name}.strength", mirror.strength, 3)
     seen = np.zeros_like(directions) if environment is None else environment.look(directions)
-    mix_in_environment(
+    core.mix_in_environment(
         fragments.normals, fragments.to_eye, strength, seen, getattr(mirror, "fresnel", False),
         fragments.light,
     )  # fmt: skip
@@ -161,7 +159,7 @@ def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats
 def _reflect(fragments: Fragments, state: RenderState) -> None:
     assert fragments.normals is not None and fragments.to_eye is not None
     directions = np.empty_like(fragments.normals)
-    mirror_directions(fragments.normals, fragments.to_eye, directions)
+    core.mirror_directions(fragments.normals, fragments.to_eye, directions)
     _mix(fragments, state, "reflection", directions)
 
 
@@ -170,7 +168,7 @@ def _refract(fragments: Fragments, state: RenderState) -> None:
     directions = np.empty_like(fragments.normals)
     refraction = fragments.drawn.material.refraction
     assert refraction is not None
-    refract_directions(
+    core.refract_directions(
         fragments.normals, fragments.to_eye, fragments.back_facing, float(refraction.ior),
         directions,
     )  # fmt: skip

@@ -11,6 +11,8 @@ this is the inverse of what baking does. Tangents are read from the file, or els
 MikkTSpace, and only for a tangent-space map.
 
 Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008.
+
+Kernel: `core/shading_normals.c`.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
@@ -33,11 +36,6 @@ from texbake.rendering.effect import (
 )
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.kernels.interpolation import (
-    bend_normals,
-    interpolate_normals,
-    turn_normals,
-)
 from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
@@ -66,7 +64,7 @@ def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
         normals, corners = state.of(MESH_NORMALS, fragments.target)
         faces, weights = fragments.faces, fragments.weights
     out = np.empty((len(fragments), 3), np.float32)
-    interpolate_normals(
+    core.interpolate_normals(
         normals, corners, faces, weights, fragments.back_facing, state.camera.axes[2], out
     )
     return out
@@ -128,7 +126,7 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     assert holder is not None
     if space == "tangent":
         normals, corners = state.of(MESH_NORMALS, target)
-        bend_normals(
+        core.bend_normals(
             normals, corners, state.of(MESH_TANGENTS, target), fragments.faces,
             fragments.weights, texels, float(holder.strength), fragments.back_facing,
             state.camera.axes[2], fragments.normals,
@@ -138,7 +136,9 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     matrix = np.eye(3)
     if space == "object" and inverse is not None:
         matrix = np.ascontiguousarray(inverse[:3, :3].T)
-    turn_normals(texels, matrix, fragments.back_facing, state.camera.axes[2], fragments.normals)
+    core.turn_normals(
+        texels, matrix, fragments.back_facing, state.camera.axes[2], fragments.normals
+    )
 
 
 MESH_TANGENTS = Result(_load_tangents)

@@ -18,6 +18,8 @@ Based on: Policarpo, Oliveira, Comba, "Real-time relief mapping on arbitrary pol
 I3D 2005; Tatarchuk, "Dynamic parallax occlusion mapping with approximate soft shadows", I3D 2006.
 Unlike these papers, steps are counted in texels, and the ray is transformed to texture space by the
 exact derivatives of the triangle, which tangents only approximate.
+
+Kernel: `core/parallax.c`.
 """
 
 from __future__ import annotations
@@ -27,13 +29,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.kernels.relief import follow_rays
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.texture.lookup import wrap_code
@@ -126,7 +128,7 @@ def _shares(
         found = mip_levels(changes, chain.width, chain.height, threads=1)
         levels = np.clip(np.nan_to_num(found, nan=0.0), 0, chain.n_levels - 1).astype(np.int64)
     shares = np.empty(len(starts))
-    follow_rays(
+    core.follow_rays(
         chain.texels, chain.offsets, chain.sizes, wrap_code(image.wrap), image.border[0],
         image.factor[0], np.ascontiguousarray(starts), np.ascontiguousarray(steps), levels, layers,
         shares,

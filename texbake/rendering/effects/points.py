@@ -6,20 +6,18 @@ lookup is filtered over the pixel.
 Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989. Unlike on graphics
 hardware, derivatives are computed exactly from the plane of the triangle, not as differences of
 neighboring pixels.
+
+Kernel: `core/interpolation.c`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, RenderState, Result, Target, only_when_needed
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.kernels.interpolation import (
-    find_view_directions,
-    interpolate_positions,
-    interpolate_uvs,
-)
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
@@ -74,7 +72,7 @@ def _divided(rows: FloatArray, by: FloatArray) -> FloatArray:
 def _find_positions(fragments: Fragments, state: RenderState) -> None:
     drawn = fragments.drawn
     fragments.positions = np.empty((len(fragments), 3))
-    interpolate_positions(
+    core.interpolate_positions(
         drawn.positions, drawn.faces, fragments.drawn_faces, fragments.drawn_weights,
         fragments.positions,
     )  # fmt: skip
@@ -83,7 +81,7 @@ def _find_positions(fragments: Fragments, state: RenderState) -> None:
 def _find_view(fragments: Fragments, state: RenderState) -> None:
     rays = state.camera.view_rays(state.options.width, state.options.height)
     fragments.to_eye = np.empty((len(fragments), 3), np.float32)
-    find_view_directions(fragments.places, rays, fragments.to_eye)
+    core.find_view_directions(fragments.places, rays, fragments.to_eye)
 
 
 def _find_uvs(fragments: Fragments, state: RenderState) -> None:
@@ -92,7 +90,7 @@ def _find_uvs(fragments: Fragments, state: RenderState) -> None:
     wanted = state.plan.has("derivatives", fragments.target)
     fragments.uvs = np.empty((len(fragments), 2))
     fragments.uv_changes = np.empty((len(fragments) if wanted else 0, 4), np.float32)
-    interpolate_uvs(
+    core.interpolate_uvs(
         mesh.uvs, mesh.uv_faces, fragments.faces, fragments.weights, fragments.changes,
         fragments.uvs, fragments.uv_changes,
     )  # fmt: skip

@@ -17,6 +17,8 @@ P + t dr - t (n·dr) / (n·r) r, to first order.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
 texture mapping", SIGGRAPH 1992. Unlike there, the derivatives are computed per point.
+
+Kernel: `core/projected_pictures.c`.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import (
     Call,
@@ -43,7 +46,6 @@ from texbake.rendering.effects.images import (
 )
 from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining
 from texbake.rendering.fragments import Floats, Fragments, Incident
-from texbake.rendering.kernels.projection import find_pixel_steps, project_points
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
@@ -77,7 +79,7 @@ def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
     """
     drawn = fragments.drawn
     steps = np.empty((len(fragments), 2, 3))
-    find_pixel_steps(
+    core.find_pixel_steps(
         fragments.positions, drawn.positions, drawn.faces, fragments.drawn_faces, fragments.places,
         state.camera.view_rays(state.options.width, state.options.height),
         np.ascontiguousarray(state.camera.eye), steps,
@@ -114,7 +116,7 @@ def thrown(
     filtered = steps is not None and image.filter in FILTERS_WITH_FOOTPRINT
     places, coverage = np.empty((n, 2)), np.empty(n, np.float32)
     changes = np.zeros((n, 4), np.float32)
-    project_points(
+    core.project_points(
         points, steps if filtered else _NO_STEPS, np.ascontiguousarray(matrix, np.float64),
         places, changes, coverage,
     )  # fmt: skip

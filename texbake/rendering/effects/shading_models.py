@@ -15,6 +15,8 @@ appears because I_L is defined as the light that a white Lambert surface reflect
 Based on: Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977;
 Khronos, "glTF 2.0 Specification", 2021; Heitz, "Understanding the masking-shadowing function in
 microfacet-based BRDFs", JCGT 3(2), 2014.
+
+Kernel: `core/lamps.c`.
 """
 
 from __future__ import annotations
@@ -23,15 +25,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from texbake.core import core
 from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.lights import incident, shining
 from texbake.rendering.fragments import Floats, Fragments, Incident
-from texbake.rendering.kernels.lighting import (
-    reflect_blinn_phong,
-    reflect_lambert,
-    reflect_metallic,
-)
 from texbake.rendering.request import RenderRequest
+
+# Below this value of alpha, highlights are narrower than float32 normals resolve.
+LEAST_ALPHA = 1e-3
 
 
 def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
@@ -67,7 +68,7 @@ _ONE = np.ones((1, 1), np.float32)
 
 def add_lambert(normals: Floats, arriving: Incident, base: Floats, light: Floats) -> None:
     """Add a lamp's diffuse reflection to the outgoing light (n, 3) of points, in place."""
-    reflect_lambert(normals, arriving.directions, arriving.radiance, base, light)
+    core.reflect_lambert(normals, arriving.directions, arriving.radiance, base, light)
 
 
 def _lambert(fragments: Fragments, light: Incident) -> None:
@@ -77,7 +78,7 @@ def _lambert(fragments: Fragments, light: Incident) -> None:
 
 def _blinn_phong(fragments: Fragments, light: Incident) -> None:
     values = fragments.values
-    reflect_blinn_phong(
+    core.reflect_blinn_phong(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
         values.base_color, values.specular, values.exponent,
         _ONE if values.gloss is None else values.gloss, fragments.light,
@@ -86,10 +87,10 @@ def _blinn_phong(fragments: Fragments, light: Incident) -> None:
 
 def _metallic(fragments: Fragments, light: Incident) -> None:
     values = fragments.values
-    reflect_metallic(
+    core.reflect_metallic(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
         values.base_color, values.roughness, values.metalness,
-        head_on(fragments.drawn.material.ior), fragments.light,
+        head_on(fragments.drawn.material.ior), LEAST_ALPHA, fragments.light,
     )  # fmt: skip
 
 

@@ -8,6 +8,8 @@ side of it.
 
 Based on: Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978; Lauritzen, Salvi,
 Lefohn, "Sample distribution shadow maps", I3D 2011, for the fit to what is seen.
+
+Kernel: `core/shadow_maps.c`.
 """
 
 from __future__ import annotations
@@ -17,12 +19,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
-from texbake.rendering.kernels.projection import find_seen_bounds
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import SceneObject
 from texbake.texture.cube_map import cube_face_axes
@@ -233,7 +235,7 @@ def seen_bounds(
     eye = np.ascontiguousarray(state.camera.eye, np.float64)
 
     def work(start: int, stop: int) -> None:
-        find_seen_bounds(
+        core.find_seen_bounds(
             visibility.face_ids, visibility.depths, rays, eye, float(state.camera.near),
             state.world.starts, receives, placed.axes, _DEPTH_ROUNDING, start, stop,
             bounds[start // _ROWS],

@@ -31,6 +31,8 @@ tips and techniques", GDC 2006, for the receiver plane; Dou, Yan, Kerzner, Dai, 
 depth bias for shadow maps", I3D 2014, for comparing planes at the texel's center; Williams,
 "Casting curved shadows on curved surfaces", SIGGRAPH 1978, for shadow maps. The second and third
 tests are original to this program.
+
+Kernel: `core/shadow_maps.c`.
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import (
     Call,
@@ -62,7 +65,6 @@ from texbake.rendering.effects.shadow_fit import (
     shading_pairs,
 )
 from texbake.rendering.fragments import Floats, Fragments, Incident
-from texbake.rendering.kernels.projection import dim_by_shadow
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, SKIP, World
 from texbake.rendering.request import RenderRequest
@@ -124,10 +126,10 @@ def lit_radiance(
         Range of faces (first, stop) of the object that all points belong to.
     """
     out = np.empty((len(points), 3), np.float32)
-    dim_by_shadow(
-        points, normals, faces, own, (world.positions, world.faces), shadow.views,
-        (shadow.depths, shadow.face_ids, shadow.inverses, light.kind != "directional"),
-        light.position, shadow.radius, incident.directions, incident.radiance, out,
+    core.dim_by_shadow(
+        points, normals, faces, *own, world.positions, world.faces, shadow.views, shadow.depths,
+        shadow.face_ids, shadow.inverses, light.kind != "directional", light.position,
+        shadow.radius, incident.directions, incident.radiance, out,
     )  # fmt: skip
     return out
 

@@ -2,6 +2,8 @@
 
 A constant is a single row for all fragments. A procedure is evaluated at the fragment's position in
 object space, world space or texture coordinates; a color ramp, if any, maps its value to a color.
+
+Kernel: `core/interpolation.c`.
 """
 
 from __future__ import annotations
@@ -10,11 +12,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
-from texbake.rendering.kernels.interpolation import find_scaled_points
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
 from texbake.texture.lookup import ramp_lookup
@@ -91,7 +93,7 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
     matrix = np.eye(4) if texture.space == "world" or inverse is None else inverse
     points = np.empty((len(fragments), 3))
     widths = np.empty((len(fragments) if wanted else 0, 3), np.float32)
-    find_scaled_points(
+    core.find_scaled_points(
         mesh.positions, mesh.faces, np.ascontiguousarray(scale[:, None] * matrix[:3]),
         fragments.faces, fragments.weights, fragments.changes, points, widths,
     )  # fmt: skip

@@ -11,6 +11,8 @@ absent.
 
 Based on: Porter and Duff, "Compositing digital images", SIGGRAPH 1984; Everitt, "Interactive
 order-independent transparency", 2001.
+
+Kernel: `core/compositing.c`.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.rendering.effect import (
     Call,
@@ -33,7 +36,6 @@ from texbake.rendering.effect import (
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.kernels.pixels import put_layer_behind, sum_samples
 from texbake.rendering.raster.fragments import FragmentRows
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SKIP, VisibilityBuffer
@@ -90,9 +92,9 @@ class Layers:
                 opaque=layer is self.opaque,
             )  # fmt: skip
         with state.costs.timed("pixels"):
-            sum_samples(
-                light, passed, normals, seen, rows[0], side,
-                sums.color, sums.coverage, sums.normals,
+            core.sum_samples(
+                light, passed, _or_none(normals), seen, rows[0], side,
+                sums.color, sums.coverage, _or_none(sums.normals),
             )  # fmt: skip
 
 
@@ -129,12 +131,12 @@ def put_behind(
             if opaque
             else np.concatenate([opacity_of(fragments, state) for fragments in shaded])
         )
-        put_layer_behind(
+        core.put_layer_behind(
             of_samples,
             np.concatenate([fragments.light for fragments in shaded]),
             opacity,
             _normals_of(shaded, len(normals) > 0),
-            light, passed, normals, seen,
+            light, passed, _or_none(normals), seen,
         )  # fmt: skip
 
 
@@ -158,9 +160,13 @@ def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
     return np.ascontiguousarray(values, np.float32)
 
 
-def _normals_of(shaded: list[Fragments], wanted: bool) -> Floats:
+def _or_none(normals: Floats) -> Floats | None:
+    return normals if len(normals) else None
+
+
+def _normals_of(shaded: list[Fragments], wanted: bool) -> Floats | None:
     if not wanted:
-        return np.empty((0, 3), np.float32)
+        return None
     return np.concatenate(
         [
             np.zeros((len(fragments), 3), np.float32)

@@ -1,0 +1,26 @@
+/* Values with one row per fragment, or a single row for all of them. */
+
+#ifndef TEXBAKE_FRAGMENT_VALUES_H
+#define TEXBAKE_FRAGMENT_VALUES_H
+
+#include <stdint.h>
+
+/* Row of fragment i in values with one row per fragment, or one for all. */
+static inline int64_t row_of(int64_t n_rows, int64_t i) { return n_rows > 1 ? i : 0; }
+
+/* Scalar product in single precision. */
+static inline float dot_f32(const float a[3], const float b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Scalar product whose terms are in single precision, and their sum in double. */
+static inline double sum_products(const float a[3], const float b[3])
+{
+    double sum = 0.0;
+    for (int k = 0; k < 3; k++)
+        sum += a[k] * b[k];
+    return sum;
+}
+
+#endif

@@ -1,0 +1,120 @@
+/* Interpolating positions, directions and texture coordinates at fragments.
+
+   Each function writes one row per fragment. Weights are those of the triangle's second and third
+   corner; `changes` are their growth for one pixel to the right, then for one pixel down.
+
+   Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989.
+
+   Called from texbake/rendering/fragments.py, and from points.py and slots.py of its effects. */
+
+#include <math.h>
+
+#include "core.h"
+#include "numbers.h"
+
+/* Convert weights on pieces, and their changes if there are any, to weights on the base triangles;
+   `corners` has those of each piece. */
+void move_to_base(
+    int64_t n, int64_t n_changes, int64_t n_pieces, const int32_t faces[n],
+    const double weights[n][2], const float changes[n_changes][4],
+    const float corners[n_pieces][3][2], double weights_out[n][2], float changes_out[n_changes][4])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const float (*piece)[2] = corners[faces[i]];
+        for (int k = 0; k < 2; k++) {
+            const double along = piece[1][k] - piece[0][k], up = piece[2][k] - piece[0][k];
+            weights_out[i][k] = piece[0][k] + weights[i][0] * along + weights[i][1] * up;
+            if (n_changes > 0) {
+                const float *change = changes[i];
+                changes_out[i][k] = (float)(change[0] * along + change[1] * up);
+                changes_out[i][2 + k] = (float)(change[2] * along + change[3] * up);
+            }
+        }
+    }
+}
+
+/* Write the position of each fragment in world space. */
+void interpolate_positions(
+    int64_t n_points, int64_t n_faces, int64_t n, const double points[n_points][3],
+    const int32_t corners[n_faces][3], const int32_t faces[n], const double weights[n][2],
+    double out[restrict n][3])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const int32_t *corner = corners[faces[i]];
+        const double *a = points[corner[0]], *b = points[corner[1]], *c = points[corner[2]];
+        /* Relative to the first corner, so that weights of 0 give its position exactly. */
+        for (int k = 0; k < 3; k++)
+            out[i][k] = a[k] + weights[i][0] * (b[k] - a[k]) + weights[i][1] * (c[k] - a[k]);
+    }
+}
+
+/* Write the unit vector from each fragment to the camera. */
+void find_view_directions(
+    int64_t n, const float places[n][2], const double rays[3][3], float out[restrict n][3])
+{
+    for (int64_t i = 0; i < n; i++) {
+        double squared = 0.0;
+        for (int k = 0; k < 3; k++) {
+            const double ray = rays[0][k] + places[i][0] * rays[1][k] + places[i][1] * rays[2][k];
+            out[i][k] = (float)-ray;
+            squared += ray * ray;
+        }
+        const double scale = 1.0 / sqrt(squared);
+        for (int k = 0; k < 3; k++)
+            out[i][k] = (float)(out[i][k] * scale);
+    }
+}
+
+/* Write texture coordinates and, unless `changes_out` is empty, their changes per pixel. */
+void interpolate_uvs(
+    int64_t n_uvs, int64_t n_faces, int64_t n, int64_t n_changes, int64_t n_out,
+    const double uvs[n_uvs][2], const int32_t corners[n_faces][3], const int32_t faces[n],
+    const double weights[n][2], const float changes[n_changes][4], double out[n][2],
+    float changes_out[n_out][4])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const int32_t *corner = corners[faces[i]];
+        const double *a = uvs[corner[0]], *b = uvs[corner[1]], *c = uvs[corner[2]];
+        for (int k = 0; k < 2; k++) {
+            const double along = b[k] - a[k], up = c[k] - a[k];
+            out[i][k] = a[k] + weights[i][0] * along + weights[i][1] * up;
+            if (n_out > 0) {
+                const float *change = changes[i];
+                changes_out[i][k] = (float)(change[0] * along + change[1] * up);
+                changes_out[i][2 + k] = (float)(change[2] * along + change[3] * up);
+            }
+        }
+    }
+}
+
+/* Write points times a matrix and, unless `widths` is empty, the width of a pixel there. */
+void find_scaled_points(
+    int64_t n_positions, int64_t n_faces, int64_t n, int64_t n_changes, int64_t n_widths,
+    const double positions[n_positions][3], const int32_t corners[n_faces][3],
+    const double matrix[3][4], const int32_t faces[n], const double weights[n][2],
+    const float changes[n_changes][4], double out[n][3], float widths[n_widths][3])
+{
+    double places[3][3] = {{0.0}};
+    int32_t known = -1; /* neighbors mostly lie on the same face */
+    for (int64_t i = 0; i < n; i++) {
+        if (faces[i] != known) {
+            known = faces[i];
+            for (int corner = 0; corner < 3; corner++) {
+                const double *p = positions[corners[known][corner]];
+                for (int k = 0; k < 3; k++) {
+                    const double *row = matrix[k];
+                    places[corner][k] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+                }
+            }
+        }
+        for (int k = 0; k < 3; k++) {
+            const double along = places[1][k] - places[0][k], up = places[2][k] - places[0][k];
+            out[i][k] = places[0][k] + weights[i][0] * along + weights[i][1] * up;
+            if (n_widths > 0) {
+                const double right = fabs(changes[i][0] * along + changes[i][1] * up);
+                const double down = fabs(changes[i][2] * along + changes[i][3] * up);
+                widths[i][k] = (float)max_f64(right, down);
+            }
+        }
+    }
+}
