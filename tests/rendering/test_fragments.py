@@ -8,7 +8,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.fragments import fragment_rows, weights_at
-from texbake.rendering.raster.world import World, object_of
+from texbake.rendering.raster.world import World
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 
@@ -147,6 +147,8 @@ def test_weights_are_where_rays_meet_the_triangle():
 
 
 def test_a_face_belongs_to_the_object_whose_faces_hold_it():
-    starts = np.array([0, 3, 3, 4, 9, 9], np.int64)  # the second and the last have none
-    found = [object_of.py_func(np.int32(face), starts) for face in range(9)]
-    assert found == [0, 0, 0, 2, 3, 3, 3, 3, 3]
+    world = world_of(9, [0, 3, 3, 4, 9, 9])  # the second and the last have none
+    ids = np.arange(9, dtype=np.int32).reshape(1, 9)
+    found = fragment_rows(ids, world, (0, 1), side=1)
+    assert found.starts.tolist() == [0, 3, 3, 4, 9, 9]
+    assert found.faces.tolist() == list(range(9))

@@ -44,6 +44,38 @@ void smooth_shares(
     const double places[height][width][3], const double normals[height][width][3], double radius,
     float out[height][width], int64_t start, int64_t stop);
 
+/* barycentric.c */
+void interpolate_corners(
+    int64_t n, int64_t n_faces, int64_t n_values, int64_t n_channels, const int32_t faces[n],
+    const float barycentrics[n][2], const float values[n_values][n_channels],
+    const int32_t corners[n_faces][3], float found[n][n_channels]);
+
+void interpolate_normals(
+    int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const float normals[n_normals][3],
+    const int32_t corners[n_faces][3], float values[n][3]);
+
+void to_tangent_space(
+    int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const double normals[n_normals][3],
+    const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], bool normalize,
+    float values[n][3]);
+
+void measure_displacements(
+    int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const float offsets[n][3], const double normals[n_normals][3],
+    const int32_t corners[n_faces][3], float values[n][1]);
+
+void move_points(
+    int64_t n, int64_t n_faces, int64_t n_vertices, const int32_t faces[n],
+    const float barycentrics[n][2], const float offsets[n][3],
+    const double positions[n_vertices][3], const int32_t corners[n_faces][3], float values[n][3]);
+
+void place_in_image(
+    int64_t n, int64_t n_faces, int64_t n_uvs, const int32_t faces[n],
+    const float barycentrics[n][2], const double uvs[n_uvs][2], const int32_t corners[n_faces][3],
+    const double placing[2][3], double places[n][2]);
+
 /* bump_maps.c */
 void measure_pixel_steps(
     int64_t n_positions, int64_t n_faces, int64_t n, const double positions[n_positions][3],
@@ -71,6 +103,11 @@ void add_embossed(
     const float normals[n][3], const float directions[n_directions][3],
     const float radiance[n_radiance][3], const float base[n_base][3],
     const float metalness[n_metalness][1], const double lifts[n], float out[n][3]);
+
+/* clipping.c */
+void project_vertices(
+    int64_t n, const double positions[n][3], const double matrix[4][4], int64_t width,
+    int64_t height, int32_t grid[n][2], float depths[n], int64_t start, int64_t stop);
 
 /* compositing.c */
 void mark_seen_objects(
@@ -111,6 +148,15 @@ int64_t solve_blocks(
     const int64_t row_starts[n + 1], const int32_t columns[n_entries],
     const double blocks[n_entries][4], const double target[n][2], const double uvs[n][2],
     const int32_t regions[n], double solution[n][2], double tolerance, int64_t n_iterations);
+
+/* coordinate_descent.c */
+double fit_cage(
+    int64_t n_vertices, int64_t n_faces, int64_t n_points, int64_t n_corners,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const double normals[n_vertices][3], const double points[n_points][3],
+    const int64_t first_points[n_faces + 1], const int64_t order[n_corners],
+    const int64_t first_corners[n_vertices + 1], const double floors[n_vertices],
+    const double ceilings[n_vertices], int64_t n_sweeps, double distances[n_vertices]);
 
 /* decimals.c */
 void read_numbers(
@@ -214,6 +260,27 @@ int64_t number_fans(
     const int32_t neighbors[n_faces][3], const bool unmapped[n_faces], bool preserving[n_faces],
     int32_t fans[n_faces][3], bool fan_preserving[n_corners]);
 
+/* multisampling.c */
+int64_t count_fragments(
+    int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
+    const int64_t starts[n_objects + 1], int64_t side, bool merges, int64_t first_row,
+    int64_t stop_row, int64_t counts[n_objects]);
+
+int64_t list_fragments(
+    int64_t height, int64_t width, int64_t n_objects, int64_t n, int64_t n_rows,
+    const int32_t face_ids[height][width], const int64_t starts[n_objects + 1], int64_t side,
+    bool merges, int64_t first_row, int64_t stop_row, int64_t nexts[n_objects], int32_t faces[n],
+    float places[n][2], int32_t pixels[n], float counts[n],
+    OPTIONAL int32_t of_samples[n_rows][width]);
+
+/* newton.c */
+void find_faces_under(
+    int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_half_edges,
+    const double targets[n][3], const double distances[n], const int32_t closest[n],
+    const double weights[n][3], const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const double normals[n_vertices][3],
+    const int32_t opposite[n_half_edges], int32_t owners[n], double heights[n], bool exact[n]);
+
 /* obj_rows.c */
 void find_statements(
     int64_t n, int64_t n_offsets, const uint8_t bytes[n], bool fill, int64_t nexts[5],
@@ -248,8 +315,40 @@ void follow_rays(
     const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
     double shares[n]);
 
+/* perspective_weights.c */
+void weigh_fragments(
+    int64_t n, int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const double matrix[4][4], double width, double height,
+    bool affine, const int32_t face_ids[n], const float places[n][2], double weights[n][2],
+    bool back_facing[n], OPTIONAL float changes[n][4]);
+
+/* photo_weights.c */
+void weigh_by_camera(
+    int64_t n, int64_t n_faces, const int32_t faces[n], const double positions[n][3],
+    const double normals[n][3], const double matrix[3][4], const double seen_from[4],
+    const double face_normals[n_faces][3], const double steps[n_faces][3][2], double least_cosine,
+    double falloff, double feather, double coordinates[n][2], float derivatives[n][4],
+    double weights[n]);
+
+void weigh_by_area(
+    int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
+    const double corners[n_faces][3][2], const double facing[n_faces][3], double falloff,
+    double feather, double coordinates[n][2], double weights[n]);
+
 /* pinched_vertices.c */
 int64_t has_pinched_vertex(int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3]);
+
+/* pineda.c */
+void rasterize_uvs(
+    int64_t n_faces, int64_t n_rows, int64_t n_columns, const int64_t corners[n_faces][3][2],
+    const int32_t first_rows[n_faces], const int32_t last_rows[n_faces], int64_t start,
+    int64_t stop, int32_t owners[n_rows][n_columns], bool overlapped[n_rows][n_columns]);
+
+void list_tiles(
+    int64_t n_lines, int64_t n_columns, int64_t n_faces, int64_t n,
+    const int32_t owners[n_lines][n_columns], const int64_t corners[n_faces][3][2],
+    int64_t first_line, int64_t first_row, int64_t per_side, int64_t at, int32_t texel_ids[n],
+    int32_t faces[n], double barycentrics[n][2]);
 
 /* ply_rows.c */
 int64_t walk_binary_rows(
@@ -308,6 +407,14 @@ void judge_edges(
     const double squares[height][width][4], const int32_t counts[height][width],
     float errors[height][width], int64_t start, int64_t stop);
 
+/* scanline_rasterizer.c */
+void draw_scanlines(
+    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t height, int64_t width,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
+    const double matrix[4][4], int32_t face_ids[height][width], float depths[height][width],
+    double weights[height][width][2]);
+
 /* shading_normals.c */
 void interpolate_normals(
     int64_t n_normals, int64_t n_faces, int64_t n, const double normals[n_normals][3],
@@ -363,6 +470,23 @@ void fade_into_fog(
     int64_t n, const double positions[n][3], const double eye[3], int64_t mode, double density,
     double start, double end, const double color[3], float out[n][3]);
 
+/* texel_sums.c */
+void add_samples(
+    int64_t n, int64_t n_texels, int64_t n_channels, const int32_t texel_ids[n],
+    const float values[n][n_channels], float sums[n_texels][n_channels]);
+
+void keep_first_samples(
+    int64_t n, int64_t n_texels, int64_t n_channels, const int32_t texel_ids[n],
+    const float values[n][n_channels], const uint8_t counts[n_texels],
+    float sums[n_texels][n_channels]);
+
+void count_samples(
+    int64_t n, int64_t n_texels, const int32_t texel_ids[n], uint8_t counts[n_texels]);
+
+void combine_samples(
+    int64_t n, int64_t n_channels, float sums[n][n_channels], const uint8_t counts[n],
+    const float neutral[n_channels], int64_t mode);
+
 /* triangle_cutting.c */
 int64_t close_marks(
     int64_t n, int64_t n_points, int64_t n_edges, const int32_t faces[n][3],
@@ -411,6 +535,30 @@ void vertex_normals(
     int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
     double normals[n_vertices][3]);
+
+/* visibility_buffer.c */
+int64_t sort_triangles(
+    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_bands,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
+    const double matrix[4][4], const int32_t grid[n_vertices][2], int64_t width, int64_t height,
+    int32_t survivors[n_faces], int16_t spans[n_faces][2], int64_t counts[n_bands], int64_t start,
+    int64_t stop);
+
+void scatter_triangles(
+    int64_t n, int64_t n_bands, int64_t n_places, const int32_t survivors[n],
+    const int16_t spans[n][2], int64_t next_places[n_bands], int32_t sorted_faces[n_places]);
+
+void draw_triangles(
+    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_in_band, int64_t height,
+    int64_t width, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
+    const double matrix[4][4], const int32_t grid[n_vertices][2], const float depths[n_vertices],
+    const int32_t in_band[n_in_band], int64_t first_row, int64_t stop_row,
+    OPTIONAL const float layer_depths[height][width],
+    OPTIONAL const int32_t layer_faces[height][width],
+    OPTIONAL const float last_depths[height][width], OPTIONAL uint32_t tries[height][width],
+    int32_t face_ids[height][width], float depth_buffer[height][width]);
 
 /* weld.c */
 void hash_rows(
