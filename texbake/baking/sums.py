@@ -1,4 +1,7 @@
-"""The values of texels from those of their samples: the mean of the hits, or the first of them."""
+"""The values of texels from those of their samples: the mean of the hits, or the first of them.
+
+Kernel: `core/texel_sums.c`.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,15 @@ import numpy.typing as npt
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
-from texbake.kernels import kernel
+from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT
 
 BoolArray = npt.NDArray[np.bool_]
 
 _BAND = 1 << 18
+# As in `core/texel_sums.c`.
+_MODES = {"mean": 0, "unit mean": 1, "first": 2}
 
 
 class TexelSums:
@@ -73,7 +78,7 @@ class TexelSums:
         mode = _MODES[kind.combine]
 
         def divide(start: int, stop: int) -> None:
-            _mean_kernel(sums[start:stop], counts[start:stop], neutral, mode)
+            core.combine_samples(sums[start:stop], counts[start:stop], neutral, mode)
 
         run_bands(divide, len(sums), band=_BAND, threads=options.threads)
         return sums.reshape(shape)
@@ -86,15 +91,17 @@ class TexelSums:
             ids = texel_ids[start:stop]
             for kind in kinds:
                 if kind.combine == "first":
-                    _first_kernel(ids, values[kind][start:stop], self.n_hits, self._sums[kind])
+                    core.keep_first_samples(
+                        ids, values[kind][start:stop], self.n_hits, self._sums[kind]
+                    )
                 else:
-                    _add_kernel(ids, values[kind][start:stop], self._sums[kind])
+                    core.add_samples(ids, values[kind][start:stop], self._sums[kind])
 
         self._run(add, len(hits))
 
     def _count(self, hits: Hits, counts: npt.NDArray[np.uint8]) -> None:
         def count(start: int, stop: int) -> None:
-            _count_kernel(hits.texel_ids[start:stop], counts)
+            core.count_samples(hits.texel_ids[start:stop], counts)
 
         self._run(count, len(hits))
 
@@ -103,48 +110,3 @@ class TexelSums:
         # Bands share no texel only if each texel has one sample.
         band = _BAND if options.samples == 1 else max(n_rows, 1)
         run_bands(work, n_rows, band=band, threads=options.threads)
-
-
-_MODES = {"mean": 0, "unit mean": 1, "first": 2}
-
-
-@kernel
-def _add_kernel(texel_ids, values, sums):  # type: ignore[no-untyped-def]
-    for i in range(len(texel_ids)):
-        for channel in range(values.shape[1]):
-            sums[texel_ids[i], channel] += values[i, channel]
-
-
-@kernel
-def _first_kernel(texel_ids, values, counts, sums):  # type: ignore[no-untyped-def]
-    """Give texels that have no sample yet the first of their values."""
-    for i in range(len(texel_ids) - 1, -1, -1):
-        if counts[texel_ids[i]] == 0:
-            for channel in range(values.shape[1]):
-                sums[texel_ids[i], channel] = values[i, channel]
-
-
-@kernel
-def _count_kernel(texel_ids, counts):  # type: ignore[no-untyped-def]
-    for texel in texel_ids:
-        counts[texel] += 1
-
-
-@kernel
-def _mean_kernel(sums, counts, neutral, mode):  # type: ignore[no-untyped-def]
-    """Combine sums in place: 0 their mean, 1 their direction, 2 as they are."""
-    n_channels = sums.shape[1]
-    for i in range(len(sums)):
-        divisor = float(counts[i])
-        if mode == 1 and divisor > 0.0:
-            square = 0.0
-            for channel in range(n_channels):
-                square += float(sums[i, channel]) * float(sums[i, channel])
-            divisor = np.sqrt(square)
-        elif mode == 2 and divisor > 0.0:
-            divisor = 1.0
-        for channel in range(n_channels):
-            if divisor > 0.0:
-                sums[i, channel] = sums[i, channel] / divisor
-            else:
-                sums[i, channel] = neutral[channel]

@@ -6,6 +6,8 @@ once, whatever the size of the texture or the number of threads.
 
 Every bake walks over its texels with `owned_bands`: a few rows of texels at a time, with the
 samples that the mesh owns in them.
+
+Kernel: `core/pineda.c`.
 """
 
 from __future__ import annotations
@@ -16,14 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.pineda import (
-    FRACTION_BITS,
-    NO_FACE,
-    TILE,
-    UNIT,
-    list_tiles_kernel,
-    rasterize_kernel,
-)
+from texbake.baking.pineda import FRACTION_BITS, NO_FACE, TILE, UNIT
+from texbake.core import core
 from texbake.errors import UvError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
@@ -172,7 +168,7 @@ def rasterize_uv(
     overlapped = np.zeros((n_rows, grid.n_columns), dtype=np.bool_)
 
     def rasterize(start: int, stop: int) -> None:
-        rasterize_kernel(
+        core.rasterize_uvs(
             faces.corners,
             faces.first_rows,
             faces.last_rows,
@@ -212,13 +208,13 @@ def owned_samples(
 
     def list_tiles(start: int, stop: int) -> None:
         for band in range(start, stop):
-            list_tiles_kernel(
+            core.list_tiles(
                 owners,
                 faces.corners,
                 band * TILE,
                 first_texel_row * grid.per_side,
                 grid.per_side,
-                offsets[band],
+                int(offsets[band]),
                 texel_ids,
                 sample_faces,
                 barycentrics,

@@ -2,6 +2,8 @@
 
 All vertices start as far out as the highest point over any of their faces, so that everything lies
 inside. Then they move in, halfway at a time, until a point would come through one of their faces.
+
+Kernel: `core/coordinate_descent.c`.
 """
 
 from __future__ import annotations
@@ -10,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.baking.cage.coordinate_descent import fit_cage_kernel
 from texbake.baking.cage.points import OuterPoints, find_outer_points
 from texbake.baking.scenes import LEAST_EXTENT
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -174,12 +176,8 @@ def _fitted_distances(
     order = np.argsort(faces.ravel(), kind="stable")
     first_corners = np.searchsorted(faces.ravel()[order], np.arange(len(positions) + 1))
     distances = starts.copy()
-    outside = fit_cage_kernel(
-        (positions, faces, normals),
-        (exact.positions[by_face], first_points),
-        (order, first_corners),
-        (floors, 2.0 * starts),
-        _SWEEPS,
-        distances,
-    )
+    outside = core.fit_cage(
+        positions, faces, normals, exact.positions[by_face], first_points, order, first_corners,
+        floors, 2.0 * starts, _SWEEPS, distances,
+    )  # fmt: skip
     return distances, float(outside)

@@ -4,6 +4,8 @@ Over the inside of a cage face the farthest points of the high-poly surface are 
 edges and vertices of the cage they need not be, so rays cast outward from the low-poly surface find
 points there. A vertex lies over the point of the low-poly surface whose smooth normal goes through
 it.
+
+Kernel: `core/newton.c`.
 """
 
 from __future__ import annotations
@@ -13,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.cage.newton import faces_under_kernel
 from texbake.baking.scenes import measure_extent
+from texbake.core import core
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -140,11 +142,10 @@ def _vertex_points(
 
     def find_faces(start: int, stop: int) -> None:
         band = slice(start, stop)
-        faces_under_kernel(
-            (points[band], distances[band], closest[band], weights[band]),
-            (positions, faces, normals, opposite),
-            (owners[band], heights[band], exact[band]),
-        )
+        core.find_faces_under(
+            points[band], distances[band], closest[band], weights[band],
+            positions, faces, normals, opposite, owners[band], heights[band], exact[band],
+        )  # fmt: skip
 
     run_bands(find_faces, len(points), band=_BAND, threads=threads)
     return OuterPoints(points, owners, heights, exact).where(heights > 0.0)

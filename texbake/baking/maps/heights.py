@@ -1,4 +1,7 @@
-"""Where a hit becomes a height, a displacement vector or a position."""
+"""Where a hit becomes a height, a displacement vector or a position.
+
+Kernel: `core/barycentric.c`.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,10 @@ import numpy as np
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.barycentric import displacement_kernel, position_kernel
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.maps.normals import to_tangent_space
 from texbake.baking.options import BakeOptions
+from texbake.core import core
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -28,7 +31,7 @@ def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
-        displacement_kernel(
+        core.measure_displacements(
             hits.low_faces[band],
             hits.low_barycentrics[band],
             hits.offsets[band],
@@ -63,7 +66,7 @@ def position_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
-        position_kernel(
+        core.move_points(
             hits.low_faces[band],
             hits.low_barycentrics[band],
             hits.offsets[band],

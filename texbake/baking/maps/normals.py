@@ -3,6 +3,8 @@
 Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008: a renderer computes
 x T + y B + z N from the interpolated tangent and normal without renormalizing them, with
 B = w cross(N, T). So the frame is inverted exactly as it is, and only the result is normalized.
+
+Kernel: `core/barycentric.c`.
 """
 
 from __future__ import annotations
@@ -11,9 +13,9 @@ import numpy as np
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.barycentric import high_normals_kernel, tangent_space_kernel
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
+from texbake.core import core
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -29,7 +31,7 @@ def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
-        high_normals_kernel(
+        core.interpolate_normals(
             hits.high_faces[band], hits.high_barycentrics[band], normals, corners, values[band]
         )
 
@@ -49,7 +51,7 @@ def to_tangent_space(
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
         faces, barycentrics = hits.low_faces[band], hits.low_barycentrics[band]
-        tangent_space_kernel(
+        core.to_tangent_space(
             faces, barycentrics, normals, corners, tangents, normalize, values[band]
         )
 

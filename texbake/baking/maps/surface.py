@@ -1,4 +1,7 @@
-"""Maps of what the high-poly surface carries: ids, colors, textures, curvature, and opacity."""
+"""Maps of what the high-poly surface carries: ids, colors, textures, curvature, and opacity.
+
+Kernel: `core/barycentric.c`.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,9 @@ import numpy as np
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.barycentric import image_coordinates_kernel, interpolate_kernel
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
+from texbake.core import core
 from texbake.errors import MeshError
 from texbake.mesh.materials import BaseColor
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -44,7 +47,7 @@ def _interpolate(
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
-        interpolate_kernel(
+        core.interpolate_corners(
             hits.high_faces[band], hits.high_barycentrics[band], values, corners, found[band]
         )
 
@@ -152,7 +155,7 @@ def _image_coordinates(
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
-        image_coordinates_kernel(
+        core.place_in_image(
             faces[band], barycentrics[band], uvs, corners, placing, coordinates[band]
         )
 

@@ -4,6 +4,8 @@ A camera shows what faces it, what lies inside its frame and what no other part 
 A mesh with texture coordinates in the photograph gives no direction: there a face counts by the
 area it takes of the photograph, relative to its size on the surface. In a photograph taken from far
 away that is the cosine of the viewing angle.
+
+Kernel: `core/photo_weights.c`.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy.typing as npt
 from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.coverage import sample_steps
 from texbake.baking.texture.options import PhotoOptions
-from texbake.baking.texture.photo_weights import camera_weights_kernel, uv_weights_kernel
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.classical.projector import projector_matrix, seen_from_of
@@ -211,19 +213,15 @@ class CameraMapping:
         n = len(points.faces)
         coordinates, weights = np.empty((n, 2)), np.empty(n)
         derivatives = np.empty((n, 4), np.float32)
-        shape = (self._least_cosine, self._options.falloff, self._options.feather)
 
         def project(start: int, stop: int) -> None:
             band = slice(start, stop)
-            camera_weights_kernel(
-                (points.faces[band], points.positions[band], points.normals[band]),
-                (self._matrix, self._seen_from),
-                (self._face_normals, self._steps),
-                shape,
-                coordinates[band],
-                derivatives[band],
-                weights[band],
-            )
+            core.weigh_by_camera(
+                points.faces[band], points.positions[band], points.normals[band],
+                self._matrix, self._seen_from, self._face_normals, self._steps,
+                self._least_cosine, self._options.falloff, self._options.feather,
+                coordinates[band], derivatives[band], weights[band],
+            )  # fmt: skip
 
         run_bands(project, n, band=_BAND, threads=self._options.threads)
         ids = self._unhidden(points, np.flatnonzero(weights))
@@ -293,13 +291,10 @@ class UvMapping:
 
         def look_up(start: int, stop: int) -> None:
             band = slice(start, stop)
-            uv_weights_kernel(
-                (points.faces[band], points.barycentrics[band]),
-                (self._corners, self._facing),
-                (self._options.falloff, self._options.feather),
-                coordinates[band],
-                weights[band],
-            )
+            core.weigh_by_area(
+                points.faces[band], points.barycentrics[band], self._corners, self._facing,
+                self._options.falloff, self._options.feather, coordinates[band], weights[band],
+            )  # fmt: skip
 
         run_bands(look_up, n, band=_BAND, threads=self._options.threads)
         ids = np.flatnonzero(weights)
