@@ -35,7 +35,7 @@ void interpolate_corners(
 }
 
 /* Write unit normals at points of faces; zero where the normals of the corners cancel. */
-void interpolate_normals(
+void interpolate_high_normals(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], float values[n][3])

@@ -50,7 +50,7 @@ void interpolate_corners(
     const float barycentrics[n][2], const float values[n_values][n_channels],
     const int32_t corners[n_faces][3], float found[n][n_channels]);
 
-void interpolate_normals(
+void interpolate_high_normals(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], float values[n][3]);

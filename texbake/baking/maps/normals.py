@@ -31,7 +31,7 @@ def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
-        core.interpolate_normals(
+        core.interpolate_high_normals(
             hits.high_faces[band], hits.high_barycentrics[band], normals, corners, values[band]
         )
 
