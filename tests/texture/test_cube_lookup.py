@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_kernels import FACE_AXES
 from texbake.texture.cube_lookup import (
     CUBE_FILTERS,
     from_latitude_longitude,
@@ -13,6 +12,7 @@ from texbake.texture.cube_lookup import (
     to_latitude_longitude,
 )
 from texbake.texture.cube_map import (
+    FACE_AXES,
     CubeMap,
     cube_chain,
     face_directions,

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from texbake.texture.ewa import PIXEL_RADIUS_SQUARED, WEIGHTS
 from texbake.texture.mipmaps import mip_chain, single_level
-from texbake.texture.sample import sample
+from texbake.texture.sample import EWA_WEIGHTS, PIXEL_RADIUS_SQUARED, sample
 
 SIZE = 256
 
@@ -38,9 +37,9 @@ def rms(values):
 
 def test_the_filter_has_the_variance_of_a_square_pixel():
     """Along an axis 1/12, found by integrating the weights over the ellipse's own disk."""
-    squared = (np.arange(len(WEIGHTS)) + 0.5) / len(WEIGHTS)
+    squared = (np.arange(len(EWA_WEIGHTS)) + 0.5) / len(EWA_WEIGHTS)
     # d(r²) is proportional to the area of a ring; half of r² belongs to each axis.
-    variance = 0.5 * (WEIGHTS * squared).sum() / WEIGHTS.sum(dtype=np.float64)
+    variance = 0.5 * (EWA_WEIGHTS * squared).sum() / EWA_WEIGHTS.sum(dtype=np.float64)
     assert variance * PIXEL_RADIUS_SQUARED == pytest.approx(1 / 12, rel=1e-6)
     # Closed form of the untabulated one: ∫ t w / ∫ w for w = exp(-2t) - exp(-2), t from 0 to 1.
     e = np.exp(-2.0)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from texbake.texture.filters import SUPERSAMPLES
 from texbake.texture.lookup import texel_coordinates
 from texbake.texture.mipmaps import mip_chain, single_level
-from texbake.texture.sample import sample
+from texbake.texture.sample import SUPERSAMPLES, sample
 
 
 @pytest.fixture(scope="module")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.interpolation import row_of_v
 from texbake.texture.lookup import (
     VOLUME_FILTERS,
     WRAPS,
     lookup,
     ramp_lookup,
+    row_of_v,
     texel_coordinates,
     volume_lookup,
 )
@@ -33,8 +33,13 @@ def test_row_0_is_the_top():
     assert texel_coordinates(np.array([0.25, 0.25]), 8, 4).tolist() == [2.0, 3.0]
 
 
-def test_row_of_v_in_a_kernel_is_row_of_v_in_numpy():
-    assert row_of_v(0.3, 7) == row_of_v.py_func(0.3, 7)
+def test_rows_in_kernels_are_those_of_row_of_v():
+    image = np.arange(7.0).reshape(7, 1, 1)
+    v = np.random.default_rng(0).random(500)
+    expected = np.clip(row_of_v(v, 7) - 0.5, 0.0, 6.0)
+    values = lookup(image, np.stack([v, v], axis=1), wrap="clamp")[:, 0]
+    # Float32 rounding of values up to 6.
+    np.testing.assert_allclose(values, expected, atol=5e-7)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)

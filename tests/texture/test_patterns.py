@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake.core import core
 from texbake.texture.procedures import DEFAULT_RAMPS, evaluate, turbulence_sum
-from texbake.texture.procedures.pattern_kernels import (
-    HARD,
-    RAMP,
-    SINE,
-    box_mean,
-)
+from texbake.texture.procedures.patterns import HARD, RAMP, SINE
 from texbake.texture.procedures.ramps import own_ramp
 
 
@@ -33,18 +29,18 @@ def pattern_at(pattern, width, phase):
     phase=st.floats(-1000, 1000),
     span=st.floats(0.01, 20.0),
 )
-def test_box_mean_is_the_mean_over_the_interval(pattern, width, phase, span):
+def test_the_mean_of_a_pulse_is_the_mean_over_the_interval(pattern, width, phase, span):
     n = 20_000
     places = phase + span * ((np.arange(n) + 0.5) / n - 0.5)
     brute = pattern_at(pattern, width, places).mean()
     # The sum has an error of one step, 1 / n, at each of up to 42 edges; smooth ones far less.
-    assert box_mean(pattern, width, phase, span) == pytest.approx(brute, abs=42 / n)
+    assert core.average_pulse(pattern, width, phase, span) == pytest.approx(brute, abs=42 / n)
 
 
 @pytest.mark.parametrize("pattern", [HARD, SINE, RAMP])
 def test_without_a_span_it_is_the_value(pattern):
     for phase in np.random.default_rng(0).uniform(-9, 9, 200):
-        value = box_mean(pattern, 0.3, phase, 0.0)
+        value = core.average_pulse(pattern, 0.3, phase, 0.0)
         # Moved by 2^-30 where it is hard, on which no random point lies.
         assert value == pytest.approx(pattern_at(pattern, 0.3, phase), abs=1e-12)
 

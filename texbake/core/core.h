@@ -76,6 +76,18 @@ void place_in_image(
     const float barycentrics[n][2], const double uvs[n_uvs][2], const int32_t corners[n_faces][3],
     const double placing[2][3], double places[n][2]);
 
+/* bilinear_lookup.c */
+void sample_bilinear(
+    int64_t height, int64_t width, int64_t n_channels, int64_t n,
+    const float image[height][width][n_channels], const double uvs[n][2], int64_t wrap,
+    const float border[n_channels], float out[n][n_channels], int64_t start, int64_t stop);
+
+void sample_nearest(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
+    const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
+    const double uvs[n][2], int64_t wrap, const float border[n_channels],
+    float out[n][n_channels], int64_t start, int64_t stop);
+
 /* bump_maps.c */
 void measure_pixel_steps(
     int64_t n_positions, int64_t n_faces, int64_t n, const double positions[n_positions][3],
@@ -104,10 +116,23 @@ void add_embossed(
     const float radiance[n_radiance][3], const float base[n_base][3],
     const float metalness[n_metalness][1], const double lifts[n], float out[n][3]);
 
+/* catmull_rom.c */
+void sample_bicubic(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
+    const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
+    const double uvs[n][2], int64_t wrap, const float border[n_channels],
+    float out[n][n_channels], int64_t start, int64_t stop);
+
 /* clipping.c */
 void project_vertices(
     int64_t n, const double positions[n][3], const double matrix[4][4], int64_t width,
     int64_t height, int32_t grid[n][2], float depths[n], int64_t start, int64_t stop);
+
+/* color_ramp.c */
+void sample_ramp(
+    int64_t n_stops, int64_t n_channels, int64_t n,
+    const float stops[n_stops][n_channels], const float values[n], int64_t wrap,
+    const float border[n_channels], float out[n][n_channels], int64_t start, int64_t stop);
 
 /* compositing.c */
 void mark_seen_objects(
@@ -158,6 +183,32 @@ double fit_cage(
     const int64_t first_corners[n_vertices + 1], const double floors[n_vertices],
     const double ceilings[n_vertices], int64_t n_sweeps, double distances[n_vertices]);
 
+/* cube_levels.c */
+int64_t shrink_cube_rows(
+    int64_t size, int64_t small, int64_t n_channels,
+    const float faces[6][size][size][n_channels], const double weights[size][size],
+    float out[6][small][small][n_channels], int64_t start, int64_t stop);
+
+/* cube_lighting.c */
+int64_t average_hemispheres(
+    int64_t n_directions, int64_t n_channels, int64_t n,
+    const float directions[n_directions][3], const double angles[n_directions],
+    const float radiance[n_directions][n_channels], const float normals[n][3],
+    float out[n][n_channels], int64_t start, int64_t stop);
+
+int64_t average_lobes(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n_samples, int64_t n,
+    const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
+    const int64_t sizes[n_levels], const double lobe[n_samples][5], const float normals[n][3],
+    float out[n][n_channels], int64_t start, int64_t stop);
+
+/* cube_lookup.c */
+void sample_cube(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
+    const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
+    const int64_t sizes[n_levels], const float directions[n][3], OPTIONAL const float levels[n],
+    int64_t filter, float out[n][n_channels], int64_t start, int64_t stop);
+
 /* decimals.c */
 void read_numbers(
     int64_t n, int64_t n_values, int64_t n_lines, int64_t n_hard,
@@ -189,6 +240,30 @@ void measure_excess(
     const double slants[n_points], const double texels[n], double scale, double out[n],
     int64_t start, int64_t stop);
 
+/* distance_transform.c */
+int64_t search_columns(
+    int64_t height, int64_t width, const int32_t charts[height][width], int64_t reach,
+    int16_t nearest[height][width], int16_t other[height][width], int32_t owners[height][width],
+    int64_t start, int64_t stop);
+
+int64_t search_rows(
+    int64_t height, int64_t width, const int32_t charts[height][width], int64_t reach,
+    const int16_t nearest[height][width], const int16_t other[height][width],
+    int32_t indices[height][width], int64_t meeting[height], int64_t start, int64_t stop);
+
+void spread_owners(
+    int64_t n, int64_t n_channels, const float values[n][n_channels], const int32_t owners[n],
+    const float background[n_channels], float out[n][n_channels], int64_t start, int64_t stop);
+
+/* elliptical_weighted_average.c */
+int64_t sample_ellipses(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_weights,
+    const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
+    const int64_t sizes[n_levels][2], const double uvs[n][2], const float derivatives[n][4],
+    double max_anisotropy, int64_t wrap, const float border[n_channels],
+    const float weights[n_weights], double pixel_radius_squared, float out[n][n_channels],
+    int64_t start, int64_t stop);
+
 /* face_components.c */
 int64_t number_components(
     int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
@@ -200,6 +275,26 @@ void find_crossings(
     const int32_t faces[n_faces][3], const int32_t order[n_faces], const float boxes[n_nodes][6],
     const int32_t nodes[n_nodes][2], const double normals[n_faces][3], double depth, int64_t most,
     int64_t start, int64_t stop, int32_t others[n_faces], bool unsure[n_faces]);
+
+/* gradient_noise.c */
+void fill_noise(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
+    const double gradients[256][3], float out[n][1], bool quintic, double bound, int64_t start,
+    int64_t stop);
+
+void fill_octave_sums(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
+    const double gradients[256][3], double sums[n], bool quintic, int64_t n_octaves,
+    double lacunarity, double gain, double mean, int64_t start, int64_t stop);
+
+void fill_octave_values(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
+    const double gradients[256][3], float out[n][1], bool quintic, int64_t n_octaves,
+    double lacunarity, double gain, double mean, double offset, double scale, int64_t start,
+    int64_t stop);
 
 /* interpolation.c */
 void move_to_base(
@@ -245,6 +340,17 @@ void reflect_metallic(
     const float roughness[n_roughness][1], const float metalness[n_metalness][1],
     double dielectric, double least_alpha, float out[n][3]);
 
+/* latitude_longitude.c */
+int64_t convert_to_cube(
+    int64_t height, int64_t width, int64_t n_channels, int64_t size,
+    const float image[height][width][n_channels], int64_t n_lookups,
+    float out[6][size][size][n_channels], int64_t start, int64_t stop);
+
+int64_t convert_from_cube(
+    int64_t n_texels, int64_t n_channels, int64_t height, int64_t width,
+    const float texels[n_texels][n_channels], int64_t size, int64_t n_lookups,
+    float out[height][width][n_channels], int64_t start, int64_t stop);
+
 /* mean_curvature.c */
 void add_curvatures(
     int64_t n_vertices, int64_t n_faces, const double points[n_vertices][3],
@@ -259,6 +365,26 @@ int64_t number_fans(
     int64_t n_faces, int64_t n_corners, const int32_t vertices[n_faces][3],
     const int32_t neighbors[n_faces][3], const bool unmapped[n_faces], bool preserving[n_faces],
     int32_t fans[n_faces][3], bool fan_preserving[n_corners]);
+
+/* mip_levels.c */
+int64_t fill_mip_level(
+    int64_t n_rows, int64_t n_values, int64_t height, int64_t width, int64_t n_channels,
+    int64_t n_row_taps, int64_t n_column_taps, const float values[n_rows][n_values],
+    const int64_t rows[height][n_row_taps], const float row_weights[height][n_row_taps],
+    const int64_t columns[width][n_column_taps], const float column_weights[width][n_column_taps],
+    float out[height][width][n_channels], int64_t start, int64_t stop);
+
+/* mip_lookup.c */
+void find_mip_levels(
+    int64_t n, const float derivatives[n][4], float width, float height, float out[n],
+    int64_t start, int64_t stop);
+
+void sample_trilinear(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
+    const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
+    const int64_t sizes[n_levels][2], const double uvs[n][2],
+    OPTIONAL const float derivatives[n][4], int64_t wrap, const float border[n_channels],
+    float out[n][n_channels], int64_t start, int64_t stop);
 
 /* multisampling.c */
 int64_t count_fragments(
@@ -373,6 +499,37 @@ void project_points(
     int64_t n, int64_t n_steps, const double points[n][3], const double steps[n_steps][2][3],
     const double matrix[4][4], double places[n][2], float changes[n][4], float coverage[n]);
 
+/* pulse_train.c */
+double average_pulse(int64_t pattern, double width, double phase, double span);
+void fill_checker(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], float out[n][1], int64_t n_dimensions,
+    int64_t start, int64_t stop);
+
+void fill_stripes(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const double direction[3], float out[n][1],
+    int64_t pattern, double width, int64_t start, int64_t stop);
+
+/* push_pull.c */
+int64_t push_texels(
+    int64_t height, int64_t width, int64_t n_channels, int64_t coarse_height,
+    int64_t coarse_width, const float values[height][width][n_channels],
+    const bool mask[height][width], float coarse[coarse_height][coarse_width][n_channels],
+    bool coarse_mask[coarse_height][coarse_width], int64_t start, int64_t stop);
+
+void pull_texels(
+    int64_t height, int64_t width, int64_t n_channels, int64_t coarse_height,
+    int64_t coarse_width, float values[height][width][n_channels], const bool mask[height][width],
+    const float coarse[coarse_height][coarse_width][n_channels], int64_t start, int64_t stop);
+
+/* quantization.c */
+void quantize(
+    int64_t n, int64_t n_channels,
+    const float values[n][n_channels], const double factors[n_channels],
+    const double offsets[n_channels], double noise, double top, uint16_t codes[n][n_channels],
+    int64_t start, int64_t stop);
+
 /* sample_statistics.c */
 void add_fragments_squared(
     int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
@@ -445,6 +602,40 @@ void dim_by_shadow(
     bool is_cone, const double light[3], double radius,
     const float directions[n_directions][3], const float radiance[n_radiance][3],
     float out[n][3]);
+
+/* solid_patterns.c */
+void fill_marble(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
+    const double points[n][n_coordinates], OPTIONAL const float widths[n][n_widths],
+    const uint8_t permutation[512], const double gradients[256][3], const double direction[3],
+    const double stops[n_stops][3], const double mean_color[3], float out[n][n_channels],
+    bool quintic, int64_t n_octaves, double frequency, double turbulence_frequency,
+    double amount, double lacunarity, double gain, double mean, double variance, int64_t start,
+    int64_t stop);
+
+void fill_wood(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
+    const double points[n][n_coordinates], OPTIONAL const float widths[n][n_widths],
+    const uint8_t permutation[512], const double gradients[256][3], const double axis[3],
+    const double stops[n_stops][3], const double mean_color[3], float out[n][n_channels],
+    bool quintic, double rings, double wobble, double grain, double bound, int64_t start,
+    int64_t stop);
+
+void fill_granite(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
+    const double points[n][n_coordinates], OPTIONAL const float widths[n][n_widths],
+    const uint8_t permutation[512], const double gradients[256][3],
+    const double stops[n_stops][3], const double mean_color[3], float out[n][n_channels],
+    bool quintic, int64_t n_octaves, double frequency, double lacunarity, double gain,
+    double squares, double variance, int64_t start, int64_t stop);
+
+/* supersampling.c */
+int64_t sample_supersampled(
+    int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_samples,
+    const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
+    const double uvs[n][2], const float derivatives[n][4], const double samples[n_samples][2],
+    int64_t wrap, const float border[n_channels], float out[n][n_channels], int64_t start,
+    int64_t stop);
 
 /* surrounding_light.c */
 void reflect_ambient(
@@ -560,6 +751,13 @@ void draw_triangles(
     OPTIONAL const float last_depths[height][width], OPTIONAL uint32_t tries[height][width],
     int32_t face_ids[height][width], float depth_buffer[height][width]);
 
+/* volume_lookup.c */
+void sample_volume(
+    int64_t depth, int64_t height, int64_t width, int64_t n_channels, int64_t n,
+    const float volume[depth][height][width][n_channels], const double points[n][3], bool nearest,
+    int64_t wrap, const float border[n_channels], float out[n][n_channels], int64_t start,
+    int64_t stop);
+
 /* weld.c */
 void hash_rows(
     int64_t n, int64_t k, const uint32_t words[n][k], int64_t start, int64_t stop,
@@ -567,6 +765,13 @@ void hash_rows(
 int64_t weld_part(
     int64_t n, int64_t k, const uint32_t words[n][k], const uint32_t hashes[n], int64_t part_bits,
     int64_t part, int32_t firsts[n]);
+
+/* worley_noise.c */
+void fill_cells(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
+    const double places[256][3], float out[n][1], double jitter, bool is_solid, int64_t feature,
+    double mean, int64_t start, int64_t stop);
 
 #pragma GCC visibility pop
 

@@ -17,7 +17,7 @@ Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14; Heckbert, "Funda
 Mapping and Image Warping", 1989, for prefilter, reconstruction and resampling; Debevec, "Rendering
 Synthetic Objects into Real Scenes", 1998, for panoramas as light sources. Departs from the
 specification for directions that are zero or not finite: they belong to no face and give 0 in every
-channel.
+channel. Kernels: `core/cube_lookup.c` and `core/latitude_longitude.c`.
 """
 
 from __future__ import annotations
@@ -28,16 +28,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.cube_kernels import (
-    CUBE_FILTER_CODES,
-    sample_cube_kernel,
-    to_cube_kernel,
-    to_latitude_longitude_kernel,
-)
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
 
+# As in `core/cube_lookup.c`.
+CUBE_FILTER_CODES = {"nearest": 0, "bilinear": 1, "trilinear": 2}
 CUBE_FILTERS = tuple(CUBE_FILTER_CODES)
 
 # Directions per band: a few milliseconds of work.
@@ -88,20 +85,20 @@ def sample_cube(
         )
     if isinstance(cube, CubeMap):
         texels = cube.bordered.reshape(-1, cube.n_channels)
-        offsets, sizes = _only(0), _only(cube.size)
+        offsets, sizes = np.zeros(1, np.int64), np.full(1, cube.size, np.int64)
     else:
         texels, offsets, sizes = cube.texels, cube.offsets, cube.sizes
     directions = _readable(directions)
     if directions.ndim != 2 or directions.shape[1] != 3:
         raise OptionError(f"directions: the shape {directions.shape} is not (n, 3)")
-    wanted = _readable(() if levels is None else levels)
-    if levels is not None and wanted.shape != directions.shape[:1]:
+    wanted = None if levels is None else _readable(levels)
+    if wanted is not None and wanted.shape != directions.shape[:1]:
         raise OptionError(f"levels: the shape {wanted.shape} is not ({len(directions)},)")
     out = np.empty((len(directions), cube.n_channels), np.float32)
     mode = CUBE_FILTER_CODES[filter]
 
     def work(start: int, stop: int) -> None:
-        sample_cube_kernel(texels, offsets, sizes, directions, wanted, mode, out, start, stop)
+        core.sample_cube(texels, offsets, sizes, directions, wanted, mode, out, start, stop)
 
     run_bands(work, len(directions), band=_BAND, threads=threads)
     return out
@@ -121,18 +118,8 @@ def resize_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
     return CubeMap(sample_cube(cube, directions, threads=threads).reshape(6, size, size, -1))
 
 
-def _only(number: int) -> npt.NDArray[np.int64]:
-    """Return an array of one number, read-only like the arrays of a chain."""
-    array = np.array([number], np.int64)
-    array.flags.writeable = False
-    return array
-
-
 def _readable(values: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Return contiguous, read-only float32, so that the kernel is compiled for one signature."""
-    array = np.require(values, np.float32, "C").view()
-    array.flags.writeable = False
-    return array
+    return np.require(values, np.float32, ["C", "A"])
 
 
 # Lookups per band: a few milliseconds of work.
@@ -162,7 +149,7 @@ def from_latitude_longitude(
     OptionError
         The size is below 1, or the image has no texels.
     """
-    pixels = np.require(image, np.float32, "C")
+    pixels = np.require(image, np.float32, ["C", "A"])
     if pixels.ndim != 3 or pixels.size == 0:
         raise OptionError(f"image: the shape {pixels.shape} is not (height, width, channels)")
     height, width, n_channels = pixels.shape
@@ -176,7 +163,7 @@ def from_latitude_longitude(
     out = np.empty((6, size, size, n_channels), np.float32)
 
     def work(start: int, stop: int) -> None:
-        to_cube_kernel(rows, n_lookups, out, start, stop)
+        core.convert_to_cube(rows, n_lookups, out, start, stop)
 
     run_bands(work, 6 * size, band=max(1, _LATITUDE_BAND // (size * n_lookups**2)), threads=threads)
     return CubeMap(out)
@@ -212,7 +199,7 @@ def to_latitude_longitude(
     out = np.empty((height, 2 * height, cube.n_channels), np.float32)
 
     def work(start: int, stop: int) -> None:
-        to_latitude_longitude_kernel(texels, cube.size, n_lookups, out, start, stop)
+        core.convert_from_cube(texels, cube.size, n_lookups, out, start, stop)
 
     run_bands(
         work, height, band=max(1, _LATITUDE_BAND // (2 * height * n_lookups**2)), threads=threads

@@ -14,7 +14,7 @@ direction in world space reads the same texel. That table is left-handed: seen f
 right-handed world, every face is mirrored left to right (`CubeMap.from_views` converts camera
 images into faces). For the solid angle of a texel: Ström, "Solid angle of a cubemap texel", 2011.
 Each texel of a smaller level is the mean of the texels it covers, weighted by their solid angles,
-so that no level gains or loses energy.
+so that no level gains or loses energy. Kernel: `core/cube_levels.c`.
 """
 
 from __future__ import annotations
@@ -27,11 +27,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.cube_kernels import FACE_AXES, shrink_cube_kernel
 
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
+
+# Of each face: the directions in which s and t grow, and the direction of its middle.
+FACE_AXES = np.array(
+    [
+        [[0, 0, -1], [0, -1, 0], [1, 0, 0]],
+        [[0, 0, 1], [0, -1, 0], [-1, 0, 0]],
+        [[1, 0, 0], [0, 0, 1], [0, 1, 0]],
+        [[1, 0, 0], [0, 0, -1], [0, -1, 0]],
+        [[1, 0, 0], [0, -1, 0], [0, 0, 1]],
+        [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    ],
+    np.float64,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,12 +349,11 @@ def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
     if size == cube.size:
         return cube
     faces = np.ascontiguousarray(cube.faces)
-    faces.flags.writeable = False
     out = np.empty((6, size, size, cube.n_channels), np.float32)
     weights = solid_angles(cube.size)
 
     def work(start: int, stop: int) -> None:
-        shrink_cube_kernel(faces, weights, out, start, stop)
+        core.shrink_cube_rows(faces, weights, out, start, stop)
 
     run_bands(work, 6 * size, band=_BAND, threads=threads)
     return CubeMap(out)

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.image_kernels import quantize_kernel
 
 _CONVENTIONS = ("opengl", "directx")
 _FLAT_NOISE = 4e-6
@@ -37,14 +37,17 @@ def _quantized(
     noise: float,
     threads: int | None,
 ) -> npt.NDArray[Any]:
-    """Quantize (..., C) values with a factor and an offset per channel, in units of a code."""
+    """Quantize (..., C) values with a factor and an offset per channel, in units of a code.
+
+    Kernel: `core/quantization.c`.
+    """
     n_channels = values.shape[-1]
-    flat = np.require(values, np.float32, ["C", "W"]).reshape(-1, n_channels)
+    flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, n_channels)
     codes = np.empty((len(flat), n_channels), np.uint16)
     top = float(max_code(bits))
 
     def work(start: int, stop: int) -> None:
-        quantize_kernel(flat, factors, offsets, noise, top, codes, start, stop)
+        core.quantize(flat, factors, offsets, noise, top, codes, start, stop)
 
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.astype(code_type(bits), copy=False).reshape(values.shape)

@@ -7,7 +7,8 @@ A volume is a stack of images: slice k holds the values at (s, t, r) for r from 
 (k + 1) / depth. Its rows run from top to bottom, as in any image, while t points up.
 
 Based on: the OpenGL 4.6 specification, section 8.14; Peachey, "Solid Texturing of Complex
-Surfaces", 1985, for volumes. Departs from the specification in the order of rows.
+Surfaces", 1985, for volumes. Departs from the specification in the order of rows. Kernels:
+`core/bilinear_lookup.c`, `core/color_ramp.c` and `core/volume_lookup.c`.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.filters import lookup_kernel, ramp_kernel, volume_kernel
-from texbake.texture.interpolation import BORDER, CLAMP, MIRROR, REPEAT, row_of_v
 
+# As in `core/texture_lookup.h`.
+REPEAT, CLAMP, MIRROR, BORDER = range(4)
 _CODES = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP, "border": BORDER}
 WRAPS = tuple(_CODES)
 
@@ -71,6 +73,15 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[
     return out
 
 
+def row_of_v(v: npt.NDArray[np.float64], height: float) -> npt.NDArray[np.float64]:
+    """Return the continuous row, down from the top edge, of a v that goes up from the bottom edge.
+
+    Its own inverse on the unit square: `row_of_v(row / height, 1.0)` is the v of a row. The kernels
+    have their own, in `core/texture_lookup.h`.
+    """
+    return (1.0 - v) * height
+
+
 def texel_coordinates(
     uvs: npt.NDArray[np.float64], width: int, height: int
 ) -> npt.NDArray[np.float64]:
@@ -95,7 +106,7 @@ def texel_coordinates(
     """
     uvs = np.asarray(uvs, dtype=np.float64)
     with np.errstate(over="ignore"):  # infinity lies outside every image
-        return np.stack([uvs[..., 0] * width, row_of_v.py_func(uvs[..., 1], height)], axis=-1)
+        return np.stack([uvs[..., 0] * width, row_of_v(uvs[..., 1], height)], axis=-1)
 
 
 def lookup(
@@ -131,16 +142,16 @@ def lookup(
         `wrap` is unknown, the border does not fit the channels, or the image has no texels.
     """
     code = wrap_code(wrap)
-    image = np.require(image, np.float32, "C")
+    image = np.require(image, np.float32, ["C", "A"])
     if image.ndim != 3 or image.size == 0:
         raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")
     uvs = np.asarray(uvs, dtype=np.float64)
-    flat = np.ascontiguousarray(uvs.reshape(-1, 2))
+    flat = np.require(uvs.reshape(-1, 2), requirements=["C", "A"])
     outside = border_values(border, image.shape[2])
     out = np.empty((len(flat), image.shape[2]), np.float32)
 
     def work(start: int, stop: int) -> None:
-        lookup_kernel(image, flat, code, outside, out, start, stop)
+        core.sample_bilinear(image, flat, code, outside, out, start, stop)
 
     run_bands(work, len(flat), band=_IMAGE_BAND, threads=threads)
     return out.reshape(*uvs.shape[:-1], image.shape[2])
@@ -190,19 +201,17 @@ def ramp_lookup(
     [0.5, 3.0, 5.0]
     """
     code = wrap_code(wrap)
-    stops = np.require(stops, np.float32, "C")
+    stops = np.require(stops, np.float32, ["C", "A"])
     if stops.ndim != 2 or stops.size == 0:
         raise OptionError(f"stops: the shape {stops.shape} is not (stops, channels)")
-    values = np.require(values, np.float32, "C")
+    values = np.require(values, np.float32, ["C", "A"])
     if values.ndim != 1:
         raise OptionError(f"values: the shape {values.shape} is not (n,)")
-    stops, values = stops.view(), values.view()
-    stops.flags.writeable = values.flags.writeable = False  # one signature for the kernel
     outside = border_values(border, stops.shape[1])
     out = np.empty((len(values), stops.shape[1]), np.float32)
 
     def work(start: int, stop: int) -> None:
-        ramp_kernel(stops, values, code, outside, out, start, stop)
+        core.sample_ramp(stops, values, code, outside, out, start, stop)
 
     run_bands(work, len(values), band=_RAMP_BAND, threads=threads)
     return out
@@ -256,22 +265,20 @@ def volume_lookup(
         raise OptionError(
             f"filter: {filter!r} is not known; it is one of {', '.join(VOLUME_FILTERS)}"
         )
-    volume = np.require(volume, np.float32, "C")
+    volume = np.require(volume, np.float32, ["C", "A"])
     if volume.ndim != 4 or volume.size == 0:
         raise OptionError(
             f"volume: the shape {volume.shape} is not (depth, height, width, channels)"
         )
-    points = np.require(points, np.float64, "C")
+    points = np.require(points, np.float64, ["C", "A"])
     if points.ndim != 2 or points.shape[1] != 3:
         raise OptionError(f"points: the shape {points.shape} is not (n, 3)")
-    volume, points = volume.view(), points.view()
-    volume.flags.writeable = points.flags.writeable = False  # one signature for the kernel
     outside = border_values(border, volume.shape[3])
     out = np.empty((len(points), volume.shape[3]), np.float32)
     nearest = filter == "nearest"
 
     def work(start: int, stop: int) -> None:
-        volume_kernel(volume, points, nearest, code, outside, out, start, stop)
+        core.sample_volume(volume, points, nearest, code, outside, out, start, stop)
 
     run_bands(work, len(points), band=_VOLUME_BAND, threads=threads)
     return out

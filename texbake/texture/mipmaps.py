@@ -10,7 +10,7 @@ Values must be linear; sRGB values would give levels that are too dark.
 Based on: Williams, "Pyramidal Parametrics", 1983; Guthe and Heckbert, "Non-Power-of-Two Mipmap
 Creation", NVIDIA, 2005, for the box filter of odd sizes; Toksvig, "Mipmapping Normal Maps", 2005,
 for the length of the mean normal. The Kaiser window is the one of NVIDIA Texture Tools: six lobes
-of the sinc and a parameter of 4.
+of the sinc and a parameter of 4. Kernel: `core/mip_levels.c`.
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.image_kernels import mip_kernel
-from texbake.texture.interpolation import MIRROR, REPEAT
-from texbake.texture.lookup import wrap_code
+from texbake.texture.lookup import MIRROR, REPEAT, wrap_code
 
 KINDS = ("color", "data", "normal")
 MIP_FILTERS = ("box", "kaiser")
@@ -178,7 +177,7 @@ def mip_chain(
 
 
 def _checked(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    image = np.require(image, np.float32, "C")
+    image = np.require(image, np.float32, ["C", "A"])
     if image.ndim != 3 or image.size == 0:
         raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")
     return image
@@ -225,7 +224,7 @@ def _taps(
         covered -= np.maximum(indices * smaller, places * size)
         weights = np.maximum(covered, 0) / size
         kept = weights.any(axis=0)
-        return np.minimum(indices, size - 1)[:, kept], weights[:, kept].astype(np.float32)
+        return _packed(np.minimum(indices, size - 1)[:, kept], weights[:, kept])
     ratio = size / smaller
     centers = (places + 0.5) * ratio - 0.5
     reach = int(np.ceil(_KAISER_RADIUS * ratio))
@@ -235,7 +234,13 @@ def _taps(
     inside = np.maximum(1.0 - (offsets / _KAISER_RADIUS) ** 2, 0.0)
     weights = np.sinc(offsets) * np.i0(_KAISER_ALPHA * np.sqrt(inside)) * (inside > 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
-    return _wrapped_indices(indices, size, wrap), weights.astype(np.float32)
+    return _packed(_wrapped_indices(indices, size, wrap), weights)
+
+
+def _packed(
+    indices: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+    return np.ascontiguousarray(indices), np.ascontiguousarray(weights, np.float32)
 
 
 def _wrapped_indices(indices: npt.NDArray[np.int64], size: int, wrap: int) -> npt.NDArray[np.int64]:
@@ -261,7 +266,7 @@ def _reduce(
     columns, column_weights = _taps(width, out.shape[1], filter, wrap)
 
     def work(start: int, stop: int) -> None:
-        mip_kernel(values, rows, row_weights, columns, column_weights, out, start, stop)
+        core.fill_mip_level(values, rows, row_weights, columns, column_weights, out, start, stop)
 
     band = max(1, _BAND_VALUES // values.shape[1])
     run_bands(work, out.shape[0], band=band, threads=threads)

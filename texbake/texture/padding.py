@@ -6,7 +6,7 @@ owners. Push-pull can fill the rest of the image smoothly, so that no mip level 
 background.
 
 Based on: Gortler et al., "The Lumigraph", 1996, section 4.3, for push-pull. Departs from it in that
-weights are 0 or 1 in every level. The search for owners is in `distance_transform`.
+weights are 0 or 1 in every level. Kernels: `core/distance_transform.c`, `core/push_pull.c`.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.distance_transform import NO_OWNER, column_kernel, row_kernel
-from texbake.texture.image_kernels import pull_kernel, push_kernel, spread_kernel
+
+# "No owner within reach" as an offset in texels, as in `core/distance_transform.c`.
+NO_OWNER = 16384
 
 # Columns per band of the first pass, and rows per band of the second.
 _COLUMN_BAND = 256
@@ -71,7 +73,7 @@ def nearest_owner(
     """
     if not 0 <= padding < NO_OWNER:
         raise OptionError(f"padding: {padding} is not between 0 and {NO_OWNER - 1} texels")
-    charts = np.require(chart_ids, np.int32, ["C", "W"])
+    charts = np.require(chart_ids, np.int32, ["C", "A"])
     height, width = charts.shape
     if charts.size >= 1 << 31:
         raise OptionError(f"size: {width} x {height} is more texels than 32 bits can number")
@@ -83,10 +85,10 @@ def nearest_owner(
     meeting = np.empty(height, np.int64)
 
     def search_columns(start: int, stop: int) -> None:
-        column_kernel(charts, reach, nearest, other, indices, start, stop)
+        core.search_columns(charts, reach, nearest, other, indices, start, stop)
 
     def search_rows(start: int, stop: int) -> None:
-        row_kernel(charts, reach, nearest, other, indices, meeting, start, stop)
+        core.search_rows(charts, reach, nearest, other, indices, meeting, start, stop)
 
     run_bands(search_columns, width, band=_COLUMN_BAND, threads=threads)
     run_bands(search_rows, height, band=_ROW_BAND, threads=threads)
@@ -122,13 +124,13 @@ def spread(
     (H, W, C) float32
     """
     height, width, n_channels = values.shape
-    flat = np.require(values, np.float32, ["C", "W"]).reshape(-1, n_channels)
-    sources = np.require(indices, np.int32, ["C", "W"]).reshape(-1)
+    flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, n_channels)
+    sources = np.require(indices, np.int32, ["C", "A"]).reshape(-1)
     fill = np.broadcast_to(np.asarray(background, np.float32), n_channels).copy()
     out = np.empty_like(flat)
 
     def work(start: int, stop: int) -> None:
-        spread_kernel(flat, sources, fill, out, start, stop)
+        core.spread_owners(flat, sources, fill, out, start, stop)
 
     run_bands(work, len(flat), band=_FILL_BAND * max(width, 1), threads=threads)
     return out.reshape(height, width, n_channels)
@@ -153,7 +155,7 @@ def push_pull(
         everywhere.
     """
     level = np.array(values, np.float32)
-    valid = np.require(mask, np.bool_, ["C", "W"])
+    valid = np.require(mask, np.bool_, ["C", "A"])
     levels = [(level, valid)]
     while max(level.shape[:2]) > 1:
         level, valid = _pushed(level, valid, threads)
@@ -174,7 +176,7 @@ def _pushed(
     coarse_mask = np.empty((height, width), np.bool_)
 
     def work(start: int, stop: int) -> None:
-        push_kernel(values, mask, coarse, coarse_mask, start, stop)
+        core.push_texels(values, mask, coarse, coarse_mask, start, stop)
 
     run_bands(work, height, band=_FILL_BAND, threads=threads)
     return coarse, coarse_mask
@@ -186,6 +188,6 @@ def _pull(
     """Fill `values` in place, outside `mask`, from the next coarser level."""
 
     def work(start: int, stop: int) -> None:
-        pull_kernel(values, mask, coarse, start, stop)
+        core.pull_texels(values, mask, coarse, start, stop)
 
     run_bands(work, len(values), band=_FILL_BAND, threads=threads)

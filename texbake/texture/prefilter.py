@@ -16,7 +16,7 @@ The split-sum table departs from Karis in the masking and shadowing of microface
 Smith's, height-correlated, as in the BRDF of glTF 2.0 (Heitz, "Understanding the Masking-Shadowing
 Function in Microfacet-Based BRDFs", 2014), and in that only visible facets are sampled (Heitz,
 "Sampling the GGX Distribution of Visible Normals", 2018), so that the weight of a sample stays
-below 1 and few samples are enough.
+below 1 and few samples are enough. Kernel: `core/cube_lighting.c`.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.cube_kernels import irradiance_kernel, specular_kernel
 from texbake.texture.cube_lookup import resize_cube
 from texbake.texture.cube_map import (
     CubeChain,
@@ -82,11 +82,10 @@ def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> 
     directions = texel_directions(source.size).reshape(-1, 3)
     angles = np.tile(solid_angles(source.size).ravel(), 6)
     radiance = np.ascontiguousarray(source.faces).reshape(-1, cube.n_channels)
-    radiance.flags.writeable = False
     out = np.empty((len(normals), cube.n_channels), np.float32)
 
     def work(start: int, stop: int) -> None:
-        irradiance_kernel(directions, angles, radiance, normals, out, start, stop)
+        core.average_hemispheres(directions, angles, radiance, normals, out, start, stop)
 
     run_bands(work, len(normals), band=_BAND, threads=threads)
     return CubeMap(out.reshape(6, size, size, -1))
@@ -196,7 +195,7 @@ def _rough(
     out = np.empty((len(normals), source.n_channels), np.float32)
 
     def work(start: int, stop: int) -> None:
-        specular_kernel(
+        core.average_lobes(
             source.texels, source.offsets, source.sizes, lobe, normals, out, start, stop
         )
 

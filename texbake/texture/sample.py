@@ -1,10 +1,22 @@
 """Sample images at texture coordinates with any filter.
 
-`FILTERS` lists the filters. Their kernels, and the texels that each one reads, are in `filters` and
-`ewa`. `trilinear`, `ewa` and `supersampled` need the derivatives of the coordinates, which give the
-area of the image that a pixel covers.
+`trilinear`, `ewa` and `supersampled` need the derivatives of the coordinates, which give the area
+of the image that a pixel covers.
 
-Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail.
+============  ============================================  ====================================
+filter        reads                                         kernel
+============  ============================================  ====================================
+nearest       one texel of the finest level                 `core/bilinear_lookup.c`
+bilinear      four texels of the finest level               `core/mip_lookup.c`
+bicubic       sixteen texels of the finest level            `core/catmull_rom.c`
+trilinear     four texels of each of two levels             `core/mip_lookup.c`
+ewa           texels of two levels, within an ellipse       `core/elliptical_weighted_average.c`
+supersampled  256 bilinear lookups in the finest level      `core/supersampling.c`
+============  ============================================  ====================================
+
+Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail;
+Korobov, "The Approximate Computation of Multiple Integrals", 1959, for the lattice of supersamples.
+The kernels name the sources of the filters.
 """
 
 from __future__ import annotations
@@ -14,17 +26,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.ewa import WEIGHTS, ewa_kernel
-from texbake.texture.filters import (
-    SUPERSAMPLES,
-    bicubic_kernel,
-    levels_kernel,
-    nearest_kernel,
-    supersampled_kernel,
-    trilinear_kernel,
-)
 from texbake.texture.lookup import border_values, wrap_code
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 
@@ -33,8 +37,29 @@ FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
 
 # Lookups per band: a few milliseconds of work.
 _BAND = 1 << 16
-_NO_DERIVATIVES = np.empty((0, 4), np.float32)
-_NO_DERIVATIVES.flags.writeable = False
+
+# Of `ewa`: weights over r², the squared distance from the center with 1 on the ellipse:
+# exp(-2 r²), lowered so that it ends at 0.
+_N_WEIGHTS = 1024
+_SQUARED = (np.arange(_N_WEIGHTS) + 0.5) / _N_WEIGHTS
+EWA_WEIGHTS = (np.exp(-2.0 * _SQUARED) - np.exp(-2.0)).astype(np.float32)
+EWA_WEIGHTS.flags.writeable = False
+
+# Squared radius of the ellipse in steps of a pixel, with which the variance along an axis is 1/12,
+# that of a square pixel: the weights' own is 0.136 of it.
+PIXEL_RADIUS_SQUARED = float(2.0 / 12.0 * EWA_WEIGHTS.sum() / (EWA_WEIGHTS * _SQUARED).sum())
+
+# Of `supersampled`: (256, 2) points of [-1/2, 1/2]², as many to either side of the middle, and as
+# far. They form a rank-1 lattice, whose points all differ in both coordinates: the rows of a
+# regular 16 x 16 grid would fall on the same phase of a regular texture over and over. The
+# multiplier was chosen among all odd ones for small errors over waves of up to 40 periods.
+_N_SAMPLES = 256
+_MULTIPLIER = 111
+_LATTICE_STEPS = np.arange(_N_SAMPLES) + 0.5
+SUPERSAMPLES = (
+    np.stack([_LATTICE_STEPS, _MULTIPLIER * _LATTICE_STEPS % _N_SAMPLES], axis=1) / _N_SAMPLES - 0.5
+)
+SUPERSAMPLES.flags.writeable = False
 
 
 def sample(
@@ -90,7 +115,7 @@ def sample(
     if not max_anisotropy >= 1.0:
         raise OptionError(f"max_anisotropy: {max_anisotropy} is too small; it must be at least 1")
     uvs = _readable(uvs, np.float64, 2, "uvs")
-    changes = _NO_DERIVATIVES
+    changes = None
     if filter in FILTERS_WITH_FOOTPRINT:
         if derivatives is None:
             raise OptionError(f"derivatives: {filter} filtering needs them; give them or bilinear")
@@ -99,21 +124,25 @@ def sample(
             raise OptionError(f"derivatives: {len(changes)} rows for {len(uvs)} coordinates")
     outside = border_values(border, chain.n_channels)
     out = np.empty((len(uvs), chain.n_channels), np.float32)
-    levels = chain.texels, chain.offsets, chain.sizes
+    texels, offsets, sizes = chain.texels, chain.offsets, chain.sizes
 
     def work(start: int, stop: int) -> None:
         rows = out, start, stop
         if filter == "nearest":
-            nearest_kernel(*levels, uvs, code, outside, *rows)
+            core.sample_nearest(texels, sizes, uvs, code, outside, *rows)
         elif filter == "bicubic":
-            bicubic_kernel(*levels, uvs, code, outside, *rows)
+            core.sample_bicubic(texels, sizes, uvs, code, outside, *rows)
         elif filter == "ewa":
-            bound = float(max_anisotropy)
-            ewa_kernel(*levels, uvs, changes, bound, code, outside, WEIGHTS, *rows)
+            core.sample_ellipses(
+                texels, offsets, sizes, uvs, changes, float(max_anisotropy), code, outside,
+                EWA_WEIGHTS, PIXEL_RADIUS_SQUARED, *rows,
+            )  # fmt: skip
         elif filter == "supersampled":
-            supersampled_kernel(*levels, uvs, changes, SUPERSAMPLES, code, outside, *rows)
+            core.sample_supersampled(
+                texels, sizes, uvs, changes, SUPERSAMPLES, code, outside, *rows
+            )
         else:
-            trilinear_kernel(*levels, uvs, changes, code, outside, *rows)
+            core.sample_trilinear(texels, offsets, sizes, uvs, changes, code, outside, *rows)
 
     run_bands(work, len(uvs), band=_BAND, threads=threads)
     return out
@@ -207,19 +236,17 @@ def mip_levels(
     """
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)
-    size = np.float32(width), np.float32(height)
 
     def work(start: int, stop: int) -> None:
-        levels_kernel(changes, *size, out, start, stop)
+        core.find_mip_levels(changes, width, height, out, start, stop)
 
     run_bands(work, len(changes), band=_BAND, threads=threads)
     return out
 
 
 def _readable(values: npt.NDArray[Any], dtype: Any, columns: int, name: str) -> npt.NDArray[Any]:
-    """Return a contiguous, read-only array, so that kernels are compiled for one signature."""
-    array = np.require(values, dtype, "C").view()
+    """Return a contiguous array; raise `OptionError` if it has another number of columns."""
+    array = np.require(values, dtype, ["C", "A"])
     if array.ndim != 2 or array.shape[1] != columns:
         raise OptionError(f"{name}: the shape {array.shape} is not (n, {columns})")
-    array.flags.writeable = False
     return array

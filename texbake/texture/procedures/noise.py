@@ -31,7 +31,8 @@ Based on: Perlin, "An Image Synthesizer", 1985; Perlin, "Improving Noise", 2002;
 Flood, "Fast Splittable Pseudorandom Number Generators", 2014 (SplitMix64); Apodaca and Gritz,
 "Advanced RenderMan", 2000, for the fading; Worley, "A Cellular Texture Basis Function", 1996.
 Departs from Perlin's of 2002 in the order of the hash, which is that of 1985 for both, and from
-Worley's in having one point per cell, which leaves no large gaps.
+Worley's in having one point per cell, which leaves no large gaps. Kernels:
+`core/gradient_noise.c` and `core/worley_noise.c`.
 """
 
 from __future__ import annotations
@@ -44,16 +45,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.parallel import run_bands
-from texbake.texture.procedures.noise_kernels import (
-    F1,
-    F2_MINUS_F1,
-    PERIOD,
-    noise_kernel,
-    octave_sums_kernel,
-    octave_values_kernel,
-    worley_kernel,
-)
 from texbake.texture.procedures.options import checked_parameters
 from texbake.texture.procedures.points import (
     BAND,
@@ -63,6 +56,7 @@ from texbake.texture.procedures.points import (
     checked_widths,
 )
 
+PERIOD = 256
 _MASK = (1 << 64) - 1
 
 
@@ -73,8 +67,7 @@ class Lattice:
     Attributes
     ----------
     permutation : (512,) uint8
-        phi, repeated twice, so that a sum of two numbers below 256 can be looked up. With bytes,
-        the compiler knows that no index is negative, which saves a fifth of the time of noise.
+        phi, repeated twice, so that a sum of two numbers below 256 can be looked up.
     sphere : (256, 3) float64
         Unit vectors, uniform over the sphere: the gradients of 1985.
     edges : (256, 3) float64
@@ -191,9 +184,9 @@ def noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     permutation, slopes = lattice(seed).permutation, gradients(name, seed)
 
     def work(start: int, stop: int) -> None:
-        noise_kernel(
-            samples.points, samples.widths, permutation, slopes, weight.quintic, weight.bound,
-            samples.out, start, stop,
+        core.fill_noise(
+            samples.points, samples.widths, permutation, slopes, samples.out, weight.quintic,
+            weight.bound, start, stop,
         )  # fmt: skip
 
     return work
@@ -276,15 +269,14 @@ _NO_OCTAVES = {"octaves": 1, "lacunarity": 1.0, "gain": 1.0}
 
 def _tables(
     parameters: dict[str, Any], n_dimensions: int, absolute: bool
-) -> tuple[Any, Any, bool, int, tuple[float, float], float]:
-    """Return the arguments of `octave_sum` before the point."""
+) -> tuple[tuple[Any, Any], tuple[bool, int, float, float, float]]:
+    """Return the tables and the numbers of a sum, as the kernels take them."""
     weight, seed = WEIGHTS[parameters["weight"]], parameters["seed"]
-    return (
-        lattice(seed).permutation,
-        gradients(parameters["weight"], seed),
+    return (lattice(seed).permutation, gradients(parameters["weight"], seed)), (
         weight.quintic,
         parameters["octaves"],
-        (parameters["lacunarity"], parameters["gain"]),
+        parameters["lacunarity"],
+        parameters["gain"],
         weight.size[n_dimensions - 2] if absolute else -1.0,
     )
 
@@ -299,11 +291,11 @@ def _signed(
 ) -> npt.NDArray[np.float64]:
     rows = checked_points(points)
     widths = checked_widths(footprint, rows)
-    tables = _tables(parameters, rows.shape[1], absolute)
+    tables, numbers = _tables(parameters, rows.shape[1], absolute)
     sums = np.empty(len(rows))
 
     def work(start: int, stop: int) -> None:
-        octave_sums_kernel(rows, widths, *tables, sums, start, stop)
+        core.fill_octave_sums(rows, widths, *tables, sums, *numbers, start, stop)
 
     run_bands(work, len(rows), band=BAND, threads=threads)
     return sums
@@ -320,20 +312,22 @@ def turbulence(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
 
 def _as_values(samples: ProcedurePoints, parameters: dict[str, Any], *, absolute: bool) -> Work:
-    tables = _tables(parameters, samples.n_dimensions, absolute)
+    tables, numbers = _tables(parameters, samples.n_dimensions, absolute)
     squares = squared_amplitudes(parameters["octaves"], parameters["gain"])
     scale = 1.0 / (WEIGHTS[parameters["weight"]].bound * squares**0.5)
     offset, scale = (0.0, scale) if absolute else (0.5, 0.5 * scale)
 
     def work(start: int, stop: int) -> None:
-        octave_values_kernel(
-            samples.points, samples.widths, *tables, offset, scale, samples.out, start, stop
-        )
+        core.fill_octave_values(
+            samples.points, samples.widths, *tables, samples.out, *numbers, offset, scale, start,
+            stop,
+        )  # fmt: skip
 
     return work
 
 
-_FEATURE_CODES = {"f1": F1, "f2-f1": F2_MINUS_F1}
+# As in `core/worley_noise.c`.
+_FEATURE_CODES = {"f1": 0, "f2-f1": 1}
 
 # Number of points, in the first period, for the mean of a pattern; accurate to 0.3 %.
 _N_MEASURED = 1 << 14
@@ -346,13 +340,13 @@ def worley(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     """
     n_dimensions = parameters["dimensions"] or samples.n_dimensions
     feature, jitter, seed = (parameters[key] for key in ("feature", "jitter", "seed"))
-    mean = _worley_mean(feature, jitter, n_dimensions, seed) if len(samples.widths) else 0.0
+    mean = _worley_mean(feature, jitter, n_dimensions, seed) if samples.widths is not None else 0.0
     tables = lattice(seed)
 
     def work(start: int, stop: int) -> None:
-        worley_kernel(
-            samples.points, samples.widths, tables.permutation, tables.places, jitter,
-            n_dimensions, _FEATURE_CODES[feature], mean, samples.out, start, stop,
+        core.fill_cells(
+            samples.points, samples.widths, tables.permutation, tables.places, samples.out, jitter,
+            n_dimensions == 3, _FEATURE_CODES[feature], mean, start, stop,
         )  # fmt: skip
 
     return work
@@ -365,10 +359,7 @@ def _worley_mean(feature: str, jitter: float, n_dimensions: int, seed: int) -> f
     steps = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])
     points = np.arange(_N_MEASURED)[:, None] * steps % 1.0 * PERIOD
     points = points[:, :n_dimensions].copy()
-    points.flags.writeable = False
-    widths = np.empty((0, 1), np.float32)
-    widths.flags.writeable = False
     out = np.empty((_N_MEASURED, 1), np.float32)
     parameters = {"feature": feature, "jitter": jitter, "dimensions": n_dimensions, "seed": seed}
-    worley(ProcedurePoints(points, widths, out), parameters)(0, _N_MEASURED)
+    worley(ProcedurePoints(points, None, out), parameters)(0, _N_MEASURED)
     return float(out.mean(dtype=np.float64))

@@ -25,25 +25,21 @@ Based on: Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise)
 "Texturing and Modeling: A Procedural Approach", 3rd edition, 2003 (rings and grain); Upstill, "The
 RenderMan Companion", 1990 (granite from octaves of noise); Haley, "Estimation of the Dosage
 Mortality Relationship When the Dose Is Subject to Error", 1952 (1.702). Departs from Perlin in the
-factor a before the turbulence, without which (a = 1) veins are hardly bent.
+factor a before the turbulence, without which (a = 1) veins are hardly bent. Kernels:
+`core/pulse_train.c` and `core/solid_patterns.c`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from texbake.core import core
 from texbake.texture.procedures.noise import WEIGHTS, gradients, lattice, squared_amplitudes
-from texbake.texture.procedures.pattern_kernels import (
-    HARD,
-    SINE,
-    checker_kernel,
-    granite_kernel,
-    marble_kernel,
-    stripes_kernel,
-    wood_kernel,
-)
 from texbake.texture.procedures.points import ProcedurePoints, Work, unit_vector
 from texbake.texture.procedures.ramps import own_ramp
+
+# As in `core/pulse_train.h`.
+HARD, SINE, RAMP = range(3)
 
 
 def checker(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
@@ -51,7 +47,7 @@ def checker(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     n_dimensions = parameters["dimensions"] or samples.n_dimensions
 
     def work(start: int, stop: int) -> None:
-        checker_kernel(samples.points, samples.widths, n_dimensions, samples.out, start, stop)
+        core.fill_checker(samples.points, samples.widths, samples.out, n_dimensions, start, stop)
 
     return work
 
@@ -63,8 +59,8 @@ def stripes(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     width = parameters["width"]
 
     def work(start: int, stop: int) -> None:
-        stripes_kernel(
-            samples.points, samples.widths, pattern, width, direction, samples.out, start, stop
+        core.fill_stripes(
+            samples.points, samples.widths, direction, samples.out, pattern, width, start, stop
         )
 
     return work
@@ -86,9 +82,9 @@ def marble(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     direction, octaves = unit_vector(parameters["direction"]), parameters["octaves"]
 
     def work(start: int, stop: int) -> None:
-        marble_kernel(
-            samples.points, samples.widths, permutation, slopes, weight.quintic, octaves, numbers,
-            direction, ramp.stops, ramp.mean, samples.out, start, stop,
+        core.fill_marble(
+            samples.points, samples.widths, permutation, slopes, direction, ramp.stops, ramp.mean,
+            samples.out, weight.quintic, octaves, *numbers, start, stop,
         )  # fmt: skip
 
     return work
@@ -104,9 +100,9 @@ def wood(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     ramp = own_ramp("wood", "even")
 
     def work(start: int, stop: int) -> None:
-        wood_kernel(
-            samples.points, samples.widths, permutation, slopes, weight.quintic, numbers, axis,
-            ramp.stops, ramp.mean, samples.out, start, stop,
+        core.fill_wood(
+            samples.points, samples.widths, permutation, slopes, axis, ramp.stops, ramp.mean,
+            samples.out, weight.quintic, *numbers, start, stop,
         )  # fmt: skip
 
     return work
@@ -126,9 +122,9 @@ def granite(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     ramp = own_ramp("granite", "even")
 
     def work(start: int, stop: int) -> None:
-        granite_kernel(
-            samples.points, samples.widths, permutation, slopes, weight.quintic, octaves, numbers,
-            ramp.stops, ramp.mean, samples.out, start, stop,
+        core.fill_granite(
+            samples.points, samples.widths, permutation, slopes, ramp.stops, ramp.mean,
+            samples.out, weight.quintic, octaves, *numbers, start, stop,
         )  # fmt: skip
 
     return work

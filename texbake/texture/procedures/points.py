@@ -1,7 +1,7 @@
 """The points at which a procedure is evaluated, and the width of a pixel at each.
 
-A pixel is a box around its point, with the same width along every axis or one width per axis. The
-kernels that read points and widths are in `noise_kernels`.
+A pixel is a box around its point, with the same width along every axis or one width per axis.
+Kernels read points and widths with `core/procedure_points.h`.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ class ProcedurePoints:
     Attributes
     ----------
     points : (n, 2 or 3) float64
-        Read-only, contiguous; a missing third coordinate is 0.
-    widths : (n, 1), (n, 2 or 3) or (0, 1) float32
-        Widths of the pixels along all axes or along each. If empty, nothing is filtered.
+        Contiguous; a missing third coordinate is 0.
+    widths : (n, 1) or (n, 2 or 3) float32, optional
+        Widths of the pixels along all axes or along each. None: nothing is filtered.
     out : (n, 1 or 3) float32
         Values from 0 to 1, or linear RGB.
     """
 
     points: npt.NDArray[np.float64]
-    widths: npt.NDArray[np.float32]
+    widths: npt.NDArray[np.float32] | None
     out: npt.NDArray[np.float32]
 
     @property
@@ -49,7 +49,7 @@ class ProcedurePoints:
 
 
 def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return points as a contiguous, read-only array; raise `OptionError` on another shape."""
+    """Return points as a contiguous array; raise `OptionError` on another shape."""
     array = _readable(points, np.float64)
     if array.ndim != 2 or array.shape[1] not in (2, 3):
         raise OptionError(
@@ -60,10 +60,10 @@ def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 def checked_widths(
     footprint: npt.ArrayLike | None, points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float32]:
+) -> npt.NDArray[np.float32] | None:
     """Return widths for `ProcedurePoints`; raise `OptionError` if the shape is wrong."""
     if footprint is None:
-        return _NO_WIDTHS
+        return None
     with np.errstate(over="ignore"):  # widths beyond float32 become infinite
         array = _readable(footprint, np.float32)
     if array.ndim == 1:
@@ -78,13 +78,7 @@ def checked_widths(
 
 
 def _readable(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
-    """Return a contiguous, read-only array, so that kernels are compiled for one signature."""
-    array = np.require(values, dtype, "C").view()
-    array.flags.writeable = False
-    return array
-
-
-_NO_WIDTHS = _readable(np.empty((0, 1)), np.float32)
+    return np.require(values, dtype, ["C", "A"])
 
 
 @lru_cache(maxsize=64)
