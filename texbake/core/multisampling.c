@@ -11,7 +11,7 @@
 #include "arena.h"
 #include "core.h"
 #include "numbers.h"
-#include "object_of_face.h"
+#include "objects.h"
 
 /* Number of a pixel's triangles that a sample is compared with. A triangle that is seen again after
    more others than this gets a second fragment, which costs time and changes nothing else. */
@@ -102,12 +102,12 @@ int64_t count_fragments(
             if (is_plain(&samples, row, column)) {
                 const int32_t face = first_face(&samples, row, column);
                 if (face >= 0)
-                    counts[object_of_face(face, n_objects, starts)]++;
+                    counts[object_of(face, n_objects, starts)]++;
                 continue;
             }
             collect(&samples, row, column, &pixel);
             for (int64_t k = 0; k < pixel.n_found; k++)
-                counts[object_of_face(pixel.faces[k], n_objects, starts)]++;
+                counts[object_of(pixel.faces[k], n_objects, starts)]++;
         }
     }
     close_arena(arena);
@@ -127,7 +127,7 @@ struct fragments {
 static inline int64_t put_fragment(
     const struct fragments *made, int32_t face, int64_t pixel, double count, double x, double y)
 {
-    const int64_t slot = made->nexts[object_of_face(face, made->n_objects, made->starts)]++;
+    const int64_t slot = made->nexts[object_of(face, made->n_objects, made->starts)]++;
     made->faces[slot] = face;
     made->pixels[slot] = (int32_t)pixel;
     made->counts[slot] = (float)count;

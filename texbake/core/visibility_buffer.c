@@ -22,7 +22,7 @@
 #include "clipping.h"
 #include "core.h"
 #include "numbers.h"
-#include "object_of_face.h"
+#include "objects.h"
 
 /* Rows of samples in a band, as in texbake/rendering/raster/rasterize.py. */
 enum { BAND_ROWS = 32 };
@@ -91,7 +91,7 @@ int64_t sort_triangles(
     int64_t stop)
 {
     int64_t n_survivors = 0;
-    int64_t owner = object_of_face(start, n_objects, starts);
+    int64_t owner = object_of(start, n_objects, starts);
     for (int64_t face = start; face < stop; face++) {
         while (face >= starts[owner + 1])
             owner++;
@@ -286,7 +286,7 @@ void draw_triangles(
                 fan.n_corners = 0;
         }
         if (fan.n_corners == 0) {
-            shows_back = modes[object_of_face(face, n_objects, starts)] == SHOW_BACK;
+            shows_back = modes[object_of(face, n_objects, starts)] == SHOW_BACK;
             clip_triangle(positions, faces[face], matrix, width, height, &fan);
         }
         for (int64_t i = 0; i + 2 < fan.n_corners; i++)

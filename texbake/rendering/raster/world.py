@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.kernels import kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Which faces of an object are drawn.
@@ -69,19 +68,6 @@ class VisibilityBuffer:
         return self.face_ids.nbytes + self.depths.nbytes
 
 
-@kernel
-def object_of(face, starts):  # type: ignore[no-untyped-def]
-    """Index of the object that a face belongs to."""
-    low, high = 0, len(starts) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if starts[middle] <= face:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
 def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
     """Join the positions and faces of objects; a single object's arrays are shared, not copied."""
     counts = [len(faces) for _, faces in parts]
@@ -98,10 +84,7 @@ def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
 
 
 def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
-    """Return a contiguous, read-only array of a type, as kernels expect their inputs.
-
-    numba would compile a kernel again for writable arrays.
-    """
+    """Return a contiguous, read-only array of a type, as the kernels expect their inputs."""
     view = np.require(array, dtype, "C").view()
     view.flags.writeable = False
     return view
