@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake.core import core
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.flattening.flatten import flatten, measured, regions_of, tutte_layout
 from texbake.mapping.atlas.flattening.patch import patch_of
-from texbake.mapping.kernels.conjugate_gradient import solve_blocks
 from texbake.mapping.overlap import overlapping_faces
 
 
@@ -360,7 +360,7 @@ def grid_system(n, *, held):
             blocks[j, j] = blocks[j, j] + spring
             blocks[i, j] = blocks[j, i] = -spring
     rows = sorted(blocks, key=lambda key: (key[0], key[1] != key[0], key[1]))
-    row_starts = np.searchsorted([row for row, _ in rows], np.arange(n * n + 1)).astype(np.int32)
+    row_starts = np.searchsorted([row for row, _ in rows], np.arange(n * n + 1)).astype(np.int64)
     columns = np.array([column for _, column in rows], dtype=np.int32)
     values = np.array([blocks[key].ravel() for key in rows])
     dense = np.zeros((n * n, 2, n * n, 2))
@@ -372,7 +372,7 @@ def grid_system(n, *, held):
 def solved(system, target, regions, tolerance):
     places, row_starts, columns, values, _ = system
     solution = np.full_like(target, np.nan)
-    n_iterations = solve_blocks(
+    n_iterations = core.solve_blocks(
         row_starts, columns, values, target, places, regions, solution, tolerance, 5000
     )
     return solution, n_iterations

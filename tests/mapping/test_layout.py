@@ -7,8 +7,7 @@ import pytest
 
 from texbake.colors import diverging
 from texbake.errors import UvError
-from texbake.mapping.kernels.scanline_coverage import SAMPLES
-from texbake.mapping.layout import add_faces, add_lines, draw_layout
+from texbake.mapping.layout import SAMPLES, add_faces, add_lines, draw_layout
 from texbake.mapping.layout_view import Tile
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane

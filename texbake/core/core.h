@@ -23,9 +23,6 @@
 
 #pragma GCC visibility push(default)
 
-/* processor.c */
-bool has_x86_64_v3(void);
-
 /* ambient_occlusion.c */
 void find_places(
     int64_t sample_rows, int64_t sample_columns, int64_t n_positions, int64_t n_faces,
@@ -87,6 +84,11 @@ void sample_nearest(
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], int64_t wrap, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
+
+/* boundary_meeting.c */
+int64_t boundary_meeting(
+    int64_t n, int64_t n_edges,
+    const double uvs[n][2], const int32_t edges[n_edges][2], const int32_t loops[n_edges]);
 
 /* bump_maps.c */
 void measure_pixel_steps(
@@ -215,6 +217,20 @@ void read_numbers(
     const uint8_t text[n], int64_t start, int64_t stop, int64_t lead, bool fill,
     const uint64_t fives[256][2], double values[n_values], int64_t lines[n_lines],
     int64_t hard[n_hard][2], int64_t tally[3]);
+
+/* dial_flood.c */
+int64_t flood_faces(
+    int64_t n_faces, int64_t n_sources, int64_t n_labels,
+    const int32_t neighbors[n_faces][3], const int32_t steps[n_faces][3],
+    int32_t labels[n_faces], const int32_t sources[n_sources],
+    const int32_t source_labels[n_sources], const int32_t within[n_faces], int64_t most,
+    int32_t distances[n_faces]);
+
+int64_t seed_faces(
+    int64_t n_faces, const int32_t neighbors[n_faces][3], const int32_t steps[n_faces][3],
+    int32_t labels[n_faces], int64_t part_faces);
+
+void trim_teeth(int64_t n_faces, const int32_t neighbors[n_faces][3], int32_t labels[n_faces]);
 
 /* displacement.c */
 void take_middles(
@@ -407,6 +423,11 @@ void find_faces_under(
     const int32_t faces[n_faces][3], const double normals[n_vertices][3],
     const int32_t opposite[n_half_edges], int32_t owners[n], double heights[n], bool exact[n]);
 
+/* normal_cones.c */
+int64_t grow_charts(
+    int64_t n_faces, const int32_t neighbors[n_faces][3], const double normals[n_faces][3],
+    int32_t charts[n_faces], double axes[n_faces][3]);
+
 /* obj_rows.c */
 void find_statements(
     int64_t n, int64_t n_offsets, const uint8_t bytes[n], bool fill, int64_t nexts[5],
@@ -440,6 +461,15 @@ void follow_rays(
     const int64_t sizes[n_levels][2], int64_t wrap, float border, float factor,
     const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
     double shares[n]);
+
+/* patch_graph.c */
+int64_t find_patch_neighbors(
+    int64_t n_faces, int64_t n_vertices, int64_t n_columns, int64_t n_edges,
+    const int32_t faces[n_faces][3], int64_t row_starts[n_vertices + 1],
+    int32_t columns[n_columns], int32_t entries[n_faces][3][3], int32_t boundary[n_edges][2]);
+
+int64_t chain_loops(
+    int64_t n, const int32_t following[n], int32_t order[n], int64_t starts[n + 1]);
 
 /* perspective_weights.c */
 void weigh_fragments(
@@ -476,6 +506,15 @@ void list_tiles(
     int64_t first_line, int64_t first_row, int64_t per_side, int64_t at, int32_t texel_ids[n],
     int32_t faces[n], double barycentrics[n][2]);
 
+/* planar_overlap.c */
+int64_t find_planar_overlaps(
+    int64_t n_faces, int64_t n_solid, int64_t n_boxes, int64_t n_places,
+    const double corners[n_faces][3][2], const double lines[n_faces][3][3],
+    const int64_t order[n_solid], const double boxes[n_boxes][6],
+    const int64_t children[n_boxes][2], double depth, int64_t most,
+    const int64_t places[n_places], bool found[n_faces], bool unsure[n_faces],
+    OPTIONAL int32_t layers[n_faces]);
+
 /* ply_rows.c */
 int64_t walk_binary_rows(
     int64_t n, int64_t n_columns, int64_t n_rows, const uint8_t bytes[n], int64_t start,
@@ -488,6 +527,9 @@ int64_t walk_text_rows(
 void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered]);
+
+/* processor.c */
+bool has_x86_64_v3(void);
 
 /* projected_pictures.c */
 void find_pixel_steps(
@@ -530,6 +572,14 @@ void quantize(
     const double offsets[n_channels], double noise, double top, uint16_t codes[n][n_channels],
     int64_t start, int64_t stop);
 
+/* ray_occlusion.c */
+void find_mostly_hidden(
+    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n_ids, int64_t n_samples,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
+    const int32_t face_ids[n_ids], const double samples[n_samples][3], const double eye[4],
+    int64_t start, int64_t stop, bool hidden[n_ids]);
+
 /* sample_statistics.c */
 void add_fragments_squared(
     int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
@@ -563,6 +613,17 @@ void judge_edges(
     int64_t height, int64_t width, const double light[height][width][4],
     const double squares[height][width][4], const int32_t counts[height][width],
     float errors[height][width], int64_t start, int64_t stop);
+
+/* scanline_coverage.c */
+int64_t cover_faces(
+    int64_t n_faces, int64_t n_rows, int64_t n_columns,
+    const double corners[n_faces][3][2], const double colors[n_faces][3], double top,
+    double half_edge, double edge_light, double sums[n_rows][n_columns][4]);
+
+int64_t cover_lines(
+    int64_t n_lines, int64_t n_rows, int64_t n_columns,
+    const double ends[n_lines][2][2], double top, double radius,
+    uint16_t masks[n_rows][n_columns]);
 
 /* scanline_rasterizer.c */
 void draw_scanlines(
@@ -661,6 +722,26 @@ void fade_into_fog(
     int64_t n, const double positions[n][3], const double eye[3], int64_t mode, double density,
     double start, double end, const double color[3], float out[n][3]);
 
+/* symmetric_dirichlet.c */
+void find_rest_shapes(
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    double gradients[n_faces][3][2], double areas[n_faces]);
+
+double dirichlet_energy(
+    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3],
+    const double gradients[n_faces][3][2], const double areas[n_faces]);
+
+void mean_stretches(
+    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3],
+    const double gradients[n_faces][3][2], const double areas[n_faces], double means[3]);
+
+int64_t minimize_dirichlet(
+    int64_t n, int64_t n_faces, int64_t n_entries, int64_t n_edges,
+    double uvs[n][2], const int32_t faces[n_faces][3], const double gradients[n_faces][3][2],
+    const double areas[n_faces], const int64_t row_starts[n + 1], const int32_t columns[n_entries],
+    const int32_t entries[n_faces][3][3], const int32_t edges[n_edges][2],
+    const int32_t loops[n_edges], const int32_t regions[n], int64_t n_iterations, double accuracy);
+
 /* texel_sums.c */
 void add_samples(
     int64_t n, int64_t n_texels, int64_t n_channels, const int32_t texel_ids[n],
@@ -716,6 +797,18 @@ void closest_points(
     const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const double points[n][3], double max_distance, int64_t start, int64_t stop,
     double distances[n], int32_t face_ids[n], double barycentrics[n][3]);
+
+/* tutte.c */
+int64_t embed_in_circle(
+    int64_t n, int64_t n_faces, int64_t n_entries,
+    const double points[n][3], const int32_t faces[n_faces][3], const int64_t row_starts[n + 1],
+    const int32_t columns[n_entries], const int32_t entries[n_faces][3][3], const bool circle[n],
+    double uvs[n][2], double tolerance);
+
+/* union_find.c */
+void merge_labels(
+    int64_t n_items, int64_t n_pairs,
+    int32_t labels[n_items], const int32_t firsts[n_pairs], const int32_t seconds[n_pairs]);
 
 /* vertex_normals.c */
 void face_normals(

@@ -11,8 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mapping.areas import measurable_uvs
-from texbake.mapping.kernels.scanline_coverage import SAMPLES, fill_kernel, outline_kernel
 from texbake.mapping.layout_view import (
     BACKGROUND,
     EDGE_PX,
@@ -37,6 +37,8 @@ from texbake.parallel import run_bands
 from texbake.text import text_coverage
 
 LayoutPixels = npt.NDArray[np.float32]
+
+SAMPLES = 4  # along each side of a pixel, as in `core/scanline_coverage.c`
 
 _BAND = 128  # rows drawn by one thread at a time
 _TILE_PX = 1.0
@@ -195,6 +197,8 @@ def add_faces(
 ) -> None:
     """Add the colors of the samples that each face covers, and their number, to `sums`.
 
+    Kernel: `core/scanline_coverage.c`.
+
     Parameters
     ----------
     pixels : (F, 3, 2) float64
@@ -208,11 +212,13 @@ def add_faces(
     sums : (H, W, 4) float64
         Red, green, blue and the number of samples; added to.
     """
-    fill_kernel(pixels, colors, float(top), half_edge, edge_light, *_todo(sums.shape), sums)
+    core.cover_faces(pixels, colors, top, half_edge, edge_light, sums)
 
 
 def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.uint16]) -> None:
     """Set the bit of each sample that lies on a line.
+
+    Kernel: `core/scanline_coverage.c`.
 
     Parameters
     ----------
@@ -225,13 +231,4 @@ def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.ui
     masks : (H, W) uint16
         Added to.
     """
-    outline_kernel(ends, float(top), width / 2.0, *_todo(masks.shape), masks)
-
-
-def _todo(shape: tuple[int, ...]) -> tuple[npt.NDArray[np.int32], ...]:
-    """Next unfinished pixel of each row, next unfinished row, and how often each was drawn."""
-    height, width = shape[:2]
-    columns = np.tile(np.arange(width + 1, dtype=np.int32), (height + 1, 1))
-    rows = np.arange(height + 1, dtype=np.int32).reshape(1, -1)
-    looks = np.zeros((height, width + 1), dtype=np.int32)  # of pixels, and last of the row
-    return columns, rows, looks
+    core.cover_lines(ends, top, width / 2.0, masks)

@@ -7,7 +7,8 @@ hundred thousand slivers side by side along a diagonal; faces that were not comp
 are reported.
 
 Based on: Kamel, Faloutsos, "On Packing R-trees", 1993; Morton, "A computer oriented geodetic data
-base", 1966 (the order). The test of two triangles is in `kernels.planar_overlap`.
+base", 1966 (the order). The test of two triangles is in
+`core/planar_overlap.c`.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.kernels.planar_overlap import FAN_OUT, overlap_kernel
+from texbake.core import core
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+
+_FAN_OUT = 8  # children of a box, as in `core/planar_overlap.c`
 
 # Overlaps up to this depth, as a share of the texture, are rounding: of float32, or of the six
 # decimals of many files; ...
@@ -76,13 +79,12 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
     order = _in_order(corners, np.zeros(len(corners), dtype=np.int32), depth)
     boxes, children = _packed_boxes(corners, order, None)
     lines, places = _inward_lines(corners), np.arange(len(order))
-    no_layers = np.zeros(0, dtype=np.int32)
     most = max(_LEAST_PAIRS_OF_A_FACE, _MOST_PAIRS // max(len(order), 1))
 
     def look(start: int, stop: int) -> None:
-        overlap_kernel(
-            corners, lines, order, boxes, children, depth, False, most, places[start:stop],
-            overlapping, unsure, no_layers,
+        core.find_planar_overlaps(
+            corners, lines, order, boxes, children, depth, most, places[start:stop],
+            overlapping, unsure, None,
         )  # fmt: skip
 
     run_bands(look, len(order), band=_BAND, threads=threads)
@@ -141,8 +143,8 @@ def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> In
     boxes, children = _packed_boxes(corners, order, charts)
     lines, places = _inward_lines(corners), np.argsort(order, kind="stable")
     found, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
-    overlap_kernel(
-        corners, lines, order, boxes, children, depth, True, len(corners), places,
+    core.find_planar_overlaps(
+        corners, lines, order, boxes, children, depth, len(corners), places,
         found, unsure, layers,
     )  # fmt: skip
     return layers
@@ -202,7 +204,7 @@ def _spread_bits(values: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
 def _packed_boxes(
     corners: FloatArray, order: npt.NDArray[np.int64], charts: IntArray | None
 ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Boxes around the faces in order, then around each `FAN_OUT` of those, up to a single one.
+    """Boxes around the faces in order, then around each `_FAN_OUT` of those, up to a single one.
 
     Returns
     -------
@@ -219,8 +221,8 @@ def _packed_boxes(
     children = [np.zeros((len(level), 2), dtype=np.int64)]
     start = 0
     while len(level) > 1:
-        firsts = np.arange(0, len(level), FAN_OUT)
-        stops = np.minimum(firsts + FAN_OUT, len(level))
+        firsts = np.arange(0, len(level), _FAN_OUT)
+        stops = np.minimum(firsts + _FAN_OUT, len(level))
         children.append(start + np.column_stack([firsts, stops]))
         start += len(level)
         level = np.column_stack(

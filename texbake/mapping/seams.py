@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.kernels.face_graph import merge_labels_kernel
+from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows
@@ -229,6 +229,8 @@ def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integ
 def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray:
     """Number the connected groups of items.
 
+    Kernel: `core/union_find.c`.
+
     Parameters
     ----------
     n_items : int
@@ -247,7 +249,7 @@ def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray
     [0, 1, 2, 1]
     """
     labels = np.arange(n_items, dtype=np.int32)
-    merge_labels_kernel(
+    core.merge_labels(
         labels,
         np.ascontiguousarray(firsts, dtype=np.int32),
         np.ascontiguousarray(seconds, dtype=np.int32),

@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import Projected
-from texbake.mapping.kernels.ray_occlusion import mostly_hidden_kernel
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.checks import Matrix
 from texbake.mesh.files.source import parse_row, read_lines
@@ -255,6 +255,8 @@ def mostly_hidden(
 ) -> npt.NDArray[np.bool_]:
     """Find the faces of which other faces hide more than half of their four samples.
 
+    Kernel: `core/ray_occlusion.c`.
+
     Parameters
     ----------
     tree : TriangleTree
@@ -273,12 +275,14 @@ def mostly_hidden(
         hides nothing.
     """
     hidden = np.zeros(len(face_ids), dtype=bool)
-    nodes = (tree.positions, tree.faces, tree.order, tree.boxes, tree.nodes)
-    ids = frozen(np.ascontiguousarray(face_ids, dtype=np.int32))
-    eye = frozen(np.ascontiguousarray(seen_from, dtype=np.float64))
+    ids = np.ascontiguousarray(face_ids, dtype=np.int32)
+    eye = np.ascontiguousarray(seen_from, dtype=np.float64)
 
     def work(start: int, stop: int) -> None:
-        mostly_hidden_kernel(nodes, ids, _SAMPLES, eye, start, stop, hidden)
+        core.find_mostly_hidden(
+            tree.positions, tree.faces, tree.order, tree.boxes, tree.nodes,
+            ids, _SAMPLES, eye, start, stop, hidden,
+        )  # fmt: skip
 
     run_bands(work, len(face_ids), band=_BAND, threads=threads)
     return hidden

@@ -18,17 +18,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.mapping.kernels.face_graph import (
-    CLOSED,
-    FAR,
-    LONGEST_STEP,
-    OPEN,
-    flood_kernel,
-    seed_kernel,
-    trim_kernel,
-)
+from texbake.core import core
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
+
+# Labels of faces that await a label, or take none, and the distance of faces that nothing reaches;
+# `core/dial_flood.c` has the same, and room for steps of at most this length.
+_OPEN, _CLOSED = np.int32(-1), np.int32(-2)
+_FAR = np.iinfo(np.int32).max
+_LONGEST_STEP = 63
 
 # Length of a step between neighbors at the mean distance. It is not a round number, so that the
 # steps of regular meshes do not lie halfway between two whole numbers.
@@ -102,15 +100,15 @@ def divide_parts(
     least, most = int(_LEAST * part_faces), int(_MOST * part_faces)
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     steps = _steps(points, faces, neighbors)
-    labels = np.where(large, OPEN, CLOSED)
+    labels = np.where(large, _OPEN, _CLOSED)
     _seed(neighbors, steps, labels, part_faces)
     for _ in range(_ITERATIONS):
         seeds = _centers(neighbors, steps, labels, least)
-        labels = np.where(large, OPEN, CLOSED)
+        labels = np.where(large, _OPEN, _CLOSED)
         _flood(neighbors, steps, labels, seeds, np.arange(len(seeds), dtype=np.int32), parts, most)
         _seed(neighbors, steps, labels, part_faces)
     labels = _without_pockets(neighbors, labels, least)
-    trim_kernel(neighbors, labels)
+    core.trim_teeth(neighbors, labels)
     _, numbers = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     return numbers.astype(np.int32)
 
@@ -140,7 +138,7 @@ def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
 
 
 def _steps(points: FloatArray, faces: IntArray, neighbors: IntArray) -> IntArray:
-    """(F, 3) int32: distance to each neighbor, from 1 to `LONGEST_STEP`."""
+    """(F, 3) int32: distance to each neighbor, from 1 to `_LONGEST_STEP`."""
     corners = points[faces]
     centroids = corners.mean(axis=1)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -157,22 +155,22 @@ def _steps(points: FloatArray, faces: IntArray, neighbors: IntArray) -> IntArray
         steps[:, side] *= 1.0 + _CREASE * (1.0 - cosines)
     mean = steps[beyond].mean() if beyond.any() else 0.0
     units = steps * (_UNITS_A_STEP / mean if mean > 0.0 else 0.0)
-    return np.clip(np.rint(units), 1, LONGEST_STEP).astype(np.int32)
+    return np.clip(np.rint(units), 1, _LONGEST_STEP).astype(np.int32)
 
 
 def _centers(neighbors: IntArray, steps: IntArray, labels: IntArray, least: int) -> IntArray:
     """(n,) int32: the face farthest from the border, of every label with at least `least` faces."""
     ends = (labels[neighbors] != labels[:, None]) | (neighbors < 0)
     border = np.flatnonzero(ends.any(axis=1) & (labels >= 0)).astype(np.int32)
-    reached = np.where(labels >= 0, OPEN, CLOSED)
+    reached = np.where(labels >= 0, _OPEN, _CLOSED)
     distances = _flood(neighbors, steps, reached, border, labels[border], labels, len(labels))
     faces = np.flatnonzero(labels >= 0)
     # The first of the farthest faces; one without any border is as far as possible.
-    keys = distances[faces].astype(np.int64) << 32 | (FAR - faces)
+    keys = distances[faces].astype(np.int64) << 32 | (_FAR - faces)
     farthest = np.full(int(labels.max()) + 1, -1, dtype=np.int64)
     np.maximum.at(farthest, labels[faces], keys)
     farthest = farthest[np.bincount(labels[faces]) >= max(least, 1)]
-    return (FAR - (farthest & FAR)).astype(np.int32)
+    return (_FAR - (farthest & _FAR)).astype(np.int32)
 
 
 def _without_pockets(neighbors: IntArray, labels: IntArray, least: int) -> IntArray:
@@ -184,7 +182,7 @@ def _without_pockets(neighbors: IntArray, labels: IntArray, least: int) -> IntAr
     pairs, counts = np.unique(small[met] << 32 | large[met], return_counts=True)
     pairs = pairs[np.argsort(counts, kind="stable")]
     into = np.arange(len(sizes), dtype=np.int32)
-    into[pairs >> 32] = pairs & FAR  # of several, the last one counts
+    into[pairs >> 32] = pairs & _FAR  # of several, the last one counts
     return np.where(labels >= 0, into[np.maximum(labels, 0)], labels)
 
 
@@ -200,21 +198,22 @@ def _flood(
     """Give each open face the label of its nearest source, and return (F,) int32 distances.
 
     No step crosses from one value of `within` to another, and no label gets more than `most` faces.
-    `labels` is written to.
+    `labels` is written to. Kernel: `core/dial_flood.c`.
     """
-    distances = np.full(len(labels), FAR, dtype=np.int32)
-    sizes = np.zeros(int(source_labels.max(initial=-1)) + 1, dtype=np.int32)
-    queue = np.empty((3 * len(labels) + len(sources), 3), dtype=np.int32)
-    flood_kernel(
-        neighbors, steps, labels, sources, source_labels, within, most, distances, sizes, queue
+    distances = np.empty(len(labels), dtype=np.int32)
+    n_labels = int(source_labels.max(initial=-1)) + 1
+    core.flood_faces(
+        n_labels, neighbors, steps, labels, sources, source_labels, within, most, distances
     )
     return distances
 
 
 def _seed(neighbors: IntArray, steps: IntArray, labels: IntArray, part_faces: int) -> None:
-    """Give the open faces new labels, in patches of at most `part_faces` faces."""
-    queue = np.empty((3 * len(labels) + 1, 3), dtype=np.int32)
-    seed_kernel(neighbors, steps, labels, part_faces, np.full(len(labels), FAR, np.int32), queue)
+    """Give the open faces new labels, in patches of at most `part_faces` faces.
+
+    Kernel: `core/dial_flood.c`.
+    """
+    core.seed_faces(neighbors, steps, labels, part_faces)
 
 
 def connected_parts(opposite: IntArray) -> IntArray:

@@ -20,12 +20,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import DependencyError
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
-from texbake.mapping.kernels.face_graph import grow_kernel
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
@@ -189,6 +189,8 @@ def plain_charts(
 ) -> tuple[IntArray, FloatArray, npt.NDArray[np.int64]]:
     """Cut a mesh into charts by its normals.
 
+    Kernel: `core/normal_cones.c`.
+
     Parameters
     ----------
     points : (V, 3) float64
@@ -212,7 +214,7 @@ def plain_charts(
     normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
     charts = np.full(len(faces), -1, dtype=np.int32)
     axes = np.zeros((len(faces), 3))
-    n_charts = grow_kernel(neighbors, normals, charts, axes)
+    n_charts = core.grow_charts(neighbors, normals, charts, axes)
 
     coordinates = np.stack([corners, np.repeat(charts[:, None], 3, axis=1)], axis=2)
     used, indices = np.unique(coordinates.reshape(-1, 2), axis=0, return_inverse=True)

@@ -5,8 +5,8 @@ then the symmetric Dirichlet energy is minimized by Newton steps that stop short
 
 Based on: Smith, Schaefer, "Bijective Parameterization with Free Boundaries", 2015. It departs in
 not keeping the boundary from crossing itself: `injective` says whether it does, and it is for the
-caller to divide the patch then. The numerical methods are in `kernels.symmetric_dirichlet`,
-`kernels.conjugate_gradient` and `kernels.tutte`.
+caller to divide the patch then. The numerical methods are in `core/symmetric_dirichlet.c`,
+`core/conjugate_gradient.c` and `core/tutte.c`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mapping.atlas.flattening.patch import Patch, is_injective, patch_of
-from texbake.mapping.kernels.symmetric_dirichlet import (
-    energy_of,
-    minimize_kernel,
-    rest_shapes,
-    stretch_of,
-)
-from texbake.mapping.kernels.tutte import embed_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Of layouts in the circle: first roughly, and if that has flips, as well as can be.
@@ -106,14 +100,15 @@ def flatten(
     patch = patch_of(faces, len(points))
     if patch is None:
         return None
-    points = np.array(points, dtype=np.float64, order="C")  # writable: one signature of the kernels
-    gradients, areas = rest_shapes(points, patch.faces)
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    gradients, areas = _rest_shapes(points, patch)
     if not areas.sum() > 0.0:
         return None
     uvs = _start_layout(points, patch, gradients, areas, start)
     if uvs is None:
         return None
-    minimize_kernel(
+    n_kept_apart = len(patch.boundary) if keep_apart else 0
+    core.minimize_dirichlet(
         uvs,
         patch.faces,
         gradients,
@@ -121,8 +116,8 @@ def flatten(
         patch.row_starts,
         patch.columns,
         patch.entries,
-        patch.boundary if keep_apart else patch.boundary[:0],
-        patch.boundary_loops,
+        patch.boundary[:n_kept_apart],
+        patch.boundary_loops[:n_kept_apart],
         regions_of(uvs),
         n_iterations,
         accuracy,
@@ -147,11 +142,27 @@ def measured(points: FloatArray, faces: IntArray, uvs: FloatArray) -> Flat | Non
     patch = patch_of(faces, len(points))
     if patch is None:
         return None
-    gradients, areas = rest_shapes(np.array(points, dtype=np.float64, order="C"), patch.faces)
+    gradients, areas = _rest_shapes(np.ascontiguousarray(points, dtype=np.float64), patch)
     uvs = np.array(uvs, dtype=np.float64, order="C")
-    if not math.isfinite(energy_of(uvs, patch.faces, gradients, areas)):
+    if not math.isfinite(core.dirichlet_energy(uvs, patch.faces, gradients, areas)):
         return None
     return _finished(uvs, patch, gradients, areas)
+
+
+def _rest_shapes(points: FloatArray, patch: Patch) -> tuple[FloatArray, FloatArray]:
+    """Shapes of the triangles in space, for the kernels: (m, 3, 2) gradients and (m,) areas."""
+    gradients, areas = np.empty((len(patch.faces), 3, 2)), np.empty(len(patch.faces))
+    core.find_rest_shapes(points, patch.faces, gradients, areas)
+    return gradients, areas
+
+
+def _mean_stretches(
+    uvs: FloatArray, patch: Patch, gradients: FloatArray, areas: FloatArray
+) -> tuple[float, float, float]:
+    """Means of σ1² + σ2², of σ1⁻² + σ2⁻², and of σ1 σ2, over a layout without flips."""
+    means = np.empty(3)
+    core.mean_stretches(uvs, patch.faces, gradients, areas, means)
+    return float(means[0]), float(means[1]), float(means[2])
 
 
 def _start_layout(
@@ -164,7 +175,7 @@ def _start_layout(
     """Return a layout without flips and of about the right size, in a new array."""
     if start is not None:
         uvs = np.array(start, dtype=np.float64, order="C")
-        if math.isfinite(energy_of(uvs, patch.faces, gradients, areas)):
+        if math.isfinite(core.dirichlet_energy(uvs, patch.faces, gradients, areas)):
             return uvs
     if not patch.is_disk:
         return None
@@ -172,9 +183,9 @@ def _start_layout(
         circle = tutte_layout(points, patch, tolerance)
         if circle is None:
             return None
-        if math.isfinite(energy_of(circle, patch.faces, gradients, areas)):
+        if math.isfinite(core.dirichlet_energy(circle, patch.faces, gradients, areas)):
             # Scaled to the size of least energy.
-            mean_dirichlet, mean_inverse, _ = stretch_of(circle, patch.faces, gradients, areas)
+            mean_dirichlet, mean_inverse, _ = _mean_stretches(circle, patch, gradients, areas)
             return np.asarray(circle * (mean_inverse / mean_dirichlet) ** 0.25)
     return None
 
@@ -184,7 +195,7 @@ def _finished(uvs: FloatArray, patch: Patch, gradients: FloatArray, areas: Float
     used = np.diff(patch.row_starts) > 1
     uvs -= uvs[used].mean(axis=0)
     uvs[~used] = 0.0
-    mean_dirichlet, mean_inverse, growth = stretch_of(uvs, patch.faces, gradients, areas)
+    mean_dirichlet, mean_inverse, growth = _mean_stretches(uvs, patch, gradients, areas)
     uvs /= math.sqrt(growth)
     return Flat(
         uvs=uvs,
@@ -231,7 +242,7 @@ def tutte_layout(points: FloatArray, patch: Patch, tolerance: float = 1e-12) -> 
     circle = np.zeros(len(points), dtype=np.bool_)
     circle[patch.loops[outer]] = True
     uvs[patch.loops[outer]] = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    embed_kernel(
+    core.embed_in_circle(
         points,
         filled.faces,
         filled.row_starts,

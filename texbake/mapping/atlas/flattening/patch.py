@@ -17,12 +17,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from texbake.mapping.kernels.face_graph import loops_kernel, neighbors_kernel
-from texbake.mapping.kernels.planar_overlap import APART, CROSSING, TOUCH_DEPTH, boundary_meeting
+from texbake.core import core
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
+
+# Borders count as touching, not overlapping, up to this share of the longer side of the layout.
+# `core/boundary_meeting.c` and its header have the same numbers.
+_TOUCH_DEPTH = 2.0**-21
+_APART, _CROSSING = 0, 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +38,7 @@ class Patch:
     ----------
     faces : (m, 3) int32
         Indices of vertices below n.
-    row_starts : (n + 1,) int32
+    row_starts : (n + 1,) int64
         Entries of vertex i are `row_starts[i]` to `row_starts[i + 1] - 1`.
     columns : (k,) int32
         The vertex of each entry; the first of row i is i.
@@ -52,7 +57,7 @@ class Patch:
     """
 
     faces: IntArray
-    row_starts: IntArray
+    row_starts: npt.NDArray[np.int64]
     columns: IntArray
     entries: IntArray
     boundary: IntArray
@@ -70,6 +75,8 @@ class Patch:
 def patch_of(faces: IntArray, n_vertices: int) -> Patch | None:
     """Find the neighbors and the boundary of a patch.
 
+    Kernel: `core/patch_graph.c`.
+
     Parameters
     ----------
     faces : (m, 3) int32
@@ -83,10 +90,15 @@ def patch_of(faces: IntArray, n_vertices: int) -> Patch | None:
     """
     if len(faces) == 0:
         return None
-    faces = np.array(faces, dtype=np.int32, order="C")  # writable: one signature of the kernels
-    row_starts, columns, entries, boundary, is_surface = neighbors_kernel(faces, n_vertices)
-    if not is_surface:
+    faces = np.ascontiguousarray(faces, dtype=np.int32)
+    row_starts = np.empty(n_vertices + 1, dtype=np.int64)
+    columns = np.empty(n_vertices + 6 * len(faces), dtype=np.int32)
+    entries = np.empty((len(faces), 3, 3), dtype=np.int32)
+    boundary = np.empty((3 * len(faces), 2), dtype=np.int32)
+    n_boundary = core.find_patch_neighbors(faces, row_starts, columns, entries, boundary)
+    if n_boundary < 0:
         return None
+    columns, boundary = columns[: row_starts[-1]].copy(), boundary[:n_boundary].copy()
     leaving = np.bincount(boundary[:, 0], minlength=n_vertices)
     touching = bool((leaving > 1).any())
     loops = () if touching else _loops(boundary, n_vertices)
@@ -117,12 +129,16 @@ def _loops(boundary: IntArray, n_vertices: int) -> tuple[IntArray, ...]:
     """Chain the boundary into loops, each from its lowest vertex; one edge leaves each vertex."""
     following = np.full(n_vertices, -1, dtype=np.int32)
     following[boundary[:, 0]] = boundary[:, 1]
-    order, starts = loops_kernel(following)
-    return tuple(np.split(order, starts[1:])) if len(starts) else ()
+    order = np.empty(n_vertices, dtype=np.int32)
+    starts = np.empty(n_vertices + 1, dtype=np.int64)
+    n_loops = core.chain_loops(following, order, starts)
+    return tuple(order[starts[i] : starts[i + 1]] for i in range(n_loops))
 
 
 def is_injective(uvs: FloatArray, patch: Patch) -> bool:
     """Return whether no two triangles of a layout overlap; none of them may be flipped.
+
+    Kernel: `core/boundary_meeting.c`.
 
     Parameters
     ----------
@@ -141,12 +157,12 @@ def is_injective(uvs: FloatArray, patch: Patch) -> bool:
     >>> is_injective(np.concatenate([[[0.0, 0.0]], corners]), patch)
     False
     """
-    meeting = boundary_meeting(uvs, patch.boundary, patch.boundary_loops)
-    if meeting == CROSSING:
+    meeting = core.boundary_meeting(uvs, patch.boundary, patch.boundary_loops)
+    if meeting == _CROSSING:
         return False
-    if meeting == APART and not patch.has_touching_fans:
+    if meeting == _APART and not patch.has_touching_fans:
         return True
     used = uvs[patch.faces.ravel()]
-    depth = TOUCH_DEPTH * float((used.max(axis=0) - used.min(axis=0)).max())
+    depth = _TOUCH_DEPTH * float((used.max(axis=0) - used.min(axis=0)).max())
     no_chart = np.zeros(len(patch.faces), dtype=np.int32)
     return not overlap_layers(uvs[patch.faces], no_chart, depth=depth).any()

@@ -1,0 +1,212 @@
+/* Whether the boundary of a flat patch is apart from itself, touches itself, or crosses itself.
+
+   Where no triangle is flipped, a point is covered as often as the boundary winds around it, so that
+   the boundary decides whether triangles overlap. Each edge is compared with earlier edges that
+   share a cell of a grid with it. Common vertices do not count.
+
+   Based on: Lipman, "Bijective Mappings of Meshes with Boundary and the Degree in Mesh Processing",
+   2014 (why the boundary is enough where no triangle is flipped).
+
+   Called from texbake/mapping/atlas/flattening/patch.py and symmetric_dirichlet.c. */
+
+#include "boundary_meeting.h"
+
+#include <math.h>
+#include <stdbool.h>
+
+#include "arena.h"
+#include "core.h"
+#include "numbers.h"
+
+/* Borders count as touching, not overlapping, up to this share of the longer side of the layout:
+   2^-21. Python has the same number. */
+static const double TOUCH_DEPTH = 1.0 / (1 << 21);
+
+enum { MOST_CELLS = 1024 };
+
+/* A square grid over the layout. */
+struct grid {
+    double low[2];
+    double extent;
+    int64_t n_cells; /* along each side */
+};
+
+/* An edge in the list of a cell. */
+struct link {
+    int64_t edge, next;
+};
+
+/* First column and row of the cells of an edge, and the last. */
+struct cells {
+    int64_t low[2], high[2];
+};
+
+static struct grid grid_around(const double (*uvs)[2], const struct boundary *boundary)
+{
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
+        const double *uv = uvs[boundary->edges[edge][0]];
+        for (int axis = 0; axis < 2; axis++) {
+            low[axis] = min_f64(low[axis], uv[axis]);
+            high[axis] = max_f64(high[axis], uv[axis]);
+        }
+    }
+    const int64_t n_cells = (int64_t)(2.0 * sqrt((double)boundary->n_edges));
+    return (struct grid){
+        {low[0], low[1]}, max_f64(high[0] - low[0], high[1] - low[1]),
+        max_i64(1, min_i64(n_cells, MOST_CELLS))};
+}
+
+static int64_t cell_of(double x, int64_t n_cells)
+{
+    if (!(x > 0.0)) /* also for what is not a number */
+        return 0;
+    return x < (double)n_cells ? (int64_t)x : n_cells - 1;
+}
+
+static struct cells cells_of_edge(
+    const double (*uvs)[2], const int32_t edge[2], const struct grid *grid)
+{
+    const double scale = grid->n_cells / grid->extent;
+    struct cells cells;
+    for (int axis = 0; axis < 2; axis++) {
+        const double one = uvs[edge[0]][axis], other = uvs[edge[1]][axis];
+        cells.low[axis] = cell_of((min_f64(one, other) - grid->low[axis]) * scale, grid->n_cells);
+        cells.high[axis] = cell_of((max_f64(one, other) - grid->low[axis]) * scale, grid->n_cells);
+    }
+    return cells;
+}
+
+/* Whether more than one loop runs counter-clockwise. */
+static bool encloses_twice(
+    struct arena *arena, const double (*uvs)[2], const struct boundary *boundary)
+{
+    int64_t n_loops = 1;
+    for (int64_t edge = 0; edge < boundary->n_edges; edge++)
+        n_loops = max_i64(n_loops, boundary->loops[edge] + 1);
+    double *areas = TAKE_ZEROS(arena, double, n_loops);
+    const double *origin = uvs[boundary->edges[0][0]];
+    for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
+        const double *one = uvs[boundary->edges[edge][0]], *other = uvs[boundary->edges[edge][1]];
+        const double ax = one[0] - origin[0], ay = one[1] - origin[1];
+        const double bx = other[0] - origin[0], by = other[1] - origin[1];
+        areas[boundary->loops[edge]] += ax * by - ay * bx;
+    }
+    int64_t n_enclosing = 0;
+    for (int64_t loop = 0; loop < n_loops; loop++)
+        n_enclosing += areas[loop] > 0.0;
+    return n_enclosing > 1;
+}
+
+/* Signed distance of r from the line through p and q; 0 where p and q coincide. */
+static inline double distance_from_line(const double p[2], const double q[2], const double r[2])
+{
+    const double x = q[0] - p[0], y = q[1] - p[1];
+    const double length = sqrt(x * x + y * y);
+    const double area = x * (r[1] - p[1]) - y * (r[0] - p[0]);
+    return length > 0.0 ? area / length : 0.0;
+}
+
+/* How edges meet that leave a common vertex for `one` and `other`: in different directions, or one
+   on the other. */
+static int fans_meet(
+    const double common[2], const double one[2], const double other[2], double depth)
+{
+    const double ax = one[0] - common[0], ay = one[1] - common[1];
+    const double bx = other[0] - common[0], by = other[1] - common[1];
+    const double longest = sqrt(max_f64(ax * ax + ay * ay, bx * bx + by * by));
+    const bool on = ax * bx + ay * by > 0.0 && fabs(ax * by - ay * bx) <= depth * longest;
+    return on ? TOUCHING : APART;
+}
+
+/* How two edges meet, which share at most one vertex. */
+static int edges_meet(
+    const double (*uvs)[2], const int32_t first[2], const int32_t second[2], double depth)
+{
+    const double *p = uvs[first[0]], *q = uvs[first[1]], *r = uvs[second[0]], *s = uvs[second[1]];
+    for (int axis = 0; axis < 2; axis++) {
+        if (max_f64(p[axis], q[axis]) < min_f64(r[axis], s[axis]) - depth)
+            return APART;
+        if (max_f64(r[axis], s[axis]) < min_f64(p[axis], q[axis]) - depth)
+            return APART;
+    }
+    if (first[0] == second[0] || first[0] == second[1])
+        return fans_meet(p, q, first[0] == second[0] ? s : r, depth);
+    if (first[1] == second[0] || first[1] == second[1])
+        return fans_meet(q, p, first[1] == second[0] ? s : r, depth);
+    const double far_r = distance_from_line(p, q, r), far_s = distance_from_line(p, q, s);
+    if (min_f64(far_r, far_s) > depth || max_f64(far_r, far_s) < -depth)
+        return APART;
+    const double far_p = distance_from_line(r, s, p), far_q = distance_from_line(r, s, q);
+    if (min_f64(far_p, far_q) > depth || max_f64(far_p, far_q) < -depth)
+        return APART;
+    const double least = min_f64(
+        min_f64(fabs(far_r), fabs(far_s)), min_f64(fabs(far_p), fabs(far_q)));
+    return least > depth ? CROSSING : TOUCHING;
+}
+
+/* How the edges meet that share a cell of the grid. */
+static int64_t edges_in_cells_meet(
+    struct arena *arena, const double (*uvs)[2], const struct boundary *boundary,
+    const struct grid *grid)
+{
+    const double depth = TOUCH_DEPTH * grid->extent;
+    const int64_t n_cells = grid->n_cells;
+    int64_t n_links = 0, meeting = APART;
+    struct cells *cells = TAKE(arena, struct cells, boundary->n_edges);
+    for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
+        const struct cells of = cells[edge] = cells_of_edge(uvs, boundary->edges[edge], grid);
+        n_links += (of.high[0] - of.low[0] + 1) * (of.high[1] - of.low[1] + 1);
+    }
+    struct link *links = TAKE(arena, struct link, n_links);
+    int64_t *heads = TAKE(arena, int64_t, n_cells * n_cells);
+    for (int64_t cell = 0; cell < n_cells * n_cells; cell++)
+        heads[cell] = -1;
+    n_links = 0;
+    for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
+        const struct cells of = cells[edge];
+        for (int64_t row = of.low[1]; row <= of.high[1]; row++) {
+            for (int64_t column = of.low[0]; column <= of.high[0]; column++) {
+                int64_t *head = &heads[row * n_cells + column];
+                for (int64_t link = *head; link >= 0; link = links[link].next) {
+                    const int64_t other = links[link].edge;
+                    const int met = edges_meet(
+                        uvs, boundary->edges[edge], boundary->edges[other], depth);
+                    if (met == CROSSING)
+                        return CROSSING;
+                    meeting = max_i64(meeting, met);
+                }
+                links[n_links] = (struct link){edge, *head};
+                *head = n_links++;
+            }
+        }
+    }
+    return meeting;
+}
+
+/* APART, TOUCHING or CROSSING. A boundary with two counter-clockwise loops counts as crossing, one
+   without extent as touching. */
+int64_t boundary_meets(
+    struct arena *arena, const double (*uvs)[2], const struct boundary *boundary)
+{
+    const struct grid grid = grid_around(uvs, boundary);
+    if (!(grid.extent > 0.0))
+        return TOUCHING;
+    const arena_mark mark = mark_arena(arena);
+    int64_t meeting = CROSSING;
+    if (!encloses_twice(arena, uvs, boundary))
+        meeting = edges_in_cells_meet(arena, uvs, boundary, &grid);
+    reset_arena(arena, mark);
+    return meeting;
+}
+
+int64_t boundary_meeting(
+    int64_t n, int64_t n_edges,
+    const double uvs[n][2], const int32_t edges[n_edges][2], const int32_t loops[n_edges])
+{
+    OPEN_ARENA(arena);
+    const struct boundary boundary = {n_edges, edges, loops};
+    const int64_t meeting = boundary_meets(arena, uvs, &boundary);
+    close_arena(arena);
+    return meeting;
+}
