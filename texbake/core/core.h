@@ -23,6 +23,9 @@
 
 #pragma GCC visibility push(default)
 
+/* processor.c */
+bool has_x86_64_v3(void);
+
 /* ambient_occlusion.c */
 void find_places(
     int64_t sample_rows, int64_t sample_columns, int64_t n_positions, int64_t n_faces,
@@ -85,6 +88,14 @@ void sample_nearest(
     const double uvs[n][2], int64_t wrap, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
 
+/* bottom_left.c */
+int64_t place_charts(
+    int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t n_order, int64_t n_widths,
+    const uint8_t masks[n_cells], const int64_t starts[n_charts][n_poses],
+    const int64_t boxes[n_charts][n_poses][2], const int32_t order[n_order], int64_t n_rows,
+    int64_t n_columns, const int32_t half_widths[n_widths], bool all_or_nothing, int64_t hurry,
+    int32_t places[n_charts][4], int32_t tops[n_charts], int64_t work[1]);
+
 /* boundary_meeting.c */
 int64_t boundary_meeting(
     int64_t n, int64_t n_edges,
@@ -124,6 +135,47 @@ void sample_bicubic(
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], int64_t wrap, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
+
+/* cell_differences.c */
+int64_t judge_four_samples(
+    int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
+    int64_t height, int64_t width, const uint8_t counts[n_texels], const int64_t masks[n_texels],
+    const int32_t charts[n_room], const float values[n_room][n_channels],
+    const int32_t children[n_room], const int32_t firsts[n_maps + 1], const double scales[n_maps],
+    const float steps[n_texels], const int32_t parents[n], float means[n_texels][n_channels],
+    float errors[n]);
+void judge_cells(
+    int64_t n, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t level, int64_t height,
+    int64_t width, int64_t first, const int32_t texels[n], const uint8_t spots[n],
+    const uint8_t weights[n], const int32_t children[n_room], const int32_t charts[n_room],
+    const float values[n_room][n_channels], const int32_t firsts[n_maps + 1],
+    const double scales[n_maps], float errors[n]);
+void choose_divided(
+    int64_t n, int64_t n_texels, bool may_divide, const int32_t texels[n],
+    const uint8_t weights[n], const float errors[n], const uint8_t counts[n_texels],
+    float texel_errors[n_texels], bool divided[n]);
+
+/* chart_bitmaps.c */
+void mark_faces(
+    int64_t n_faces, int64_t n_charts, int64_t n_poses, int64_t n_cells,
+    const double corners[n_faces][3][n_poses][2], const int32_t face_charts[n_faces],
+    double scale, const double shifts[n_charts][n_poses][2], double margin,
+    const int64_t boxes[n_charts][n_poses][2], const int64_t starts[n_charts][n_poses],
+    uint8_t masks[n_cells]);
+int64_t list_spans(
+    int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t most,
+    const uint8_t masks[n_cells], const int64_t mask_starts[n_charts][n_poses],
+    const int64_t mask_boxes[n_charts][n_poses][2], int64_t turns, int32_t spans[most][3],
+    int64_t starts[n_charts][n_poses * turns][2]);
+int64_t list_reach(
+    int64_t n_spans, int64_t n_charts, int64_t n_orientations, int64_t n_widths, int64_t most,
+    const int32_t spans[n_spans][3], const int64_t starts[n_charts][n_orientations][2],
+    const int32_t boxes[n_charts][n_orientations][2], const int32_t half_widths[n_widths],
+    int32_t reach[most][3], int64_t reach_starts[n_charts][n_orientations][2]);
+void find_least_boxes(
+    int64_t n_points, int64_t n_charts, int64_t n_angles, const double uvs[n_points][2],
+    const int64_t starts[n_charts + 1], const double cosines[n_angles],
+    const double sines[n_angles], int64_t best[n_charts]);
 
 /* clipping.c */
 void project_vertices(
@@ -271,6 +323,25 @@ void spread_owners(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const int32_t owners[n],
     const float background[n_channels], float out[n][n_channels], int64_t start, int64_t stop);
 
+/* edge_functions.c */
+void bin_faces(
+    int64_t n_faces, int64_t n_listed, const int64_t corners[n_faces][3][2], int64_t n_rows,
+    int64_t n_columns, int64_t firsts[n_rows * n_columns + 1], OPTIONAL int32_t faces[n_listed]);
+void write_masks(
+    int64_t n_faces, int64_t n_bins, int64_t n_listed, int64_t n, int64_t n_texels,
+    const int64_t corners[n_faces][3][2], const int64_t firsts[n_bins + 1],
+    const int32_t faces[n_listed], int64_t n_columns, int64_t first_row, int64_t width,
+    const int64_t texels[n], const int32_t owners[n_texels], uint8_t counts[n_texels],
+    int64_t masks[n_texels]);
+void mark_lines(
+    int64_t n, int64_t height, int64_t width, const int64_t edges[n][2][2],
+    bool marked[height][width]);
+void find_owners(
+    int64_t n_faces, int64_t n_bins, int64_t n_listed, int64_t n,
+    const int64_t corners[n_faces][3][2], const int64_t firsts[n_bins + 1],
+    const int32_t faces[n_listed], int64_t n_columns, const int64_t points[n][2],
+    int32_t owners[n], double weights[n][2]);
+
 /* elliptical_weighted_average.c */
 int64_t sample_ellipses(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_weights,
@@ -311,6 +382,17 @@ void fill_octave_values(
     const double gradients[256][3], float out[n][1], bool quintic, int64_t n_octaves,
     double lacunarity, double gain, double mean, double offset, double scale, int64_t start,
     int64_t stop);
+
+/* guided_local_search.c */
+int64_t separate_charts(
+    int64_t n_charts, int64_t n_orientations, int64_t n_spans, int64_t n_reach,
+    const int32_t boxes[n_charts][n_orientations][2], const int32_t spans[n_spans][3],
+    const int64_t starts[n_charts][n_orientations][2], const int32_t reach[n_reach][3],
+    const int64_t reach_starts[n_charts][n_orientations][2], int64_t margin,
+    int32_t places[n_charts][3], const int32_t base[n_charts][n_charts],
+    int32_t weights[n_charts][n_charts], int64_t n_rows, int64_t n_columns, int64_t n_samples,
+    int64_t radius, int64_t step, int64_t patience, int64_t most_work, int64_t seed,
+    int32_t best_places[n_charts][3], int64_t work[1]);
 
 /* interpolation.c */
 void move_to_base(
@@ -528,9 +610,6 @@ void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered]);
 
-/* processor.c */
-bool has_x86_64_v3(void);
-
 /* projected_pictures.c */
 void find_pixel_steps(
     int64_t n, int64_t n_corners, int64_t n_faces, const double points[n][3],
@@ -564,6 +643,30 @@ void pull_texels(
     int64_t height, int64_t width, int64_t n_channels, int64_t coarse_height,
     int64_t coarse_width, float values[height][width][n_channels], const bool mask[height][width],
     const float coarse[coarse_height][coarse_width][n_channels], int64_t start, int64_t stop);
+
+/* quadtree.c */
+void write_cell_samples(
+    int64_t n_faces, int64_t n_bins, int64_t n_listed, int64_t n_texels, int64_t n,
+    const int64_t corners[n_faces][3][2], const int64_t firsts[n_bins + 1],
+    const int32_t faces[n_listed], int64_t n_columns, const uint8_t counts[n_texels],
+    const int64_t masks[n_texels], int64_t level, int64_t width, const int32_t centers[n_texels],
+    const int32_t texels[n], const uint8_t spots[n], int32_t owners[n], double weights[n][2]);
+void write_children(
+    int64_t n, int64_t n_texels, int64_t n_room, int64_t level, int64_t first,
+    const int32_t places[n], const int32_t parent_texels[n], const uint8_t parent_spots[n],
+    const uint8_t counts[n_texels], const int64_t masks[n_texels], int32_t children[n_room],
+    int32_t texels[4 * n], uint8_t spots[4 * n], uint8_t weights[4 * n]);
+void list_in_tiles(
+    int64_t height, int64_t width, int64_t n, const bool chosen[height][width], int32_t ids[n]);
+void keep_values(
+    int64_t n, int64_t n_channels, int64_t n_room, int64_t n_kept, const int32_t places[n],
+    const int32_t charts[n], const float values[n][n_channels], int64_t first_channel,
+    int32_t kept_charts[n_room], float kept[n_room][n_kept]);
+void add_leaves(
+    int64_t n, int64_t n_room, int64_t n_channels, int64_t n_texels, int64_t first,
+    const int32_t texels[n], const uint8_t weights[n], const int32_t children[n_room],
+    const int32_t charts[n_room], const float values[n_room][n_channels],
+    float sums[n_texels][n_channels], float areas[n_texels]);
 
 /* quantization.c */
 void quantize(
@@ -632,6 +735,20 @@ void draw_scanlines(
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
     const double matrix[4][4], int32_t face_ids[height][width], float depths[height][width],
     double weights[height][width][2]);
+
+/* second_differences.c */
+void judge_samples(
+    int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
+    int64_t height, int64_t width, int64_t first, const uint8_t counts[n_texels],
+    const int32_t charts[n_room], const float values[n_room][n_channels],
+    const int32_t firsts[n_maps + 1], const double scales[n_maps], float steps[n],
+    float means[n][n_channels]);
+int64_t judge_partly_covered(
+    int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
+    int64_t height, int64_t width, const uint8_t counts[n_texels], const int64_t masks[n_texels],
+    const int32_t charts[n_room], const float values[n_room][n_channels],
+    const int32_t firsts[n_maps + 1], const double scales[n_maps], const float steps[n_texels],
+    const int64_t parts[n], float judged[n]);
 
 /* shading_normals.c */
 void interpolate_normals(

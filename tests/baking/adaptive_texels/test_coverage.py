@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from texbake.baking.adaptive_texels.coverage import FaceBins, TexelCoverage, outlined_texels
-from texbake.baking.adaptive_texels.edge_functions import (
+from texbake.baking.adaptive_texels.coverage import (
     FINE,
     FULL,
     TEXEL,
-    owner_at,
+    FaceBins,
+    TexelCoverage,
+    find_owners,
+    outlined_texels,
 )
 from texbake.baking.pineda import NO_FACE
 from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
@@ -69,14 +71,10 @@ def test_owners_are_those_of_the_rasterizer_on_any_grid(mesh, per_side):
     bins = FaceBins(faces.corners * scale, bins.firsts, bins.faces, bins.n_columns)
     owners, _ = rasterize_uv(faces, grid)
     side = TEXEL // per_side
-    by_points = [
-        [
-            owner_at(bins.arrays, x * side + side // 2, y * side + side // 2)
-            for x in range(grid.n_columns)
-        ]
-        for y in range(grid.n_rows)
-    ]
-    np.testing.assert_array_equal(by_points, owners)
+    x, y = np.meshgrid(np.arange(grid.n_columns), np.arange(grid.n_rows))
+    points = np.stack([x, y], axis=2).reshape(-1, 2) * side + side // 2
+    by_points, _ = find_owners(bins, points)
+    np.testing.assert_array_equal(by_points, owners.ravel())
 
 
 @pytest.mark.parametrize("mesh", MESHES)

@@ -1,7 +1,7 @@
 """Texels divided into quarters, and these again, where neighboring samples disagree.
 
 Cells of level 0 are the texels, all of them; a cell that is divided has four children on the next
-level. Each cell has one sample, where `quadtree.sample_spot` puts it. A texel that is sure to need
+level. Each cell has one sample, where `core/quadtree.c` puts it. A texel that is sure to need
 it is divided twice at once: its cells of level 1 have no samples.
 
 Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
@@ -17,17 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.coverage import TexelCoverage
-from texbake.baking.adaptive_texels.quadtree import (
-    NO_CHART,
-    NO_CHILD,
-    add_leaves,
-    keep_values,
-    write_children,
-    write_in_tiles,
-)
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
+NO_CHART = -1
+NO_CHILD = -1
 LAST_LEVEL = 3  # 64 cells per texel
 
 FloatArray32 = npt.NDArray[np.float32]
@@ -105,9 +100,9 @@ class Cells:
             if parents is None
             else parents.spots[divided - parents.first]
         )
-        write_children(
-            (k, first), (divided, texels, spots), coverage.arrays,
-            self.children, (level.texels, level.spots, level.weights),
+        core.write_children(
+            k, first, divided, texels, spots, *coverage.arrays,
+            self.children, level.texels, level.spots, level.weights,
         )  # fmt: skip
         self.levels.append(level)
         self._n = first + n
@@ -130,7 +125,7 @@ class Cells:
         """Keep the values of some cells of one map, whose channels begin at `first_channel`."""
 
         def keep(start: int, stop: int) -> None:
-            keep_values(
+            core.keep_values(
                 places[start:stop], charts[start:stop], values[start:stop], first_channel,
                 self.charts, self.values,
             )  # fmt: skip
@@ -154,13 +149,13 @@ class Cells:
 def in_tiles(chosen: BoolArray, n_chosen: int) -> IntArray:
     """Return the ids of the chosen texels, given as (height, width) bool, tile by tile."""
     ids = np.empty(n_chosen, dtype=np.int32)
-    write_in_tiles(chosen, ids)
+    core.list_in_tiles(chosen, ids)
     return ids
 
 
 def gather(cells: Cells, level: Level, sums: FloatArray32, areas: FloatArray32) -> None:
     """Add the undivided cells of a level to sums (n_texels, C) and covered areas (n_texels,)."""
-    add_leaves(
-        level.first, level.texels, level.weights,
-        (cells.children, cells.charts, cells.values), sums, areas,
+    core.add_leaves(
+        level.first, level.texels, level.weights, cells.children, cells.charts, cells.values,
+        sums, areas,
     )  # fmt: skip

@@ -11,24 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.adaptive_texels.edge_functions import (
-    BIN,
-    FINE,
-    FULL,
-    bin_faces,
-    mark_lines,
-    write_masks,
-)
-from texbake.baking.adaptive_texels.quadtree import (
-    N_CHECK_SAMPLES,
-    write_check_samples,
-    write_samples,
-)
-from texbake.baking.pineda import NO_FACE
+from texbake.baking.pineda import NO_FACE, UNIT
 from texbake.baking.texels import SampleGrid, Samples, snap_uvs
+from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
 from texbake.raycast.rays import Rows
+
+FINE = 8  # sub-squares along one side of a texel
+FULL = FINE * FINE
+TEXEL = FINE * UNIT  # units of the fixed-point grid in a texel
+BIN = 8  # texels along one side of the squares that share a list of faces
+
+N_CHECK_SAMPLES, _GENERATOR = 13, 8  # two consecutive Fibonacci numbers
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -58,6 +53,8 @@ class FaceBins:
     def of(cls, low: Mesh, width: int, height: int) -> FaceBins:
         """Sort the faces of a low-poly mesh into the bins of a map.
 
+        Kernel: `core/edge_functions.c`.
+
         Raises
         ------
         UvError
@@ -66,11 +63,10 @@ class FaceBins:
         corners = snap_uvs(low, SampleGrid(width, height, FINE)).corners
         n_rows, n_columns = -(-height // BIN), -(-width // BIN)
         firsts = np.zeros(n_rows * n_columns + 1, dtype=np.int64)
-        faces = np.empty(0, dtype=np.int32)
-        bin_faces(corners, (n_rows, n_columns, False), firsts, faces)
+        core.bin_faces(corners, n_rows, n_columns, firsts, None)
         firsts = np.concatenate([[0], np.cumsum(firsts[:-1])])
         faces = np.empty(int(firsts[-1]), dtype=np.int32)
-        bin_faces(corners, (n_rows, n_columns, True), firsts.copy(), faces)
+        core.bin_faces(corners, n_rows, n_columns, firsts.copy(), faces)
         return cls(corners, firsts, faces, n_columns)
 
     @property
@@ -110,6 +106,8 @@ class TexelCoverage:
     ) -> None:  # fmt: skip
         """Fill in some rows of texels.
 
+        Kernel: `core/edge_functions.c`.
+
         Parameters
         ----------
         owners : (len(rows), width) int32
@@ -125,7 +123,9 @@ class TexelCoverage:
         texels = np.flatnonzero(outlined[rows.start : rows.stop])
 
         def measure(start: int, stop: int) -> None:
-            write_masks(bins.arrays, (rows.start, width), texels[start:stop], flat, counts, masks)
+            core.write_masks(
+                *bins.arrays, rows.start, width, texels[start:stop], flat, counts, masks
+            )
 
         run_bands(measure, len(texels), band=1 << 12, threads=threads)
 
@@ -134,9 +134,10 @@ def outlined_texels(bins: FaceBins, width: int, height: int) -> BoolArray:
     """(height, width) bool: texels that an edge without a face on its other side passes through.
 
     All others are wholly covered where their center is covered, and not at all where it is not.
+    Kernel: `core/edge_functions.c`.
     """
     outlined = np.zeros((height, width), dtype=np.bool_)
-    mark_lines(_outlines(bins.corners), outlined)
+    core.mark_lines(_outlines(bins.corners), outlined)
     return outlined
 
 
@@ -194,7 +195,8 @@ def cell_samples(
 ) -> CellSamples:
     """Place the samples of some cells of one level, and find the faces that they lie on.
 
-    A cell is left out if no face covers it, even at its most central covered sub-square.
+    A cell is left out if no face covers it, even at its most central covered sub-square. Kernel:
+    `core/quadtree.c`.
 
     Parameters
     ----------
@@ -208,16 +210,39 @@ def cell_samples(
     weights = np.empty((len(places), 2))
 
     def fill(start: int, stop: int) -> None:
-        write_samples(
-            bins.arrays, coverage.arrays, (level, centers.shape[1]),
-            (centers.reshape(-1), texels[start:stop], spots[start:stop]),
-            owners[start:stop], weights[start:stop],
+        core.write_cell_samples(
+            *bins.arrays, *coverage.arrays, level, centers.shape[1], centers.reshape(-1),
+            texels[start:stop], spots[start:stop], owners[start:stop], weights[start:stop],
         )  # fmt: skip
 
     run_bands(fill, len(places), band=1 << 14, threads=threads)
     samples = CellSamples(places, texels, owners, weights)
     is_owned = owners != NO_FACE
     return samples if is_owned.all() else samples.where(is_owned)
+
+
+def find_owners(
+    bins: FaceBins, points: npt.NDArray[np.int64]
+) -> tuple[IntArray, npt.NDArray[np.float64]]:
+    """Find the face that owns each point of the map, and where on it the point lies.
+
+    Where faces overlap, the first one owns a point. Kernel: `core/edge_functions.c`.
+
+    Parameters
+    ----------
+    points : (n, 2) int64
+        x and y in units of which `TEXEL` make up a texel.
+
+    Returns
+    -------
+    owners : (n,) int32
+        `NO_FACE` for none.
+    weights : (n, 2) float64
+        Weights of the second and third corner; undefined where no face owns the point.
+    """
+    owners, weights = np.empty(len(points), dtype=np.int32), np.empty((len(points), 2))
+    core.find_owners(*bins.arrays, points, owners, weights)
+    return owners, weights
 
 
 def check_samples(bins: FaceBins, width: int, texels: npt.NDArray[np.int64]) -> CellSamples:
@@ -228,9 +253,12 @@ def check_samples(bins: FaceBins, width: int, texels: npt.NDArray[np.int64]) -> 
 
     Based on: Sloan, Joe, "Lattice Methods for Multiple Integration", Oxford 1994, section 4.3.
     """
-    n = len(texels) * N_CHECK_SAMPLES
-    owners, weights = np.empty(n, dtype=np.int32), np.empty((n, 2))
-    write_check_samples(bins.arrays, width, texels, owners, weights)
-    places = np.arange(n, dtype=np.int32)
+    across = np.arange(N_CHECK_SAMPLES)
+    lattice = np.stack([across, _GENERATOR * across % N_CHECK_SAMPLES], axis=1)
+    within = (2 * lattice + 1) * TEXEL // (2 * N_CHECK_SAMPLES)
+    corners = TEXEL * np.stack([texels % width, texels // width], axis=1)
+    points = (corners[:, np.newaxis] + within).reshape(-1, 2)
+    owners, weights = find_owners(bins, points)
+    places = np.arange(len(points), dtype=np.int32)
     ids = np.repeat(texels.astype(np.int32), N_CHECK_SAMPLES)
     return CellSamples(places, ids, owners, weights).where(owners != NO_FACE)

@@ -12,8 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.cells import BoolArray
-from texbake.baking.adaptive_texels.coverage import CellSamples, FaceBins, check_samples
-from texbake.baking.adaptive_texels.quadtree import N_CHECK_SAMPLES
+from texbake.baking.adaptive_texels.coverage import (
+    N_CHECK_SAMPLES,
+    CellSamples,
+    FaceBins,
+    check_samples,
+)
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind

@@ -20,6 +20,7 @@ from texbake.baking.adaptive_texels.bounded_maps import (
 )
 from texbake.baking.adaptive_texels.cells import (
     LAST_LEVEL,
+    NO_CHART,
     BoolArray,
     Cells,
     FloatArray32,
@@ -28,14 +29,13 @@ from texbake.baking.adaptive_texels.cells import (
     in_tiles,
 )
 from texbake.baking.adaptive_texels.coverage import (
+    FULL,
     CellSamples,
     FaceBins,
     TexelCoverage,
     cell_samples,
     outlined_texels,
 )
-from texbake.baking.adaptive_texels.edge_functions import FULL
-from texbake.baking.adaptive_texels.quadtree import NO_CHART
 from texbake.baking.adaptive_texels.recheck import Recheck
 from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE, TexelError
 from texbake.baking.hits import Hits

@@ -27,15 +27,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.adaptive_texels.cell_differences import (
-    choose_divided,
-    judge_cell_samples,
-    judge_four_samples,
+from texbake.baking.adaptive_texels.cells import (
+    LAST_LEVEL,
+    NO_CHILD,
+    BoolArray,
+    Cells,
+    FloatArray32,
+    Level,
 )
-from texbake.baking.adaptive_texels.cells import LAST_LEVEL, BoolArray, Cells, FloatArray32, Level
 from texbake.baking.adaptive_texels.coverage import TexelCoverage
-from texbake.baking.adaptive_texels.quadtree import NO_CHILD
-from texbake.baking.adaptive_texels.second_differences import judge_partly_covered, judge_samples
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
@@ -69,6 +70,8 @@ class Metric:
 class TexelError:
     """Estimates errors, in bounds of the metric: above 1 is too far off.
 
+    Kernels: `core/second_differences.c`, `core/cell_differences.c`.
+
     Attributes
     ----------
     cells : Cells
@@ -100,12 +103,11 @@ class TexelError:
         n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]
         means = np.zeros((n, n_channels), dtype=np.float32)
         steps = np.empty(n, dtype=np.float32)
-        sampled = (self.cells.charts, self.cells.values)
 
         def judge(start: int, stop: int) -> None:
-            judge_samples(
-                (self.shape, start), self.coverage.counts, sampled, self.metric.arrays,
-                steps[start:stop], means[start:stop],
+            core.judge_samples(
+                *self.shape, start, self.coverage.counts, self.cells.charts, self.cells.values,
+                *self.metric.arrays, steps[start:stop], means[start:stop],
             )  # fmt: skip
 
         run_bands(judge, n, band=1 << 15, threads=self.threads)
@@ -113,9 +115,9 @@ class TexelError:
         judged = np.empty(len(partly), dtype=np.float32)
 
         def judge_partly(start: int, stop: int) -> None:
-            judge_partly_covered(
-                self.shape, self.coverage.arrays, sampled, self.metric.arrays, steps,
-                partly[start:stop], judged[start:stop], np.empty((2, n_channels)),
+            core.judge_partly_covered(
+                *self.shape, *self.coverage.arrays, self.cells.charts, self.cells.values,
+                *self.metric.arrays, steps, partly[start:stop], judged[start:stop],
             )  # fmt: skip
 
         run_bands(judge_partly, len(partly), band=1 << 12, threads=self.threads)
@@ -135,13 +137,12 @@ class TexelError:
             Gets the means of these texels.
         """
         errors = np.empty(len(parents), dtype=np.float32)
-        n_channels = self.cells.values.shape[1]
+        cells = self.cells
 
         def judge(start: int, stop: int) -> None:
-            judge_four_samples(
-                self.shape, self.coverage.arrays, (self.cells.charts, self.cells.values),
-                self.metric.arrays, steps, (parents[start:stop], self.cells.children), means,
-                errors[start:stop], (np.empty((2, n_channels)), np.empty((5, 2)), np.empty(4)),
+            core.judge_four_samples(
+                *self.shape, *self.coverage.arrays, cells.charts, cells.values, cells.children,
+                *self.metric.arrays, steps, parents[start:stop], means, errors[start:stop],
             )  # fmt: skip
 
         run_bands(judge, len(parents), band=1 << 13, threads=self.threads)
@@ -153,13 +154,12 @@ class TexelError:
         errors = np.empty(len(level), dtype=np.float32)
 
         def judge(start: int, stop: int) -> None:
-            judge_cell_samples(
-                (k, self.shape, level.first + start),
-                (level.texels[start:stop], level.spots[start:stop], level.weights[start:stop]),
-                (self.cells.children, self.cells.charts, self.cells.values),
-                self.metric.arrays,
-                errors[start:stop],
-            )
+            core.judge_cells(
+                k, *self.shape, level.first + start,
+                level.texels[start:stop], level.spots[start:stop], level.weights[start:stop],
+                self.cells.children, self.cells.charts, self.cells.values,
+                *self.metric.arrays, errors[start:stop],
+            )  # fmt: skip
 
         run_bands(judge, len(errors), band=1 << 14, threads=self.threads)
         return errors
@@ -173,8 +173,8 @@ class TexelError:
         than an even share of half of the bound.
         """
         divided = np.zeros(len(level), dtype=np.bool_)
-        choose_divided(
-            k < LAST_LEVEL, (level.texels, level.weights), errors, self.coverage.counts,
+        core.choose_divided(
+            k < LAST_LEVEL, level.texels, level.weights, errors, self.coverage.counts,
             texel_errors, divided,
         )  # fmt: skip
         return divided

@@ -1,7 +1,6 @@
 """Charts placed in the tiles of their groups, at a given scale or the largest at which they fit.
 
-Charts are placed one after another, large ones first, each where its top ends lowest; see
-`kernels.bottom_left`.
+Charts are placed one after another, large ones first, each where its top ends lowest.
 """
 
 from __future__ import annotations
@@ -11,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mapping.atlas.packing.bitmaps import Bitmaps, PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines
 from texbake.mapping.atlas.packing.settle import SNAP_MARGIN, Settled
-from texbake.mapping.kernels.bottom_left import place_kernel
 from texbake.mesh.mesh import IntArray
 
 _FIRST_GUESS = 0.6  # share of the texture that is filled
@@ -223,6 +222,8 @@ def place_charts(
 ) -> Placed:
     """Place charts, one after another, where their tops are lowest, in any pose and quarter turn.
 
+    Kernel: `core/bottom_left.c`.
+
     Parameters
     ----------
     bitmaps : Bitmaps
@@ -238,17 +239,9 @@ def place_charts(
     """
     places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
     tops = np.zeros(len(places), dtype=np.int32)
-    runs = np.empty((grid.height, grid.width), dtype=np.int32)
-    n_missing, work = place_kernel(
-        bitmaps.masks,
-        bitmaps.starts,
-        bitmaps.boxes,
-        order,
-        grid.half_widths,
-        all_or_nothing,
-        hurry,
-        runs,
-        places,
-        tops,
-    )
-    return Placed(places=places, tops=tops, n_missing=n_missing, work=work)
+    work = np.empty(1, dtype=np.int64)
+    n_missing = core.place_charts(
+        bitmaps.masks, bitmaps.starts, bitmaps.boxes, order, grid.height, grid.width,
+        grid.half_widths, all_or_nothing, hurry, places, tops, work,
+    )  # fmt: skip
+    return Placed(places=places, tops=tops, n_missing=n_missing, work=int(work[0]))

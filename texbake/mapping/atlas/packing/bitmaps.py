@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.kernels.chart_bitmaps import mask_kernel, reach_kernel, spans_kernel
+from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 
 LongArray = npt.NDArray[np.int64]
@@ -99,13 +99,15 @@ def rasterize_charts(
         marked; from -0.5 up, cells whose centers lie within `margin + 0.5` of it along both axes.
 
     A chart without any marked cell takes one.
+
+    Kernel: `core/chart_bitmaps.c`.
     """
     boxes = np.maximum(np.ceil(extents * scale + 2.0 * margin), 1.0).astype(np.int64)
     shifts = (boxes - extents * scale) / 2.0 - low * scale
     n_cells = boxes.prod(axis=2)
     starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
     masks = np.zeros(n_cells.sum(), dtype=np.uint8)
-    mask_kernel(corners, face_charts, scale, shifts, margin, boxes, starts, masks)
+    core.mark_faces(corners, face_charts, scale, shifts, margin, boxes, starts, masks)
     empty = np.add.reduceat(masks, starts.ravel(), dtype=np.int64) == 0
     masks[starts.ravel()[empty]] = 1
     return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
@@ -142,6 +144,8 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
 
     Orientation `pose * turns + turn` is that quarter turn of that pose. `half_widths` are those of
     the grid.
+
+    Kernels: `core/chart_bitmaps.c`.
     """
     n_charts, n_poses = bitmaps.starts.shape
     boxes = np.repeat(bitmaps.boxes, turns, axis=1).astype(np.int32)
@@ -150,7 +154,7 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
     most = int(((boxes[..., 0].astype(np.int64) + 1) // 2 * boxes[..., 1]).sum())
     spans = np.empty((most, 3), dtype=np.int32)
     starts = np.empty((n_charts, n_poses * turns, 2), dtype=np.int64)
-    n_spans = spans_kernel(bitmaps.masks, bitmaps.starts, bitmaps.boxes, turns, spans, starts)
+    n_spans = core.list_spans(bitmaps.masks, bitmaps.starts, bitmaps.boxes, turns, spans, starts)
     spans = spans[:n_spans].copy()
     margin = len(half_widths) // 2
     if margin == 0:
@@ -158,5 +162,5 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
     # Dilation joins runs and adds none except in new rows, which have no more than their neighbor.
     reach = np.empty((n_spans * (2 * margin + 1), 3), dtype=np.int32)
     reach_starts = np.empty_like(starts)
-    n_reach = reach_kernel(spans, starts, boxes, half_widths, reach, reach_starts)
+    n_reach = core.list_reach(spans, starts, boxes, half_widths, reach, reach_starts)
     return Shapes(boxes, spans, starts, reach[:n_reach].copy(), reach_starts, margin)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bitmaps import Bitmaps, rasterize_charts
-from texbake.mapping.kernels.chart_bitmaps import least_box_kernel
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _STEPS_A_FACE = 30  # steps of work to rasterize a face
@@ -111,11 +111,13 @@ def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
     """(C,) float64: rotation of each chart, in radians, with the least area of the bounding box.
 
     It is one of 90 angles, the first of equally good ones.
+
+    Kernel: `core/chart_bitmaps.c`.
     """
     order = np.argsort(chart_ids, kind="stable")
     n_charts = int(chart_ids.max()) + 1
     starts = np.searchsorted(chart_ids[order], np.arange(n_charts + 1))
     angles = np.arange(_BOX_ANGLES) * (math.pi / 2.0 / _BOX_ANGLES)
     best = np.zeros(n_charts, dtype=np.int64)
-    least_box_kernel(uvs[order], starts, np.cos(angles), np.sin(angles), best)
+    core.find_least_boxes(uvs[order], starts, np.cos(angles), np.sin(angles), best)
     return np.asarray(angles[best])

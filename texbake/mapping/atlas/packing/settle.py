@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import core
 from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
     PackingGrid,
@@ -14,9 +15,6 @@ from texbake.mapping.atlas.packing.bitmaps import (
     shapes_of,
 )
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
-from texbake.mapping.kernels.guided_local_search import (
-    separate_kernel,
-)
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Texels by which charts are enlarged: half of the 1/256 texel that rasterizers snap to, which is
@@ -79,6 +77,8 @@ def separate(
 ) -> tuple[IntArray, int, int]:
     """Move charts until they keep their distance from each other.
 
+    Kernel: `core/guided_local_search.c`.
+
     Parameters
     ----------
     shapes : Shapes
@@ -101,24 +101,14 @@ def separate(
     work : int
         Steps of work.
     """
-    n_charts = len(places)
     best_places = places.copy()
-    overlap, work = separate_kernel(
-        shapes,
-        places.copy(),
-        weights,
-        weights.copy(),
-        np.zeros((n_charts, n_charts), dtype=np.int32),
-        np.zeros((size[1], size[0] + 1), dtype=np.int32),
-        search.samples,
-        search.radius,
-        search.step,
-        search.patience,
-        search.work,
-        seed,
-        best_places,
-    )
-    return best_places, overlap, work
+    work = np.empty(1, dtype=np.int64)
+    overlap = core.separate_charts(
+        *shapes, places.copy(), weights, weights.copy(), size[1], size[0],
+        search.samples, search.radius, search.step, search.patience, search.work, seed,
+        best_places, work,
+    )  # fmt: skip
+    return best_places, overlap, int(work[0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,226 @@
+/* Charts placed one after another, each in the lowest and then leftmost free place.
+
+   Free cells are stored as runs, so that a search along a row jumps from obstacle to obstacle
+   instead of going from cell to cell. The whole bitmap is searched, not only its skyline, so that
+   holes fill.
+
+   Based on: Bruno Lévy, Sylvain Petitjean, Nicolas Ray, Jérome Maillot, "Least squares conformal
+   maps for automatic texture atlas generation", 2002 (charts packed by their shape, large ones
+   first).
+
+   Called from texbake/mapping/atlas/packing/bins.py. */
+
+#include "arena.h"
+#include "chart_bitmaps.h"
+#include "core.h"
+#include "numbers.h"
+
+/* Size classes of boxes along each side. */
+enum { N_CLASSES = 64 };
+
+/* The free cells of a grid. `runs` holds, for each cell, how many cells are free from it to the
+   right; or, as a negative number, how many at least are blocked. */
+struct free_cells {
+    int64_t n_rows, n_columns;
+    int32_t *runs;
+};
+
+/* A chart in one pose and quarter turn: its box, and the runs of its cells. */
+struct turned_chart {
+    int64_t width, height, n_spans;
+    const struct span *spans;
+};
+
+struct spot {
+    int64_t x, y;
+};
+
+/* A grid with nothing in it yet. */
+static struct free_cells all_free(struct arena *arena, int64_t n_rows, int64_t n_columns)
+{
+    struct free_cells cells = {n_rows, n_columns, TAKE(arena, int32_t, n_rows * n_columns)};
+    for (int64_t row = 0; row < n_rows; row++)
+        for (int64_t column = 0; column < n_columns; column++)
+            cells.runs[row * n_columns + column] = (int32_t)(n_columns - column);
+    return cells;
+}
+
+/* Size class of a length: eighths of octaves, or whole octaves if `hurry` is 2. */
+static int64_t size_class(int64_t length, int64_t hurry)
+{
+    const int64_t parts = hurry < 2 ? 8 : 1;
+    int64_t octave = 0, rest = length;
+    while (rest >= 2 * parts) {
+        rest /= 2;
+        octave++;
+    }
+    return min_i64(parts * octave + rest, N_CLASSES - 1);
+}
+
+/* Find the lowest, then leftmost free place from `first` on, with the top below the row `below`;
+   x and y are -1 where there is none. */
+static struct spot lowest_place(
+    const struct free_cells *cells, const struct turned_chart *chart, struct spot first,
+    int64_t below, int64_t *steps)
+{
+    const int64_t n_columns = cells->n_columns, n_spans = chart->n_spans;
+    const int64_t stop = min_i64(cells->n_rows, below - 1) - chart->height + 1;
+    int64_t probe = 0; /* the span that failed last is the likeliest to fail again */
+    for (int64_t y = first.y; y < stop; y++) {
+        const int32_t *runs = cells->runs + y * n_columns;
+        int64_t x = y == first.y ? first.x : 0, passed = 0;
+        while (passed < n_spans && x + chart->width <= n_columns) {
+            ++*steps;
+            const struct span span = chart->spans[probe];
+            const int32_t *row = runs + span.row * n_columns;
+            int64_t run = row[x + span.begin];
+            if (run >= span.end - span.begin) {
+                passed++;
+                probe = probe + 1 < n_spans ? probe + 1 : 0;
+                continue;
+            }
+            /* Jump over the obstacle to the next free cell of that row. */
+            passed = 0;
+            if (run > 0) {
+                x += run;
+                if (x + span.begin >= n_columns) {
+                    x = n_columns;
+                    break;
+                }
+                run = row[x + span.begin];
+            }
+            x -= run;
+            if (x + span.begin >= n_columns)
+                break;
+        }
+        if (passed == n_spans && x + chart->width <= n_columns)
+            return (struct spot){x, y};
+    }
+    return (struct spot){-1, -1};
+}
+
+/* Block the cells of a row from `begin` to `end`; return the number of steps. */
+static int64_t block_row(int32_t *row, int64_t begin, int64_t end, int64_t n_columns)
+{
+    if (row[begin] <= begin - end)
+        return 0; /* all of it is blocked already */
+    /* Continue to the end of any blocked run that follows. */
+    const int64_t after = end < n_columns && row[end] < 0 ? end - row[end] : end;
+    for (int64_t column = begin; column < end; column++)
+        row[column] = (int32_t)(column - after);
+    for (int64_t column = begin - 1; column >= 0 && row[column] > 0; column--)
+        row[column] = (int32_t)(begin - column);
+    return end - begin;
+}
+
+/* Block the cells near a chart that was just placed; return the number of steps. */
+static int64_t block_chart(
+    const struct free_cells *cells, const struct turned_chart *chart, int64_t x, int64_t y,
+    int64_t n_widths, const int32_t *half_widths)
+{
+    const int64_t reach = n_widths / 2;
+    int64_t steps = 0;
+    for (int64_t i = 0; i < chart->n_spans; i++) {
+        const struct span span = chart->spans[i];
+        for (int64_t step = -reach; step <= reach; step++) {
+            const int64_t row = y + span.row + step;
+            if (row < 0 || row >= cells->n_rows)
+                continue;
+            const int64_t aside = half_widths[step + reach];
+            const int64_t begin = max_i64(x + span.begin - aside, 0);
+            const int64_t end = min_i64(x + span.end + aside, cells->n_columns);
+            steps += 1 + block_row(
+                cells->runs + row * cells->n_columns, begin, end, cells->n_columns);
+        }
+    }
+    return steps;
+}
+
+/* The charts to place, the cells that they have left, and where to begin a search for a box of
+   about a given size: at the last place that one was found, if there is a hurry. */
+struct placing {
+    const struct chart_masks *masks;
+    int64_t hurry;
+    struct free_cells cells;
+    struct spot (*firsts)[N_CLASSES];
+    struct span *spans, *best_spans;
+    int64_t work;
+};
+
+/* Find the pose, quarter turn and place with the lowest top: its spans are `best_spans` then.
+   Returns the chart as it lies there, without spans if there is no place. */
+static struct turned_chart find_place(struct placing *placing, int64_t chart, int32_t place[4])
+{
+    const int64_t n_columns = placing->cells.n_columns, hurry = placing->hurry;
+    const int64_t turns = hurry < 2 ? 4 : 2;
+    int64_t least_top = placing->cells.n_rows + 1;
+    struct turned_chart best = {0, 0, 0, NULL};
+    for (int64_t item = 0; item < turns * placing->masks->n_poses; item++) {
+        const struct mask mask = mask_of(placing->masks, chart, item / turns);
+        const int64_t turn = item % turns;
+        const int64_t width = turn % 2 == 0 ? mask.width : mask.height;
+        const int64_t height = turn % 2 == 0 ? mask.height : mask.width;
+        if (width > n_columns || height >= least_top)
+            continue;
+        const int64_t n_spans = write_spans(mask, turn, placing->spans);
+        struct spot *first = &placing->firsts[size_class(width, hurry)][size_class(height, hurry)];
+        const struct turned_chart turned = {width, height, n_spans, placing->spans};
+        const struct spot found =
+            lowest_place(&placing->cells, &turned, *first, least_top, &placing->work);
+        placing->work += mask.width * mask.height;
+        if (hurry > 0 && found.y >= 0)
+            *first = found;
+        else if (hurry > 0 && least_top - height > first->y)
+            *first = (struct spot){0, least_top - height};
+        if (found.y >= 0) {
+            least_top = found.y + height;
+            place[0] = (int32_t)found.x;
+            place[1] = (int32_t)found.y;
+            place[2] = (int32_t)(item / turns);
+            place[3] = (int32_t)turn;
+            best = turned;
+            struct span *const kept = placing->spans;
+            placing->spans = placing->best_spans;
+            placing->best_spans = kept;
+        }
+    }
+    return best;
+}
+
+/* Place the charts of `order`, each where its top ends lowest; return how many found no place.
+   `work` gets the steps of the search. */
+int64_t place_charts(
+    int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t n_order, int64_t n_widths,
+    const uint8_t masks[n_cells], const int64_t starts[n_charts][n_poses],
+    const int64_t boxes[n_charts][n_poses][2], const int32_t order[n_order], int64_t n_rows,
+    int64_t n_columns, const int32_t half_widths[n_widths], bool all_or_nothing, int64_t hurry,
+    int32_t places[n_charts][4], int32_t tops[n_charts], int64_t work[1])
+{
+    OPEN_ARENA(arena);
+    const struct chart_masks all = {n_poses, masks, starts[0], boxes[0]};
+    int64_t most = 1;
+    for (int64_t i = 0; i < n_charts * n_poses; i++)
+        most = max_i64(most, boxes[0][i][0] * boxes[0][i][1]);
+    struct placing placing = {
+        &all, hurry, all_free(arena, n_rows, n_columns),
+        take_zeros(arena, N_CLASSES, sizeof *placing.firsts), TAKE(arena, struct span, most),
+        TAKE(arena, struct span, most), n_rows * n_columns / 4,
+    };
+    int64_t n_missing = 0;
+    for (int64_t i = 0; i < n_order; i++) {
+        const int64_t chart = order[i];
+        const struct turned_chart placed = find_place(&placing, chart, places[chart]);
+        if (placed.n_spans == 0) {
+            n_missing++;
+            if (all_or_nothing)
+                break;
+            continue;
+        }
+        tops[chart] = (int32_t)(places[chart][1] + placed.height);
+        placing.work += block_chart(
+            &placing.cells, &placed, places[chart][0], places[chart][1], n_widths, half_widths);
+    }
+    work[0] = placing.work;
+    close_arena(arena);
+    return n_missing;
+}

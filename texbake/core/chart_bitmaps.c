@@ -1,0 +1,208 @@
+/* Charts rasterized into bitmaps, bitmaps into runs of cells along rows, and charts turned to the
+   least bounding box.
+
+   Called from texbake/mapping/atlas/packing/bitmaps.py and poses.py, and from bottom_left.c. */
+
+#include "chart_bitmaps.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "arena.h"
+#include "core.h"
+#include "numbers.h"
+
+struct extent {
+    double left, right;
+};
+
+/* Least and greatest x of the part of a triangle that lies between two heights. */
+static struct extent extent_between(
+    const double x[3], const double y[3], double bottom, double top)
+{
+    struct extent extent = {INFINITY, -INFINITY};
+    for (int i = 0; i < 3; i++) {
+        const int next = (i + 1) % 3;
+        const double x0 = x[i], y0 = y[i], x1 = x[next], y1 = y[next];
+        if (max_f64(y0, y1) < bottom || min_f64(y0, y1) > top)
+            continue;
+        double t0 = 0.0, t1 = 1.0;
+        if (y0 != y1) {
+            const double t_bottom = (bottom - y0) / (y1 - y0), t_top = (top - y0) / (y1 - y0);
+            t0 = max_f64(0.0, min_f64(t_bottom, t_top));
+            t1 = min_f64(1.0, max_f64(t_bottom, t_top));
+        }
+        const double begin = x0 + t0 * (x1 - x0), end = x0 + t1 * (x1 - x0);
+        extent.left = min_f64(min_f64(extent.left, begin), end);
+        extent.right = max_f64(max_f64(extent.right, begin), end);
+    }
+    return extent;
+}
+
+/* Mark the cells within `margin` of a triangle in a bitmap. */
+static void mark_triangle(
+    const double x[3], const double y[3], double margin, const int64_t box[2], uint8_t *cells)
+{
+    const double least = min_f64(min_f64(y[0], y[1]), y[2]);
+    const double most = max_f64(max_f64(y[0], y[1]), y[2]);
+    const int64_t width = box[0], height = box[1];
+    const int64_t first = max_i64((int64_t)floor(least - margin), 0);
+    const int64_t last = min_i64((int64_t)floor(most + margin), height - 1);
+    for (int64_t row = first; row <= last; row++) {
+        const struct extent extent =
+            extent_between(x, y, (double)row - margin, (double)(row + 1) + margin);
+        if (!(extent.left <= extent.right))
+            continue;
+        const int64_t begin = max_i64((int64_t)floor(extent.left - margin), 0);
+        const int64_t end = min_i64((int64_t)floor(extent.right + margin), width - 1);
+        if (begin <= end)
+            memset(cells + row * width + begin, 1, (size_t)(end - begin + 1));
+    }
+}
+
+/* Mark each cell within `margin` of a face, in the bitmap of its chart and pose. */
+void mark_faces(
+    int64_t n_faces, int64_t n_charts, int64_t n_poses, int64_t n_cells,
+    const double corners[n_faces][3][n_poses][2], const int32_t face_charts[n_faces],
+    double scale, const double shifts[n_charts][n_poses][2], double margin,
+    const int64_t boxes[n_charts][n_poses][2], const int64_t starts[n_charts][n_poses],
+    uint8_t masks[n_cells])
+{
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t chart = face_charts[face];
+        for (int64_t pose = 0; pose < n_poses; pose++) {
+            double x[3], y[3];
+            for (int corner = 0; corner < 3; corner++) {
+                x[corner] = corners[face][corner][pose][0] * scale + shifts[chart][pose][0];
+                y[corner] = corners[face][corner][pose][1] * scale + shifts[chart][pose][1];
+            }
+            mark_triangle(x, y, margin, boxes[chart][pose], masks + starts[chart][pose]);
+        }
+    }
+}
+
+/* Write the runs of marked cells of a mask after some quarter turns; return how many. */
+int64_t write_spans(struct mask mask, int64_t turn, struct span *spans)
+{
+    const int64_t width = mask.width, height = mask.height;
+    const int64_t n_rows = turn % 2 == 0 ? height : width;
+    const int64_t n_columns = turn % 2 == 0 ? width : height;
+    /* The cell at the beginning of the first row, and the steps to the next column and row. */
+    const uint8_t *origin = mask.cells;
+    int64_t across = 1, down = width;
+    if (turn == 1) {
+        origin += (height - 1) * width;
+        across = -width;
+        down = 1;
+    } else if (turn == 2) {
+        origin += height * width - 1;
+        across = -1;
+        down = -width;
+    } else if (turn == 3) {
+        origin += width - 1;
+        across = width;
+        down = -1;
+    }
+    int64_t count = 0;
+    for (int64_t row = 0; row < n_rows; row++) {
+        int64_t begin = -1;
+        for (int64_t column = 0; column <= n_columns; column++) {
+            const bool is_marked =
+                column < n_columns && origin[row * down + column * across] != 0;
+            if (is_marked && begin < 0) {
+                begin = column;
+            } else if (!is_marked && begin >= 0) {
+                spans[count++] = (struct span){(int32_t)row, (int32_t)begin, (int32_t)column};
+                begin = -1;
+            }
+        }
+    }
+    return count;
+}
+
+/* Write the runs of all charts, poses and quarter turns, and where those of each begin and end;
+   return how many. */
+int64_t list_spans(
+    int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t most,
+    const uint8_t masks[n_cells], const int64_t mask_starts[n_charts][n_poses],
+    const int64_t mask_boxes[n_charts][n_poses][2], int64_t turns, int32_t spans[most][3],
+    int64_t starts[n_charts][n_poses * turns][2])
+{
+    const struct chart_masks all = {n_poses, masks, mask_starts[0], mask_boxes[0]};
+    struct span *written = (struct span *)spans;
+    int64_t count = 0;
+    for (int64_t chart = 0; chart < n_charts; chart++) {
+        for (int64_t i = 0; i < n_poses * turns; i++) {
+            starts[chart][i][0] = count;
+            count += write_spans(mask_of(&all, chart, i / turns), i % turns, written + count);
+            starts[chart][i][1] = count;
+        }
+    }
+    return count;
+}
+
+/* Write the runs of cells that other charts may not touch; return how many. */
+int64_t list_reach(
+    int64_t n_spans, int64_t n_charts, int64_t n_orientations, int64_t n_widths, int64_t most,
+    const int32_t spans[n_spans][3], const int64_t starts[n_charts][n_orientations][2],
+    const int32_t boxes[n_charts][n_orientations][2], const int32_t half_widths[n_widths],
+    int32_t reach[most][3], int64_t reach_starts[n_charts][n_orientations][2])
+{
+    OPEN_ARENA(arena);
+    const int32_t margin = (int32_t)(n_widths / 2);
+    int64_t count = 0;
+    for (int64_t at = 0; at < n_charts * n_orientations; at++) {
+        const arena_mark before = mark_arena(arena);
+        const int64_t width = boxes[0][at][0] + 2 * (int64_t)margin;
+        const int64_t height = boxes[0][at][1] + 2 * (int64_t)margin;
+        uint8_t *cells = TAKE_ZEROS(arena, uint8_t, width * height);
+        for (int64_t i = starts[0][at][0]; i < starts[0][at][1]; i++) {
+            for (int64_t step = 0; step <= 2 * margin; step++) {
+                const int64_t aside = half_widths[step], row = spans[i][0] + step;
+                const int64_t begin = spans[i][1] + margin - aside;
+                const int64_t end = spans[i][2] + margin + aside;
+                memset(cells + row * width + begin, 1, (size_t)(end - begin));
+            }
+        }
+        reach_starts[0][at][0] = count;
+        struct span *written = (struct span *)reach[count];
+        const int64_t n_written = write_spans((struct mask){width, height, cells}, 0, written);
+        for (int64_t i = 0; i < n_written; i++) {
+            written[i].row -= margin;
+            written[i].begin -= margin;
+            written[i].end -= margin;
+        }
+        count += n_written;
+        reach_starts[0][at][1] = count;
+        reset_arena(arena, before);
+    }
+    close_arena(arena);
+    return count;
+}
+
+/* Write the index of the angle at which each chart has the smallest bounding box. */
+void find_least_boxes(
+    int64_t n_points, int64_t n_charts, int64_t n_angles, const double uvs[n_points][2],
+    const int64_t starts[n_charts + 1], const double cosines[n_angles],
+    const double sines[n_angles], int64_t best[n_charts])
+{
+    for (int64_t chart = 0; chart < n_charts; chart++) {
+        double least = INFINITY;
+        for (int64_t i = 0; i < n_angles; i++) {
+            double left = INFINITY, right = -INFINITY, bottom = INFINITY, top = -INFINITY;
+            for (int64_t j = starts[chart]; j < starts[chart + 1]; j++) {
+                const double x = uvs[j][0] * cosines[i] - uvs[j][1] * sines[i];
+                const double y = uvs[j][0] * sines[i] + uvs[j][1] * cosines[i];
+                left = min_f64(left, x);
+                right = max_f64(right, x);
+                bottom = min_f64(bottom, y);
+                top = max_f64(top, y);
+            }
+            const double area = (right - left) * (top - bottom);
+            if (area < least * (1.0 - 1e-9)) { /* more than rounding */
+                least = area;
+                best[chart] = i;
+            }
+        }
+    }
+}
