@@ -169,23 +169,36 @@ static bool is_all_owned(const int32_t charts[], int64_t left, int64_t right)
     return left == right;
 }
 
-/* Columns to the nearest owner for each texel of a segment; NO_OWNER where it is too far away. `squares`
-   begins `reach` texels, the width of the padding, before the first of them. */
+/* Whether any square is larger than this. */
+static bool is_any_above(const int32_t squares[SEGMENT], int32_t square)
+{
+    int32_t largest = 0;
+    for (int64_t x = 0; x < SEGMENT; x++)
+        largest = squares[x] > largest ? squares[x] : largest;
+    return largest > square;
+}
+
+/* Columns to the nearest owner for each texel of a segment; NO_OWNER where it is too far away.
+   `squares` begins `reach` texels, the width of the padding, before the first of them. */
 static void search_window(
     const int32_t *restrict squares, int64_t reach, int32_t shift[restrict SEGMENT])
 {
+    const int32_t *middle = squares + reach;
+    const int32_t beyond = (int32_t)(reach * reach + 1);
     int32_t best[SEGMENT];
     for (int64_t x = 0; x < SEGMENT; x++) {
-        best[x] = (int32_t)(reach * reach + 1);
-        shift[x] = NO_OWNER;
+        best[x] = middle[x] < beyond ? middle[x] : beyond;
+        shift[x] = middle[x] < beyond ? 0 : NO_OWNER;
     }
-    for (int64_t step = 0; step <= 2 * reach; step++) {
-        /* 0, -1, 1, -2, 2, ...: what is found first stays among equals. */
-        const int64_t dx = step % 2 == 0 ? step / 2 : -(step / 2 + 1);
-        const int32_t square = (int32_t)(dx * dx), column = (int32_t)dx;
-        const int32_t *window = squares + reach + dx;
+    /* Outward to both sides: what is found first stays among equals, and the left one. */
+    for (int32_t step = 1; step <= reach; step++) {
+        const int32_t square = step * step, *left = middle - step, *right = middle + step;
+        if (step % 8 == 1 && !is_any_above(best, square))
+            return;
         for (int64_t x = 0; x < SEGMENT; x++) {
-            const int32_t distance = window[x] + square;
+            const int32_t nearer = right[x] < left[x] ? right[x] : left[x];
+            const int32_t column = right[x] < left[x] ? step : -step;
+            const int32_t distance = nearer + square;
             shift[x] = distance < best[x] ? column : shift[x];
             best[x] = distance < best[x] ? distance : best[x];
         }
