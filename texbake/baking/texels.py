@@ -211,6 +211,7 @@ def owned_samples(
             core.list_tiles(
                 owners,
                 faces.corners,
+                TILE,
                 band * TILE,
                 first_texel_row * grid.per_side,
                 grid.per_side,

@@ -585,8 +585,8 @@ void rasterize_uvs(
 void list_tiles(
     int64_t n_lines, int64_t n_columns, int64_t n_faces, int64_t n,
     const int32_t owners[n_lines][n_columns], const int64_t corners[n_faces][3][2],
-    int64_t first_line, int64_t first_row, int64_t per_side, int64_t at, int32_t texel_ids[n],
-    int32_t faces[n], double barycentrics[n][2]);
+    int64_t side, int64_t first_line, int64_t first_row, int64_t per_side, int64_t at,
+    int32_t texel_ids[n], int32_t faces[n], double barycentrics[n][2]);
 
 /* planar_overlap.c */
 int64_t find_planar_overlaps(

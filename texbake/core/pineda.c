@@ -6,11 +6,8 @@
    Called from texbake/baking/texels.py. */
 
 #include "core.h"
+#include "edge_functions.h"
 #include "numbers.h"
-#include "texel_weights.h"
-
-/* As in texbake/baking/texels.py. */
-enum { NO_FACE = -1, TILE = 8 };
 
 /* Narrow the span of a row at height y to the samples inside an edge. */
 static void narrow_span(
@@ -63,17 +60,18 @@ void rasterize_uvs(
     }
 }
 
-/* List one row of tiles, which begins at line `first_line` of `owners`, from sample `at` on. */
+/* List the samples of one row of tiles, squares of `side` samples, which begins at line `first_line`
+   of `owners`; from place `at` on. */
 void list_tiles(
     int64_t n_lines, int64_t n_columns, int64_t n_faces, int64_t n,
     const int32_t owners[n_lines][n_columns], const int64_t corners[n_faces][3][2],
-    int64_t first_line, int64_t first_row, int64_t per_side, int64_t at, int32_t texel_ids[n],
-    int32_t faces[n], double barycentrics[n][2])
+    int64_t side, int64_t first_line, int64_t first_row, int64_t per_side, int64_t at,
+    int32_t texel_ids[n], int32_t faces[n], double barycentrics[n][2])
 {
     const int64_t width = n_columns / per_side;
-    const int64_t stop_line = min_i64(first_line + TILE, n_lines);
-    for (int64_t tile = 0; tile < n_columns; tile += TILE) {
-        const int64_t stop_column = min_i64(tile + TILE, n_columns);
+    const int64_t stop_line = min_i64(first_line + side, n_lines);
+    for (int64_t tile = 0; tile < n_columns; tile += side) {
+        const int64_t stop_column = min_i64(tile + side, n_columns);
         for (int64_t line = first_line; line < stop_line; line++) {
             const int64_t row = first_row + line;
             for (int64_t column = tile; column < stop_column; column++) {
@@ -83,7 +81,7 @@ void list_tiles(
                 texel_ids[at] = (int32_t)(row / per_side * width + column / per_side);
                 faces[at] = face;
                 const int64_t x = column * UNIT + UNIT / 2, y = row * UNIT + UNIT / 2;
-                weigh_texel(corners[face], x, y, barycentrics[at]);
+                write_point_weights(corners[face], x, y, barycentrics[at]);
                 at++;
             }
         }
