@@ -1,1 +1,0 @@
-"""The compiled kernels of the mappings, one file for each algorithm, apart from what calls them."""
