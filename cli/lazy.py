@@ -15,34 +15,35 @@ import click
 from .failures import failures_as_one_line
 from .html import keep_command
 
-COMMANDS = (
-    "info",
-    "check",
-    "make",
-    "simplify",
-    "unwrap",
-    "cage",
-    "bake-normals",
-    "bake-displacement",
-    "bake",
-    "bake-lightmap",
-    "remap",
-    "bake-texture",
-    "pack-textures",
-    "height-to-normal",
-    "normal-to-height",
-    "mipmap",
-    "cubemap",
-    "preview",
-    "compare",
-    "export",
-    "run",
-    "build",
-    "watch",
-    "schema",
-    "study",
-    "demo",
-)
+# Each with the first sentence of its help, so that the list of commands imports none of them.
+COMMANDS = {
+    "info": "Print what is in MESH.",
+    "check": "Find problems of a bake before it runs.",
+    "make": "Make a mesh of a parametric surface.",
+    "simplify": "Reduce MESH to fewer triangles.",
+    "unwrap": "Give MESH texture coordinates.",
+    "cage": "Fit a cage around HIGH, starting from LOW.",
+    "bake-normals": "Bake a normal map of HIGH for LOW.",
+    "bake-displacement": "Bake a displacement map of HIGH for LOW.",
+    "bake": "Bake one or several maps of HIGH for LOW.",
+    "bake-lightmap": "Bake the static lights of SCENE into light maps.",
+    "remap": "Make other maps from the hits of an earlier bake.",
+    "bake-texture": "Bake a procedure or photographs into a texture.",
+    "pack-textures": "Pack several IMAGEs into one.",
+    "height-to-normal": "Make a normal map from the heights in HEIGHT.",
+    "normal-to-height": "Make a height map from the normals in NORMAL.",
+    "mipmap": "Write the mip levels of IMAGE, down to one texel.",
+    "cubemap": "Convert SOURCE to a cube map, or from one.",
+    "preview": "Draw a mesh with its maps, or a scene.",
+    "compare": "Measure how close LOW with its maps comes to HIGH.",
+    "export": "Write MESH and its maps for another program.",
+    "run": "Do the whole job: from HIGH to a finished asset.",
+    "build": "Build the assets of a pipeline file.",
+    "watch": "Build again whenever a file changes, until Ctrl-C.",
+    "schema": "Print the JSON Schema of pipeline or scene files.",
+    "study": "Measure what each setting buys and costs.",
+    "demo": "Do the whole job on an orange that is made by code.",
+}
 
 
 class LazyGroup(click.Group):
@@ -60,6 +61,17 @@ class LazyGroup(click.Group):
         command = getattr(import_module(f".commands.{name}", __package__), name)
         assert isinstance(command, click.Command)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands and what each is for."""
+        width = formatter.width - 6 - max(map(len, COMMANDS))
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [
+                    (name, click.Command(name, help=purpose).get_short_help_str(width))
+                    for name, purpose in COMMANDS.items()
+                ]
+            )
 
     def make_context(
         self,

@@ -42,6 +42,13 @@ def test_help_lists_every_command_with_its_purpose() -> None:
     assert "..." not in result.output.partition("Commands:")[2]  # each fits its line
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_of_commands_says_what_each_says_itself(name: str) -> None:
+    command = texbake.get_command(click.Context(texbake), name)
+    assert command is not None
+    assert f"{command.get_short_help_str(200)}." == COMMANDS[name]
+
+
 def test_version(run: Run) -> None:
     done = run("--version")
     assert (done.returncode, done.stdout) == (0, f"texbake, version {package.__version__}\n")
