@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,7 +28,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
     """
     target = _target_of(path)
     # The name does not contain that of `path`: some writers accept only names that are UTF-8.
-    temporary = target.with_name(f".texbake-{secrets.token_hex(6)}{target.suffix}")
+    temporary = target.with_name(f".texbake-{os.urandom(6).hex()}{target.suffix}")
     try:
         # Create the file first, so that an unwritable folder fails before the work, not after it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))

@@ -19,7 +19,6 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
-from texbake.jobs.uv_pictures import check_layout, render_checker, write_layout
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import UnwrapReport, unwrap_together
 from texbake.mesh.compose import join_meshes
@@ -72,6 +71,9 @@ def unwrap_files(
     threads, progress
         As for `unwrap`.
     """
+    if layout is not None or checker is not None:  # they import the renderer
+        from texbake.jobs.uv_pictures import check_layout, render_checker, write_layout
+
     options = options or UnwrapOptions()
     paths = [Path(meshes)] if isinstance(meshes, str | os.PathLike) else list(map(Path, meshes))
     outputs = _unwrap_outputs(paths, Path(output))

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from html import escape
 from itertools import pairwise
 from typing import Any
-from xml.sax.saxutils import escape
 
 import numpy as np
 import numpy.typing as npt
@@ -87,7 +87,7 @@ def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool
     if heat:
         parts.append(_layer("scale", _scale(window)))
         height += 3 * legend_size(window.width)
-    title = escape("".join(letter for letter in mesh.name if letter.isprintable()))
+    title = escape("".join(filter(str.isprintable, mesh.name)), quote=False)
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{window.width}" height="{height}" '
         f'viewBox="0 0 {window.width * _UNITS} {height * _UNITS}">\n<title>{title}</title>\n'
@@ -259,7 +259,7 @@ def _text(words: str, x_px: float, y_px: float, size_px: float, *, anchor: str =
     x, y, size = (round(value * _UNITS) for value in (x_px, y_px, size_px))
     return (
         f'<text x="{x}" y="{y}" font-size="{size}" font-family="sans-serif" '
-        f'text-anchor="{anchor}" fill="{_hex(INK)}">{escape(words)}</text>\n'
+        f'text-anchor="{anchor}" fill="{_hex(INK)}">{escape(words, quote=False)}</text>\n'
     )
 
 
