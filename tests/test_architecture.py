@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[1]
 # A room imports from itself and from those before it; the first is texbake/ itself, without its
 # __init__.py, which points into every room.
 ROOMS = (
-    "", "core", "mesh", "mapping", "texture", "raycast", "sampling", "baking", "rendering", "checks",
-    "pages", "jobs", "building", "study",
+    "", "core", "mesh", "mapping", "texture", "raycast", "sampling", "baking", "rendering",
+    "checks", "pages", "jobs", "building", "study",
 )  # fmt: skip
 # ... and these know nothing of each other.
 STRANGERS = {("baking", "rendering"), ("rendering", "baking")}

@@ -65,6 +65,7 @@ from .errors import (
     UnwrapError as UnwrapError,
     UvError as UvError,
 )
+from .jobs.cages import cage_file as cage_file
 from .jobs.check_meshes import (
     check_mesh_files as check_mesh_files,
     render_findings as render_findings,
@@ -99,7 +100,6 @@ from .jobs.maps import (
 from .jobs.meshes import (
     MeshFileInfo as MeshFileInfo,
     Relief as Relief,
-    cage_file as cage_file,
     info_file as info_file,
     make_file as make_file,
     repair_file as repair_file,

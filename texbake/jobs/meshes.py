@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from texbake.baking.cage.fit import Cage, fit_cage
 from texbake.files import PathLike
 from texbake.jobs.outputs import (
     JobResult,
@@ -265,37 +264,3 @@ def simplify_levels(
         write_mesh(low, output)
         done.append(JobResult(files=given(output), report=figures, warnings=tuple(figures.notes)))
     return done
-
-
-def cage_file(
-    high: PathLike,
-    low: PathLike,
-    output: PathLike,
-    *,
-    margin: float | None = None,
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-) -> JobResult[Cage]:
-    """Fit a cage around a high-poly mesh file, and write it.
-
-    Parameters
-    ----------
-    high, low
-        Mesh files.
-    output
-        The cage: the low-poly mesh with its vertices moved outwards.
-    margin, threads
-        As for `fit_cage`.
-    progress
-        Receives the stages.
-    """
-    check_distinct([output], [high, low])
-    check_mesh(output)
-    cage = fit_cage(
-        read_mesh(high, progress=progress),
-        read_mesh(low, progress=progress),
-        margin=margin,
-        threads=threads,
-    )
-    write_mesh(cage.mesh, output)
-    return JobResult(files=given(output), report=cage, warnings=tuple(cage.warnings))

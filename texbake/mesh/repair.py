@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.repair_options import RepairOptions
@@ -117,17 +118,16 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     such as a Möbius strip, is left as it is. Each face is two nodes of a graph, one as it is and
     one turned over; neighbors that agree are linked like with like, others crosswise. A connected
     component is then one way to orient a part.
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
 
+    Kernel: `core/union_find.c`.
+    """
     n = mesh.n_faces
     first, second, agree, at_other_edges = _neighbors(mesh.faces)
     crossed = np.where(agree, 0, n)
-    rows = np.concatenate([first, first + n])
-    columns = np.concatenate([second + crossed, second + (n - crossed)])
-    links = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(2 * n, 2 * n))
-    _, components = connected_components(links, directed=False)
+    nodes = np.concatenate([first, first + n]).astype(np.int32)
+    neighbors = np.concatenate([second + crossed, second + (n - crossed)]).astype(np.int32)
+    components = np.arange(2 * n, dtype=np.int32)
+    core.merge_labels(components, nodes, neighbors)
     as_is, over = components[:n], components[n:]
     parts = np.minimum(as_is, over)
     flags: npt.NDArray[np.bool_] = as_is > over

@@ -1,0 +1,82 @@
+"""What a fresh process imports for a command: only what the command needs.
+
+Times are not measured here; what is imported decides most of the time of a command on a small mesh.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# Each takes 40 ms or more to import; numpy takes as long, and no command on meshes is without it.
+HEAVY = frozenset({
+    "OpenImageIO", "PIL", "embreex", "jinja2", "matplotlib", "meshoptimizer", "numba", "pydantic",
+    "pymeshlab", "rich", "scipy", "skimage", "ssl", "trimesh", "xatlas",
+})  # fmt: skip
+
+
+# What casts rays; numba loads scipy.
+RAYS = "embreex numba scipy"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a mesh that has texture coordinates, and a denser one."""
+    path = tmp_path_factory.mktemp("imports")
+    loaded_by("make sphere -o low.obj --resolution 12x8", path)
+    loaded_by("make sphere -o high.ply --resolution 24x16", path)
+    return path
+
+
+def loaded_by(line: str, folder: Path) -> set[str]:
+    """Top-level names of the modules that a process has loaded after a command."""
+    code = (
+        "import sys\n"
+        "from texbake_cli.main import texbake\n"
+        f"texbake({line.split()!r}, prog_name='texbake', standalone_mode=False)\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    return {name.split(".")[0] for name in done.stdout.splitlines()[-1].split()}
+
+
+def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "from click.testing import CliRunner\n"
+        "from texbake_cli.main import texbake\n"
+        "assert CliRunner().invoke(texbake, ['--help']).exit_code == 0\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    names = set(done.stdout.split())
+    assert not {name for name in names if name.startswith("texbake_cli.commands.")}
+    assert not names & {"numpy", "texbake.core", "texbake.schema"}
+
+
+@pytest.mark.parametrize(
+    ("line", "needed"),
+    [
+        ("info low.obj", ""),
+        ("make torus -o torus.ply --resolution 12x8", ""),
+        ("simplify high.ply -o less.ply --faces 100", "meshoptimizer"),
+        ("unwrap low.obj -o fast.obj --size 64 --quality fast", ""),
+        ("unwrap low.obj -o good.obj --size 64", ""),
+        ("unwrap low.obj -o layout.obj --size 64 --quality fast --layout layout.svg", ""),
+        ("preview low.obj -o picture.png --size 32x32", ""),
+        ("bake-texture low.obj -o marble.png --procedure marble --size 32", RAYS),
+        ("compare high.ply low.obj -o compared.png --size 32x32", "PIL"),
+        ("bake high.ply low.obj -o maps --size 32", RAYS),
+        ("bake-normals high.ply low.obj -o normal.png --size 32", RAYS),
+        ("check high.ply low.obj --fail-on never", RAYS),
+        ("cage high.ply low.obj -o cage.obj", RAYS),
+    ],
+)
+def test_a_command_loads_what_it_needs(line: str, needed: str, folder: Path) -> None:
+    assert loaded_by(line, folder) & HEAVY <= set(needed.split())

@@ -1,0 +1,43 @@
+"""Cages for mesh files."""
+
+from __future__ import annotations
+
+from texbake.baking.cage.fit import Cage, fit_cage
+from texbake.files import PathLike
+from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.progress import ProgressSink
+
+
+def cage_file(
+    high: PathLike,
+    low: PathLike,
+    output: PathLike,
+    *,
+    margin: float | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[Cage]:
+    """Fit a cage around a high-poly mesh file, and write it.
+
+    Parameters
+    ----------
+    high, low
+        Mesh files.
+    output
+        The cage: the low-poly mesh with its vertices moved outwards.
+    margin, threads
+        As for `fit_cage`.
+    progress
+        Receives the stages.
+    """
+    check_distinct([output], [high, low])
+    check_mesh(output)
+    cage = fit_cage(
+        read_mesh(high, progress=progress),
+        read_mesh(low, progress=progress),
+        margin=margin,
+        threads=threads,
+    )
+    write_mesh(cage.mesh, output)
+    return JobResult(files=given(output), report=cage, warnings=tuple(cage.warnings))
