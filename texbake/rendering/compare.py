@@ -4,6 +4,9 @@ Both meshes are rendered with the same camera, and the angle between their shadi
 space is measured at each pixel. The angles include differences in shape; compare them with those of
 the bare low-poly mesh. Pixels that see only one of the meshes, or clearly different parts of them
 (near silhouettes), are left out of the angles and counted separately.
+
+Based on: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
+structural similarity", IEEE TIP 13(4), 2004, for SSIM.
 """
 
 from __future__ import annotations
@@ -25,7 +28,6 @@ from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
 from texbake.rendering.resolve import Frame
-from texbake.rendering.similarity import peak_signal_to_noise, structural_similarity
 from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage
@@ -279,13 +281,17 @@ def _closeness(errors: list[_Errors], high: Frame, low: Frame) -> Closeness:
 
 def _similarity(high: Frame, low: Frame) -> tuple[float, float]:
     """PSNR and mean SSIM of two pictures, over the pixels that either mesh touches."""
+    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
     seen = (high.coverage > 0) | (low.coverage > 0)
     first, second = encode_srgb(high.color[..., :3]), encode_srgb(low.color[..., :3])
     if not seen.any() or np.array_equal(first[seen], second[seen]):
         return math.inf, 1.0
-    psnr = peak_signal_to_noise(first[seen], second[seen])
+    psnr = peak_signal_noise_ratio(first[seen], second[seen], data_range=1.0)
     window = min(7, *(side - 1 + side % 2 for side in seen.shape))
     if window < 3:
-        return psnr, math.nan
-    similarities = structural_similarity(first, second, window)
-    return psnr, float(similarities[seen].mean())
+        return float(psnr), math.nan
+    _, similarities = structural_similarity(
+        first, second, data_range=1.0, channel_axis=2, full=True, win_size=window
+    )
+    return float(psnr), float(similarities[seen].mean())
