@@ -1,22 +1,73 @@
-"""An independent `RayScene`: rays through the public interface of embreex, slow but plain."""
+"""Independent ray casters: through the public interface of embreex, and in plain numpy."""
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from texbake.core import core
 from texbake.raycast.fans import DEPTH, N_COLUMNS, OPEN, OPEN_DIRECTION
-from texbake.raycast.moller_trumbore import refine_kernel
-from texbake.raycast.packets import directions_kernel, frames_kernel
 from texbake.raycast.rays import NO_HIT, RayHits
 
 MAX_BACK_FACES = 64  # back faces that a ray passes through before it counts as a miss
 FARTHEST = np.finfo(np.float32).max
 
 
+def refine(hits, rays, mesh, frame):
+    """Where rays meet the planes of the faces they hit, in float64, in place."""
+    hit = np.flatnonzero(hits.faces != NO_HIT)
+    corners = frame.to_local(mesh.positions)[mesh.faces[hits.faces[hit]]]
+    a, b, c = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    directions, starts = rays.directions[hit], rays.origins[hit] - a
+    slopes = -np.einsum("ij,ij->i", directions, np.cross(b, c))
+    moments = np.cross(directions, starts)
+    met = slopes != 0.0
+    hit, slopes, moments = hit[met], slopes[met], moments[met]
+    b, c, starts, directions = b[met], c[met], starts[met], directions[met]
+    u = np.clip(-np.einsum("ij,ij->i", moments, c) / slopes, 0.0, 1.0)
+    v = np.clip(np.einsum("ij,ij->i", moments, b) / slopes, 0.0, 1.0 - u)
+    hits.barycentrics[hit] = np.column_stack([u, v])
+    ways = u[:, None] * b + v[:, None] * c - starts
+    hits.distances[hit] = np.einsum("ij,ij->i", ways, directions)
+
+
+class PlainScene:
+    """Tests every ray against every face, by three signed volumes in float64."""
+
+    def __init__(self, mesh, frame):
+        self.mesh, self.frame = mesh, frame
+
+    def cast(self, rays, *, cull_back_faces=True):
+        hits = RayHits.misses(len(rays))
+        corners = self.frame.to_local(self.mesh.positions)[self.mesh.faces]
+        for i in range(len(rays)):
+            if rays.lengths[i] <= 0.0:
+                continue
+            direction = rays.directions[i]
+            p, q, r = np.moveaxis(corners - rays.origins[i], 1, 0)
+            volumes = np.stack([np.cross(r, q), np.cross(p, r), np.cross(q, p)]) @ direction
+            total = volumes.sum(axis=0)
+            inside = ((volumes >= 0.0).all(axis=0) | (volumes <= 0.0).all(axis=0)) & (total != 0.0)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                points = (volumes[0, :, None] * p + volumes[1, :, None] * q
+                          + volumes[2, :, None] * r) / total[:, None]  # fmt: skip
+            distances = np.where(inside, points @ direction, np.inf)
+            distances[~((distances >= 0.0) & (distances <= rays.lengths[i]))] = np.inf
+            behind = np.where(total <= 0.0, distances, np.inf).min()
+            ahead = np.where(total > 0.0, distances, np.inf) if cull_back_faces else distances
+            end = rays.lengths[i]
+            if np.isfinite(ahead.min()):
+                hits.faces[i], hits.distances[i] = ahead.argmin(), ahead.min()
+                end = ahead.min()
+            hits.passed_back[i] = behind <= end
+        refine(hits, rays, self.mesh, self.frame)
+        return hits
+
+
 class EmbreexScene:
     """Casts all rays in one call, and those that hit a back face again from behind it."""
 
     caster = "embreex"
+    in_chunks = False
 
     def __init__(self, mesh, frame):
         self.mesh, self.frame = mesh, frame
@@ -37,7 +88,8 @@ class EmbreexScene:
     def close(self):
         self.scene = self.triangles = None
 
-    def cast(self, rays, *, cull_back_faces=True):
+    def cast(self, rays, *, cull_back_faces=True, places=None):
+        del places
         hits = RayHits.misses(len(rays))
         starts = np.zeros(len(rays))
         open_rays = np.flatnonzero(rays.lengths > 0.0)
@@ -45,10 +97,14 @@ class EmbreexScene:
             if len(open_rays) == 0:
                 break
             open_rays = self._cast_once(rays, open_rays, starts, hits, cull_back_faces)
-        lines = (rays.origins, rays.directions, rays.lengths)
-        triangles = (self.mesh.positions, self.mesh.faces, self.frame.center, self.frame.scale)
-        refine_kernel(triangles, lines, (hits.faces, hits.barycentrics, hits.distances))
+        refine(hits, rays, self.mesh, self.frame)
         return hits
+
+    def cast_band(self, rays, places, *, cull_back_faces):
+        return self.cast(rays, cull_back_faces=cull_back_faces)
+
+    def prepare_fans(self):
+        return self
 
     def _cast_once(self, rays, chosen, starts, hits, cull):
         """Cast the chosen rays from their starts on; return those that must go on."""
@@ -83,11 +139,13 @@ class EmbreexScene:
         n, n_rays = len(fans), sets.shape[1]
         results = np.full((n, N_COLUMNS), np.nan, dtype=np.float32)
         frames, directions = np.empty((12, n), np.float32), np.empty((3, n), np.float32)
-        frames_kernel(fans.axes, fans.planes, 0, frames)
+        core.fan_frames(fans.axes, fans.planes, frames)
         set_ids = fans.set_ids & np.uint32(len(sets) - 1)
 
         def cast(side, length, query, j):
-            directions_kernel(frames, set_ids, sets, j, np.float32(side), directions)
+            core.fan_directions(
+                n_rays, frames, set_ids, sets.reshape(-1, 3), j, side, directions
+            )
             origins = fans.points + side * occlusion_range.offset * fans.planes
             lengths = np.full(n, min(length, FARTHEST), dtype=np.float32)
             return self.scene.run(

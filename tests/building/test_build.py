@@ -3,7 +3,7 @@
 import errno
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from texbake.building.store import Store
 from texbake.building.task import Task, TaskOutcome, run_task
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
-from texbake.raycast.rays import RayHits, Rays
+from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.scene import RayScene
 from texbake.texture.image import read_image, write_image
 
@@ -82,14 +82,14 @@ def test_less_memory_gives_the_same_bytes(
     run(path)
     before = contents(path.parent / "build")
     in_chunks: list[RayScene] = []
-    cast_in_chunks = RayScene._cast_in_chunks
+    trees = RayScene.trees
 
-    def spy(scene: RayScene, rays: Rays, cull: bool) -> RayHits:
-        if not any(scene is known for known in in_chunks):
+    def spy(scene: RayScene) -> Iterator[MortonTree]:
+        if scene.in_chunks and not any(scene is known for known in in_chunks):
             in_chunks.append(scene)
-        return cast_in_chunks(scene, rays, cull)
+        return trees(scene)
 
-    monkeypatch.setattr(RayScene, "_cast_in_chunks", spy)
+    monkeypatch.setattr(RayScene, "trees", spy)
     again, steps = run(path, folder=path.parent / "small", max_memory="1M")
     assert again.ok and len(steps) == 6 and len(in_chunks) == 2
     assert contents(path.parent / "small") == before

@@ -1,5 +1,6 @@
 """A mesh traced in chunks against one ray tree over all of it: byte for byte the same."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,8 @@ from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.raycast.embree import pair_faces
-from texbake.raycast.exact_hits import drop_uncertain_hits, retry_misses
-from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.morton_tree import MortonTree
+from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
 MAPS = ("normal", "displacement", "vector-displacement", "position", "curvature", "opacity")
@@ -67,8 +67,6 @@ def test_chunks_find_what_one_tree_finds(
         RayScene.build(layered, frame, chunk_faces=size, threads=2),
     )
     whole, parts = (scene.cast(rays, cull_back_faces=cull) for scene in scenes)
-    for found in whole, parts:
-        drop_uncertain_hits(found, rays, layered, frame, 1)
     for one, other in zip(whole.arrays(), parts.arrays(), strict=True):
         assert np.array_equal(one, other)
     assert (whole.faces != NO_HIT).mean() > 0.5
@@ -94,36 +92,12 @@ def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
         assert set(np.unique(hits.faces)) - {NO_HIT} == {0, 1}
 
 
-def test_uncertain_hits_are_few_and_the_retry_finds_them(layered: Mesh, frame: LocalFrame) -> None:
-    """Of rays that are aimed inside faces; what is dropped lies near an edge of its face."""
-    rays = rays_at(layered, frame, 100_000, seed=5)
-    rays = rays.where(slice(50_000, None))
-    found = RayScene.build(layered, frame).cast(rays)
-    before = found.faces.copy()
-    drop_uncertain_hits(found, rays, layered, frame, 2)
-    dropped = (found.faces == NO_HIT) & (before != NO_HIT)
-    assert 0 < dropped.sum() < 50
-    corners = frame.to_local(layered.positions)[layered.faces[before[dropped]]]
-    edges = np.roll(corners, -1, axis=1) - corners
-    seen = rays.where(dropped)
-    moments = np.einsum(
-        "nkx,nkx->nk", seen.origins[:, None] - corners, np.cross(seen.directions[:, None], edges)
-    )
-    # Corners are at most 0.15 away, of which a millionth is doubtful; 1e-7 for their own rounding.
-    passing = np.abs(moments) / np.linalg.norm(edges, axis=2)
-    assert passing.min(axis=1).max() < 0.15e-6 + 1e-7
-    again = retry_misses(rays.where(dropped), layered, frame, cull_back_faces=True)
-    assert (again.faces != NO_HIT).mean() > 0.9
-
-
-def test_chunks_do_not_cut_pairs_of_faces(layered: Mesh, frame: LocalFrame) -> None:
-    quads, _ = pair_faces(layered.faces)
-    for size in (2, 3, 100, 1001, layered.n_faces):
-        chunks = list(RayScene.build(layered, frame, chunk_faces=size).chunks())
-        assert np.array_equal(np.vstack([part for _, part, _ in chunks]), quads)
-        firsts = np.concatenate([first + ends[:-1] for first, _, ends in chunks])
-        assert np.array_equal(firsts, pair_faces(layered.faces)[1][:-1])
-        assert max(ends[-1] for _, _, ends in chunks) <= max(size, 2) + 1
+def test_chunks_hold_each_face_once(layered: Mesh, frame: LocalFrame) -> None:
+    for size in (1000, 1001, layered.n_faces):
+        trees = list(RayScene.build(layered, frame, chunk_faces=size).trees())
+        faces = [tree.ids[tree.ids >= 0] for tree in trees]
+        assert max(map(len, faces)) <= size
+        assert np.array_equal(np.sort(np.concatenate(faces)), np.arange(layered.n_faces))
 
 
 @pytest.fixture(scope="module")
@@ -151,13 +125,13 @@ def test_a_bake_has_the_same_bytes(
     options = BakeOptions(maps=MAPS, size=128, samples=4, keep_hits=True, padding=2)
     whole = bake(*pair, options)
     made: list[int] = []
-    cast_in_chunks = RayScene._cast_in_chunks
+    trees = RayScene.trees
 
-    def spy(scene: RayScene, rays: Rays, cull: bool) -> RayHits:
-        made.append(-(-scene.mesh.n_faces // (scene._chunk_faces or 1)))
-        return cast_in_chunks(scene, rays, cull)
+    def spy(scene: RayScene) -> Iterator[MortonTree]:
+        made.append(len(list(trees(scene))))
+        return trees(scene)
 
-    monkeypatch.setattr(RayScene, "_cast_in_chunks", spy)
+    monkeypatch.setattr(RayScene, "trees", spy)
     most = limit(pair, options, n_chunks)
     parts = bake(*pair, BakeOptions(**{**vars(options), "max_memory": most}))
     assert set(made) == {n_chunks}

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.ray_kernels import hits_kernel
 from texbake.baking.texels import Samples
+from texbake.core import core
 from texbake.mesh.frame import LocalFrame
 from texbake.parallel import run_bands
 from texbake.raycast.rays import RayHits, Rays, Rows
@@ -17,8 +17,6 @@ from texbake.raycast.rays import RayHits, Rays, Rows
 @dataclass(frozen=True, eq=False)
 class Hits(Rows):
     """The hits of a bake, one row for each sample that a face of the low-poly mesh owns.
-
-    Samples whose ray missed at first come last, whether the exact retry found a hit or not.
 
     Attributes
     ----------
@@ -48,6 +46,19 @@ class Hits(Rows):
     secondary: npt.NDArray[np.float32] | None = None
 
     @classmethod
+    def empty(cls, samples: Samples) -> Hits:
+        """Return rows of samples, to be filled."""
+        n = len(samples)
+        return cls(
+            samples.texel_ids,
+            samples.faces,
+            np.empty((n, 2), dtype=np.float32),
+            np.empty(n, dtype=np.int32),
+            np.empty((n, 2), dtype=np.float32),
+            np.empty((n, 3), dtype=np.float32),
+        )
+
+    @classmethod
     def of(
         cls,
         samples: Samples,
@@ -58,24 +69,32 @@ class Hits(Rows):
         threads: int | None = None,
     ) -> Hits:
         """Combine samples with what their rays hit; lengths become model units."""
-        n = len(samples)
-        hits = cls(
-            samples.texel_ids,
-            samples.faces,
-            np.empty((n, 2), dtype=np.float32),
-            ray_hits.faces,
-            np.empty((n, 2), dtype=np.float32),
-            np.empty((n, 3), dtype=np.float32),
-        )
+        hits = cls.empty(samples)
 
         def fill(start: int, stop: int) -> None:
             band = slice(start, stop)
-            hits_kernel(
-                (samples.barycentrics[band], rays.directions[band], rays.fronts[band]),
-                (ray_hits.faces[band], ray_hits.barycentrics[band], ray_hits.distances[band]),
-                frame.scale,
-                (hits.low_barycentrics[band], hits.high_barycentrics[band], hits.offsets[band]),
+            hits.where(band).fill(
+                samples.where(band), rays.where(band), ray_hits.where(band), frame
             )
 
-        run_bands(fill, n, band=1 << 16, threads=threads)
+        run_bands(fill, len(samples), band=1 << 16, threads=threads)
         return hits
+
+    def fill(self, samples: Samples, rays: Rays, ray_hits: RayHits, frame: LocalFrame) -> None:
+        """Fill in the rows of samples, in place, from what their rays hit.
+
+        Kernel: `core/sample_rays.c`.
+        """
+        self.high_faces[:] = ray_hits.faces
+        core.offsets_of_hits(
+            samples.barycentrics,
+            rays.directions,
+            rays.fronts,
+            ray_hits.faces,
+            ray_hits.barycentrics,
+            ray_hits.distances,
+            frame.scale,
+            self.low_barycentrics,
+            self.high_barycentrics,
+            self.offsets,
+        )

@@ -9,23 +9,28 @@ mask blends the direction of each ray between that of the bake (0: smooth, witho
 detail beside hard edges skewed) and the normal of the face (1: straight, with gaps at hard edges).
 An offset map scales how far out a ray starts: 1 keeps the front distance, or that of the cage; 0
 starts on the low-poly surface. Both are looked up bilinearly at the samples.
+
+Kernels: `core/sample_rays.c`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.ray_kernels import rays_kernel, reshape_kernel
-from texbake.baking.texels import Samples
+from texbake.baking.texels import SampleGrid, Samples
+from texbake.core import core
 from texbake.errors import CageError, OptionError
+from texbake.mapping.seams import chart_ids
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
 from texbake.parallel import run_bands
 from texbake.raycast.rays import Rays
+from texbake.raycast.scene import RayPlaces
 from texbake.texture.lookup import lookup
 
 Float32Array = npt.NDArray[np.float32]
@@ -159,10 +164,10 @@ class RayField:
         self.faces = low.faces
         if cage is not None:
             check_cage(cage, low)
-        self.starts = self.positions if cage is None else frozen(frame.to_local(cage.positions))
-        self._has_cage = cage is not None
+        self.starts = None if cage is None else frozen(frame.to_local(cage.positions))
         normals, corners = ray_normals(low, kind)
         self.normals, self.normal_faces = frozen(normals), frozen(corners)
+        self._low = low
         self._threads = threads
         self._maps = maps
         self._corner_uvs = None if maps is None else low.corner_uvs()
@@ -172,50 +177,68 @@ class RayField:
                 low, frame, kind="face", front=front, back=back, threads=threads
             )
 
-    def rays(self, samples: Samples) -> Rays:
-        """Return the rays of some samples, in their order."""
+    def rays(self, samples: Samples, *, threads: int | None = None) -> Rays:
+        """Return the rays of some samples, in their order; `threads` are those given, for None."""
+        threads = self._threads if threads is None else threads
         n = len(samples)
         rays = Rays(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n))
 
         def fill(start: int, stop: int) -> None:
-            rays_kernel(
-                samples.faces[start:stop],
-                samples.barycentrics[start:stop],
-                (self.positions, self.starts, self.faces),
-                (self.normals, self.normal_faces),
-                (self.front, self.back, self._has_cage),
-                rays.origins[start:stop],
-                rays.directions[start:stop],
-                rays.lengths[start:stop],
-                rays.fronts[start:stop],
-                (np.empty(3), np.empty(3)),
+            band = slice(start, stop)
+            core.cast_from_samples(
+                samples.faces[band],
+                samples.barycentrics[band],
+                self.positions,
+                self.starts,
+                self.faces,
+                self.normals,
+                self.normal_faces,
+                self.front,
+                self.back,
+                *rays.where(band).arrays(),
             )
 
-        run_bands(fill, n, band=1 << 15, threads=self._threads)
+        run_bands(fill, n, band=1 << 15, threads=threads)
         if self._maps is not None:
-            self._reshape(rays, samples, self._maps)
+            self._reshape(rays, samples, self._maps, threads)
         return rays
 
-    def _reshape(self, rays: Rays, samples: Samples, maps: RayMaps) -> None:
+    @cached_property
+    def layout(self) -> tuple[FloatArray, IntArray]:
+        """(F, 3, 2) texture coordinates of the corners, and (F,) int32 charts of the faces."""
+        return self._low.corner_uvs(), chart_ids(self._low).astype(np.int32, copy=False)
+
+    def places(self, samples: Samples, grid: SampleGrid) -> RayPlaces:
+        """Return where the rays of samples stand in a grid over the texture."""
+        corner_uvs, charts = self.layout
+        cells = np.empty((len(samples), 2), dtype=np.int32)
+        core.place_samples(
+            samples.faces, samples.barycentrics, corner_uvs, grid.n_columns, grid.n_rows, cells
+        )
+        return RayPlaces(cells, charts[samples.faces])
+
+    def _reshape(self, rays: Rays, samples: Samples, maps: RayMaps, threads: int | None) -> None:
         """Change rays, in place, according to the images."""
         assert self._corner_uvs is not None
         uvs = _sample_uvs(self._corner_uvs, samples.faces, samples.barycentrics)
-        skew, offset = maps.skew_at(uvs, self._threads), maps.offset_at(uvs, self._threads)
-        straight = rays if self._straight is None else self._straight.rays(samples)
+        skew, offset = maps.skew_at(uvs, threads), maps.offset_at(uvs, threads)
+        straight = rays if self._straight is None else self._straight.rays(samples, threads=threads)
 
         def reshape(start: int, stop: int) -> None:
             band = slice(start, stop)
-            reshape_kernel(
+            core.reshape_rays(
                 samples.faces[band],
                 samples.barycentrics[band],
-                (self.positions, self.faces),
-                (skew[band], offset[band]),
+                self.positions,
+                self.faces,
+                skew[band],
+                offset[band],
                 straight.directions[band],
                 self.back,
-                (rays.origins[band], rays.directions[band], rays.lengths[band], rays.fronts[band]),
+                *rays.where(band).arrays(),
             )
 
-        run_bands(reshape, len(samples), band=1 << 15, threads=self._threads)
+        run_bands(reshape, len(samples), band=1 << 15, threads=threads)
 
 
 def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:

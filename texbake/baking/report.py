@@ -186,7 +186,6 @@ class BakeReport:
             (
                 "rays",
                 f"{counts.rays_cast:,} cast, {counts.rays_missed:,} missed, "
-                f"{counts.rays_recovered:,} recovered, "
                 f"{counts.rays_past_back_faces:,} past back faces",
             ),
             *([("secondary rays", f"{counts.secondary_rays:,}")] if counts.secondary_rays else []),

@@ -22,7 +22,6 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import Stages
-from texbake.raycast.exact_hits import drop_uncertain_hits
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
@@ -183,7 +182,6 @@ def _from_low(
     )
     # On its way out a ray hits the high-poly surface from behind.
     found = scene.cast(rays, cull_back_faces=False)
-    drop_uncertain_hits(found, rays, scene.mesh, frame, threads)
     out, into = np.split(np.where(found.faces == NO_HIT, np.inf, found.distances), 2)
     return (
         _greatest(out[(out < into) & np.isfinite(out)]),

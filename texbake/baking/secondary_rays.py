@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.ray_kernels import place_fans_kernel
 from texbake.baking.scenes import BakeScenes
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
@@ -119,7 +119,7 @@ def fans_of(
     *,
     threads: int | None = None,
 ) -> Fans:
-    """Fans from hits, none of which is a miss.
+    """Fans from hits, none of which is a miss. Kernel: `core/ray_fans.c`.
 
     Parameters
     ----------
@@ -140,11 +140,17 @@ def fans_of(
         weights = hits.low_barycentrics[band].view(np.uint32)
         faces = hits.low_faces[band].view(np.uint32)
         fans.set_ids[band] = mixed(mixed(mixed(faces) ^ weights[:, 0]) ^ weights[:, 1])
-        place_fans_kernel(
-            (hits.high_faces[band], hits.high_barycentrics[band]),
-            (high.positions, high.faces, frame.center, frame.scale),
-            normals,
-            (fans.points[band], fans.axes[band], fans.planes[band]),
+        core.place_fans(
+            hits.high_faces[band],
+            hits.high_barycentrics[band],
+            high.positions,
+            high.faces,
+            frame.center,
+            frame.scale,
+            *normals,
+            fans.points[band],
+            fans.axes[band],
+            fans.planes[band],
         )
 
     run_bands(fill, n, band=_BAND, threads=threads)

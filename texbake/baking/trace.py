@@ -23,10 +23,10 @@ from texbake.baking.texels import (
 )
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.parallel import run_bands
 from texbake.progress import Stages
-from texbake.raycast.exact_hits import drop_uncertain_hits, retry_misses
 from texbake.raycast.fans import OcclusionRange
-from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.rays import NO_HIT, RayHits
 
 
 @dataclass
@@ -39,7 +39,6 @@ class TraceCounts:
     faces_without_uv_area: int = 0
     rays_cast: int = 0
     rays_missed: int = 0
-    rays_recovered: int = 0
     rays_past_back_faces: int = 0
     secondary_rays: int = 0
 
@@ -86,7 +85,7 @@ class Trace:
         )
 
     def hits(self) -> Iterator[Hits]:
-        """Yield the hits of one band of texels after another, then those that missed at first.
+        """Yield the hits of one band of texels after another.
 
         Raises
         ------
@@ -97,19 +96,12 @@ class Trace:
         grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
         faces = self.snap(grid)
         with self.casting() as rays:
-            missed: list[Missed] = []
             for band in owned_bands(faces, grid, self.stages, threads=options.threads):
                 with self.stages.part("rasterize"):
                     band.note_faces(self.texel_faces)
                 self.counts.samples_overlapping += band.n_overlaps
                 self.counts.samples_covered += len(band.samples)
-                hits, misses = rays.cast(band.samples)
-                if misses is not None:
-                    missed.append(misses)
-                    hits = hits.without(np.flatnonzero(hits.high_faces == NO_HIT))
-                yield hits
-            if missed:
-                yield rays.retry(missed)
+                yield rays.cast(band.samples, grid)
 
     def snap(self, grid: SampleGrid) -> SnappedFaces:
         """Snap the low-poly mesh to a grid, and count the faces that cannot be baked."""
@@ -131,6 +123,8 @@ class Trace:
         self.caster = scenes.high.caster
         try:
             ray_field = self._field(scenes)
+            with self.stages.part("prepare low-poly mesh"):
+                _ = ray_field.layout  # made here, before threads ask for it
             secondary = self.secondary
             reach = None if secondary is None else secondary.occlusion_range(scenes)
             yield SampleCaster(self, scenes, ray_field, reach)
@@ -177,22 +171,8 @@ class Trace:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class Missed:
-    """Samples whose rays hit nothing, or too close to an edge to be certain.
-
-    Attributes
-    ----------
-    samples : Samples
-    rays : Rays
-        One per sample.
-    n_uncertain : int
-        How many of them were uncertain hits.
-    """
-
-    samples: Samples
-    rays: Rays
-    n_uncertain: int
+# Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
+_SAMPLES_PER_BAND = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,42 +190,49 @@ class SampleCaster:
     field: RayField
     occlusion_range: OcclusionRange | None
 
-    def cast(self, samples: Samples) -> tuple[Hits, Missed | None]:
-        """Return hits and misses of some samples, in their order, and those to retry, if any."""
-        trace, scene = self.trace, self.scenes.high
-        options = trace.options
-        with trace.stages.part("cast rays"):
-            rays = self.field.rays(samples)
-            found = scene.cast(rays, cull_back_faces=options.cull_back_faces)
-            n_uncertain = drop_uncertain_hits(found, rays, scene.mesh, scene.frame, options.threads)
-            self._count(found)
-            hits = Hits.of(samples, rays, found, scene.frame, threads=options.threads)
-            missed = found.faces == NO_HIT
-        hits = self._cast_secondary(hits)
-        if missed.any():
-            return hits, Missed(samples.where(missed), rays.where(missed), n_uncertain)
-        return hits, None
+    def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
+        """Return hits and misses of some samples, in their order.
 
-    def retry(self, missed: list[Missed]) -> Hits:
-        """Return the exact hits of samples that missed, and the remaining misses, in order."""
-        trace, scene = self.trace, self.scenes.high
-        options = trace.options
-        with trace.stages.stage("retry missed rays", unit="rays"):
-            samples = Samples.joined([part.samples for part in missed])
-            rays = Rays.joined([part.rays for part in missed])
-            found = retry_misses(
-                rays,
-                scene.mesh,
-                scene.frame,
-                cull_back_faces=options.cull_back_faces,
-                threads=options.threads,
-            )
-            n_found = int(np.count_nonzero(found.faces != NO_HIT))
-            n_uncertain = sum(part.n_uncertain for part in missed)
-            trace.counts.rays_recovered += max(n_found - n_uncertain, 0)
-            trace.counts.rays_missed -= n_found
-            hits = Hits.of(samples, rays, found, scene.frame, threads=options.threads)
+        Parameters
+        ----------
+        grid
+            Of which each sample is the only one in its cell, more or less.
+        """
+        scene, options = self.scenes.high, self.trace.options
+        with self.trace.stages.part("cast rays"):
+            if scene.in_chunks:
+                rays = self.field.rays(samples)
+                places = self.field.places(samples, grid)
+                found = scene.cast(rays, cull_back_faces=options.cull_back_faces, places=places)
+                hits = Hits.of(samples, rays, found, scene.frame, threads=options.threads)
+                counted = [_counts(found)]
+            else:
+                hits, counted = self._cast_by_bands(samples, grid)
+            counts = self.trace.counts
+            counts.rays_cast += len(samples)
+            counts.rays_missed += sum(n for n, _ in counted)
+            counts.rays_past_back_faces += sum(n for _, n in counted)
         return self._cast_secondary(hits)
+
+    def _cast_by_bands(
+        self, samples: Samples, grid: SampleGrid
+    ) -> tuple[Hits, list[tuple[int, int]]]:
+        """Cast band by band from samples to hits, so that rays need no memory."""
+        scene, options = self.scenes.high, self.trace.options
+        hits = Hits.empty(samples)
+        counted: list[tuple[int, int]] = []
+
+        def cast(start: int, stop: int) -> None:
+            some = samples.where(slice(start, stop))
+            rays = self.field.rays(some, threads=1)
+            found = scene.cast_band(
+                rays, self.field.places(some, grid), cull_back_faces=options.cull_back_faces
+            )
+            hits.where(slice(start, stop)).fill(some, rays, found, scene.frame)
+            counted.append(_counts(found))
+
+        run_bands(cast, len(samples), band=_SAMPLES_PER_BAND, threads=options.threads)
+        return hits, counted
 
     def _cast_secondary(self, hits: Hits) -> Hits:
         """Add what rays from the hits meet, where a map needs it."""
@@ -257,8 +244,7 @@ class SampleCaster:
         self.trace.counts.secondary_rays += n_rays
         return hits
 
-    def _count(self, found: RayHits) -> None:
-        counts = self.trace.counts
-        counts.rays_cast += len(found.faces)
-        counts.rays_missed += int(np.count_nonzero(found.faces == NO_HIT))
-        counts.rays_past_back_faces += int(np.count_nonzero(found.passed_back))
+
+def _counts(found: RayHits) -> tuple[int, int]:
+    """How many rays missed, and how many passed back faces."""
+    return int(np.count_nonzero(found.faces == NO_HIT)), int(np.count_nonzero(found.passed_back))

@@ -23,9 +23,6 @@
 
 #pragma GCC visibility push(default)
 
-/* processor.c */
-bool has_x86_64_v3(void);
-
 /* ambient_occlusion.c */
 void find_places(
     int64_t sample_rows, int64_t sample_columns, int64_t n_positions, int64_t n_faces,
@@ -484,6 +481,23 @@ void sample_trilinear(
     OPTIONAL const float derivatives[n][4], int64_t wrap, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
 
+/* morton_tree.c */
+void place_on_curve(
+    int64_t n, int64_t n_vertices, const double positions[n_vertices][3], const int32_t faces[n][3],
+    int64_t first, const double box[3], double cells_per_unit, uint64_t places[n]);
+void count_digits(int64_t n, const uint64_t places[n], int64_t shift, int64_t counts[1024]);
+void move_by_digits(
+    int64_t n, int64_t n_all, const uint64_t places[n], int64_t shift, int64_t next[1024],
+    uint64_t sorted[n_all]);
+void fill_leaves(
+    int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_leaves, int64_t n_nodes,
+    const uint64_t places[n], const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const double center[3], double scale,
+    double leaves[n_leaves][9][8], int32_t ids[n_leaves][8], float nodes[n_nodes][6][8]);
+void join_boxes(
+    int64_t n_children, int64_t n_nodes, const float children[n_children][6][8],
+    float nodes[n_nodes][6][8]);
+
 /* multisampling.c */
 int64_t count_fragments(
     int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
@@ -610,6 +624,9 @@ void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered]);
 
+/* processor.c */
+bool has_x86_64_v3(void);
+
 /* projected_pictures.c */
 void find_pixel_steps(
     int64_t n, int64_t n_corners, int64_t n_faces, const double points[n][3],
@@ -675,6 +692,23 @@ void quantize(
     const double offsets[n_channels], double noise, double top, uint16_t codes[n][n_channels],
     int64_t start, int64_t stop);
 
+/* ray_fans.c */
+void fan_frames(int64_t n, const float axes[n][3], const float planes[n][3], float frames[12][n]);
+void fan_directions(
+    int64_t n, int64_t n_directions, int64_t n_rays, const float frames[12][n], const uint32_t set_ids[n],
+    const float sets[n_directions][3], int64_t j, float side, float directions[3][n]);
+void cast_fans(
+    int64_t n, int64_t n_directions, const double points[n][3], const float axes[n][3],
+    const float planes[n][3], const uint32_t set_ids[n], const float sets[n_directions][3],
+    int64_t n_rays, double offset, double outer, double inner, uintptr_t scene,
+    uintptr_t occluded, uintptr_t intersect, float results[n][5]);
+void place_fans(
+    int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const double positions[n_vertices][3],
+    const int32_t corners[n_faces][3], const double center[3], double scale,
+    const float normals[n_normals][3], const int32_t normal_corners[n_faces][3],
+    double points[n][3], float axes[n][3], float planes[n][3]);
+
 /* ray_occlusion.c */
 void find_mostly_hidden(
     int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n_ids, int64_t n_samples,
@@ -682,6 +716,30 @@ void find_mostly_hidden(
     const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const int32_t face_ids[n_ids], const double samples[n_samples][3], const double eye[4],
     int64_t start, int64_t stop, bool hidden[n_ids]);
+
+/* sample_rays.c */
+void cast_from_samples(
+    int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const double barycentrics[n][2], const double positions[n_vertices][3],
+    OPTIONAL const double starts[n_vertices][3], const int32_t corners[n_faces][3],
+    const double normals[n_normals][3], const int32_t normal_corners[n_faces][3], double front,
+    double back, double origins[n][3], double directions[n][3], double lengths[n],
+    double fronts[n]);
+void reshape_rays(
+    int64_t n, int64_t n_vertices, int64_t n_faces, const int32_t faces[n],
+    const double barycentrics[n][2], const double positions[n_vertices][3],
+    const int32_t corners[n_faces][3], const float skew[n], const float offset[n],
+    const double straight[n][3], double back, double origins[n][3], double directions[n][3],
+    double lengths[n], double fronts[n]);
+void place_samples(
+    int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
+    const double corner_uvs[n_faces][3][2], int64_t n_columns, int64_t n_rows,
+    int32_t places[n][2]);
+void offsets_of_hits(
+    int64_t n, const double sample_barycentrics[n][2], const double directions[n][3],
+    const double fronts[n], const int32_t faces[n], const double barycentrics[n][2],
+    const double distances[n], double scale, float low_barycentrics[n][2],
+    float high_barycentrics[n][2], float offsets[n][3]);
 
 /* sample_statistics.c */
 void add_fragments_squared(
@@ -876,6 +934,19 @@ void combine_samples(
     int64_t n, int64_t n_channels, float sums[n][n_channels], const uint8_t counts[n],
     const float neutral[n_channels], int64_t mode);
 
+/* tile_bundles.c */
+void cast_bundles(
+    int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
+    const double leaves[n_leaves][9][8], const int32_t ids[n_leaves][8],
+    const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
+    const double origins[n][3], const double directions[n][3], const double lengths[n],
+    OPTIONAL const int32_t places[n][2], OPTIONAL const int32_t charts[n], int64_t n_together,
+    bool cull, double nearest[n], double backs[n], int32_t faces[n], double barycentrics[n][2],
+    double distances[n], bool passed_back[n]);
+void sort_keys_of_rays(
+    int64_t n, const double origins[n][3], const double directions[n][3], const double lengths[n],
+    uint64_t keys[n]);
+
 /* triangle_cutting.c */
 int64_t close_marks(
     int64_t n, int64_t n_points, int64_t n_edges, const int32_t faces[n][3],
@@ -896,6 +967,10 @@ void cut_triangles(
     int32_t base_faces_out[n_out], float weights_out[n_out][3][2], int32_t ends_out[n_ends][2],
     int32_t place_vertices[n_places], int32_t place_faces[n_places],
     float place_weights[n_places][2], int64_t start, int64_t stop);
+
+/* triangle_pairs.c */
+int64_t pair_triangles(
+    int64_t n, const int32_t faces[n][3], int32_t quads[n][4], int32_t first_faces[n + 1]);
 
 /* triangle_tree.c */
 void morton_keys(

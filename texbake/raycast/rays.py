@@ -27,8 +27,8 @@ class Rows:
         """Return the arrays, or None, in the order of the fields."""
         return [getattr(self, field.name) for field in fields(self)]
 
-    def where(self, chosen: npt.NDArray[np.bool_] | slice) -> Self:
-        """Return the rows that a mask or a slice selects; a slice gives views, not copies."""
+    def where(self, chosen: npt.NDArray[np.bool_ | np.intp] | slice) -> Self:
+        """Return the rows that a mask, indices or a slice select; a slice gives views."""
         return type(self)(*(None if array is None else array[chosen] for array in self.arrays()))
 
     def without(self, dropped: npt.NDArray[np.integer]) -> Self:

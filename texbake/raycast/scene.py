@@ -1,34 +1,65 @@
 """A mesh that rays are cast into: `RayScene.build` makes it, `RayScene.cast` turns rays into hits.
 
-Embree finds which triangle a ray hits, in float32 and in packets of rays on several threads; where
-on the triangle is then computed in float64. Hits do not depend on the number of threads, on the
-other rays of a call, or on whether the mesh is traced in chunks.
+Rays that start side by side and are nearly parallel go through the tree in bundles. Hits are exact:
+no ray passes between two triangles that share an edge, and a hit does not depend on the number of
+threads, on the other rays of a call, or on whether the mesh is traced in chunks.
+
+Fans of secondary rays, whose directions differ, are cast by Embree.
+
+Kernel: `core/tile_bundles.c`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import resolve_threads, run_bands
-from texbake.raycast.embree import DIRECTION, PACKET, EmbreeScene, RayPacket, pair_faces
+from texbake.raycast.embree import EmbreeScene, pair_faces
 from texbake.raycast.fans import N_COLUMNS, Fans, OcclusionRange
-from texbake.raycast.moller_trumbore import refine_kernel
-from texbake.raycast.packets import fans_kernel, nearest_hits_kernel
-from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.morton_tree import MortonTree
+from texbake.raycast.rays import RayHits, Rays
 
 Float32Array = npt.NDArray[np.float32]
 
-# Multiples of PACKET, so that packets are the same for any number of threads.
+BUNDLE_SIDE = 16  # texels along one side of a square whose rays are one bundle
 _RAYS_PER_BAND = 1 << 14
-_FANS_PER_BAND = 1 << 10
+_FANS_PER_BAND = 1 << 10  # a multiple of the packets of Embree
+# Rays without places: bundles are the smaller the fewer rays there are for each triangle, so that a
+# bundle of rays that are far apart does not visit many triangles for nothing.
+_MOST_TOGETHER = 64
+_KEY_LEVELS = 10  # of the Morton curve in the keys that rays are sorted by
+_TRIANGLES_PER_BUNDLE = 256
+
+
+@dataclass(frozen=True, eq=False)
+class RayPlaces:
+    """Where rays stand in a texture, for bundles: rows as in `Rays`.
+
+    The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other.
+
+    Attributes
+    ----------
+    cells : (n, 2) int32
+        Column and row.
+    charts : (n,) int32
+        Rays of different charts are not in one bundle.
+    """
+
+    cells: npt.NDArray[np.int32]
+    charts: npt.NDArray[np.int32]
+
+    def where(self, chosen: slice) -> RayPlaces:
+        """Return some rows."""
+        return RayPlaces(self.cells[chosen], self.charts[chosen])
 
 
 class RayScene:
@@ -41,24 +72,24 @@ class RayScene:
     mesh : Mesh
     frame : LocalFrame
         Rays, and distances of hits, are in this frame.
+    in_chunks : bool
+        Whether each call builds the trees of chunks anew.
     caster : str
         Name of what casts the rays, for reports.
     """
 
-    caster = "Embree, packets"
+    caster = "tile bundles"
 
     def __init__(
         self, mesh: Mesh, frame: LocalFrame, chunk_faces: int | None, threads: int
     ) -> None:
         self.mesh = mesh
         self.frame = frame
-        self._chunk_faces = chunk_faces
+        self.in_chunks = chunk_faces is not None
+        self._chunk_faces = chunk_faces or max(mesh.n_faces, 1)
         self._threads = threads
-        self._tree: EmbreeScene | None = None
-        if chunk_faces is None:
-            quads, self._first_faces = pair_faces(mesh.faces)
-            positions = frame.to_local(mesh.positions).astype(np.float32)
-            self._tree = EmbreeScene(positions, quads, threads)
+        self._tree = None if self.in_chunks else MortonTree.build(mesh, frame, threads=threads)
+        self._embree: EmbreeScene | None = None
 
     @classmethod
     def build(
@@ -74,19 +105,13 @@ class RayScene:
         Parameters
         ----------
         chunk_faces : int, optional
-            For a mesh whose ray tree would not fit into memory: the most faces in a tree, at
-            least 2. Each call then builds the trees of the chunks anew, one at a time. None: one
-            tree over the whole mesh.
+            For a mesh whose ray tree would not fit into memory: the most faces in a tree. Each call
+            then builds the trees of the chunks anew, one at a time. None: one tree over the whole
+            mesh.
         threads : int, optional
             None: every processor.
-
-        Raises
-        ------
-        DependencyError
-            embreex, or the Embree library in it, does not load; or memory ran out.
         """
-        chunk = None if chunk_faces is None else max(chunk_faces, 2)
-        return cls(mesh, frame, chunk, resolve_threads(threads))
+        return cls(mesh, frame, chunk_faces, resolve_threads(threads))
 
     def __enter__(self) -> Self:
         return self
@@ -96,31 +121,95 @@ class RayScene:
 
     def close(self) -> None:
         """Free the memory of Embree."""
-        if self._tree is not None:
-            self._tree.close()
+        if self._embree is not None:
+            self._embree.close()
 
-    def cast(self, rays: Rays, *, cull_back_faces: bool = True) -> RayHits:
-        """Find the first hit of each ray within its length.
+    def cast(
+        self, rays: Rays, *, cull_back_faces: bool = True, places: RayPlaces | None = None
+    ) -> RayHits:
+        """Find the first hit of each ray within its length; of equally near faces the lowest.
 
-        With culling, rays pass through faces that face away from their origin. A few hits near
-        edges are uncertain, and a few rays miss by rounding: see `texbake.raycast.exact_hits`.
+        With culling, rays pass through faces that face away from their origin.
+
+        Parameters
+        ----------
+        places
+            For rays of samples of a texture, which are then cast in bundles of neighbors. Other
+            rays are sorted first. The hits are the same.
         """
-        if self._tree is None:
-            return self._cast_in_chunks(rays, cull_back_faces)
-        hits, _ = _nearest_hits(
-            self._tree,
-            self._first_faces,
-            rays,
-            cull=cull_back_faces,
-            threads=self._threads,
-            refine=self._refine,
-        )
+        if places is not None:
+            return self._cast_in_order(rays, places, cull_back_faces, self._threads)
+        if len(rays) == 0:
+            return RayHits.misses(0)
+        keys = np.empty(len(rays), dtype=np.uint64)
+        core.sort_keys_of_rays(rays.origins, rays.directions, rays.lengths, keys)
+        order = np.argsort(keys, kind="stable")
+        groups = _groups(keys[order])
+        found = self._cast_in_order(rays.where(order), groups, cull_back_faces, self._threads)
+        hits = RayHits.misses(len(rays))
+        for mine, theirs in zip(hits.arrays(), found.arrays(), strict=True):
+            mine[order] = theirs
         return hits
+
+    def cast_band(self, rays: Rays, places: RayPlaces, *, cull_back_faces: bool) -> RayHits:
+        """As `cast`, in this thread alone."""
+        return self._cast_in_order(rays, places, cull_back_faces, 1)
+
+    def _cast_in_order(
+        self, rays: Rays, places: RayPlaces | IntArray, cull: bool, threads: int
+    ) -> RayHits:
+        """Cast rays that stand in a texture, or that belong to groups."""
+        cells = places.cells if isinstance(places, RayPlaces) else None
+        groups = places.charts if isinstance(places, RayPlaces) else places
+        hits = RayHits.misses(len(rays))
+        # What the test of rays and triangles has computed, which decides between chunks.
+        nearest, backs = np.full(len(rays), np.inf), np.full(len(rays), np.inf)
+        together = _TRIANGLES_PER_BUNDLE * len(rays) // max(self.mesh.n_faces, 1)
+        together = min(max(together, 1), _MOST_TOGETHER)
+        for tree in self.trees():
+
+            def cast(start: int, stop: int, tree: MortonTree = tree) -> None:
+                band = slice(start, stop)
+                core.cast_bundles(
+                    tree.leaves,
+                    tree.ids,
+                    tree.nodes,
+                    tree.starts,
+                    tree.box,
+                    rays.origins[band],
+                    rays.directions[band],
+                    rays.lengths[band],
+                    None if cells is None else cells[band],
+                    groups[band],
+                    together,
+                    cull,
+                    nearest[band],
+                    backs[band],
+                    hits.faces[band],
+                    hits.barycentrics[band],
+                    hits.distances[band],
+                    hits.passed_back[band],
+                )
+
+            run_bands(cast, len(rays), band=_RAYS_PER_BAND, threads=threads)
+        return hits
+
+    def trees(self) -> Iterator[MortonTree]:
+        """Yield the tree over the mesh, or those over its chunks, one at a time."""
+        if self._tree is not None:
+            yield self._tree
+            return
+        n = self.mesh.n_faces
+        for first in range(0, n, self._chunk_faces):
+            faces = range(first, min(first + self._chunk_faces, n))
+            yield MortonTree.build(self.mesh, self.frame, faces, threads=self._threads)
 
     def cast_fans(
         self, fans: Fans, sets: Float32Array, occlusion_range: OcclusionRange
     ) -> Float32Array:
         """Cast all rays of the fans.
+
+        Kernel: `core/ray_fans.c`.
 
         Parameters
         ----------
@@ -136,154 +225,51 @@ class RayScene:
         ------
         OptionError
             The mesh is traced in chunks, and these rays need all of it at once.
+        DependencyError
+            embreex, or the Embree library in it, does not load; or memory ran out.
         """
-        if self._tree is None:
+        if self.in_chunks:
             raise OptionError(
                 f"max_memory: {self.mesh.name} is traced in chunks, and ambient occlusion, bent "
                 "normals and thickness need all of it at once; bake them without max_memory"
             )
-        tree, results = self._tree, np.full((len(fans), N_COLUMNS), np.nan, dtype=np.float32)
+        scene = self.prepare_fans()
+        results = np.full((len(fans), N_COLUMNS), np.nan, dtype=np.float32)
         set_ids = fans.set_ids & np.uint32(len(sets) - 1)
 
         def cast(start: int, stop: int) -> None:
             band = slice(start, stop)
-            packet = RayPacket()
-            fields = packet.words.reshape(-1, PACKET)
-            fans_kernel(
-                tree.secondary_addresses(packet),
-                (packet.valid, fields, packet.ids.reshape(-1, PACKET)),
-                fields[DIRECTION : DIRECTION + 3],
-                (fans.points[band], fans.axes[band], fans.planes[band], set_ids[band]),
-                sets,
-                (occlusion_range.offset, occlusion_range.outer, occlusion_range.inner),
+            core.cast_fans(
+                fans.points[band],
+                fans.axes[band],
+                fans.planes[band],
+                set_ids[band],
+                sets.reshape(-1, 3),
+                sets.shape[1],
+                occlusion_range.offset,
+                occlusion_range.outer,
+                occlusion_range.inner,
+                *scene.addresses(),
                 results[band],
             )
 
         run_bands(cast, len(fans), band=_FANS_PER_BAND, threads=self._threads)
         return results
 
-    def _refine(self, hits: RayHits, rays: Rays) -> None:
-        """Compute where rays meet the faces they hit, in place."""
-        refine_kernel(
-            (self.mesh.positions, self.mesh.faces, self.frame.center, self.frame.scale),
-            (rays.origins, rays.directions, rays.lengths),
-            (hits.faces, hits.barycentrics, hits.distances),
-        )
-
-    def _cast_in_chunks(self, rays: Rays, cull: bool) -> RayHits:
-        """As `cast`: the hit of a ray is the nearest one in all chunks.
-
-        A face is hit by the same rays at the same distances in the tree over the whole mesh and in
-        that over its chunk, chunks begin where a pair of faces does, and of equally near faces the
-        first one counts.
-        """
-        hits = RayHits.misses(len(rays))
-        firsts = np.full(len(rays), np.inf, dtype=np.float32)
-        for first, quads, first_faces in self.chunks():
-            with closing(self._chunk_tree(quads)) as tree:
-
-                def merge(
-                    start: int,
-                    stop: int,
-                    *,
-                    first: int = first,
-                    first_faces: IntArray = first_faces,
-                    tree: EmbreeScene = tree,
-                ) -> None:
-                    band = slice(start, stop)
-                    part = _nearest_hits(tree, first_faces, rays.where(band), cull=cull, threads=1)
-                    _merge_nearer(hits.where(band), firsts[band], part, first)
-
-                run_bands(merge, len(rays), band=_RAYS_PER_BAND, threads=self._threads)
-
-        def refine(start: int, stop: int) -> None:
-            self._refine(hits.where(slice(start, stop)), rays.where(slice(start, stop)))
-
-        run_bands(refine, len(rays), band=_RAYS_PER_BAND, threads=self._threads)
-        return hits
-
-    def chunks(self) -> Iterator[tuple[int, IntArray, IntArray]]:
-        """Yield the first face of each chunk, its quads, and the first face per quad in the chunk.
-
-        The quads are those of the whole mesh: one that the end of a chunk may cut in two goes to
-        the next chunk.
-        """
-        faces, first = self.mesh.faces, 0
-        size = len(faces) if self._chunk_faces is None else self._chunk_faces
-        while first < len(faces):
-            stop = min(first + size + 1, len(faces))
-            quads, first_faces = pair_faces(faces[first:stop])
-            if stop < len(faces):
-                quads, first_faces = quads[:-1], first_faces[:-1]
-            yield first, quads, first_faces
-            first += int(first_faces[-1])
-
-    def _chunk_tree(self, quads: IntArray) -> EmbreeScene:
-        """Tree over some quads, with only the vertices from the lowest to the highest index."""
-        low, high = int(quads.min()), int(quads.max())
-        positions = self.frame.to_local(self.mesh.positions[low : high + 1]).astype(np.float32)
-        return EmbreeScene(positions, quads - np.int32(low), self._threads)
+    def prepare_fans(self) -> EmbreeScene:
+        """Build the tree of Embree, if there is none yet."""
+        if self._embree is None:
+            quads, _ = pair_faces(self.mesh.faces)
+            positions: FloatArray = self.frame.to_local(self.mesh.positions)
+            self._embree = EmbreeScene(positions.astype(np.float32), quads, self._threads)
+        return self._embree
 
 
-def _nearest_hits(
-    tree: EmbreeScene,
-    first_faces: IntArray,
-    rays: Rays,
-    *,
-    cull: bool,
-    threads: int,
-    refine: Callable[[RayHits, Rays], None] | None = None,
-) -> tuple[RayHits, Float32Array]:
-    """Nearest hit of each ray in one tree, in float32; of equally near faces the first.
+def _groups(keys: npt.NDArray[np.uint64]) -> IntArray:
+    """(n,) int32 group of each ray: those in one cell of space, with similar directions.
 
-    Parameters
-    ----------
-    first_faces : (Q + 1,) int32
-        For the quads of the tree, from `pair_faces`.
-    refine
-        Called with each band of hits and its rays, right after they were cast.
-
-    Returns
-    -------
-    hits : RayHits
-        Without barycentrics, unless refined.
-    firsts : (n,) float32
-        Distance of the nearest face from either side; infinite where there is none.
+    On a surface, cells of level k hold about n / 4^(k + 1) of n rays.
     """
-    hits = RayHits.misses(len(rays))
-    firsts = np.full(len(rays), np.inf, dtype=np.float32)
-
-    def cast(start: int, stop: int) -> None:
-        band = slice(start, stop)
-        packet = RayPacket()
-        lines = rays.where(band)
-        found = hits.where(band)
-        nearest_hits_kernel(
-            tree.addresses(packet),
-            (packet.valid, packet.words, packet.ids),
-            (packet.query, packet.query_ids),
-            first_faces,
-            cull,
-            (lines.origins, lines.directions, lines.lengths),
-            (found.faces, found.distances),
-            (found.passed_back, firsts[band]),
-        )
-        if refine is not None:
-            refine(found, lines)
-
-    run_bands(cast, len(rays), band=_RAYS_PER_BAND, threads=threads)
-    return hits, firsts
-
-
-def _merge_nearer(
-    hits: RayHits, firsts: Float32Array, part: tuple[RayHits, Float32Array], first_face: int
-) -> None:
-    """Replace hits, in place, by those that are nearer in the chunk that begins at a face."""
-    others, nearest = part
-    nearer = nearest < firsts
-    firsts[nearer] = nearest[nearer]
-    hits.passed_back[nearer] = others.passed_back[nearer]
-    taken = others.faces != NO_HIT
-    taken &= (hits.faces == NO_HIT) | (others.distances < hits.distances)
-    hits.faces[taken] = others.faces[taken] + first_face
-    hits.distances[taken] = others.distances[taken]
+    level = int(np.clip(np.log2(len(keys) / _MOST_TOGETHER) / 2.0 - 1.0, 0, _KEY_LEVELS))
+    cells = keys >> np.uint64(3 * (_KEY_LEVELS - level))
+    return np.cumsum(np.diff(cells, prepend=cells[:1]) != 0, dtype=np.int32)

@@ -21,12 +21,15 @@ from texbake.baking.adaptive_texels.coverage import (
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
+from texbake.baking.texels import SampleGrid
 from texbake.baking.trace import SampleCaster
 from texbake.mesh.mesh import IntArray
 from texbake.raycast.rays import NO_HIT
 from texbake.sampling.report import generator, n_to_check
 
 IdArray = npt.NDArray[np.int64]
+
+_CHECKS_PER_SIDE = 4  # of a texel: a grid of about as many cells as there are samples
 
 
 class Recheck:
@@ -56,7 +59,8 @@ class Recheck:
         self.texels = _chosen(np.flatnonzero(has_data))
         samples = check_samples(bins, inputs.options.width_px, self.texels)
         caster = replace(caster, occlusion_range=None)  # no map with a bound needs secondary rays
-        self._hits, places = _cast(caster, samples)
+        size = inputs.options.width_px, inputs.options.height_px
+        self._hits, places = _cast(caster, samples, SampleGrid(*size, _CHECKS_PER_SIDE))
         self._ranks = places // self.n_samples
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
@@ -82,16 +86,11 @@ class Recheck:
         return np.asarray(np.linalg.norm(second - first, axis=1))
 
 
-def _cast(caster: SampleCaster, samples: CellSamples) -> tuple[Hits, IntArray]:
+def _cast(caster: SampleCaster, samples: CellSamples, grid: SampleGrid) -> tuple[Hits, IntArray]:
     """Cast samples; return the hits, and the places of their samples."""
-    hits, missed = caster.cast(samples.samples)
-    parts, places = [hits], [samples.places]
-    if missed is not None:
-        parts.append(caster.retry([missed]))
-        places.append(samples.places[hits.high_faces == NO_HIT])
-    hits = Hits.joined(parts)
+    hits = caster.cast(samples.samples, grid)
     is_hit = hits.high_faces != NO_HIT
-    return hits.where(is_hit), np.concatenate(places)[is_hit]
+    return hits.where(is_hit), samples.places[is_hit]
 
 
 def _chosen(candidates: IdArray) -> IdArray:

@@ -7,7 +7,6 @@ the same for any number of threads.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -45,7 +44,7 @@ from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import DistanceSummary
 from texbake.baking.sums import TexelSums
 from texbake.baking.texels import SampleGrid, owned_bands
-from texbake.baking.trace import Missed, SampleCaster, Trace
+from texbake.baking.trace import SampleCaster, Trace
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
@@ -53,14 +52,6 @@ from texbake.sampling.report import percent_within
 
 # So few that what one step writes is still in the cache when the next one reads it.
 _SAMPLES_AT_ONCE = 1 << 17
-
-
-@dataclass(frozen=True)
-class _Misses:
-    """Rays that missed at first, and the cells that they are samples of, part by part."""
-
-    missed: list[Missed] = field(default_factory=list)
-    places: list[IntArray] = field(default_factory=list)
 
 
 class AdaptiveSamples:
@@ -130,7 +121,6 @@ class AdaptiveSamples:
         grid = SampleGrid(width, height, 1)
         with self._stages.part("rasterize"):
             outlined = outlined_texels(bins, width, height)
-        misses = _Misses()
         partly: list[IntArray] = []  # texels that are not sampled at their center
 
         def measure(owners: IntArray, rows: range) -> None:
@@ -149,14 +139,13 @@ class AdaptiveSamples:
         ):
             self._trace.counts.samples_overlapping += band.n_overlaps
             samples = CellSamples.of_texels(band.samples)
-            self._cast_samples(samples, caster, misses, of_texels=True)
+            self._cast_samples(samples, caster, 0)
         with self._stages.stage("bake outlines", recorded=False):
             with self._stages.part("rasterize"):
                 texels = np.concatenate(partly)
                 no_spots = np.zeros(len(texels), dtype=np.uint8)
                 samples = self._samples(bins, 0, (texels, texels, no_spots))
-            self._cast_samples(samples, caster, misses, of_texels=True)
-            self._retry(caster, misses)
+            self._cast_samples(samples, caster, 0)
 
     def _without_parts(self, owners: IntArray, rows: range) -> IntArray:
         """Remove the owners of texels that are not sampled at their center; return these texels."""
@@ -201,7 +190,6 @@ class AdaptiveSamples:
         """Divide some cells of the last level and cast their children, or some of these."""
         level = self._cells.add(places, self._coverage)
         k = len(self._cells.levels)
-        misses = _Misses()
         chosen = level.weights > 0
         if is_cast is not None:
             chosen &= is_cast
@@ -215,9 +203,8 @@ class AdaptiveSamples:
                     samples = self._samples(
                         bins, k, (places, level.texels[some], level.spots[some])
                     )
-                self._cast_samples(samples, caster, misses)
+                self._cast_samples(samples, caster, k)
                 advance(len(some))
-            self._retry(caster, misses)
         return level
 
     def _samples(
@@ -234,27 +221,12 @@ class AdaptiveSamples:
             owners[samples.texel_ids[new][::-1]] = samples.faces[new][::-1]
         return samples
 
-    def _cast_samples(
-        self,
-        samples: CellSamples,
-        caster: SampleCaster,
-        misses: _Misses,
-        *,
-        of_texels: bool = False,
-    ) -> None:
-        """Cast some samples, keep the values of those that hit, and note those that missed."""
+    def _cast_samples(self, samples: CellSamples, caster: SampleCaster, level: int) -> None:
+        """Cast some samples of cells of a level, and keep the values of those that hit."""
         self._trace.counts.samples_covered += len(samples)
-        hits, missed = caster.cast(samples.samples)
-        if missed is not None:
-            misses.missed.append(missed)
-            misses.places.append(samples.places[hits.high_faces == NO_HIT])
-        self._keep(samples.places, hits, of_texels)
-
-    def _retry(self, caster: SampleCaster, misses: _Misses) -> None:
-        """Cast rays that missed once more, so that none is lost to rounding alone."""
-        if misses.missed:
-            hits = caster.retry(misses.missed)
-            self._keep(np.concatenate(misses.places), hits, False)
+        height, width = self._shape
+        hits = caster.cast(samples.samples, SampleGrid(width, height, 1 << level))
+        self._keep(samples.places, hits, level == 0)
 
     def _keep(self, places: IntArray, hits: Hits, of_texels: bool) -> None:
         """Keep the values of hits at the places of their cells."""

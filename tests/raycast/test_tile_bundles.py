@@ -1,0 +1,129 @@
+"""Rays in bundles: the same hits as one by one, and where on a triangle they are."""
+
+import numpy as np
+import pytest
+from embreex_oracle import PlainScene
+
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, uv_sphere
+from texbake.raycast.morton_tree import WIDTH, MortonTree
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import BUNDLE_SIDE, RayPlaces, RayScene
+
+WALL = Mesh(positions=[[0, 0, 0], [0, 1, 0], [0, 0, 1]], faces=[[0, 1, 2]])
+
+
+def met(origin, direction):
+    """Weights, distance and point where a ray meets the wall."""
+    frame = LocalFrame(np.zeros(3), 1.0)
+    direction = np.array([direction]) / np.linalg.norm(direction)
+    rays = Rays(np.array([origin]), direction, np.full(1, 4.0), np.zeros(1))
+    found = RayScene.build(WALL, frame).cast(rays, cull_back_faces=False)
+    assert found.faces[0] == 0
+    return found.barycentrics[0], found.distances[0], rays.origins + found.distances * direction
+
+
+def test_a_ray_across_meets_the_plane_where_a_closed_form_says():
+    weights, distance, _ = met([3.0, 0.25, 1.0], [-3.0, 0.0, -0.5])
+    np.testing.assert_allclose(weights, [0.25, 0.5], rtol=1e-15)
+    np.testing.assert_allclose(distance, np.hypot(3.0, 0.5), rtol=1e-15)
+
+
+def test_a_ray_along_the_triangle_stays_on_it():
+    weights, distance, point = met([1.5e-8, 0.25, 2.0], [-1e-8, 0.0, -1.0])
+    assert (weights >= 0).all()
+    assert weights.sum() <= 1
+    np.testing.assert_allclose(distance, 1.5, atol=1e-7)
+    np.testing.assert_allclose(point[0], [0.0, *weights], atol=1e-7)
+
+
+def test_boxes_of_the_tree_hold_their_triangles():
+    mesh = uv_sphere(37, 41)
+    frame = LocalFrame.around(mesh)
+    tree = MortonTree.build(mesh, frame, threads=2)
+    assert sorted(tree.ids[tree.ids >= 0]) == list(range(mesh.n_faces))
+    corners = frame.to_local(mesh.positions)[mesh.faces]
+    for leaf, ids in enumerate(tree.ids):
+        node, lane = divmod(leaf, WIDTH)
+        inside = corners[ids[ids >= 0]].reshape(-1, 3)
+        box = tree.nodes[node, :, lane]
+        assert (box[:3] <= inside).all()
+        assert (box[3:] >= inside).all()
+        of_leaf = tree.leaves[leaf].reshape(3, 3, WIDTH)
+        np.testing.assert_array_equal(np.moveaxis(of_leaf, 2, 0)[ids >= 0], corners[ids[ids >= 0]])
+    firsts = [*tree.starts, len(tree.nodes)]
+    for below, start, end in zip(firsts, firsts[1:], firsts[2:], strict=False):
+        for child in range(start - below):
+            node, lane = divmod(child, WIDTH)
+            box, boxes = tree.nodes[start + node, :, lane], tree.nodes[below + child]
+            assert start + node < end
+            np.testing.assert_array_equal(box[:3], boxes[:3].min(axis=1))
+            np.testing.assert_array_equal(box[3:], boxes[3:].max(axis=1))
+
+
+def bumpy():
+    return uv_sphere(60, 90, lambda theta, phi: 1 + 0.1 * np.sin(7 * theta) * np.sin(9 * phi))
+
+
+def inward(n, rng, spread):
+    """Rays from around a sphere toward its middle, more or less."""
+    starts = rng.normal(size=(n, 3))
+    starts *= 0.55 / np.linalg.norm(starts, axis=1, keepdims=True)
+    directions = -starts + spread * rng.normal(size=(n, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return Rays(starts, directions, rng.uniform(0.0, 1.2, n), np.zeros(n))
+
+
+@pytest.mark.parametrize("cull", [True, False])
+@pytest.mark.parametrize("spread", [0.0, 0.1, 1.0])
+def test_every_ray_has_the_hit_of_a_plain_caster(cull, spread):
+    """Any directions, any lengths, and rays that go nowhere."""
+    mesh = bumpy()
+    frame = LocalFrame.around(mesh)
+    rays = inward(400, np.random.default_rng(4), spread)
+    rays.lengths[::17] = 0.0
+    rays.lengths[1::17] = np.inf
+    found = RayScene.build(mesh, frame).cast(rays, cull_back_faces=cull)
+    plain = PlainScene(mesh, frame).cast(rays, cull_back_faces=cull)
+    np.testing.assert_array_equal(found.faces, plain.faces)
+    np.testing.assert_array_equal(found.passed_back, plain.passed_back)
+    np.testing.assert_allclose(found.distances, plain.distances, atol=1e-12)
+    np.testing.assert_allclose(found.barycentrics, plain.barycentrics, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_hits_depend_on_no_bundle(seed):
+    """Whatever places and charts rays are said to have, and wherever the bundle is cut."""
+    rng = np.random.default_rng(seed)
+    mesh = bumpy()
+    frame = LocalFrame.around(mesh)
+    rays = inward(3000, rng, [0.0, 0.02, 0.3][seed % 3])
+    scene = RayScene.build(mesh, frame)
+    alone = scene.cast(rays)
+    order = np.argsort(rays.origins[:, 0] + (rays.origins[:, 1] > 0.0), kind="stable")
+    some = rays.where(order)
+    cells = rng.integers(0, 3 * BUNDLE_SIDE, (3000, 2)).astype(np.int32)
+    cells = cells[np.lexsort((cells[:, 0] // BUNDLE_SIDE, cells[:, 1] // BUNDLE_SIDE))]
+    charts = rng.integers(0, 1 + seed, 3000).astype(np.int32)
+    found = scene.cast(some, places=RayPlaces(np.ascontiguousarray(cells), charts))
+    for mine, theirs in zip(alone.arrays(), found.arrays(), strict=True):
+        np.testing.assert_array_equal(mine[order], theirs)
+    assert (alone.faces != NO_HIT).any()
+
+
+def test_rays_from_one_point_and_equal_rays():
+    mesh = icosphere(4)
+    frame = LocalFrame.around(mesh)
+    scene = RayScene.build(mesh, frame)
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(500, 3))
+    directions[250:] = directions[0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = Rays(np.zeros((500, 3)), directions, np.full(500, np.inf), np.zeros(500))
+    cells = np.zeros((500, 2), dtype=np.int32)
+    for places in (None, RayPlaces(cells, np.zeros(500, dtype=np.int32))):
+        found = scene.cast(rays, cull_back_faces=False, places=places)
+        assert (found.faces != NO_HIT).all()
+        assert (found.faces[250:] == found.faces[0]).all()
+        assert not (scene.cast(rays, places=places).faces != NO_HIT).any()

@@ -1,0 +1,152 @@
+/* A tree of boxes over triangles, sorted along a Morton curve.
+
+   The middles of the triangles are sorted along the curve, by a radix sort whose passes are divided
+   among threads: each band counts its digits, Python sums the counts, and each band then moves its
+   triangles to their places. Eight triangles in a row are a leaf, eight leaves a node, and so on.
+   The tree depends on the triangles alone, not on the bands.
+
+   Based on: Morton, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing",
+   1966; Lauterbach, Garland, Sengupta, Luebke, Manocha, "Fast BVH Construction on GPUs", 2009, for
+   sorting along the curve. Departs from it: nodes are cut by count and not by key, which needs no
+   links between them.
+
+   Called from texbake/raycast/morton_tree.py. */
+
+#include "morton_tree.h"
+
+#include <math.h>
+
+#include "core.h"
+#include "numbers.h"
+
+#define DIGITS 1024 /* values of a digit of the radix sort */
+#define NOWHERE 1e30f
+
+/* Put two zeros between the lowest ten bits. */
+static uint32_t spread_bits(uint32_t x)
+{
+    x = (x | (x << 16)) & 0x30000ff;
+    x = (x | (x << 8)) & 0x300f00f;
+    x = (x | (x << 4)) & 0x30c30c3;
+    return (x | (x << 2)) & 0x9249249;
+}
+
+/* Cell of a coordinate; NaN is in the first. */
+static uint32_t cell_of(double coordinate, double low, double cells_per_unit, double last)
+{
+    const double cell = (coordinate - low) * cells_per_unit;
+    return cell > 0.0 ? (uint32_t)min_f64(cell, last) : 0;
+}
+
+/* Write the place on the curve of each triangle in the upper half of a number, and which triangle
+   it is, counted from `first`, in the lower half. `box` is the least corner of the triangles' box, in
+   model units, and a model unit is `cells_per_unit` cells, of 1024 along the longest side. */
+void place_on_curve(
+    int64_t n, int64_t n_vertices, const double positions[n_vertices][3], const int32_t faces[n][3],
+    int64_t first, const double box[3], double cells_per_unit, uint64_t places[n])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const double *a = positions[faces[i][0]], *b = positions[faces[i][1]];
+        const double *c = positions[faces[i][2]];
+        uint32_t key = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            const double middle = (a[axis] + b[axis] + c[axis]) * (1.0 / 3.0);
+            key |= spread_bits(cell_of(middle, box[axis], cells_per_unit, 1023.0)) << axis;
+        }
+        places[i] = (uint64_t)key << 32 | (uint64_t)(first + i);
+    }
+}
+
+/* Count how often each digit occurs, from bit `shift` on. */
+void count_digits(int64_t n, const uint64_t places[n], int64_t shift, int64_t counts[1024])
+{
+    for (int64_t digit = 0; digit < DIGITS; digit++)
+        counts[digit] = 0;
+    for (int64_t i = 0; i < n; i++)
+        counts[(places[i] >> shift) & (DIGITS - 1)]++;
+}
+
+/* Move each number to the place that its digit has next; `next` is advanced. */
+void move_by_digits(
+    int64_t n, int64_t n_all, const uint64_t places[n], int64_t shift, int64_t next[1024],
+    uint64_t sorted[n_all])
+{
+    for (int64_t i = 0; i < n; i++)
+        sorted[next[(places[i] >> shift) & (DIGITS - 1)]++] = places[i];
+}
+
+/* Greatest float that is at most x, and least float that is at least x. */
+static float rounded_down(double x)
+{
+    const float near = (float)x;
+    return (double)near > x ? nextafterf(near, -INFINITY) : near;
+}
+
+static float rounded_up(double x)
+{
+    const float near = (float)x;
+    return (double)near < x ? nextafterf(near, INFINITY) : near;
+}
+
+/* Write the boxes of one leaf. Coordinates that are no numbers are left out. */
+static void bound_leaf(const leaf corners, int64_t n_lanes, node boxes, int64_t lane)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double low = NOWHERE, high = -NOWHERE;
+        for (int corner = 0; corner < 3; corner++) {
+            const double *row = corners[3 * corner + axis];
+            for (int64_t k = 0; k < n_lanes; k++) {
+                low = row[k] < low ? row[k] : low;
+                high = row[k] > high ? row[k] : high;
+            }
+        }
+        boxes[axis][lane] = rounded_down(low);
+        boxes[3 + axis][lane] = rounded_up(high);
+    }
+}
+
+/* Fill the leaves from the sorted triangles, in local coordinates, and the boxes of the lowest nodes.
+   `leaves` begin with the first triangle of `places`. Lanes beyond the last triangle lie nowhere. */
+void fill_leaves(
+    int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_leaves, int64_t n_nodes,
+    const uint64_t places[n], const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const double center[3], double scale,
+    double leaves[n_leaves][9][8], int32_t ids[n_leaves][8], float nodes[n_nodes][6][8])
+{
+    for (int64_t at = 0; at < n_nodes * WIDTH; at++) {
+        if (at >= n_leaves) {
+            for (int row = 0; row < 6; row++)
+                nodes[at / WIDTH][row][at % WIDTH] = row < 3 ? NOWHERE : -NOWHERE;
+            continue;
+        }
+        const int64_t n_lanes = min_i64(n - at * WIDTH, WIDTH);
+        for (int64_t k = 0; k < WIDTH; k++) {
+            const int32_t face = k < n_lanes ? (int32_t)(uint32_t)places[at * WIDTH + k] : -1;
+            ids[at][k] = face;
+            for (int corner = 0; corner < 3; corner++)
+                for (int axis = 0; axis < 3; axis++)
+                    leaves[at][3 * corner + axis][k] =
+                        face < 0 ? NOWHERE
+                                 : (positions[faces[face][corner]][axis] - center[axis]) * scale;
+        }
+        bound_leaf(leaves[at], n_lanes, nodes[at / WIDTH], at % WIDTH);
+    }
+}
+
+/* Write the boxes of nodes, each around all boxes of its child. */
+void join_boxes(
+    int64_t n_children, int64_t n_nodes, const float children[n_children][6][8],
+    float nodes[n_nodes][6][8])
+{
+    for (int64_t at = 0; at < n_nodes * WIDTH; at++) {
+        for (int row = 0; row < 6; row++) {
+            float bound = row < 3 ? NOWHERE : -NOWHERE;
+            if (at < n_children)
+                for (int k = 0; k < WIDTH; k++) {
+                    const float other = children[at][row][k];
+                    bound = row < 3 ? min_f32(bound, other) : max_f32(bound, other);
+                }
+            nodes[at / WIDTH][row][at % WIDTH] = bound;
+        }
+    }
+}

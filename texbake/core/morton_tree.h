@@ -1,0 +1,22 @@
+/* The tree that rays are cast into: its leaves and its boxes. Built by morton_tree.c.
+
+   Leaves hold eight triangles each, in the order of a Morton curve. Node i of the lowest level holds
+   the boxes of the leaves 8 i to 8 i + 7; node i of the level above, those of the nodes 8 i to
+   8 i + 7; and so on up to one root. The levels stand one after another, the lowest first. No links
+   are stored. */
+
+#ifndef TEXBAKE_MORTON_TREE_H
+#define TEXBAKE_MORTON_TREE_H
+
+#include <stdint.h>
+
+#define WIDTH 8 /* triangles of a leaf, and boxes of a node */
+#define MAX_LEVELS 11
+
+/* Corners of eight triangles: row 3 c + axis holds that coordinate of corner c of all of them. */
+typedef double leaf[9][WIDTH];
+
+/* Boxes: least x, y, z, then greatest. Where there is no child, the least exceeds the greatest. */
+typedef float node[6][WIDTH];
+
+#endif
