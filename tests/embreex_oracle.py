@@ -143,9 +143,7 @@ class EmbreexScene:
         set_ids = fans.set_ids & np.uint32(len(sets) - 1)
 
         def cast(side, length, query, j):
-            core.fan_directions(
-                n_rays, frames, set_ids, sets.reshape(-1, 3), j, side, directions
-            )
+            core.fan_directions(n_rays, frames, set_ids, sets.reshape(-1, 3), j, side, directions)
             origins = fans.points + side * occlusion_range.offset * fans.planes
             lengths = np.full(n, min(length, FARTHEST), dtype=np.float32)
             return self.scene.run(
