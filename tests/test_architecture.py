@@ -138,15 +138,15 @@ def test_the_command_line_imports_only_texbake_and_nothing_deeper() -> None:
     assert not wrong
 
 
-def test_machine_code_is_kept_on_disk_in_one_way() -> None:
-    """With `cache=True` numba fails where no folder can be written to; `kernels` sees to that."""
+def test_machine_code_comes_from_the_core_alone() -> None:
+    compilers = {"numba", "llvmlite", "cffi", "Cython", "taichi"}
     users = {
         module
         for module in modules()
-        for node in ast.walk(tree_of(module))
-        if isinstance(node, ast.Call) and any(word.arg == "cache" for word in node.keywords)
+        for imported in imports_of(module)
+        if imported.split(".")[0] in compilers
     }
-    assert users == {"texbake.kernels"}
+    assert users == set()
 
 
 def test_no_module_imports_itself_by_a_detour() -> None:

@@ -15,7 +15,6 @@ from texbake.mesh.shapes import plane
 HEAVY = {
     "embreex",
     "meshoptimizer",
-    "numba",
     "numpy",
     "OpenImageIO",
     "pymeshlab",

@@ -226,7 +226,7 @@ def library_versions() -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, version
 
     versions = {}
-    for name in ("texbake", "embreex", "numba", "numpy", "openimageio"):
+    for name in ("texbake", "embreex", "numpy", "openimageio"):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
