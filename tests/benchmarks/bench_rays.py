@@ -96,6 +96,7 @@ def measure(checkout: Path, side: int, size: int, out: Path) -> dict[str, Any]:
     """Run one program once; return what it printed."""
     done = subprocess.run(
         [sys.executable, "-c", CHILD, str(side), str(size), str(out)],
+        cwd=checkout,  # which Python searches first
         env={**os.environ, "PYTHONPATH": str(checkout)},
         capture_output=True,
         text=True,

@@ -1,6 +1,6 @@
 """A tree of boxes over triangles in the order of a Morton curve, for rays in bundles.
 
-It takes a fifth of the time of a tree made for single rays. Kernels: `core/morton_tree.c`.
+It takes half the time of a tree made for single rays. Kernels: `core/morton_tree.c`.
 """
 
 from __future__ import annotations
