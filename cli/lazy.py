@@ -42,6 +42,7 @@ COMMANDS = {
     "watch": "Build again whenever a file changes, until Ctrl-C.",
     "schema": "Print the JSON Schema of pipeline or scene files.",
     "study": "Measure what each setting buys and costs.",
+    "bench": "Compare texbake with other programs.",
     "demo": "Do the whole job on an orange that is made by code.",
 }
 

@@ -134,6 +134,8 @@ def _type(field: OptionField) -> Any:
         if field.option.many:
             return click.Choice(words) if words else str
         return Names(words)
+    if field.option.many and tuple[int, ...] in tuples:
+        return int
     if tuple[str, float] in tuples:
         return NameAndStrength(words)
     if tuples and all(set(get_args(kind)) & {float, int} for kind in tuples):

@@ -254,7 +254,7 @@ _ROOM_TITLES = {
     "pages": "Pages",
     "jobs": "Jobs: from files to files",
     "building": "Builds",
-    "study": "The study",
+    "study": "The study and the bench",
 }
 
 

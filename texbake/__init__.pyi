@@ -245,6 +245,14 @@ from .schema import (
     option_field as option_field,
     option_fields as option_fields,
 )
+from .study.bench.job import (
+    bench_files as bench_files,
+    bench_rows as bench_rows,
+)
+from .study.bench.options import BenchOptions as BenchOptions
+from .study.bench.result import BenchResult as BenchResult
+from .study.bench.run import run_bench as run_bench
+from .study.bench.write import write_bench as write_bench
 from .study.job import (
     study_files as study_files,
     study_rows as study_rows,

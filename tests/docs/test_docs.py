@@ -109,6 +109,8 @@ def smaller(words: list[str]) -> list[str]:
         line += ["--triangles", "10000", "--size", str(LONGEST_SIDE)]
     if line[0] == "study" and "--knob" not in line:
         line += ["--knob", "texture-lookup", "--repeats", "2"]
+    if line[0] == "bench":
+        line += ["--quick", "--program", "texbake", "--case", "sphere", "--task", "simplify"]
     return line
 
 

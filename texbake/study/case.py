@@ -18,7 +18,8 @@ from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
 from texbake.mesh.topology import degenerate_faces
 from texbake.rendering.scene.scene import Scene
-from texbake.study.truth.surfaces import RadialSurface, orange_surface, rippled_surface
+from texbake.study.truth.implicit import Surface
+from texbake.study.truth.surfaces import orange_surface, rippled_surface
 
 _ORANGE_TRIANGLES = 500_000
 _QUICK_LEVEL = 5  # of an icosphere, 20,480 triangles
@@ -39,7 +40,7 @@ class StudyPair:
     high: Mesh
     low: Mesh
     subject: str
-    surface: RadialSurface | None = None
+    surface: Surface | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 _TEMPLATES = Path(__file__).with_name("templates")
-_STYLE = """
+PAGE_STYLE = """
 .truth { display: inline-block; border-radius: 1rem; padding: .05rem .7rem; font-size: .8rem;
   border: 1px solid var(--line); background: var(--wash); margin-right: .4rem;
   white-space: nowrap; }
@@ -66,13 +66,13 @@ def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot)
         seconds=result.seconds,
         summary=[_best(item, best) for item in result.knobs for best in item.knees],
         skipped=list(result.skipped.items()),
-        everything=_titled(everything.svg, "All settings of all knobs"),
+        everything=titled(everything.svg, "All settings of all knobs"),
         knobs=[_knob(item, plots[item.knob.name]) for item in result.knobs],
         repeats=result.options.repeats,
         warm_up=result.options.seconds,
     )
     # The plots are drawn on white.
-    return page_html(_TITLE, body, styles=[_STYLE], dark=False)
+    return page_html(_TITLE, body, styles=[PAGE_STYLE], dark=False)
 
 
 def _best(item: KnobResult, best: int) -> dict[str, Any]:
@@ -102,7 +102,7 @@ def _knob(result: KnobResult, plot: Plot) -> dict[str, Any]:
         "truth": "separate rays" if result.truth == "rays" else result.truth,
         "truth_text": result.truth_text,
         "findings": findings(result),
-        "plot": _titled(plot.svg, knob.title),
+        "plot": titled(plot.svg, knob.title),
         "names": list(
             dict.fromkeys(n for item in result.measurements for n in item.outcome.figures)
         ),
@@ -138,7 +138,7 @@ def _row(item: Measurement, *, on_front: bool, kept: bool) -> dict[str, Any]:
     }
 
 
-def _titled(svg: str, title: str) -> Markup:
+def titled(svg: str, title: str) -> Markup:
     """SVG of a plot with a name for screen readers."""
     from markupsafe import Markup, escape
 

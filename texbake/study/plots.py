@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -66,34 +66,34 @@ class Plot:
     png: bytes
 
 
-def check_matplotlib() -> None:
-    """Raise `DependencyError` if plots cannot be drawn."""
+def check_matplotlib(extra: str = "study") -> None:
+    """Raise `DependencyError` if plots cannot be drawn; `extra` is what installs matplotlib."""
     if find_spec("matplotlib") is None:
         raise DependencyError(
-            "matplotlib: it is not installed, and the plots of a study need it; install it with: "
-            'pip install "texbake[study]"'
+            "matplotlib: it is not installed, and the plots need it; install it with: "
+            f'pip install "texbake[{extra}]"'
         )
 
 
 def knob_plot(result: KnobResult) -> Plot:
     """Plot all settings of a knob."""
-    with _style():
-        figure = _figure(6.4, 4.4)
+    with plot_style():
+        figure = new_figure(6.4, 4.4)
         axes = figure.add_subplot()
         _draw(axes, [result], _series_colors(result), label_size=8.0)
         unit = f" ({result.knob.unit})" if result.knob.unit else ""
         axes.set_ylabel(f"{result.knob.error}{unit}")
-        return _as_plot(figure, result.knob.name)
+        return finished_plot(figure, result.knob.name)
 
 
 def all_plot(results: Sequence[KnobResult]) -> Plot:
     """Plot all settings of all knobs, with errors of one kind in one frame."""
     kinds = list(dict.fromkeys(result.knob.kind for result in results))
     kinds.sort(key=lambda kind: -sum(len(r.measurements) for r in results if r.knob.kind == kind))
-    with _style():
+    with plot_style():
         counts = [sum(len(r.measurements) for r in results if r.knob.kind == k) for k in kinds]
         heights = [_CROWDED if count > _MANY else _SPARSE for count in counts]
-        figure = _figure(9.0, sum(heights))
+        figure = new_figure(9.0, sum(heights))
         frames = figure.subplots(len(kinds), 1, squeeze=False, height_ratios=heights)[:, 0]
         for axes, kind in zip(frames, kinds, strict=True):
             shown = [result for result in results if result.knob.kind == kind]
@@ -108,7 +108,7 @@ def all_plot(results: Sequence[KnobResult]) -> Plot:
             title = shown[0].knob.title if len(shown) == 1 else f"{len(shown)} knobs: {kind}"
             axes.set_title(title, fontsize=9, loc="left", fontweight="bold")
             _legend_of_knobs(axes, shown)
-        return _as_plot(figure, "all")
+        return finished_plot(figure, "all")
 
 
 def _legend_of_knobs(axes: Axes, shown: list[KnobResult]) -> None:
@@ -123,6 +123,77 @@ def _series_colors(result: KnobResult) -> dict[tuple[str, str], str]:
     return {(result.knob.name, name): COLORS[i % len(COLORS)] for i, name in enumerate(names)}
 
 
+@dataclass(frozen=True)
+class Dot:
+    """A point of a plot.
+
+    Attributes
+    ----------
+    x, y : float
+        y may be 0, which is drawn below all others.
+    least, most : float
+        Ends of a bar along x.
+    label, color : str
+    filled : bool
+        Whether it is on a front.
+    ringed : bool
+        Whether a ring marks it.
+    """
+
+    x: float
+    y: float
+    least: float
+    most: float
+    label: str
+    color: str
+    filled: bool = False
+    ringed: bool = False
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where it lies."""
+        return self.x, self.y
+
+
+def draw_dots(
+    axes: Axes,
+    dots: Sequence[Dot],
+    lines: Sequence[tuple[str, Sequence[Dot]]],
+    fronts: Sequence[Sequence[tuple[float, float]]],
+    *,
+    label_size: float,
+    x_label: str,
+    x_format: Callable[[float], str],
+    most_ticks: int = _MOST_TICKS,
+) -> None:
+    """Draw labeled dots on logarithmic scales, lines of a color through some, and dashed fronts."""
+    floor = _floor([dot.y for dot in dots])
+    for dot in dots:
+        y = max(dot.y, floor)
+        axes.plot([dot.least, dot.most], [y, y], color=dot.color, lw=1.2, alpha=0.6)
+        face = dot.color if dot.filled else "white"
+        axes.plot(dot.x, y, "o", ms=5.5, mec=dot.color, mfc=face, mew=1.2, zorder=3)
+        if dot.ringed:
+            axes.plot(dot.x, y, "o", ms=11, mec=dot.color, mfc="none", mew=1.0, zorder=2)
+    for color, through in lines:
+        points = [(dot.x, max(dot.y, floor)) for dot in through]
+        if len(points) > 1:
+            axes.plot(*zip(*points, strict=True), color=color, lw=0.9, alpha=0.45, zorder=1)
+    for front in fronts:
+        _draw_front(axes, front, floor)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel(x_label)
+    axes.grid(True, which="major", color=_GRID, lw=0.6, zorder=0)
+    axes.set_axisbelow(True)
+    texts = [(dot.x, max(dot.y, floor), dot.label, dot.color, label_size) for dot in dots]
+    _widen(axes, texts, floor, most_ticks)
+    axes.xaxis.set_major_formatter(lambda x, _: x_format(x))
+    axes.yaxis.set_major_formatter(lambda y, _: "0" if y <= floor * 1.001 else number(y))
+    axes.minorticks_off()
+    axes._study_labels = texts  # type: ignore[attr-defined]
+
+
 def _draw(
     axes: Axes,
     results: list[KnobResult],
@@ -130,42 +201,32 @@ def _draw(
     *,
     label_size: float,
 ) -> None:
-    """Draw points with the range of their times, lines along series, and the fronts."""
-    floor = _floor([item.error for result in results for item in result.measurements])
-    texts = []
+    """Draw the settings of knobs with the range of their times, and lines along series."""
+    dots, lines = [], []
     for result in results:
         fronts, knees = set(result.front), set(result.knees)
-        lines: dict[tuple[str, str], list[tuple[float, float]]] = {}
+        series: dict[str, list[Dot]] = {}
         for i, item in enumerate(result.measurements):
-            color = colors[result.knob.name, item.setting.series]
-            y = max(item.error, floor)
-            lines.setdefault((item.setting.series, color), []).append((item.median, y))
-            axes.plot(
-                [min(item.seconds), max(item.seconds)], [y, y], color=color, lw=1.2, alpha=0.6
-            )
-            face = color if i in fronts else "white"
-            axes.plot(item.median, y, "o", ms=5.5, mec=color, mfc=face, mew=1.2, zorder=3)
-            if i in knees:
-                axes.plot(item.median, y, "o", ms=11, mec=color, mfc="none", mew=1.0, zorder=2)
-            texts.append((item.median, y, item.setting.label, color, label_size))
-        for (series, color), points in lines.items():
-            if series and len(points) > 1:
-                axes.plot(*zip(*points, strict=True), color=color, lw=0.9, alpha=0.45, zorder=1)
-        for front in result.fronts:
-            _draw_front(axes, [result.measurements[i].point for i in front], floor)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("seconds (median; bars from least to greatest)")
-    axes.grid(True, which="major", color=_GRID, lw=0.6, zorder=0)
-    axes.set_axisbelow(True)
-    _widen(axes, texts, floor)
-    axes.xaxis.set_major_formatter(lambda x, _: duration(x))
-    axes.yaxis.set_major_formatter(lambda y, _: "0" if y <= floor * 1.001 else number(y))
-    axes.minorticks_off()
-    axes._study_labels = texts  # type: ignore[attr-defined]
+            name = item.setting.series
+            dot = Dot(
+                item.median, item.error, min(item.seconds), max(item.seconds), item.setting.label,
+                colors[result.knob.name, name], filled=i in fronts, ringed=i in knees,
+            )  # fmt: skip
+            dots.append(dot)
+            series.setdefault(name, []).append(dot)
+        lines += [(through[0].color, through) for name, through in series.items() if name]
+    draw_dots(
+        axes,
+        dots,
+        lines,
+        [[r.measurements[i].point for i in front] for r in results for front in r.fronts],
+        label_size=label_size,
+        x_label="seconds (median; bars from least to greatest)",
+        x_format=duration,
+    )
 
 
-def _draw_front(axes: Axes, points: list[tuple[float, float]], floor: float) -> None:
+def _draw_front(axes: Axes, points: Sequence[tuple[float, float]], floor: float) -> None:
     """Draw a front as steps: the least error that can be had in each time."""
     if len(points) > 1:
         seconds, errors = zip(*points, strict=True)
@@ -182,7 +243,7 @@ def _floor(errors: list[float]) -> float:
     return _ZERO * min(above) if len(above) < len(errors) else 0.0
 
 
-def _widen(axes: Axes, texts: list[Any], floor: float) -> None:
+def _widen(axes: Axes, texts: list[Any], floor: float, most_ticks: int) -> None:
     """Make room around the points for their labels, and set ticks between powers of ten."""
     for values, set_limits in (
         ([text[0] for text in texts], axes.set_xlim),
@@ -192,21 +253,21 @@ def _widen(axes: Axes, texts: list[Any], floor: float) -> None:
         room = 0.12 * max(high - low, 0.3) + 0.06
         set_limits(10.0 ** (low - room), 10.0 ** (high + room))
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        ticks = _ticks(*limits)
+        ticks = _ticks(*limits, most_ticks)
         if floor and axis is axes.yaxis:
             ticks = [floor, *(tick for tick in ticks if tick > 2.0 * floor)]
         axis.set_ticks(ticks)
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def _ticks(low: float, high: float, most: int) -> list[float]:
     """Return round numbers within limits, as many as fit."""
     powers = range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
     for steps in _STEPS:
         ticks = [step * 10.0**power for power in powers for step in steps]
         inside = [tick for tick in ticks if low <= tick <= high]
-        if len(inside) <= _MOST_TICKS:
+        if len(inside) <= most:
             return inside
-    return inside[:: -(-len(inside) // _MOST_TICKS)]
+    return inside[:: -(-len(inside) // most)]
 
 
 def _label_all(axes: Axes, figure: Figure) -> None:
@@ -234,7 +295,8 @@ def _label_all(axes: Axes, figure: Figure) -> None:
 
 
 @contextmanager
-def _style() -> Iterator[None]:
+def plot_style() -> Iterator[None]:
+    """Draw in the style of the study within this block."""
     check_matplotlib()
     from matplotlib import rc_context
 
@@ -242,7 +304,8 @@ def _style() -> Iterator[None]:
         yield
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of a size in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -251,7 +314,8 @@ def _figure(width: float, height: float) -> Figure:
     return figure
 
 
-def _as_plot(figure: Figure, name: str) -> Plot:
+def finished_plot(figure: Figure, name: str) -> Plot:
+    """Place the labels of a figure and return it; identifiers in its SVG begin with a name."""
     # Labels are placed for this layout, so it must not change any more.
     figure.canvas.draw()
     figure.set_layout_engine("none")

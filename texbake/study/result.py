@@ -89,22 +89,9 @@ class Measurement:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class KnobResult:
-    """All settings of a knob.
+class Ranked:
+    """Measurements of settings that compete, and which of them are worth their time."""
 
-    Attributes
-    ----------
-    knob : Knob
-    subject, truth, truth_text : str
-        As in its `Bench`.
-    measurements : tuple of Measurement
-    """
-
-    knob: Knob
-    subject: str
-    truth: str
-    truth_text: str
     measurements: tuple[Measurement, ...]
 
     @property
@@ -141,6 +128,25 @@ class KnobResult:
     @staticmethod
     def _in(items: list[int], chosen: list[int]) -> list[int]:
         return [items[i] for i in chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class KnobResult(Ranked):
+    """All settings of a knob.
+
+    Attributes
+    ----------
+    knob : Knob
+    subject, truth, truth_text : str
+        As in its `Bench`.
+    measurements : tuple of Measurement
+    """
+
+    knob: Knob
+    subject: str
+    truth: str
+    truth_text: str
+    measurements: tuple[Measurement, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Return everything but the pictures."""

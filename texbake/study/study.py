@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import platform
 import time
 from typing import Any
 
@@ -18,6 +16,7 @@ from texbake.rendering.scene.scene import Scene
 from texbake.study.case import Case
 from texbake.study.knob import Unfit
 from texbake.study.knobs import knob_named
+from texbake.study.machine import machine_figures
 from texbake.study.options import StudyOptions
 from texbake.study.result import KnobResult, Measurement, StudyResult
 from texbake.study.runner import run_bench
@@ -120,10 +119,4 @@ def _inputs(high: Mesh | None, low: Mesh | None, scene: Scene | None) -> dict[st
 
 
 def _machine(options: StudyOptions) -> dict[str, Any]:
-    return {
-        "system": platform.system(),
-        "processor": platform.machine(),
-        "processors": os.cpu_count() or 1,
-        "threads": resolve_threads(options.threads),
-        "python": platform.python_version(),
-    }
+    return {**machine_figures(), "threads": resolve_threads(options.threads)}

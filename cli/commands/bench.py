@@ -1,0 +1,80 @@
+"""`texbake bench`: texbake beside other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import texbake
+from texbake import (
+    BenchOptions,
+)
+
+from ..options import (
+    MESH_SUFFIXES,
+    options_of,
+    output_folder,
+)
+from ..terminal import Terminal, columns, terminal_options
+from ..types import FileOf
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake bench --quick
+      texbake bench --blender ~/bpy/bin/python -o bench
+      texbake bench --task bake-normals --case sphere --triangles 4000000 --size 2048
+      texbake bench scan.ply low_uv.obj --task bake-normals --task bake-ao
+    """
+)
+@click.argument("high", type=FileOf(MESH_SUFFIXES), required=False)
+@click.argument("low", type=FileOf(MESH_SUFFIXES), required=False)
+@options_of(BenchOptions, "tasks", "cases", "programs", "sizes", "triangles", "blender")
+@output_folder("Folder of the results.", default=Path("bench"), show_default=True)
+@options_of(BenchOptions, "repeats", "seconds", "timeout", "quick")
+@terminal_options
+def bench(
+    high: Path | None,
+    low: Path | None,
+    tasks: tuple[str, ...],
+    cases: tuple[str, ...],
+    programs: tuple[str, ...],
+    sizes: tuple[int, ...],
+    triangles: int,
+    blender: str | None,
+    output: Path,
+    repeats: int,
+    seconds: float,
+    timeout: float,
+    quick: bool,
+    terminal: Terminal,
+) -> None:
+    """Compare texbake with other programs.
+
+    Runs texbake, Blender, pymeshlab, xatlas and trimesh, those that are installed, on made meshes
+    of known shape, or on the meshes HIGH and LOW. Times whole processes and measures errors and
+    memory. Writes a page that opens without a network, its plots, Markdown tables, and all figures
+    as JSON and CSV.
+    """
+    options = BenchOptions(
+        tasks=tasks or BenchOptions.tasks,
+        cases=cases or (() if high is not None else BenchOptions.cases),
+        programs=programs or BenchOptions.programs,
+        sizes=sizes or BenchOptions.sizes,
+        triangles=triangles,
+        blender=blender,
+        repeats=repeats,
+        seconds=seconds,
+        timeout=timeout,
+        quick=quick,
+    )
+    with terminal.progress() as progress:
+        done = texbake.bench_files(output, options, high=high, low=low, progress=progress)
+    for warning in done.warnings:
+        terminal.warn(warning)
+    if not terminal.quiet:
+        columns(texbake.bench_rows(done.report), numbers=2)
+    terminal.wrote(done.files[:1])

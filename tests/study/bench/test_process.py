@@ -1,0 +1,49 @@
+"""Whole processes: their time, memory, output and faults."""
+
+import sys
+
+from texbake.study.bench.process import run_process
+
+MB = 1 << 20
+
+
+def python(code, timeout=60.0):
+    return run_process([sys.executable, "-c", code], timeout=timeout)
+
+
+def test_a_process_is_timed_from_start_to_end():
+    done = python("import time; time.sleep(0.3); print('slept')")
+    assert done.seconds > 0.3 and done.fault == "" and done.output == "slept\n"
+    if done.processor_seconds is not None:
+        assert done.processor_seconds < done.seconds + 1.0
+
+
+def test_memory_is_that_of_the_process_and_not_of_its_parent():
+    held = bytearray(300 * MB)
+    small = python("pass")
+    large = python(f"x = bytearray({200 * MB})")
+    assert len(held) == 300 * MB
+    if small.peak_bytes is not None:
+        assert small.peak_bytes < 100 * MB
+        assert 200 * MB < large.peak_bytes < 300 * MB
+
+
+def test_a_fault_is_the_last_line_that_was_printed():
+    done = python("import sys; print('why'); sys.exit(3)")
+    assert done.fault == "exit code 3: why"
+    assert python("import sys; sys.exit(4)").fault == "exit code 4: it printed nothing"
+
+
+def test_a_process_that_takes_too_long_is_ended():
+    done = python("import time; time.sleep(60)", timeout=0.5)
+    assert done.fault == "it was ended after 0.5 s" and done.seconds < 30.0
+
+
+def test_a_command_that_is_not_there():
+    done = run_process(["/nowhere/python"], timeout=10.0)
+    assert done.fault.startswith("exit code 127") and done.seconds == 0.0
+
+
+def test_much_output_does_not_block():
+    done = python("print('x' * 1_000_000); print('end')")
+    assert done.fault == "" and done.output.endswith("end\n") and len(done.output) <= 100_000

@@ -1,0 +1,91 @@
+"""The bench of files: texbake and other programs on made meshes, and on a pair of mesh files."""
+
+from __future__ import annotations
+
+from texbake.errors import OptionError
+from texbake.files import PathLike, check_folder
+from texbake.jobs.outputs import JobResult
+from texbake.mesh.files import read_mesh
+from texbake.pages.figures import duration, number
+from texbake.progress import ProgressSink
+from texbake.study.bench.options import BenchOptions
+from texbake.study.bench.result import BenchResult
+from texbake.study.bench.run import run_bench
+from texbake.study.bench.write import write_bench
+from texbake.study.findings import amount
+from texbake.study.plots import check_matplotlib
+
+
+def bench_files(
+    folder: PathLike,
+    options: BenchOptions | None = None,
+    *,
+    high: PathLike | None = None,
+    low: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[BenchResult]:
+    """Measure what accuracy costs in texbake and in other programs, and write pages and tables.
+
+    Parameters
+    ----------
+    folder
+        For the results; made if it is missing.
+    options
+        None for the defaults.
+    high, low
+        A pair of mesh files, besides the made cases.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    OptionError
+        Only one mesh of the pair is given, or there is nothing to run on.
+    DependencyError
+        matplotlib is not installed.
+    """
+    if (high is None) != (low is None):
+        raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or neither")
+    check_folder(folder)
+    check_matplotlib("bench")
+    result = run_bench(
+        None if high is None else read_mesh(high, progress=progress),
+        None if low is None else read_mesh(low, progress=progress),
+        options=options,
+        progress=progress,
+    )
+    missing = [f"{name}: not installed: {reason}" for name, reason in result.missing.items()]
+    failed = [
+        f"{contest.task.name}, {contest.case}: {failure.program}, {failure.label}: "
+        f"left out: {failure.reason}"
+        for contest in result.contests
+        for failure in contest.failures
+    ]
+    return JobResult(
+        files=tuple(write_bench(result, folder, progress=progress)),
+        report=result,
+        warnings=tuple(missing + failed),
+    )
+
+
+def bench_rows(result: BenchResult) -> list[tuple[str, str, str, str, str, str]]:
+    """Return a heading and, for each setting of another program, how many times as fast texbake is.
+
+    Columns are the task and the case, the program and its setting, its error and time, texbake's
+    fastest setting that is as accurate, and the other's time over its.
+    """
+    rows = [("task", "program", "error", "time", "texbake", "times as fast")]
+    for contest in result.contests:
+        for match in contest.matches():
+            theirs, ours = match.theirs, match.ours
+            rows.append(
+                (
+                    f"{contest.task.name}, {contest.case}",
+                    f"{theirs.setting.series}, {theirs.setting.label}",
+                    amount(theirs.error, contest.task.unit),
+                    duration(theirs.median),
+                    "none as accurate" if ours is None else ours.setting.label,
+                    "–" if match.times_as_fast is None else number(match.times_as_fast),
+                )
+            )
+    return rows

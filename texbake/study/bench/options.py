@@ -1,0 +1,204 @@
+"""Every option of the bench, with its default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from texbake.errors import OptionError
+from texbake.schema import CheckedOptions, Option
+
+# In the order in which they are run and shown.
+TASK_NAMES = (
+    "bake-normals",
+    "bake-displacement",
+    "bake-ao",
+    "unwrap",
+    "simplify",
+    "preview",
+)
+CASE_NAMES = (
+    "sphere",
+    "displaced-sphere",
+    "displaced-plane",
+    "torus-knot",
+    "beveled-box",
+    "two-parts",
+)
+PROGRAM_NAMES = ("texbake", "blender", "pymeshlab", "xatlas", "trimesh")
+
+MAX_SIZE = 16384
+
+# Names the Python of Blender where the option does not.
+BLENDER_VARIABLE = "TEXBAKE_BLENDER_PYTHON"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchOptions(CheckedOptions):
+    """What the bench runs, on what, and how often."""
+
+    tasks: Annotated[
+        tuple[str, ...],
+        Option(
+            "Task to run; repeatable.",
+            choices=TASK_NAMES,
+            metavar="NAME",
+            default="all",
+            flag="--task",
+            many=True,
+        ),
+    ] = TASK_NAMES
+    cases: Annotated[
+        tuple[str, ...],
+        Option(
+            "Made mesh to run them on; repeatable.",
+            choices=CASE_NAMES,
+            metavar="NAME",
+            default="all, or none with meshes of your own",
+            flag="--case",
+            many=True,
+        ),
+    ] = CASE_NAMES
+    programs: Annotated[
+        tuple[str, ...],
+        Option(
+            "Program to run; repeatable.",
+            choices=PROGRAM_NAMES,
+            metavar="NAME",
+            default="all that are installed",
+            flag="--program",
+            many=True,
+        ),
+    ] = PROGRAM_NAMES
+    sizes: Annotated[
+        tuple[int, ...],
+        Option(
+            "Width of baked maps, which are square; repeatable.",
+            metavar="PX",
+            unit="texels",
+            default="512, 1024, 2048 and 4096",
+            flag="--size",
+            many=True,
+        ),
+    ] = (512, 1024, 2048, 4096)
+    triangles: Annotated[
+        int,
+        Option("Triangles of a made high-poly mesh, about.", metavar="N", low=1000, high=100000000),
+    ] = 1_000_000
+    blender: Annotated[
+        str | None,
+        Option(
+            "Python in which bpy is installed, of the version that bpy needs.",
+            metavar="PYTHON",
+            default=f"${BLENDER_VARIABLE}",
+        ),
+    ] = None
+    repeats: Annotated[int, Option("Number of timed runs of each setting.", metavar="N", low=1)] = 3
+    seconds: Annotated[
+        float,
+        Option(
+            "Seconds after which a setting is not run again, once it has been run twice.",
+            metavar="S",
+            low=0,
+            unit="seconds",
+        ),
+    ] = 60.0
+    timeout: Annotated[
+        float,
+        Option(
+            "Seconds after which a run is ended and its setting left out.",
+            metavar="S",
+            above=0,
+            unit="seconds",
+        ),
+    ] = 900.0
+    quick: Annotated[
+        bool, Option("Run few settings on small meshes, to see that everything works.")
+    ] = False
+
+    # Tried beside sizes: samples per texel, rays of occlusion, triangles, samples per pixel.
+    SAMPLES: ClassVar[tuple[int, ...]] = (1, 4, 16)
+    RAYS: ClassVar[tuple[int, ...]] = (16, 64, 256)
+    COUNTS: ClassVar[tuple[int, ...]] = (500, 5_000, 50_000)
+    PIXEL_SAMPLES: ClassVar[tuple[int, ...]] = (1, 4, 16)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in "tasks", "programs", "sizes":
+            if not getattr(self, name):
+                raise OptionError(f"{name}: none is named; name at least one, or leave it out")
+        known = {"tasks": TASK_NAMES, "cases": CASE_NAMES, "programs": PROGRAM_NAMES}
+        for name, words in known.items():
+            for word in getattr(self, name):
+                if word not in words:
+                    choices = ", ".join(words)
+                    raise OptionError(f"{name}: '{word}' is none of them; choose from {choices}")
+        for size in self.sizes:
+            if not 1 <= size <= MAX_SIZE:
+                raise OptionError(f"sizes: {size} is out of range; give 1 to {MAX_SIZE}")
+
+    @property
+    def ordered_tasks(self) -> tuple[str, ...]:
+        """Tasks, each once, in the order of `TASK_NAMES`."""
+        return tuple(name for name in TASK_NAMES if name in self.tasks)
+
+    @property
+    def ordered_cases(self) -> tuple[str, ...]:
+        """Cases, each once, in the order of `CASE_NAMES`."""
+        return tuple(name for name in CASE_NAMES if name in self.cases)
+
+    @property
+    def ordered_programs(self) -> tuple[str, ...]:
+        """Programs, each once, in the order of `PROGRAM_NAMES`."""
+        return tuple(name for name in PROGRAM_NAMES if name in self.programs)
+
+    @property
+    def map_sizes(self) -> tuple[int, ...]:
+        """Sizes of baked maps, smallest first."""
+        return (32, 64) if self.quick else tuple(sorted(set(self.sizes)))
+
+    @property
+    def one_size(self) -> int:
+        """The size at which samples and rays are varied: 1024, or the greatest below."""
+        sizes = self.map_sizes
+        return max((size for size in sizes if size <= 1024), default=sizes[0])
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """Samples per texel."""
+        return self.SAMPLES[:2] if self.quick else self.SAMPLES
+
+    @property
+    def rays(self) -> tuple[int, ...]:
+        """Rays of ambient occlusion per texel."""
+        return self.RAYS[:1] if self.quick else self.RAYS
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Triangles to simplify to."""
+        return (100,) if self.quick else self.COUNTS
+
+    @property
+    def pixel_samples(self) -> tuple[int, ...]:
+        """Samples per pixel of a picture."""
+        return self.PIXEL_SAMPLES[:2] if self.quick else self.PIXEL_SAMPLES
+
+    @property
+    def made_triangles(self) -> int:
+        """Triangles of a made high-poly mesh."""
+        return 4_000 if self.quick else self.triangles
+
+    @property
+    def unwrapped_triangles(self) -> int:
+        """Triangles of a made mesh that is unwrapped."""
+        return 500 if self.quick else 10_000
+
+    @property
+    def picture_size(self) -> int:
+        """Pixels along one side of a picture."""
+        return 48 if self.quick else 512
+
+    @property
+    def n_probes(self) -> int:
+        """Points at which maps and surfaces are compared with the truth."""
+        return 3_000 if self.quick else 100_000

@@ -1,0 +1,244 @@
+"""The programs of the bench: what each can do, over which settings, and by which command.
+
+texbake runs by its command line. The others run by scripts in `runners/`, each with the Python in
+which the program is installed. A job is a dictionary with its files and settings; settings here
+complete it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from texbake.study.bench.options import BLENDER_VARIABLE, BenchOptions
+from texbake.study.bench.process import RUNNERS, run_process
+
+Settings = list[tuple[str, dict[str, Any]]]
+Job = Mapping[str, Any]
+
+_VERSION_TIMEOUT = 120.0
+_SUFFIXES = {
+    "bake-normals": ".png", "bake-displacement": ".exr", "bake-ao": ".exr", "unwrap": ".npz",
+    "simplify": ".ply", "preview": ".exr",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Product:
+    """A file that a program made.
+
+    `form` says what is in it where programs differ: normals in `tangent` or `object` space,
+    `heights` or `positions`.
+    """
+
+    path: Path
+    form: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A program of the bench.
+
+    Attributes
+    ----------
+    name, title : str
+    settings
+        For each task that it can do, the settings that are tried: labels and what they add to the
+        job.
+    runner : str
+        Its script in `runners/`; empty for texbake.
+    python
+        The Python that runs the script; None if the options name none.
+    forms
+        `Product.form` by task.
+    """
+
+    name: str
+    title: str
+    settings: Mapping[str, Callable[[BenchOptions], Settings]]
+    runner: str = ""
+    python: Callable[[BenchOptions], str | None] = lambda options: sys.executable
+    forms: Mapping[str, str] = field(default_factory=dict)
+
+    def version(self, options: BenchOptions) -> tuple[str, str]:
+        """Return the version that is installed, or why there is none."""
+        if not self.runner:
+            from importlib.metadata import version
+
+            return version("texbake"), ""
+        python = self.python(options)
+        if python is None:
+            return "", f"no Python with it is named; give one with blender, or {BLENDER_VARIABLE}"
+        done = run_process(self._script(python, {"task": "version"}), timeout=_VERSION_TIMEOUT)
+        lines = [line for line in done.output.splitlines() if line.startswith("VERSION ")]
+        if done.fault or not lines:
+            return "", done.fault or "its script printed no version"
+        return lines[-1].removeprefix("VERSION "), ""
+
+    def command(self, job: Job, stem: Path, options: BenchOptions) -> tuple[list[str], Product]:
+        """Return the command that does a job, and what it will write, named `stem` and a suffix."""
+        task = job["task"]
+        path = stem.with_suffix(_SUFFIXES[task])
+        if not self.runner:
+            words, path = _texbake_words(job, path)
+            start = "from texbake_cli.main import main; main()"
+            return [sys.executable, "-c", start, *words], Product(path, self.forms.get(task, ""))
+        python = self.python(options) or sys.executable
+        return (
+            self._script(python, {**job, "out": str(path)}),
+            Product(path, self.forms.get(task, "")),
+        )
+
+    def _script(self, python: str, job: Job) -> list[str]:
+        return [python, str(RUNNERS / self.runner), json.dumps(job)]
+
+
+def _texbake_words(job: Job, path: Path) -> tuple[list[str], Path]:
+    """Return the command line of texbake without its name, and the file that it writes."""
+    task = job["task"]
+    if task == "unwrap":
+        path = path.with_suffix(".obj")
+    words = [*_texbake_task(job, path), "--quiet", "--progress", "none"]
+    return words, path / "ao.exr" if task == "bake-ao" else path
+
+
+def _texbake_task(job: Job, path: Path) -> list[str]:
+    task, out = job["task"], ["-o", str(path)]
+    if task == "unwrap":
+        return [
+            task, job["mesh"], *out, "--size", str(job["size"]), "--padding", str(job["gap"] // 2),
+            "--quality", job["quality"],
+        ]  # fmt: skip
+    if task == "simplify":
+        return [task, job["mesh"], *out, "--faces", str(job["faces"]), "--quality", job["quality"]]
+    if task == "preview":
+        return [task, job["scene"], *out, "--supersampling", str(job["side"])]
+    distance, size = str(job["distance"]), str(job["size"])
+    bake = [
+        job["high"], job["low"], *out, "--size", size, "--front", distance, "--back", distance,
+        "--padding", str(job["padding"]), "--samples", str(job["samples"]),
+    ]  # fmt: skip
+    if task == "bake-ao":
+        rays = str(job["rays"])
+        return ["bake", *bake, "--maps", "ao", "--format", "exr", "--secondary-rays", rays]
+    return [task, *bake, "--bits", "16" if task == "bake-normals" else "32"]
+
+
+# Settings
+
+
+def _sizes(options: BenchOptions) -> Settings:
+    return [(str(size), {"size": size, "samples": 1}) for size in options.map_sizes]
+
+
+def _sizes_and_samples(options: BenchOptions) -> Settings:
+    size = options.one_size
+    more = [
+        (f"{size}, {n} samples", {"size": size, "samples": n}) for n in options.samples if n > 1
+    ]
+    return [*_sizes(options), *more]
+
+
+def _with_adaptive(options: BenchOptions) -> Settings:
+    size = options.one_size
+    adaptive = (f"{size}, adaptive", {"size": size, "samples": "adaptive"})
+    return [*_sizes_and_samples(options), adaptive]
+
+
+def _rays(options: BenchOptions) -> Settings:
+    same = {"size": options.one_size, "samples": 1}
+    return [(f"{n} rays", {**same, "rays": n}) for n in options.rays]
+
+
+def _counts(**same: Any) -> Callable[[BenchOptions], Settings]:
+    return lambda options: [(f"{n:,}", {"faces": n, **same}) for n in options.counts]
+
+
+def _texbake_counts(options: BenchOptions) -> Settings:
+    return [
+        (f"{n:,} {quality}", {"faces": n, "quality": quality})
+        for n in options.counts
+        for quality in ("fast", "best")
+    ]
+
+
+def _named(key: str, values: Mapping[str, Any]) -> Callable[[BenchOptions], Settings]:
+    return lambda options: [(label, {key: value}) for label, value in values.items()]
+
+
+def _qualities(options: BenchOptions) -> Settings:
+    names = ("fast",) if options.quick else ("fast", "good", "best")
+    return [(name, {"quality": name}) for name in names]
+
+
+def _pixels(options: BenchOptions) -> Settings:
+    return [
+        (f"{n} sample{'s' if n > 1 else ''}", {"samples": n, "side": round(n**0.5)})
+        for n in options.pixel_samples
+    ]
+
+
+def _blender_python(options: BenchOptions) -> str | None:
+    return options.blender or os.environ.get(BLENDER_VARIABLE) or None
+
+
+PROGRAMS = {
+    "texbake": Program(
+        "texbake",
+        "texbake",
+        {
+            "bake-normals": _with_adaptive,
+            "bake-displacement": _sizes,
+            "bake-ao": _rays,
+            "unwrap": _qualities,
+            "simplify": _texbake_counts,
+            "preview": _pixels,
+        },
+        forms={"bake-normals": "tangent", "bake-displacement": "heights"},
+    ),
+    "blender": Program(
+        "blender",
+        "Blender",
+        {
+            "bake-normals": _sizes_and_samples,
+            "bake-displacement": _sizes,
+            "bake-ao": _rays,
+            "unwrap": _named(
+                "method", {"smart": "smart", "minimum stretch": "minimum-stretch"}
+            ),
+            "simplify": _counts(),
+            "preview": _pixels,
+        },
+        runner="run_blender.py",
+        python=_blender_python,
+        forms={"bake-normals": "tangent", "bake-displacement": "positions"},
+    ),
+    "pymeshlab": Program(
+        "pymeshlab",
+        "pymeshlab",
+        {
+            "bake-normals": _sizes,
+            "unwrap": _named("regions", {"10 regions": 10, "50 regions": 50}),
+            "simplify": _counts(planar=False),
+        },
+        runner="run_pymeshlab.py",
+        forms={"bake-normals": "object"},
+    ),
+    "xatlas": Program(
+        "xatlas",
+        "xatlas",
+        {"unwrap": _named("brute_force", {"default": False, "brute force": True})},
+        runner="run_xatlas.py",
+    ),
+    "trimesh": Program(
+        "trimesh",
+        "trimesh",
+        {"unwrap": _named("method", {"default, no gaps": "default"}), "simplify": _counts()},
+        runner="run_trimesh.py",
+    ),
+}  # fmt: skip

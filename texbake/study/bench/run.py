@@ -1,0 +1,234 @@
+"""The bench: every program does every task on every case, setting by setting, in turn.
+
+Each run is a process of its own, timed from its start to its end: what a user waits for. Runs of
+all programs are interleaved as in a study, so that what disturbs the machine for a while disturbs
+all of them. A first round, which is judged, also brings the files into memory; it counts only for
+settings that are slow.
+"""
+
+from __future__ import annotations
+
+import gc
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.progress import ProgressSink, Stages
+from texbake.study.bench.cases import BenchCase, made_case
+from texbake.study.bench.options import BenchOptions
+from texbake.study.bench.own_case import own_case
+from texbake.study.bench.process import Finished, run_process
+from texbake.study.bench.programs import PROGRAMS, Product, Program
+from texbake.study.bench.result import BenchResult, Contest, Failure
+from texbake.study.bench.task import BenchTask, Prepared
+from texbake.study.bench.tasks import TASKS
+from texbake.study.knob import Bench, Judgment, Setting
+from texbake.study.machine import machine_figures
+from texbake.study.result import Measurement
+from texbake.study.runner import run_bench as run_settings
+
+
+def run_bench(
+    high: MeshLike | None = None,
+    low: MeshLike | None = None,
+    *,
+    options: BenchOptions | None = None,
+    progress: ProgressSink | None = None,
+) -> BenchResult:
+    """Measure what accuracy costs in time and memory, in texbake and in other programs.
+
+    Parameters
+    ----------
+    high, low
+        A pair to run the tasks on, besides the made cases. The low-poly mesh is unwrapped if it has
+        no texture coordinates. Normals of the files are left out, so that all programs shade alike.
+    options
+        None for `BenchOptions()`.
+    progress
+        Gets the progress, run by run.
+
+    Returns
+    -------
+    BenchResult
+        Programs that are not installed, and settings that fail, are named and left out.
+
+    Raises
+    ------
+    OptionError
+        One mesh of the pair is missing, or there is no case at all.
+    MeshError
+        None of the tasks can be done on what is given, or no program does any.
+    """
+    options = options or BenchOptions()
+    if (high is None) != (low is None):
+        raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or none")
+    if high is None and not options.cases:
+        raise OptionError("cases: none is named, and no meshes are given; name one or leave it out")
+    start = time.perf_counter()
+    stages = Stages(progress)
+    pair = None if high is None or low is None else (as_mesh(high), as_mesh(low))
+    with tempfile.TemporaryDirectory(prefix="texbake-bench-") as folder:
+        versions, missing = _find_programs(options, stages)
+        contests = tuple(
+            _contest(task, case, prepared, sorted(versions), options, Path(folder), stages)
+            for task, case, prepared in _prepared(pair, options, Path(folder), stages)
+        )
+    kept = tuple(contest for contest in contests if contest.measurements)
+    if not kept:
+        reasons = [failure.reason for contest in contests for failure in contest.failures]
+        raise MeshError(f"bench: no program did any task; {reasons[0] if reasons else 'none fits'}")
+    return BenchResult(
+        options=options,
+        machine=machine_figures(),
+        versions={PROGRAMS[name].title: version for name, version in versions.items()},
+        missing={PROGRAMS[name].title: reason for name, reason in missing.items()},
+        contests=kept,
+        seconds=time.perf_counter() - start,
+        inputs={} if pair is None else {"high": pair[0].name, "low": pair[1].name},
+    )
+
+
+def _find_programs(options: BenchOptions, stages: Stages) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the versions of the programs that are installed, and why others are not."""
+    versions, missing = {}, {}
+    with stages.stage("find programs"):
+        for name in options.ordered_programs:
+            version, reason = PROGRAMS[name].version(options)
+            if version:
+                versions[name] = version
+            else:
+                missing[name] = reason
+    return versions, missing
+
+
+def _prepared(
+    pair: tuple[Any, Any] | None, options: BenchOptions, folder: Path, stages: Stages
+) -> Iterator[tuple[BenchTask, BenchCase, Prepared]]:
+    """Each task with each case that fits it; only one case is in memory at a time."""
+    names = [*([None] if pair is not None else []), *options.ordered_cases]
+    for name in names:
+        if name is None:
+            assert pair is not None
+            case = own_case(*pair)
+        else:
+            case = made_case(name, options.made_triangles)
+        for task in map(TASKS.__getitem__, options.ordered_tasks):
+            with stages.stage(f"prepare {task.name}, {case.name}"):
+                prepared = task.prepare(case, options, folder)
+            if prepared is not None:
+                yield task, case, prepared
+
+
+def _contest(
+    task: BenchTask,
+    case: BenchCase,
+    prepared: Prepared,
+    names: list[str],
+    options: BenchOptions,
+    folder: Path,
+    stages: Stages,
+) -> Contest:
+    programs = [PROGRAMS[name] for name in PROGRAMS if name in names]
+    runs = _Runs(task, prepared, options, folder)
+    settings = [
+        Setting(f"{program.title}: {label}", _Run(program, label, {**prepared.job, **added}))
+        for program in programs
+        if task.name in program.settings
+        for label, added in program.settings[task.name](options)
+    ]
+    bench = Bench(
+        prepared.subject,
+        prepared.truth,
+        prepared.truth_text,
+        tuple(settings),
+        runs.work,
+        runs.judge,
+    )
+    # In a quick run every first run counts, and is the only one.
+    repeats, seconds = (1, 0.0) if options.quick else (options.repeats, options.seconds)
+    title = f"{task.name}, {case.name}"
+    with stages.stage(title, total=len(settings) * (repeats + 1), unit="runs") as advance:
+        trials = run_settings(
+            bench, repeats=repeats, seconds=seconds, seed=title, advance=advance,
+            clock=lambda: runs.clock,
+        )  # fmt: skip
+    runs.close()
+    measurements = []
+    for trial in trials:
+        run = trial.setting.value
+        if run not in runs.faults:
+            trial.setting = Setting(run.label, run.job, run.program.title)
+            trial.peak_bytes = runs.peaks[run]
+            measurements.append(Measurement.of(trial))
+    gc.collect()
+    return Contest(
+        task, case.name, prepared.subject, prepared.truth, prepared.truth_text,
+        tuple(measurements),
+        tuple(Failure(r.program.title, r.label, reason) for r, reason in runs.faults.items()),
+    )  # fmt: skip
+
+
+class _Run:
+    """A setting of a program with the whole job."""
+
+    def __init__(self, program: Program, label: str, job: Mapping[str, Any]) -> None:
+        self.program, self.label, self.job = program, label, job
+
+
+class _Runs:
+    """Starts processes and keeps what they took.
+
+    `clock` counts only the seconds of processes, so that the runner of the study times those alone.
+    A setting that has failed once is not run again.
+    """
+
+    def __init__(
+        self, task: BenchTask, prepared: Prepared, options: BenchOptions, folder: Path
+    ) -> None:
+        self.clock = 0.0
+        self.peaks: dict[_Run, int | None] = {}
+        self.faults: dict[_Run, str] = {}
+        self._task, self._prepared, self._options = task, prepared, options
+        self._folder = tempfile.TemporaryDirectory(dir=folder)
+        self._stems: dict[_Run, Path] = {}
+
+    def work(self, run: _Run) -> Product | None:
+        """Do the job; None if it fails."""
+        if run in self.faults:
+            return None
+        there = Path(self._folder.name)
+        stem = self._stems.setdefault(run, there / f"{run.program.name}-{len(self._stems)}")
+        job = {**run.job, "task": self._task.name}
+        command, product = run.program.command(job, stem, self._options)
+        done = run_process(command, timeout=self._options.timeout)
+        self.clock += done.seconds
+        self._note(run, done, product)
+        return None if run in self.faults else product
+
+    def close(self) -> None:
+        """Remove what the programs wrote."""
+        self._folder.cleanup()
+
+    def _note(self, run: _Run, done: Finished, product: Product) -> None:
+        if done.fault or not product.path.exists():
+            self.faults[run] = done.fault or f"it did not write {product.path.name}"
+        before = self.peaks.get(run)
+        known = [peak for peak in (before, done.peak_bytes) if peak is not None]
+        self.peaks[run] = max(known) if known else None
+
+    def judge(self, run: _Run, product: Product | None) -> Judgment:
+        """Return how wrong a product is; a setting whose product cannot be read is left out."""
+        if product is not None:
+            try:
+                judgment = self._prepared.judge(product)
+            except (OSError, ValueError) as error:
+                self.faults[run] = str(error)
+            else:
+                if judgment.error == judgment.error:  # not NaN
+                    return judgment
+                self.faults[run] = "nothing of its result can be compared"
+        return Judgment(0.0)

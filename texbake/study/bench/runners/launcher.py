@@ -1,0 +1,59 @@
+"""Run a command and print what it took: `launcher.py TIMEOUT COMMAND...`, one JSON object.
+
+A child of a large process inherits the mark of its greatest memory. This small process stands
+between, so that the peak it reports is that of the command alone.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+
+def main(timeout, *command):
+    """Run the command, with its output in a temporary file."""
+    with tempfile.TemporaryFile() as output:
+        start = time.perf_counter()
+        try:
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
+            )
+        except OSError as error:
+            print(json.dumps({"code": 127, "output": str(error)}))
+            return
+        late = threading.Event()
+
+        def end():
+            late.set()
+            process.kill()
+
+        timer = threading.Timer(float(timeout), end)
+        timer.start()
+        usage = wait_for(process)
+        seconds = time.perf_counter() - start
+        timer.cancel()
+        output.seek(0)
+        text = output.read()[-100_000:].decode("utf-8", "replace")
+    report = {"code": process.returncode, "late": late.is_set(), "seconds": seconds, "output": text}
+    if usage is not None:
+        unit = 1 if sys.platform == "darwin" else 1024
+        report["processor_seconds"] = usage.ru_utime + usage.ru_stime
+        report["peak_bytes"] = usage.ru_maxrss * unit
+    print(json.dumps(report))
+
+
+def wait_for(process):
+    """Wait; return what the process and its children used, None where that is not known."""
+    if not hasattr(os, "wait4"):
+        process.wait()
+        return None
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return usage
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,59 @@
+"""The files of the bench: figures, plots, the page and the tables for a README."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from texbake.files import PathLike, make_folder, replacing
+from texbake.progress import ProgressSink, Stages
+from texbake.study.bench.page import bench_page
+from texbake.study.bench.plots import contest_plot
+from texbake.study.bench.result import BenchResult
+from texbake.study.bench.table import markdown
+
+PAGE, JSON, CSV, TABLE = "bench.html", "bench.json", "bench.csv", "bench.md"
+
+
+def write_bench(
+    result: BenchResult, folder: PathLike, *, progress: ProgressSink | None = None
+) -> list[Path]:
+    """Write everything that the bench measured.
+
+    Parameters
+    ----------
+    result
+        By `run_bench`.
+    folder
+        Made if it does not exist. It gets `bench.html`, which needs none of the other files,
+        `bench.json`, `bench.csv`, `bench.md` and a `TASK-CASE.png` for each task and case.
+
+    Returns
+    -------
+    list of Path
+        The page first.
+
+    Raises
+    ------
+    FileError
+        A file cannot be written.
+    """
+    stages = Stages(progress)
+    plots = {}
+    with stages.stage("draw plots", total=len(result.contests), unit="plots") as advance:
+        for contest in result.contests:
+            plots[contest.name] = contest_plot(contest)
+            advance(1)
+    with stages.stage("write"):
+        files = {
+            PAGE: bench_page(result, plots).encode("utf-8"),
+            JSON: (json.dumps(result.to_json(), indent=2) + "\n").encode("utf-8"),
+            CSV: result.to_csv().encode("utf-8"),
+            TABLE: markdown(result).encode("utf-8"),
+            **{f"{name}.png": plot.png for name, plot in plots.items()},
+        }
+        there = make_folder(folder)
+        for name, content in files.items():
+            with replacing(there / name) as path:
+                path.write_bytes(content)
+    return [there / name for name in files]
