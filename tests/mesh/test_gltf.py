@@ -16,7 +16,7 @@ from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 from texbake.metadata import CONVENTION, SPACE, to_description
-from texbake.png import write_png
+from texbake.texture.png_files import write_png
 
 COMPONENTS = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}

@@ -14,7 +14,7 @@ from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
-from texbake.png import write_png
+from texbake.texture.png_files import write_png
 
 
 @pytest.fixture

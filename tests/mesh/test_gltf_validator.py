@@ -17,7 +17,7 @@ from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.obj import read_obj
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
-from texbake.png import write_png
+from texbake.texture.png_files import write_png
 
 SCRIPT = Path(__file__).with_name("validate_gltf.cjs")
 

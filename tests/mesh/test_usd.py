@@ -21,7 +21,7 @@ from texbake.mesh.files.usd import read_usd
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
-from texbake.png import write_png
+from texbake.texture.png_files import write_png
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 

@@ -627,6 +627,13 @@ void gather_pieces(
 /* processor.c */
 bool has_x86_64_v3(void);
 
+/* png_rows.c */
+int64_t bound_png_rows(int64_t n_rows, int64_t row_bytes);
+int64_t compress_png_rows(
+    int64_t height, int64_t row_bytes, int64_t capacity, const uint8_t pixels[height][row_bytes],
+    uint8_t out[capacity], uint32_t checksum[2], int64_t sample_bytes, int64_t texel_bytes,
+    int64_t start, int64_t stop, bool is_last);
+
 /* projected_pictures.c */
 void find_pixel_steps(
     int64_t n, int64_t n_corners, int64_t n_faces, const double points[n][3],

@@ -5,7 +5,7 @@ data as is. Files contain no date, so the same pixels always give the same bytes
 map (`texbake.metadata`) is stored in the image description of PNG, TIFF, EXR, TGA and JPEG files.
 It is left out of HDR and PPM files, and of TGA files if it is longer than 324 characters.
 
-OpenImageIO reads all formats and writes all but PNG, which `texbake.png` writes.
+OpenImageIO reads all formats and writes all but PNG, which `png_files` writes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
 from texbake.metadata import Value, from_description, to_description
 from texbake.parallel import run_bands
-from texbake.png import is_png, png_description, write_png
+from texbake.png import is_png, png_description
 from texbake.texture.encoding import (
     code_type,
     decode_srgb,
@@ -32,6 +32,7 @@ from texbake.texture.encoding import (
     quantize_unsigned,
 )
 from texbake.texture.image_formats import PNG, check_image_format, format_of, holds_floats
+from texbake.texture.png_files import write_png
 
 # (H, W) or (H, W, C), row 0 at the top.
 FloatImage = npt.NDArray[np.float32]

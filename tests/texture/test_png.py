@@ -6,7 +6,8 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileFormatError
-from texbake.png import is_png, png_description, write_png
+from texbake.png import is_png, png_description
+from texbake.texture.png_files import write_png
 
 
 def chunks(data):
@@ -37,6 +38,52 @@ def test_another_decoder_reads_the_codes(tmp_path, size, dtype, n_channels):
     wishes.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(tmp_path / "a.png"), wishes)
     np.testing.assert_array_equal(source.read_image(source.spec().format), codes)
+
+
+def fibonacci_bytes():
+    """Bytes so unevenly frequent that Huffman codes without a limit have 23 bits."""
+    counts = [1, 1]
+    while len(counts) < 24:
+        counts.append(counts[-1] + counts[-2])
+    return np.random.default_rng(0).permutation(np.repeat(np.arange(24), counts))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        np.zeros((5, 70_000)),
+        np.arange(256)[:, None] * np.ones(99),
+        np.arange(300_000)[None] // 7 % 256,
+        np.arange(90_000)[None] // np.arange(1, 90_001) % 2 * 255,
+        # Differences from the left, with which the first row is stored.
+        np.cumsum(fibonacci_bytes())[None] % 256,
+        np.repeat(np.arange(520) % 3, np.arange(520))[None],
+        np.random.default_rng(0).integers(0, 256, (1, 200_001)),
+    ],
+    ids=["flat", "lines", "short runs", "edges", "uneven", "all run lengths", "random"],
+)
+def test_another_decoder_reads_any_bytes(tmp_path, rows):
+    codes = rows.astype(np.uint8)[:, :, None]
+    write_png(tmp_path / "a.png", codes)
+    data = b"".join(
+        data for kind, data in chunks((tmp_path / "a.png").read_bytes()) if kind == b"IDAT"
+    )
+    source = oiio.ImageInput.open(str(tmp_path / "a.png"))
+    np.testing.assert_array_equal(source.read_image("uint8").reshape(codes.shape), codes)
+    # Where codes would be longer than the bytes, these are stored: five bytes more in each 65,535.
+    assert len(data) <= codes.nbytes + len(codes) + 5 * (codes.nbytes // 65535 + 12) + 6
+
+
+def test_files_are_as_small_as_those_of_zlib(tmp_path):
+    x, y = np.meshgrid(np.linspace(0, 9, 512), np.linspace(0, 9, 512))
+    smooth = np.stack([np.sin(x * y), np.cos(x + y), np.sin(x) * y / 9], axis=2)
+    write_png(tmp_path / "a.png", ((smooth * 0.5 + 0.5) * 65535).astype(np.uint16))
+    parts = [data for kind, data in chunks((tmp_path / "a.png").read_bytes()) if kind == b"IDAT"]
+    filtered = zlib.decompress(b"".join(parts))
+    reference = zlib.compressobj(9, strategy=zlib.Z_RLE)
+    n_bytes = len(reference.compress(filtered)) + len(reference.flush())
+    # More blocks, each with codes of its own.
+    assert len(b"".join(parts)) < 1.002 * n_bytes
 
 
 def test_bytes_do_not_depend_on_threads(tmp_path, codes):
