@@ -17,10 +17,10 @@ from texbake.texture.encoding import (
     decode_normals,
     encode_heights,
     encode_normals,
-    height_range,
     quantize_unsigned,
 )
 from texbake.texture.padding import nearest_owner, push_pull, spread
+from texbake.texture.value_range import height_range
 
 # Coordinates at the ends of the range of floats.
 PLACES = np.array(

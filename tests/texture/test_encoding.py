@@ -7,16 +7,15 @@ from hypothesis.extra.numpy import arrays
 
 from texbake.errors import OptionError
 from texbake.texture.encoding import (
-    count_clipped,
     decode_heights,
     decode_normals,
     decode_srgb,
     encode_heights,
     encode_normals,
     encode_srgb,
-    height_range,
     quantize_unsigned,
 )
+from texbake.texture.value_range import count_clipped, height_range
 
 floats = st.floats(-2, 2, width=32)
 

@@ -28,15 +28,16 @@ from texbake.metadata import (
     Value,
 )
 from texbake.texture.encoding import (
-    count_clipped,
+    color_ids,
     encode_heights,
     encode_normals,
     encode_srgb,
-    height_range,
     max_code,
+    quantize_points,
     quantize_unsigned,
 )
 from texbake.texture.image_formats import check_image_format, format_of, holds_floats
+from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
 
 if TYPE_CHECKING:
     from texbake.baking.maps.kind import MapKind
@@ -144,7 +145,9 @@ def _lengths(baked: BakedMap, encoding: FileEncoding) -> Coded:
         metadata[SPACE] = baked.options.space
     n_clipped = 0
     if encoding.bits != FLOAT:
-        n_clipped = count_clipped(baked.values, baked.covered, mid=mid, scale=scale)
+        n_clipped = count_clipped(
+            baked.values, baked.has_data, mid=mid, scale=scale, threads=baked.options.threads
+        )
     return Coded(pixels, metadata, n_clipped)
 
 
@@ -156,7 +159,9 @@ def _height_levels(baked: BakedMap, encoding: FileEncoding) -> tuple[float, floa
     if encoding.bits == FLOAT:
         return mid or 0.0, 1.0 if scale is None else scale
     if mid is None or scale is None:
-        measured = height_range(baked.values, baked.covered, bits=encoding.bits, mid=mid)
+        measured = height_range(
+            baked.values, baked.has_data, bits=encoding.bits, mid=mid, threads=options.threads
+        )
         return measured[0], measured[1] if scale is None else scale
     return mid, scale
 
@@ -168,11 +173,9 @@ def _positions(baked: BakedMap, encoding: FileEncoding) -> Coded:
         return Coded(baked.values, metadata)
     assert baked.bounds is not None
     low, high = baked.bounds
-    # Along an axis without extent the code is 0, which decodes to the one coordinate.
-    sizes = np.where(high > low, high - low, 1.0)
-    shares = ((baked.values - low) / sizes).astype(np.float32)
     metadata |= {POSITION_MIN: _numbers(low), POSITION_MAX: _numbers(high)}
-    return Coded(quantize_unsigned(shares, encoding.bits, threads=baked.options.threads), metadata)
+    threads = baked.options.threads
+    return Coded(quantize_points(baked.values, low, high, encoding.bits, threads=threads), metadata)
 
 
 def _numbers(point: npt.NDArray[np.float64]) -> str:
@@ -206,10 +209,14 @@ def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> Coded:
 
 def usual_curvature(baked: BakedMap) -> float:
     """Absolute curvature that only a few texels exceed; 1 if nothing is curved."""
-    sizes = np.abs(baked.values[baked.covered])
-    greatest = float(np.percentile(sizes, _CURVATURE_PERCENTILE)) if sizes.size else 0.0
+
+    def size_at(percentile: float) -> float:
+        return size_at_percentile(
+            baked.values, baked.has_data, percentile, threads=baked.options.threads
+        )
+
     # If very little is curved, the percentile may be 0.
-    greatest = greatest or float(sizes.max(initial=0.0))
+    greatest = size_at(_CURVATURE_PERCENTILE) or size_at(100.0)
     return greatest if greatest > 0.0 else 1.0
 
 
@@ -233,7 +240,8 @@ def _ids(baked: BakedMap, encoding: FileEncoding) -> Coded:
         f"{ID}{word}": name for word, name in zip(words[1:], names, strict=True)
     }
     codes = colors if encoding.bits == 8 else colors.astype(np.uint16) * 257
-    return Coded(codes[baked.values[:, :, 0].astype(np.intp)], metadata)
+    pixels = color_ids(baked.values[:, :, 0], codes, threads=baked.options.threads)
+    return Coded(pixels, metadata)
 
 
 def id_colors(n: int) -> npt.NDArray[np.uint8]:

@@ -11,10 +11,15 @@ import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.pineda import NO_FACE
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
 from texbake.texture.padding import nearest_owner, push_pull
 
 Float32Array = npt.NDArray[np.float32]
+
+# Texels per band: a few milliseconds of work.
+_BAND = 1 << 18
 
 
 class ChartPadding:
@@ -45,14 +50,16 @@ class ChartPadding:
         self._options = options
         self._valid = has_data
         # Texels of the padding, and the texel from which each one takes its value.
-        self._targets: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self._targets: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
         self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.n_meeting = 0
         if options.padding > 0:
             sources = np.where(self._missed, np.int32(NO_FACE), texel_charts)
             owners = nearest_owner(sources, options.padding, threads=options.threads)
             self.n_meeting = owners.n_meeting
-            self._targets = np.flatnonzero((owners.indices >= 0) & (texel_charts < 0))
+            self._targets = np.flatnonzero((owners.indices >= 0) & (texel_charts < 0)).astype(
+                np.int64, copy=False
+            )
             self._sources = owners.indices.ravel()[self._targets]
             self._valid = (owners.indices >= 0) & ~self._missed
 
@@ -66,9 +73,12 @@ class ChartPadding:
         """
         threads = self._options.threads
         texels = values.reshape(-1, values.shape[2])
-        padding = texels[self._sources]
-        padding[~np.isfinite(padding).all(axis=1)] = neutral
-        texels[self._targets] = padding
+        nothing = np.array(neutral, np.float32)
+
+        def copy(start: int, stop: int) -> None:
+            core.copy_texels(texels, self._targets, self._sources, nothing, start, stop)
+
+        run_bands(copy, len(self._targets), band=_BAND, threads=threads)
         if self._options.fill == "push-pull" and combine != "first":
             values = push_pull(values, self._valid, threads=threads)
             if combine == "unit mean":

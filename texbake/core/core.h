@@ -320,6 +320,11 @@ void spread_owners(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const int32_t owners[n],
     const float background[n_channels], float out[n][n_channels], int64_t start, int64_t stop);
 
+void copy_texels(
+    int64_t n_texels, int64_t n_channels, int64_t n, float values[n_texels][n_channels],
+    const int64_t targets[n], const int32_t sources[n], const float neutral[n_channels],
+    int64_t start, int64_t stop);
+
 /* edge_functions.c */
 void bin_faces(
     int64_t n_faces, int64_t n_listed, const int64_t corners[n_faces][3][2], int64_t n_rows,
@@ -693,11 +698,25 @@ void add_leaves(
     float sums[n_texels][n_channels], float areas[n_texels]);
 
 /* quantization.c */
-void quantize(
-    int64_t n, int64_t n_channels,
-    const float values[n][n_channels], const double factors[n_channels],
-    const double offsets[n_channels], double noise, double top, uint16_t codes[n][n_channels],
-    int64_t start, int64_t stop);
+void quantize_u8(
+    int64_t n, int64_t n_channels, const float values[n][n_channels],
+    const double factors[n_channels], const double offsets[n_channels],
+    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
+    uint8_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop);
+
+void quantize_u16(
+    int64_t n, int64_t n_channels, const float values[n][n_channels],
+    const double factors[n_channels], const double offsets[n_channels],
+    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
+    uint16_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop);
+
+void color_ids_u8(
+    int64_t n, int64_t n_colors, const float ids[n], const uint8_t colors[n_colors][3],
+    uint8_t codes[n][3], int64_t start, int64_t stop);
+
+void color_ids_u16(
+    int64_t n, int64_t n_colors, const float ids[n], const uint16_t colors[n_colors][3],
+    uint16_t codes[n][3], int64_t start, int64_t stop);
 
 /* ray_fans.c */
 void fan_frames(int64_t n, const float axes[n][3], const float planes[n][3], float frames[12][n]);
@@ -1008,6 +1027,23 @@ int64_t embed_in_circle(
 void merge_labels(
     int64_t n_items, int64_t n_pairs,
     int32_t labels[n_items], const int32_t firsts[n_pairs], const int32_t seconds[n_pairs]);
+
+/* value_range.c */
+void measure_range(
+    int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
+    float range[2], int64_t start, int64_t stop);
+
+int64_t count_outside(
+    int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
+    double scale, double mid, double least, double most, int64_t start, int64_t stop);
+
+void count_upper_halves(
+    int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
+    int64_t counts[1 << 16], int64_t start, int64_t stop);
+
+void count_lower_halves(
+    int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
+    int64_t counts[1 << 16], int64_t upper, int64_t start, int64_t stop);
 
 /* vertex_normals.c */
 void face_normals(

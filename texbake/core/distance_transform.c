@@ -12,6 +12,7 @@
 
    Called from texbake/texture/padding.py. */
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "arena.h"
@@ -297,5 +298,23 @@ void spread_owners(
         const float *from = is_finite ? values[owner] : background;
         for (int64_t channel = 0; channel < n_channels; channel++)
             out[i][channel] = from[channel];
+    }
+}
+
+/* Copy texels to others, in place: item `i` of `sources` to that of `targets`. A texel that is not
+   finite in all channels is replaced by `neutral`. */
+void copy_texels(
+    int64_t n_texels, int64_t n_channels, int64_t n, float values[n_texels][n_channels],
+    const int64_t targets[n], const int32_t sources[n], const float neutral[n_channels],
+    int64_t start, int64_t stop)
+{
+    for (int64_t i = start; i < stop; i++) {
+        const float *from = values[sources[i]];
+        bool is_finite = true;
+        for (int64_t channel = 0; channel < n_channels; channel++)
+            is_finite = is_finite && isfinite(from[channel]);
+        from = is_finite ? from : neutral;
+        for (int64_t channel = 0; channel < n_channels; channel++)
+            values[targets[i]][channel] = from[channel];
     }
 }

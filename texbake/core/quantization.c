@@ -3,27 +3,122 @@
    A code is floor(x + 1/2) of the exact x, computed in double, where the product of a float and a
    16-bit factor is exact.
 
-   Called from texbake/texture/encoding.py. */
+   Called from texbake/texture/encoding.py and texbake/baking/codings.py. */
 
 #include <math.h>
+#include <stddef.h>
 
 #include "core.h"
 #include "numbers.h"
 
-/* Codes `value * factor + offset`, rounded and at most `top`; |value| <= noise counts as 0, and NaN
-   becomes 0. */
-void quantize(
-    int64_t n, int64_t n_channels,
-    const float values[n][n_channels], const double factors[n_channels],
-    const double offsets[n_channels], double noise, double top, uint16_t codes[n][n_channels],
-    int64_t start, int64_t stop)
+/* Values that are coded together: whole texels of 1, 2, 3, 4, 6 or 8 channels, and few enough for vector
+   instructions without a remainder. */
+#define ROUND 24
+
+/* How channels are coded, repeated over a round. */
+struct coding {
+    double factors[ROUND], offsets[ROUND], lows[ROUND], sizes[ROUND];
+    double noise, top;
+};
+
+static struct coding repeat_coding(
+    int64_t n_channels, const double factors[], const double offsets[], const double *lows,
+    const double *sizes, double noise, double top)
 {
-    for (int64_t i = start; i < stop; i++)
-        for (int64_t channel = 0; channel < n_channels; channel++) {
-            double value = values[i][channel];
-            if (fabs(value) <= noise)
-                value = 0.0;
-            const double code = value * factors[channel] + offsets[channel] + 0.5;
-            codes[i][channel] = code > 0.0 ? (uint16_t)(int32_t)min_f64(code, top) : 0;
-        }
+    struct coding coding;
+    for (int64_t i = 0; i < ROUND; i++) {
+        const int64_t channel = i % n_channels;
+        coding.factors[i] = factors[channel];
+        coding.offsets[i] = offsets[channel];
+        coding.lows[i] = lows ? lows[channel] : 0.0;
+        coding.sizes[i] = sizes ? sizes[channel] : 1.0;
+    }
+    coding.noise = noise;
+    coding.top = top;
+    return coding;
+}
+
+/* Code of a value at a place in the round; a share of its bounds first becomes a float. */
+static inline int32_t code_of(
+    double value, int64_t place, const struct coding *coding, bool has_bounds)
+{
+    if (has_bounds)
+        value = (float)((value - coding->lows[place]) / coding->sizes[place]);
+    value = fabs(value) <= coding->noise ? 0.0 : value;
+    const double code = value * coding->factors[place] + coding->offsets[place] + 0.5;
+    /* Also NaN becomes 0. */
+    return (int32_t)(code > 0.0 ? min_f64(code, coding->top) : 0.0);
+}
+
+/* Defines a function for codes of a type. */
+#define QUANTIZE(name, type)                                                                  \
+    static inline void name(                                                                  \
+        int64_t n, const float *restrict values, const struct coding *restrict coding,        \
+        bool has_bounds, type *restrict codes)                                                \
+    {                                                                                         \
+        int64_t i = 0;                                                                        \
+        for (; i + ROUND <= n; i += ROUND)                                                    \
+            for (int64_t k = 0; k < ROUND; k++)                                               \
+                codes[i + k] = (type)code_of(values[i + k], k, coding, has_bounds);           \
+        for (int64_t k = 0; i + k < n; k++)                                                   \
+            codes[i + k] = (type)code_of(values[i + k], k, coding, has_bounds);               \
+    }
+
+QUANTIZE(quantize_bytes, uint8_t)
+QUANTIZE(quantize_words, uint16_t)
+
+/* Write codes `value * factor + offset`, rounded and at most `top`; |value| <= noise counts as 0, and
+   NaN becomes 0. With lows and sizes, values are first taken relative to them. The number of channels
+   divides ROUND. */
+void quantize_u8(
+    int64_t n, int64_t n_channels, const float values[n][n_channels],
+    const double factors[n_channels], const double offsets[n_channels],
+    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
+    uint8_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop)
+{
+    const struct coding coding =
+        repeat_coding(n_channels, factors, offsets, lows, sizes, noise, top);
+    const int64_t n_values = (stop - start) * n_channels;
+    if (lows)
+        quantize_bytes(n_values, values[start], &coding, true, codes[start]);
+    else
+        quantize_bytes(n_values, values[start], &coding, false, codes[start]);
+}
+
+void quantize_u16(
+    int64_t n, int64_t n_channels, const float values[n][n_channels],
+    const double factors[n_channels], const double offsets[n_channels],
+    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
+    uint16_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop)
+{
+    const struct coding coding =
+        repeat_coding(n_channels, factors, offsets, lows, sizes, noise, top);
+    const int64_t n_values = (stop - start) * n_channels;
+    if (lows)
+        quantize_words(n_values, values[start], &coding, true, codes[start]);
+    else
+        quantize_words(n_values, values[start], &coding, false, codes[start]);
+}
+
+/* Write the colors of ids; the first color is that of 0. */
+void color_ids_u8(
+    int64_t n, int64_t n_colors, const float ids[n], const uint8_t colors[n_colors][3],
+    uint8_t codes[n][3], int64_t start, int64_t stop)
+{
+    for (int64_t i = start; i < stop; i++) {
+        const uint8_t *color = colors[clamp_i64((int64_t)ids[i], 0, n_colors - 1)];
+        for (int channel = 0; channel < 3; channel++)
+            codes[i][channel] = color[channel];
+    }
+}
+
+void color_ids_u16(
+    int64_t n, int64_t n_colors, const float ids[n], const uint16_t colors[n_colors][3],
+    uint16_t codes[n][3], int64_t start, int64_t stop)
+{
+    for (int64_t i = start; i < stop; i++) {
+        const uint16_t *color = colors[clamp_i64((int64_t)ids[i], 0, n_colors - 1)];
+        for (int channel = 0; channel < 3; channel++)
+            codes[i][channel] = color[channel];
+    }
 }

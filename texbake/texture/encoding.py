@@ -34,23 +34,27 @@ def _quantized(
     bits: int,
     factors: npt.NDArray[np.float64],
     offsets: npt.NDArray[np.float64],
-    noise: float,
     threads: int | None,
+    *,
+    lows: npt.NDArray[np.float64] | None = None,
+    sizes: npt.NDArray[np.float64] | None = None,
+    noise: float = 0.0,
 ) -> npt.NDArray[Any]:
-    """Quantize (..., C) values with a factor and an offset per channel, in units of a code.
+    """Quantize values with a factor and an offset per channel, in units of a code.
 
-    Kernel: `core/quantization.c`.
+    There are 1, 2, 3 or 4 channels. With lows and sizes, one per channel, the values are first
+    taken relative to them. Kernel: `core/quantization.c`.
     """
-    n_channels = values.shape[-1]
-    flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, n_channels)
-    codes = np.empty((len(flat), n_channels), np.uint16)
-    top = float(max_code(bits))
+    flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, len(factors))
+    codes = np.empty(flat.shape, code_type(bits))
+    quantize = core.quantize_u8 if bits == 8 else core.quantize_u16
+    top = max_code(bits)
 
     def work(start: int, stop: int) -> None:
-        core.quantize(flat, factors, offsets, noise, top, codes, start, stop)
+        quantize(flat, factors, offsets, lows, sizes, codes, noise, top, start, stop)
 
     run_bands(work, len(flat), band=_BAND, threads=threads)
-    return codes.astype(code_type(bits), copy=False).reshape(values.shape)
+    return codes.reshape(values.shape)
 
 
 def max_code(bits: int) -> int:
@@ -86,9 +90,40 @@ def quantize_unsigned(
     >>> quantize_unsigned(np.array([0.0, 0.5, 1.0, np.nan]), 8).tolist()
     [0, 128, 255, 0]
     """
-    values = np.atleast_1d(values)
-    factors = np.full(values.shape[-1], float(max_code(bits)))
-    return _quantized(values, bits, factors, np.zeros_like(factors), 0.0, threads)
+    factors = np.full(1, float(max_code(bits)))
+    return _quantized(np.atleast_1d(values), bits, factors, np.zeros(1), threads)
+
+
+def quantize_points(
+    points: npt.NDArray[Any],
+    low: npt.NDArray[np.float64],
+    high: npt.NDArray[np.float64],
+    bits: int,
+    *,
+    threads: int | None = None,
+) -> npt.NDArray[Any]:
+    """Quantize points (..., 3) float32 between two corners, (3,), to codes from 0 to the greatest.
+
+    Along an axis without extent the code is 0, which decodes to the one coordinate.
+    """
+    sizes = np.where(high > low, high - low, 1.0)
+    factors = np.full(3, float(max_code(bits)))
+    return _quantized(points, bits, factors, np.zeros(3), threads, lows=low, sizes=sizes)
+
+
+def color_ids(
+    ids: npt.NDArray[np.float32], colors: npt.NDArray[Any], *, threads: int | None = None
+) -> npt.NDArray[Any]:
+    """Give each of the ids (H, W) its color, (n, 3) uint8 or uint16: (H, W, 3)."""
+    flat = np.ascontiguousarray(ids).reshape(-1)
+    codes = np.empty((len(flat), 3), colors.dtype)
+    fill = core.color_ids_u8 if colors.dtype == np.uint8 else core.color_ids_u16
+
+    def work(start: int, stop: int) -> None:
+        fill(flat, colors, codes, start, stop)
+
+    run_bands(work, len(flat), band=_BAND, threads=threads)
+    return codes.reshape(*ids.shape, 3)
 
 
 def encode_normals(
@@ -127,7 +162,8 @@ def encode_normals(
     if bits == 32:
         return np.asarray(normals, np.float32) * (0.5 * signs).astype(np.float32) + np.float32(0.5)
     half = 0.5 * max_code(bits)
-    return _quantized(normals, bits, half * signs, np.full(3, half), _FLAT_NOISE, threads)
+    offsets = np.full(3, half)
+    return _quantized(normals, bits, half * signs, offsets, threads, noise=_FLAT_NOISE)
 
 
 def decode_normals(
@@ -169,53 +205,6 @@ def decode_normals(
     return normals.reshape(*pixels.shape[:-1], 3)
 
 
-def height_range(
-    heights: npt.NDArray[Any],
-    covered: npt.NDArray[np.bool_],
-    *,
-    bits: int = 16,
-    mid: float | None = None,
-) -> tuple[float, float]:
-    """Return the mid level and scale that map heights d to [0, 1], with d = (h - mid) * scale.
-
-    Parameters
-    ----------
-    heights : (H, W) float
-        Signed distances in model units.
-    covered : (H, W) bool
-        Texels to take into account. Heights that are not finite are ignored.
-    bits
-        Bits of the codes, 8 or 16.
-    mid
-        Mid level in [0, 1]. None: the code just above the middle, 128 / 255 or 32768 / 65535. 1/2
-        is not a code; with this level, a displacement of 0 decodes to exactly 0.
-
-    Returns
-    -------
-    mid : float
-    scale : float
-        Model units from black to white; the least that clips no height. 1 if no texel is displaced
-        or covered, so that the map is flat at its mid level.
-
-    Raises
-    ------
-    OptionError
-        `mid` is outside [0, 1], or is 0 or 1 although there are heights beyond it.
-    """
-    mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
-    if not 0.0 <= mid <= 1.0:
-        raise OptionError(f"mid: {mid} is not a level between 0 and 1")
-    values = heights[covered & np.isfinite(heights)]
-    above = max(float(values.max()), 0.0) if values.size else 0.0
-    below = max(-float(values.min()), 0.0) if values.size else 0.0
-    if (above > 0.0 and mid == 1.0) or (below > 0.0 and mid == 0.0):
-        raise OptionError(
-            f"mid: {mid} leaves no room for heights from {-below:.6g} to {above:.6g}; use 0.5"
-        )
-    scale = max(above / (1.0 - mid) if above else 0.0, below / mid if below else 0.0)
-    return mid, scale if scale > 0.0 else 1.0
-
-
 def encode_heights(
     heights: npt.NDArray[Any],
     *,
@@ -252,7 +241,7 @@ def encode_heights(
         return (np.asarray(heights, np.float64) / scale + mid).astype(np.float32)
     top = float(max_code(bits))
     values = heights[..., None]
-    codes = _quantized(values, bits, np.array([top / scale]), np.array([top * mid]), 0.0, threads)
+    codes = _quantized(values, bits, np.array([top / scale]), np.array([top * mid]), threads)
     return codes[..., 0]
 
 
@@ -262,15 +251,6 @@ def decode_heights(
     """Decode codes or levels in [0, 1] to signed distances (h - mid) * scale in model units."""
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
     return ((np.asarray(pixels, np.float64) / top - mid) * scale).astype(np.float32)
-
-
-def count_clipped(
-    heights: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, mid: float, scale: float
-) -> int:
-    """Count the covered heights that integer codes clip with this mid level and scale."""
-    levels = heights[covered].astype(np.float64) / scale + mid
-    # The rounding error of scale and of the division, relative to the whole range.
-    return int(np.count_nonzero((levels < -1e-9) | (levels > 1.0 + 1e-9)))
 
 
 def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:

@@ -13,9 +13,10 @@ import numpy.typing as npt
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder, replacing
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
-from texbake.texture.encoding import encode_heights, encode_normals, height_range
+from texbake.texture.encoding import encode_heights, encode_normals
 from texbake.texture.image import Image, write_image
 from texbake.texture.image_formats import check_image_format, holds_floats
+from texbake.texture.value_range import height_range
 
 _GREATEST_HALF = 65504.0
 

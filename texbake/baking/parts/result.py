@@ -12,8 +12,8 @@ from texbake.baking.codings import file_bits, usual_curvature
 from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.report import PartsReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
-from texbake.texture.encoding import height_range
 from texbake.texture.image_formats import holds_floats
+from texbake.texture.value_range import height_range
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,161 @@
+"""Measure the values of a map before they are coded: range, clipped values, percentiles.
+
+Kernel: `core/value_range.c`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.errors import OptionError
+from texbake.parallel import run_bands
+from texbake.texture.encoding import max_code
+
+IntArray = npt.NDArray[np.int64]
+
+# Texels per band: a few milliseconds of work.
+_BAND = 1 << 19
+
+
+def height_range(
+    heights: npt.NDArray[Any],
+    covered: npt.NDArray[np.bool_],
+    *,
+    bits: int = 16,
+    mid: float | None = None,
+    threads: int | None = None,
+) -> tuple[float, float]:
+    """Return the mid level and scale that map heights d to [0, 1], with d = (h - mid) * scale.
+
+    Parameters
+    ----------
+    heights : (H, W) or (H, W, C) float32
+        Signed distances in model units.
+    covered : (H, W) bool
+        Texels to take into account. Heights that are not finite are ignored.
+    bits
+        Bits of the codes, 8 or 16.
+    mid
+        Mid level in [0, 1]. None: the code just above the middle, 128 / 255 or 32768 / 65535. 1/2
+        is not a code; with this level, a displacement of 0 decodes to exactly 0.
+
+    Returns
+    -------
+    mid : float
+    scale : float
+        Model units from black to white; the least that clips no height. 1 if no texel is displaced
+        or covered, so that the map is flat at its mid level.
+
+    Raises
+    ------
+    OptionError
+        `mid` is outside [0, 1], or is 0 or 1 although there are heights beyond it.
+    """
+    mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
+    if not 0.0 <= mid <= 1.0:
+        raise OptionError(f"mid: {mid} is not a level between 0 and 1")
+    values, texels = _of_texels(heights, covered)
+    ranges: list[npt.NDArray[np.float32]] = []
+
+    def work(start: int, stop: int) -> None:
+        limits = np.zeros(2, np.float32)
+        core.measure_range(values, texels, limits, start, stop)
+        ranges.append(limits)
+
+    run_bands(work, len(texels), band=_BAND, threads=threads)
+    above = max((float(limits[1]) for limits in ranges), default=0.0)
+    below = max((-float(limits[0]) for limits in ranges), default=0.0)
+    if (above > 0.0 and mid == 1.0) or (below > 0.0 and mid == 0.0):
+        raise OptionError(
+            f"mid: {mid} leaves no room for heights from {-below:.6g} to {above:.6g}; use 0.5"
+        )
+    scale = max(above / (1.0 - mid) if above else 0.0, below / mid if below else 0.0)
+    return mid, scale if scale > 0.0 else 1.0
+
+
+def count_clipped(
+    heights: npt.NDArray[Any],
+    covered: npt.NDArray[np.bool_],
+    *,
+    mid: float,
+    scale: float,
+    threads: int | None = None,
+) -> int:
+    """Count the covered heights that integer codes clip with this mid level and scale.
+
+    The arrays are those of `height_range`.
+    """
+    values, texels = _of_texels(heights, covered)
+    counts: list[int] = []
+
+    def work(start: int, stop: int) -> None:
+        # The rounding error of scale and of the division, relative to the whole range.
+        limits = -1e-9, 1.0 + 1e-9
+        counts.append(core.count_outside(values, texels, scale, mid, *limits, start, stop))
+
+    run_bands(work, len(texels), band=_BAND, threads=threads)
+    return sum(counts)
+
+
+def size_at_percentile(
+    values: npt.NDArray[np.float32],
+    covered: npt.NDArray[np.bool_],
+    percentile: float,
+    *,
+    threads: int | None = None,
+) -> float:
+    """Return the size that so many percent of the values do not exceed, interpolated between two.
+
+    The arrays are those of `height_range`, without NaN. 0 without covered texels.
+    """
+    rows, texels = _of_texels(values, covered)
+
+    def counts_of(count: Callable[[npt.NDArray[np.int64], int, int], None]) -> IntArray:
+        parts: list[IntArray] = []
+
+        def work(start: int, stop: int) -> None:
+            part = np.zeros(1 << 16, np.int64)
+            count(part, start, stop)
+            parts.append(part)
+
+        run_bands(work, len(texels), band=4 * _BAND, threads=threads)
+        return np.sum(parts, axis=0, dtype=np.int64) if parts else np.zeros(1 << 16, np.int64)
+
+    uppers = np.cumsum(counts_of(partial(core.count_upper_halves, rows, texels)))
+
+    def size_at(rank: int) -> np.float32:
+        upper = int(np.searchsorted(uppers, rank, side="right"))
+        before = int(uppers[upper - 1]) if upper else 0
+        lowers = np.cumsum(
+            counts_of(lambda part, *band: core.count_lower_halves(rows, texels, part, upper, *band))
+        )
+        lower = int(np.searchsorted(lowers, rank - before, side="right"))
+        return np.uint32(upper << 16 | lower).view(np.float32)
+
+    n = int(uppers[-1])
+    if n == 0:
+        return 0.0
+    place = (n - 1) * (percentile / 100.0)
+    below = int(place)
+    along = place - below
+    low, high = size_at(below), size_at(min(below + 1, n - 1))
+    # From the nearer of the two, as numpy does.
+    if along >= 0.5:
+        return float(high - (high - low) * np.float32(1.0 - along))
+    return float(low + (high - low) * np.float32(along))
+
+
+def _of_texels(
+    values: npt.NDArray[Any], covered: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """Return values (H, W) or (H, W, C) as (n, C), and which texels are covered as (n,)."""
+    texels = np.require(covered, np.bool_, ["C", "A"]).reshape(-1)
+    n_channels = values.size // max(len(texels), 1)
+    rows = np.require(values, np.float32, ["C", "A"]).reshape(len(texels), n_channels)
+    return rows, texels
