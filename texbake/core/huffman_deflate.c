@@ -106,21 +106,35 @@ static void number_codes(int n_symbols, struct code codes[])
     }
 }
 
+/* List the symbols that occur, rarest first, equals in their order; return how many. Shell's sort. */
+static int sort_symbols(int n_symbols, const uint32_t frequencies[], uint16_t order[])
+{
+    uint64_t keys[N_LITERALS];
+    int n = 0;
+    for (int symbol = 0; symbol < n_symbols; symbol++)
+        if (frequencies[symbol] > 0)
+            keys[n++] = (uint64_t)frequencies[symbol] << 16 | (uint64_t)symbol;
+    for (int gap = 121; gap > 0; gap /= 3)
+        for (int i = gap; i < n; i++) {
+            const uint64_t key = keys[i];
+            int place = i;
+            for (; place >= gap && keys[place - gap] > key; place -= gap)
+                keys[place] = keys[place - gap];
+            keys[place] = key;
+        }
+    for (int i = 0; i < n; i++)
+        order[i] = (uint16_t)(keys[i] & 0xFFFF);
+    return n;
+}
+
 static void make_codes(
     int n_symbols, uint32_t frequencies[], int longest, struct code codes[])
 {
     uint16_t order[N_LITERALS];
     for (;;) {
-        int n = 0;
-        for (int symbol = 0; symbol < n_symbols; symbol++) {
+        const int n = sort_symbols(n_symbols, frequencies, order);
+        for (int symbol = 0; symbol < n_symbols; symbol++)
             codes[symbol].length = 0;
-            if (frequencies[symbol] == 0)
-                continue;
-            int place = n++;
-            for (; place > 0 && frequencies[order[place - 1]] > frequencies[symbol]; place--)
-                order[place] = order[place - 1];
-            order[place] = (uint16_t)symbol;
-        }
         if (measure_codes(n, order, frequencies, codes) <= longest)
             break;
         for (int symbol = 0; symbol < n_symbols; symbol++)
@@ -133,13 +147,22 @@ static void make_codes(
    them. Its place is `n` if there is none. */
 static inline int64_t find_repeat(int64_t i, int64_t n, const uint8_t bytes[])
 {
-    for (i = max_i64(i, 1); i + 4 <= n; i++) {
-        uint32_t here, before;
-        memcpy(&here, bytes + i, 4);
-        memcpy(&before, bytes + i - 1, 4);
-        if (here == before)
-            return i;
+    const uint64_t ones = UINT64_C(0x0101010101);
+    for (i = max_i64(i, 1); i + 8 <= n; i += 5) {
+        uint64_t here, before;
+        memcpy(&here, bytes + i, 8);
+        memcpy(&before, bytes + i - 1, 8);
+        /* Of the five lowest bytes, one is 0 where a repeat begins. */
+        uint64_t differs = here ^ before;
+        differs |= differs >> 8;
+        differs |= differs >> 16;
+        const uint64_t begins = (differs - ones) & ~differs & ones << 7;
+        if (begins != 0)
+            return i + __builtin_ctzll(begins) / 8;
     }
+    for (; i + 4 <= n; i++)
+        if (memcmp(bytes + i, bytes + i - 1, 4) == 0)
+            return i;
     return n;
 }
 
@@ -212,16 +235,28 @@ static inline void put_code(struct bit_stream *stream, struct code code)
     put_bits(stream, code.bits, code.length);
 }
 
+/* Codes of bytes in a row, joined before they meet the bits that wait: so they do not wait themselves. */
+struct joined_codes {
+    uint64_t bits;
+    int length;
+};
+
+static inline struct joined_codes join_codes(struct code first, struct code second)
+{
+    const struct joined_codes joined = {
+        first.bits | (uint64_t)second.bits << first.length, first.length + second.length};
+    return joined;
+}
+
 static void put_literals(
     struct bit_stream *stream, int64_t n, const uint8_t bytes[], const struct code codes[])
 {
     struct bit_stream local = *stream;
     int64_t i = 0;
     for (; i + 4 <= n; i += 4) {
-        put_code(&local, codes[bytes[i]]);
-        put_code(&local, codes[bytes[i + 1]]);
-        put_code(&local, codes[bytes[i + 2]]);
-        put_code(&local, codes[bytes[i + 3]]);
+        const struct joined_codes first = join_codes(codes[bytes[i]], codes[bytes[i + 1]]);
+        const struct joined_codes next = join_codes(codes[bytes[i + 2]], codes[bytes[i + 3]]);
+        put_bits(&local, first.bits | next.bits << first.length, first.length + next.length);
         flush_bits(&local);
     }
     for (; i < n; i++) {
