@@ -8,8 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.core import core
 from texbake.mapping.areas import signed_areas, surface_areas
-from texbake.mapping.atlas.flattening.flatten import flatten, measured, regions_of, tutte_layout
-from texbake.mapping.atlas.flattening.patch import patch_of
+from texbake.mapping.atlas.flattening.flatten import flatten, measured
 from texbake.mapping.overlap import overlapping_faces
 
 
@@ -311,6 +310,25 @@ def test_start_is_used_and_kept():
     assert flat.energy == pytest.approx(4, abs=1e-7)
 
 
+def tutte_layout(points, faces):
+    uvs = np.empty((len(points), 2))
+    assert core.embed_in_circle(points, faces.astype(np.int32), 1e-12, uvs)
+    return uvs
+
+
+def loops_of(faces):
+    """Boundary loops, as sets of vertices."""
+    edges = {(int(f[i]), int(f[i - 2])) for f in faces for i in range(3)}
+    following = {a: b for a, b in edges if (b, a) not in edges}
+    loops = []
+    while following:
+        loop = [min(following)]
+        while loop[-1] in following:
+            loop.append(following.pop(loop[-1]))
+        loops.append(loop[1:])
+    return loops
+
+
 def rough_sheet(seed, n=15, holes=()):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(n * n, 3)) * [0.2, 0.2, 3.0]
@@ -325,12 +343,11 @@ def rough_sheet(seed, n=15, holes=()):
 @pytest.mark.parametrize(("holes", "n_holes"), [((), 0), ((60, 60 + 196), 1), ((60, 100), 2)])
 def test_no_flips(seed, holes, n_holes):
     points, faces = rough_sheet(seed, holes=holes)
-    patch = patch_of(faces, len(points))
-    assert patch.is_disk
-    assert len(patch.loops) == 1 + n_holes
-    uvs = tutte_layout(points, patch)
+    loops = loops_of(faces)
+    assert len(loops) == 1 + n_holes
+    uvs = tutte_layout(points, faces)
     assert (signed_areas(uvs[faces]) > 0).all()
-    outer = max(patch.loops, key=len)
+    outer = np.array(max(loops, key=len))
     np.testing.assert_allclose(np.linalg.norm(uvs[outer], axis=1), 1, atol=1e-12)
     inner = np.setdiff1d(np.arange(len(points)), outer)
     assert (np.linalg.norm(uvs[inner], axis=1) < 1).all()
@@ -341,10 +358,16 @@ def test_wheel_closed_form():
     turns = np.arange(6) * math.pi / 3
     points = np.array([[0, 0, 1], *((math.cos(t), math.sin(t), 0) for t in turns)])
     faces = np.array([[0, 1 + i, 1 + (i + 1) % 6] for i in range(6)])
-    uvs = tutte_layout(points, patch_of(faces, 7))
+    uvs = tutte_layout(points, faces)
     np.testing.assert_allclose(uvs[0], 0, atol=1e-9)
     corners = np.linalg.norm(uvs[1:] - np.roll(uvs[1:], -1, axis=0), axis=1)
     np.testing.assert_allclose(corners, 1, atol=1e-12)
+
+
+def regions_of(uvs):
+    regions = np.empty(len(uvs), dtype=np.int32)
+    core.find_regions(uvs, regions)
+    return regions
 
 
 def grid_system(n, *, held):

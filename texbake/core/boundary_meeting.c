@@ -7,7 +7,7 @@
    Based on: Lipman, "Bijective Mappings of Meshes with Boundary and the Degree in Mesh Processing",
    2014 (why the boundary is enough where no triangle is flipped).
 
-   Called from texbake/mapping/atlas/flattening/patch.py and symmetric_dirichlet.c. */
+   Called from flatten.c and symmetric_dirichlet.c. */
 
 #include "boundary_meeting.h"
 
@@ -17,10 +17,6 @@
 #include "arena.h"
 #include "core.h"
 #include "numbers.h"
-
-/* Borders count as touching, not overlapping, up to this share of the longer side of the layout:
-   2^-21. Python has the same number. */
-static const double TOUCH_DEPTH = 1.0 / (1 << 21);
 
 enum { MOST_CELLS = 1024 };
 
@@ -34,11 +30,6 @@ struct grid {
 /* An edge in the list of a cell. */
 struct link {
     int64_t edge, next;
-};
-
-/* First column and row of the cells of an edge, and the last. */
-struct cells {
-    int64_t low[2], high[2];
 };
 
 static struct grid grid_around(const double (*uvs)[2], const struct boundary *boundary)
@@ -64,17 +55,39 @@ static int64_t cell_of(double x, int64_t n_cells)
     return x < (double)n_cells ? (int64_t)x : n_cells - 1;
 }
 
-static struct cells cells_of_edge(
-    const double (*uvs)[2], const int32_t edge[2], const struct grid *grid)
+/* Cells from the first to the last. */
+struct cells {
+    int64_t first, last;
+};
+
+static struct cells cells_between(double low, double high, double origin, const struct grid *grid)
 {
-    const double scale = grid->n_cells / grid->extent;
-    struct cells cells;
-    for (int axis = 0; axis < 2; axis++) {
-        const double one = uvs[edge[0]][axis], other = uvs[edge[1]][axis];
-        cells.low[axis] = cell_of((min_f64(one, other) - grid->low[axis]) * scale, grid->n_cells);
-        cells.high[axis] = cell_of((max_f64(one, other) - grid->low[axis]) * scale, grid->n_cells);
+    const double scale = grid->n_cells / grid->extent, depth = TOUCH_DEPTH * grid->extent;
+    return (struct cells){
+        cell_of((low - depth - origin) * scale, grid->n_cells),
+        cell_of((high + depth - origin) * scale, grid->n_cells)};
+}
+
+static struct cells rows_of_edge(const double p[2], const double q[2], const struct grid *grid)
+{
+    return cells_between(min_f64(p[1], q[1]), max_f64(p[1], q[1]), grid->low[1], grid);
+}
+
+/* The columns in which an edge, or what touches it, crosses a row. */
+static struct cells columns_in_row(
+    const double p[2], const double q[2], int64_t row, const struct grid *grid)
+{
+    const double height = grid->extent / (double)grid->n_cells, depth = TOUCH_DEPTH * grid->extent;
+    const double bottom = grid->low[1] + (double)row * height - depth;
+    const double top = bottom + height + 2.0 * depth, rise = q[1] - p[1];
+    double t0 = 0.0, t1 = 1.0;
+    if (fabs(rise) > depth) {
+        const double t_bottom = (bottom - p[1]) / rise, t_top = (top - p[1]) / rise;
+        t0 = clamp_f64(min_f64(t_bottom, t_top), 0.0, 1.0);
+        t1 = clamp_f64(max_f64(t_bottom, t_top), 0.0, 1.0);
     }
-    return cells;
+    const double a = p[0] + t0 * (q[0] - p[0]), b = p[0] + t1 * (q[0] - p[0]);
+    return cells_between(min_f64(a, b), max_f64(a, b), grid->low[0], grid);
 }
 
 /* Whether more than one loop runs counter-clockwise. */
@@ -145,6 +158,21 @@ static int edges_meet(
     return least > depth ? CROSSING : TOUCHING;
 }
 
+static int64_t count_links(
+    const double (*uvs)[2], const struct boundary *boundary, const struct grid *grid)
+{
+    int64_t n_links = 0;
+    for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
+        const double *p = uvs[boundary->edges[edge][0]], *q = uvs[boundary->edges[edge][1]];
+        const struct cells rows = rows_of_edge(p, q, grid);
+        for (int64_t row = rows.first; row <= rows.last; row++) {
+            const struct cells columns = columns_in_row(p, q, row, grid);
+            n_links += columns.last - columns.first + 1;
+        }
+    }
+    return n_links;
+}
+
 /* How the edges meet that share a cell of the grid. */
 static int64_t edges_in_cells_meet(
     struct arena *arena, const double (*uvs)[2], const struct boundary *boundary,
@@ -153,25 +181,20 @@ static int64_t edges_in_cells_meet(
     const double depth = TOUCH_DEPTH * grid->extent;
     const int64_t n_cells = grid->n_cells;
     int64_t n_links = 0, meeting = APART;
-    struct cells *cells = TAKE(arena, struct cells, boundary->n_edges);
-    for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
-        const struct cells of = cells[edge] = cells_of_edge(uvs, boundary->edges[edge], grid);
-        n_links += (of.high[0] - of.low[0] + 1) * (of.high[1] - of.low[1] + 1);
-    }
-    struct link *links = TAKE(arena, struct link, n_links);
+    struct link *links = TAKE(arena, struct link, count_links(uvs, boundary, grid));
     int64_t *heads = TAKE(arena, int64_t, n_cells * n_cells);
     for (int64_t cell = 0; cell < n_cells * n_cells; cell++)
         heads[cell] = -1;
-    n_links = 0;
     for (int64_t edge = 0; edge < boundary->n_edges; edge++) {
-        const struct cells of = cells[edge];
-        for (int64_t row = of.low[1]; row <= of.high[1]; row++) {
-            for (int64_t column = of.low[0]; column <= of.high[0]; column++) {
+        const int32_t *ends = boundary->edges[edge];
+        const struct cells rows = rows_of_edge(uvs[ends[0]], uvs[ends[1]], grid);
+        for (int64_t row = rows.first; row <= rows.last; row++) {
+            const struct cells columns = columns_in_row(uvs[ends[0]], uvs[ends[1]], row, grid);
+            for (int64_t column = columns.first; column <= columns.last; column++) {
                 int64_t *head = &heads[row * n_cells + column];
                 for (int64_t link = *head; link >= 0; link = links[link].next) {
                     const int64_t other = links[link].edge;
-                    const int met = edges_meet(
-                        uvs, boundary->edges[edge], boundary->edges[other], depth);
+                    const int met = edges_meet(uvs, ends, boundary->edges[other], depth);
                     if (met == CROSSING)
                         return CROSSING;
                     meeting = max_i64(meeting, met);
@@ -197,16 +220,5 @@ int64_t boundary_meets(
     if (!encloses_twice(arena, uvs, boundary))
         meeting = edges_in_cells_meet(arena, uvs, boundary, &grid);
     reset_arena(arena, mark);
-    return meeting;
-}
-
-int64_t boundary_meeting(
-    int64_t n, int64_t n_edges,
-    const double uvs[n][2], const int32_t edges[n_edges][2], const int32_t loops[n_edges])
-{
-    OPEN_ARENA(arena);
-    const struct boundary boundary = {n_edges, edges, loops};
-    const int64_t meeting = boundary_meets(arena, uvs, &boundary);
-    close_arena(arena);
     return meeting;
 }

@@ -7,7 +7,11 @@
 
 struct arena;
 
-/* How edges meet, the least first; Python has the same numbers. */
+/* Borders count as touching, not overlapping, up to this share of the longer side of the layout:
+   2^-21. */
+#define TOUCH_DEPTH (1.0 / (1 << 21))
+
+/* How edges meet, the least first. */
 enum { APART, TOUCHING, CROSSING };
 
 /* Directed edges between vertices of a layout, and the loop of each. */

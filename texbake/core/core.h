@@ -93,11 +93,6 @@ int64_t place_charts(
     int64_t n_columns, const int32_t half_widths[n_widths], bool all_or_nothing, int64_t hurry,
     int32_t places[n_charts][4], int32_t tops[n_charts], int64_t work[1]);
 
-/* boundary_meeting.c */
-int64_t boundary_meeting(
-    int64_t n, int64_t n_edges,
-    const double uvs[n][2], const int32_t edges[n_edges][2], const int32_t loops[n_edges]);
-
 /* bump_maps.c */
 void measure_pixel_steps(
     int64_t n_positions, int64_t n_faces, int64_t n, const double positions[n_positions][3],
@@ -365,6 +360,19 @@ void find_crossings(
     const int32_t nodes[n_nodes][2], const double normals[n_faces][3], double depth, int64_t most,
     int64_t start, int64_t stop, int32_t others[n_faces], bool unsure[n_faces]);
 
+/* flatten.c */
+int64_t flatten_patch(
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    bool has_start, int64_t n_iterations, double accuracy, bool keep_apart, double uvs[n][2],
+    double figures[3]);
+
+int64_t measure_layout(
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    double uvs[n][2], double figures[3]);
+
+int64_t layout_is_injective(
+    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3]);
+
 /* gradient_noise.c */
 void fill_noise(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
@@ -563,15 +571,6 @@ void follow_rays(
     const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
     double shares[n]);
 
-/* patch_graph.c */
-int64_t find_patch_neighbors(
-    int64_t n_faces, int64_t n_vertices, int64_t n_columns, int64_t n_edges,
-    const int32_t faces[n_faces][3], int64_t row_starts[n_vertices + 1],
-    int32_t columns[n_columns], int32_t entries[n_faces][3][3], int32_t boundary[n_edges][2]);
-
-int64_t chain_loops(
-    int64_t n, const int32_t following[n], int32_t order[n], int64_t starts[n + 1]);
-
 /* perspective_weights.c */
 void weigh_fragments(
     int64_t n, int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
@@ -608,6 +607,11 @@ void list_tiles(
     int32_t texel_ids[n], int32_t faces[n], double barycentrics[n][2]);
 
 /* planar_overlap.c */
+int64_t pack_boxes(
+    int64_t n_faces, int64_t most, const double corners[n_faces][3][2],
+    OPTIONAL const int32_t charts[n_faces], double depth, double lines[n_faces][3][3],
+    int64_t order[n_faces], double boxes[most][6], int64_t children[most][2], int64_t counts[2]);
+
 int64_t find_planar_overlaps(
     int64_t n_faces, int64_t n_solid, int64_t n_boxes, int64_t n_places,
     const double corners[n_faces][3][2], const double lines[n_faces][3][3],
@@ -767,6 +771,9 @@ void offsets_of_hits(
     const double distances[n], double scale, float low_barycentrics[n][2],
     float high_barycentrics[n][2], float offsets[n][3]);
 
+/* rigid_regions.c */
+int64_t find_regions(int64_t n, const double uvs[n][2], int32_t regions[n]);
+
 /* sample_statistics.c */
 void add_fragments_squared(
     int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
@@ -923,26 +930,6 @@ void fade_into_fog(
     int64_t n, const double positions[n][3], const double eye[3], int64_t mode, double density,
     double start, double end, const double color[3], float out[n][3]);
 
-/* symmetric_dirichlet.c */
-void find_rest_shapes(
-    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
-    double gradients[n_faces][3][2], double areas[n_faces]);
-
-double dirichlet_energy(
-    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3],
-    const double gradients[n_faces][3][2], const double areas[n_faces]);
-
-void mean_stretches(
-    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3],
-    const double gradients[n_faces][3][2], const double areas[n_faces], double means[3]);
-
-int64_t minimize_dirichlet(
-    int64_t n, int64_t n_faces, int64_t n_entries, int64_t n_edges,
-    double uvs[n][2], const int32_t faces[n_faces][3], const double gradients[n_faces][3][2],
-    const double areas[n_faces], const int64_t row_starts[n + 1], const int32_t columns[n_entries],
-    const int32_t entries[n_faces][3][3], const int32_t edges[n_edges][2],
-    const int32_t loops[n_edges], const int32_t regions[n], int64_t n_iterations, double accuracy);
-
 /* texel_sums.c */
 void add_samples(
     int64_t n, int64_t n_texels, int64_t n_channels, const int32_t texel_ids[n],
@@ -1018,10 +1005,8 @@ void closest_points(
 
 /* tutte.c */
 int64_t embed_in_circle(
-    int64_t n, int64_t n_faces, int64_t n_entries,
-    const double points[n][3], const int32_t faces[n_faces][3], const int64_t row_starts[n + 1],
-    const int32_t columns[n_entries], const int32_t entries[n_faces][3][3], const bool circle[n],
-    double uvs[n][2], double tolerance);
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    double tolerance, double uvs[n][2]);
 
 /* union_find.c */
 void merge_labels(

@@ -11,7 +11,9 @@
    rotation can be negative); Teran, Sifakis, Irving, Fedkiw, "Robust Quasistatic Finite Elements and
    Flesh Simulation", 2005 (projected Newton steps solved by conjugate gradients).
 
-   Called from texbake/mapping/atlas/flattening/flatten.py. */
+   Called from flatten.c. */
+
+#include "symmetric_dirichlet.h"
 
 #include <math.h>
 
@@ -34,15 +36,6 @@ static const double SLIGHT = 0.025;
    shape is lost in rounding and would dominate the energy. */
 static const double LEAST_HEIGHT = 1e-5;
 static const double LEAST_LENGTH = 1e-5;
-
-/* Triangles of a patch, and their shapes in space: gradients of the three hat functions in the plane
-   of each, and its area. */
-struct shapes {
-    int64_t n_faces;
-    const int32_t (*faces)[3];
-    const double (*gradients)[3][2];
-    const double *areas;
-};
 
 struct jacobian {
     double m00, m01, m10, m11;
@@ -94,17 +87,18 @@ static double set_rest_shape(
     return 0.5 * length * height;
 }
 
-/* J = Σ u_k ⊗ gradients[k] with the flat corners u_k. Thin and small triangles are widened. */
-void find_rest_shapes(
-    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
-    double gradients[n_faces][3][2], double areas[n_faces])
+struct shapes rest_shapes(
+    struct arena *arena, int64_t n_faces, const int32_t (*faces)[3], const double (*points)[3])
 {
+    struct shapes shapes = {n_faces, faces, NULL, TAKE(arena, double, n_faces)};
+    shapes.gradients = take(arena, n_faces, sizeof *shapes.gradients);
     double mean = 0.0;
     for (int64_t face = 0; face < n_faces; face++)
         for (int i = 0; i < 3; i++)
             mean += sqrt(edge_square(points, faces[face], i)) / (double)(3 * n_faces);
     for (int64_t face = 0; face < n_faces; face++)
-        areas[face] = set_rest_shape(points, faces[face], mean, gradients[face]);
+        shapes.areas[face] = set_rest_shape(points, faces[face], mean, shapes.gradients[face]);
+    return shapes;
 }
 
 static inline struct jacobian jacobian_of(
@@ -123,7 +117,7 @@ static inline struct jacobian jacobian_of(
     return j;
 }
 
-static double energy_of(const double (*uvs)[2], const struct shapes *shapes)
+double energy_of(const double (*uvs)[2], const struct shapes *shapes)
 {
     double total = 0.0;
     for (int64_t face = 0; face < shapes->n_faces; face++) {
@@ -135,32 +129,18 @@ static double energy_of(const double (*uvs)[2], const struct shapes *shapes)
     return total;
 }
 
-/* Total energy; infinite where a triangle is flipped or has no area. */
-double dirichlet_energy(
-    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3],
-    const double gradients[n_faces][3][2], const double areas[n_faces])
+struct stretches stretches_of(const double (*uvs)[2], const struct shapes *shapes)
 {
-    const struct shapes shapes = {n_faces, faces, gradients, areas};
-    return energy_of(uvs, &shapes);
-}
-
-/* Means of σ1² + σ2², of σ1⁻² + σ2⁻², and of σ1 σ2, over a layout without flips. */
-void mean_stretches(
-    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3],
-    const double gradients[n_faces][3][2], const double areas[n_faces], double means[3])
-{
-    const struct shapes shapes = {n_faces, faces, gradients, areas};
-    double dirichlet = 0.0, inverse = 0.0, flat = 0.0, total = 0.0;
-    for (int64_t face = 0; face < n_faces; face++) {
-        const struct jacobian j = jacobian_of(uvs, &shapes, face);
-        dirichlet += areas[face] * j.square;
-        inverse += areas[face] * j.square / (j.determinant * j.determinant);
-        flat += areas[face] * j.determinant;
-        total += areas[face];
+    double dirichlet = 0.0, inverse = 0.0, growth = 0.0, total = 0.0;
+    for (int64_t face = 0; face < shapes->n_faces; face++) {
+        const struct jacobian j = jacobian_of(uvs, shapes, face);
+        const double area = shapes->areas[face];
+        dirichlet += area * j.square;
+        inverse += area * j.square / (j.determinant * j.determinant);
+        growth += area * j.determinant;
+        total += area;
     }
-    means[0] = dirichlet / total;
-    means[1] = inverse / total;
-    means[2] = flat / total;
+    return (struct stretches){dirichlet / total, inverse / total, growth / total};
 }
 
 /* A triangle's Hessian in the basis of the singular vectors: J = U diag(σ) Vᵀ. U and V are rotations
@@ -288,7 +268,9 @@ static double longest_step(
 
 /* A layout on its way down, and what a step needs. */
 struct descent {
-    int64_t n, n_entries;
+    const struct patch *patch;
+    const struct shapes *shapes;
+    const int32_t *regions;
     double (*uvs)[2];
     double (*slope)[2]; /* downhill */
     double (*steps)[2];
@@ -298,22 +280,21 @@ struct descent {
 };
 
 /* Find the direction of a Newton step; return how fast the energy falls along it. */
-static double find_direction(
-    struct arena *arena, struct descent *descent, const struct shapes *shapes,
-    const int32_t (*entries)[3][3], const int64_t *row_starts, const int32_t *columns,
-    const int32_t *regions)
+static double find_direction(struct arena *arena, struct descent *descent)
 {
     const arena_mark mark = mark_arena(arena);
+    const struct patch *patch = descent->patch;
     const double (*uvs)[2] = (const double (*)[2])descent->uvs;
     const struct block_matrix matrix = {
-        descent->n, row_starts, columns, (const double (*)[4])descent->blocks};
+        patch->n, patch->row_starts, patch->columns, (const double (*)[4])descent->blocks};
     set_model(
-        uvs, shapes, entries, descent->n, descent->slope, descent->n_entries, descent->blocks);
+        uvs, descent->shapes, (const int32_t (*)[3][3])patch->entries, patch->n, descent->slope,
+        patch->row_starts[patch->n], descent->blocks);
     solve_block_system(
-        arena, &matrix, (const double (*)[2])descent->slope, uvs, regions, descent->steps,
-        TOLERANCE, MOST_SOLVER_STEPS);
+        arena, &matrix, (const double (*)[2])descent->slope, uvs, descent->regions,
+        descent->steps, TOLERANCE, MOST_SOLVER_STEPS);
     double downhill = 0.0;
-    for (int64_t i = 0; i < descent->n; i++)
+    for (int64_t i = 0; i < patch->n; i++)
         downhill += descent->slope[i][0] * descent->steps[i][0]
             + descent->slope[i][1] * descent->steps[i][1];
     reset_arena(arena, mark);
@@ -322,67 +303,62 @@ static double find_direction(
 
 /* Go along the direction as far as the energy falls enough; return whether there is such a step. */
 static bool search_along(
-    struct arena *arena, struct descent *descent, const struct shapes *shapes, double downhill,
-    const struct boundary *boundary)
+    struct arena *arena, struct descent *descent, double downhill, bool keep_apart)
 {
+    const struct patch *patch = descent->patch;
+    const struct boundary boundary = {
+        patch->n_edges, (const int32_t (*)[2])patch->edges, patch->edge_loops};
     double (*uvs)[2] = descent->uvs, (*steps)[2] = descent->steps, (*tried)[2] = descent->tried;
     const double before = descent->energy;
-    double step = min_f64(
-        1.0, 0.9 * longest_step((const double (*)[2])uvs, (const double (*)[2])steps, shapes));
+    double step = min_f64(1.0, 0.9 * longest_step(
+        (const double (*)[2])uvs, (const double (*)[2])steps, descent->shapes));
     while (true) {
-        for (int64_t i = 0; i < descent->n; i++) {
+        for (int64_t i = 0; i < patch->n; i++) {
             tried[i][0] = uvs[i][0] + step * steps[i][0];
             tried[i][1] = uvs[i][1] + step * steps[i][1];
         }
         const double (*layout)[2] = (const double (*)[2])tried;
-        descent->energy = energy_of(layout, shapes);
+        descent->energy = energy_of(layout, descent->shapes);
         if (descent->energy <= before - 1e-4 * step * downhill
-            && (boundary->n_edges == 0 || boundary_meets(arena, layout, boundary) != CROSSING))
+            && (!keep_apart || boundary_meets(arena, layout, &boundary) != CROSSING))
             break;
         step *= 0.5;
         if (step < 1e-10)
             return false;
     }
-    for (int64_t i = 0; i < descent->n; i++) {
+    for (int64_t i = 0; i < patch->n; i++) {
         uvs[i][0] = tried[i][0];
         uvs[i][1] = tried[i][1];
     }
     return true;
 }
 
-/* Minimize the energy from a layout without flips, in place; return the number of steps. Edges of
-   `boundary` do not cross in any layout on the way. It ends after a step that gains less than
-   `accuracy`, as a share of the energy above its minimum. */
-int64_t minimize_dirichlet(
-    int64_t n, int64_t n_faces, int64_t n_entries, int64_t n_edges,
-    double uvs[n][2], const int32_t faces[n_faces][3], const double gradients[n_faces][3][2],
-    const double areas[n_faces], const int64_t row_starts[n + 1], const int32_t columns[n_entries],
-    const int32_t entries[n_faces][3][3], const int32_t edges[n_edges][2],
-    const int32_t loops[n_edges], const int32_t regions[n], int64_t n_iterations, double accuracy)
+int64_t minimize_energy(
+    struct arena *arena, const struct patch *patch, const struct shapes *shapes,
+    const int32_t *regions, struct limits limits, double (*uvs)[2])
 {
-    OPEN_ARENA(arena);
-    const struct shapes shapes = {n_faces, faces, gradients, areas};
-    const struct boundary boundary = {n_edges, edges, loops};
-    struct descent descent = {.n = n, .n_entries = n_entries, .uvs = uvs};
-    descent.slope = take(arena, n, sizeof *descent.slope);
-    descent.steps = take(arena, n, sizeof *descent.steps);
-    descent.tried = take(arena, n, sizeof *descent.tried);
-    descent.blocks = take(arena, n_entries, sizeof *descent.blocks);
-    descent.energy = energy_of((const double (*)[2])uvs, &shapes);
+    const arena_mark mark = mark_arena(arena);
+    struct descent descent = {
+        .patch = patch, .shapes = shapes, .regions = regions, .uvs = uvs,
+        .energy = energy_of((const double (*)[2])uvs, shapes)};
+    descent.slope = take(arena, patch->n, sizeof *descent.slope);
+    descent.steps = take(arena, patch->n, sizeof *descent.steps);
+    descent.tried = take(arena, patch->n, sizeof *descent.tried);
+    descent.blocks = take(arena, patch->row_starts[patch->n], sizeof *descent.blocks);
     double least = 0.0;
-    for (int64_t face = 0; face < n_faces; face++)
-        least += 4.0 * areas[face];
+    for (int64_t face = 0; face < shapes->n_faces; face++)
+        least += 4.0 * shapes->areas[face];
     int64_t n_done = 0;
-    while (n_done < n_iterations) {
-        const double downhill = find_direction(
-            arena, &descent, &shapes, entries, row_starts, columns, regions);
+    while (n_done < limits.n_iterations) {
+        const double downhill = find_direction(arena, &descent);
         const double before = descent.energy;
-        if (!(downhill > 0.0) || !search_along(arena, &descent, &shapes, downhill, &boundary))
+        if (!(downhill > 0.0) || !search_along(arena, &descent, downhill, limits.keep_apart))
             break;
         n_done++;
-        if (before - descent.energy <= accuracy * (descent.energy - least + SLIGHT * least))
+        const double gained = before - descent.energy;
+        if (gained <= limits.accuracy * (descent.energy - least + SLIGHT * least))
             break;
     }
-    close_arena(arena);
+    reset_arena(arena, mark);
     return n_done;
 }

@@ -7,16 +7,9 @@
 
    Called from texbake/mapping/seams.py and texbake/mesh/repair.py. */
 
-#include "core.h"
+#include "union_find.h"
 
-static int32_t find_root(int32_t *labels, int32_t item)
-{
-    while (labels[item] != item) {
-        labels[item] = labels[labels[item]];
-        item = labels[item];
-    }
-    return item;
-}
+#include "core.h"
 
 /* Merge the groups of each pair, then replace the label of each item by the number of its group.
    `labels` comes with each item's own number. */
@@ -24,19 +17,7 @@ void merge_labels(
     int64_t n_items, int64_t n_pairs,
     int32_t labels[n_items], const int32_t firsts[n_pairs], const int32_t seconds[n_pairs])
 {
-    for (int64_t pair = 0; pair < n_pairs; pair++) {
-        const int32_t one = find_root(labels, firsts[pair]);
-        const int32_t other = find_root(labels, seconds[pair]);
-        if (one < other)
-            labels[other] = one;
-        else
-            labels[one] = other;
-    }
-    int32_t n_labels = 0;
-    for (int64_t item = 0; item < n_items; item++) {
-        if (labels[item] == item)
-            labels[item] = n_labels++;
-        else
-            labels[item] = labels[labels[item]];
-    }
+    for (int64_t pair = 0; pair < n_pairs; pair++)
+        join_labels(labels, firsts[pair], seconds[pair]);
+    number_labels(labels, n_items);
 }

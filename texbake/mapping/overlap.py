@@ -6,15 +6,14 @@ more than a stack of two. The number of comparisons is bounded even in the worst
 hundred thousand slivers side by side along a diagonal; faces that were not compared with all others
 are reported.
 
-Based on: Kamel, Faloutsos, "On Packing R-trees", 1993; Morton, "A computer oriented geodetic data
-base", 1966 (the order). The test of two triangles is in
-`core/planar_overlap.c`.
+Kernels: `core/planar_overlap.c`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +22,6 @@ from texbake.core import core
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
-
-_FAN_OUT = 8  # children of a box, as in `core/planar_overlap.c`
 
 # Overlaps up to this depth, as a share of the texture, are rounding: of float32, or of the six
 # decimals of many files; ...
@@ -57,6 +54,15 @@ class Overlaps:
     unsure: npt.NDArray[np.bool_]
 
 
+class _Packed(NamedTuple):
+    """Lines of the faces, thick faces in order, and boxes around them, as the kernels take them."""
+
+    lines: FloatArray
+    order: npt.NDArray[np.int64]
+    boxes: FloatArray
+    children: npt.NDArray[np.int64]
+
+
 def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlaps:
     """Find the faces that cover a part of the texture that another face covers too.
 
@@ -76,18 +82,16 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
     scale = min(unit_scale(farthest), 1.0)
     depth = max(_DEPTH, _RELATIVE_DEPTH * farthest) * scale
     corners = _along_their_edges(corners * scale)
-    order = _in_order(corners, np.zeros(len(corners), dtype=np.int32), depth)
-    boxes, children = _packed_boxes(corners, order, None)
-    lines, places = _inward_lines(corners), np.arange(len(order))
-    most = max(_LEAST_PAIRS_OF_A_FACE, _MOST_PAIRS // max(len(order), 1))
+    packed = _packed(corners, None, depth)
+    places = np.arange(len(packed.order))
+    most = max(_LEAST_PAIRS_OF_A_FACE, _MOST_PAIRS // max(len(places), 1))
 
     def look(start: int, stop: int) -> None:
         core.find_planar_overlaps(
-            corners, lines, order, boxes, children, depth, most, places[start:stop],
-            overlapping, unsure, None,
+            corners, *packed, depth, most, places[start:stop], overlapping, unsure, None,
         )  # fmt: skip
 
-    run_bands(look, len(order), band=_BAND, threads=threads)
+    run_bands(look, len(places), band=_BAND, threads=threads)
     return Overlaps(overlapping=overlapping, unsure=unsure)
 
 
@@ -139,13 +143,11 @@ def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> In
     corners = _along_their_edges(corners)
     charts = np.ascontiguousarray(charts, dtype=np.int32)
     layers = np.zeros(len(corners), dtype=np.int32)
-    order = _in_order(corners, charts, depth)
-    boxes, children = _packed_boxes(corners, order, charts)
-    lines, places = _inward_lines(corners), np.argsort(order, kind="stable")
+    packed = _packed(corners, charts, depth)
+    places = np.argsort(packed.order, kind="stable")  # in the order of faces, for the layers
     found, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
     core.find_planar_overlaps(
-        corners, lines, order, boxes, children, depth, len(corners), places,
-        found, unsure, layers,
+        corners, *packed, depth, len(corners), places, found, unsure, layers,
     )  # fmt: skip
     return layers
 
@@ -166,70 +168,13 @@ def _along_their_edges(corners: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.stack([cos * s - sin * t, sin * s + cos * t], axis=2))
 
 
-def _inward_lines(corners: FloatArray) -> FloatArray:
-    """(F, 3, 3) float64: (a, b, c) of each edge, so that a s + b t + c is the distance inwards."""
-    edges = np.roll(corners, -1, axis=1) - corners
-    lengths = np.hypot(edges[..., 0], edges[..., 1])
-    doubles = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    lengths = np.maximum(lengths, np.finfo(np.float64).tiny) * np.where(doubles < 0, -1, 1)[:, None]
-    a, b = -edges[..., 1] / lengths, edges[..., 0] / lengths
-    return np.stack([a, b, -(a * corners[..., 0] + b * corners[..., 1])], axis=2)
-
-
-def _in_order(corners: FloatArray, charts: IntArray, depth: float) -> npt.NDArray[np.int64]:
-    """Faces at least `depth` thick, in the order of charts and then of a space-filling curve."""
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    doubles = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-    longest = np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
-    longest = np.maximum(longest, ((second - first) ** 2).sum(axis=1))
-    kept = np.flatnonzero(doubles > depth * np.sqrt(longest))
-    if len(kept) == 0:
-        return kept
-    middles = corners[kept].mean(axis=1)
-    low = middles.min(axis=0)
-    extent = max(float((middles.max(axis=0) - low).max()), np.finfo(np.float64).tiny)
-    cells = ((middles - low) / extent * 65535.0).astype(np.uint64)
-    codes = _spread_bits(cells[:, 0]) | _spread_bits(cells[:, 1]) << np.uint64(1)
-    codes |= charts[kept].astype(np.uint64) << np.uint64(32)
-    return kept[np.argsort(codes, kind="stable")]
-
-
-def _spread_bits(values: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
-    """16 bits, each moved to twice its position."""
-    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
-        values = (values | values << np.uint64(shift)) & np.uint64(mask)
-    return values
-
-
-def _packed_boxes(
-    corners: FloatArray, order: npt.NDArray[np.int64], charts: IntArray | None
-) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Boxes around the faces in order, then around each `_FAN_OUT` of those, up to a single one.
-
-    Returns
-    -------
-    boxes : (B, 6) float64
-        Least s, t and chart, then the greatest. Row i is the box of the i-th face in order; the
-        last row is the box of everything.
-    children : (B, 2) int64
-        First row inside each box, and the one after the last; equal for the boxes of faces.
-    """
-    faces = corners[order]
-    ids = np.zeros(len(order)) if charts is None else charts[order].astype(np.float64)
-    level = np.column_stack([faces.min(axis=1), ids, faces.max(axis=1), ids])
-    levels = [level]
-    children = [np.zeros((len(level), 2), dtype=np.int64)]
-    start = 0
-    while len(level) > 1:
-        firsts = np.arange(0, len(level), _FAN_OUT)
-        stops = np.minimum(firsts + _FAN_OUT, len(level))
-        children.append(start + np.column_stack([firsts, stops]))
-        start += len(level)
-        level = np.column_stack(
-            [
-                np.minimum.reduceat(level[:, :3], firsts, axis=0),
-                np.maximum.reduceat(level[:, 3:], firsts, axis=0),
-            ]
-        )
-        levels.append(level)
-    return np.concatenate(levels), np.concatenate(children)
+def _packed(corners: FloatArray, charts: IntArray | None, depth: float) -> _Packed:
+    """Boxes over the faces that are more than `depth` thick; Kernel: `core/planar_overlap.c`."""
+    most = len(corners) + len(corners) // 7 + 1024
+    lines = np.empty((len(corners), 3, 3))
+    order = np.empty(len(corners), dtype=np.int64)
+    boxes, children = np.empty((most, 6)), np.empty((most, 2), dtype=np.int64)
+    counts = np.empty(2, dtype=np.int64)
+    core.pack_boxes(corners, charts, depth, lines, order, boxes, children, counts)
+    n_solid, n_boxes = counts.tolist()
+    return _Packed(lines, order[:n_solid], boxes[:n_boxes], children[:n_boxes])
