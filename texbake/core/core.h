@@ -553,6 +553,11 @@ void read_corners(
     const int64_t ends[n_rows], const int64_t v[n_v], const int64_t vt[n_vt], const int64_t vn[n_vn],
     int32_t corners[3][n_corners]);
 
+/* open_vertices.c */
+int64_t count_open_vertices(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    const int32_t faces[n_faces][3]);
+
 /* orange_pores.c */
 void pore_depths(
     int64_t n, int64_t n_pores, int64_t n_starts, int64_t n_entries,
@@ -592,6 +597,21 @@ void weigh_by_area(
     int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
     const double corners[n_faces][3][2], const double facing[n_faces][3], double falloff,
     double feather, double coordinates[n][2], double weights[n]);
+
+/* piecewise_simplification.c */
+int64_t mark_shared_vertices(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    const int32_t faces[n_faces][3], int64_t piece, bool is_shared[n_vertices]);
+int64_t log_collapses(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    const double points[n_vertices][3], const int32_t faces[n_faces][3],
+    const bool is_shared[n_vertices], int64_t start, int64_t stop, int64_t n_wanted,
+    bool lock_boundary, int32_t gone[n_faces], int32_t kept[n_faces], float errors[n_faces],
+    uint8_t n_gone_faces[n_faces]);
+int64_t apply_collapses(
+    int64_t n_wedges, int64_t n_faces, int64_t n_rows, const int32_t vertex_of[n_wedges],
+    const int32_t gone[n_rows], const int32_t kept[n_rows], const float errors[n_rows], float limit,
+    int32_t faces[n_faces][3]);
 
 /* pinched_vertices.c */
 int64_t has_pinched_vertex(int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3]);
@@ -678,6 +698,12 @@ void pull_texels(
     int64_t height, int64_t width, int64_t n_channels, int64_t coarse_height,
     int64_t coarse_width, float values[height][width][n_channels], const bool mask[height][width],
     const float coarse[coarse_height][coarse_width][n_channels], int64_t start, int64_t stop);
+
+/* quadric_simplification.c */
+int64_t collapse_edges(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    double points[n_vertices][3], int32_t faces[n_faces][3], int64_t n_wanted, bool moves,
+    bool lock_boundary);
 
 /* quadtree.c */
 void write_cell_samples(

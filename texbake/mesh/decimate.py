@@ -1,11 +1,7 @@
-"""The two libraries that remove triangles: meshoptimizer, and PyMeshLab in a process of its own.
+"""Fewer faces of a vertex stream: collapsed edges, dropped parts, and clustered vertices.
 
-meshoptimizer collapses edges of a vertex stream onto one of their ends; PyMeshLab collapses them to
-the points of least quadric error. (Its variant for textured meshes carried texture coordinates
-across seams, on up to a fifth of the surface of real meshes, and is not used.)
-
-PyMeshLab crashes on some broken meshes and takes the process with it. So it runs in a process of
-its own, `quadric_worker`, with a limit on its time, and a crash costs no more than the attempt.
+Kernels: `core/quadric_simplification.c`, and for millions of faces
+`core/piecewise_simplification.c`.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
 SIGGRAPH 1997; Jarek Rossignac, Paul Borrel, "Multi-resolution 3D approximations for rendering
@@ -14,180 +10,217 @@ complex scenes", Modeling in Computer Graphics 1993 (clusters).
 
 from __future__ import annotations
 
-import ctypes
-import subprocess
-import sys
-import tempfile
-from contextlib import suppress
-from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 
-from texbake.errors import DependencyError
-from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import face_components
 from texbake.mesh.vertex_stream import VertexStream
+from texbake.parallel import run_bands
 
-# Larger meshes are first reduced to this many faces, or to this multiple of the requested faces:
-# from more, PyMeshLab takes longer and comes no closer.
+# Larger meshes are first reduced in pieces to this many faces, or to this multiple of the requested
+# faces.
 _START_FACES = 50_000
 _START_TIMES = 4
+
+_PIECE = 1 << 14  # faces that a processor's cache holds with all that belongs to them
+_ROUND_TIMES = 8  # what a round in pieces reduces a mesh by, at most
+# Each piece may go down to this share of what it would keep if all were reduced alike.
+_PIECE_SHARE = 0.25
+_MOST_ROUNDS = 6
+_ERROR_SHIFT = 15  # bits of a float32 that two errors may differ in and count as one
 
 # A boundary that would take up more than this part of the faces is simplified like the rest.
 _BOUNDARY_SHARE = 0.25
 
-_ANY_ERROR = 1e9  # in units of the mesh's size: only the count stops it
+_MOST_CELLS = 1 << 20  # a side of the grid that clusters vertices
 
 
-def bring_down(stream: VertexStream, n_faces: int) -> VertexStream:
-    """Reduce a large stream until further steps are cheap, leaving its boundary if possible.
+def bring_down(stream: VertexStream, n_faces: int, *, threads: int | None = None) -> VertexStream:
+    """Reduce a large stream until the rest is quick, leaving its boundary if that fits.
 
     Starting the quadrics anew from there also brings the result a little closer to the surface.
     """
     n_start = max(_START_FACES, _START_TIMES * n_faces)
-    if len(stream.faces) <= n_start:
+    if len(stream.faces) <= 1.25 * n_start:
         return stream
-    faces = collapse_stream(stream, n_start, lock_boundary=True)
-    if len(faces) > 2 * n_start:  # it is mostly boundary
-        faces = collapse_stream(stream, n_start)
-    return stream.restricted(faces)
+    lock_boundary = boundary_fits(stream, n_faces)
+    for number in range(_MOST_ROUNDS):
+        n_before = len(stream.faces)
+        if n_before <= 1.25 * n_start:
+            break
+        n_wanted = max(n_start, n_before // _ROUND_TIMES)
+        stream = _reduce_pieces(stream, n_wanted, number, lock_boundary, threads)
+        if len(stream.faces) > 0.9 * n_before:
+            break
+    return stream
+
+
+def _reduce_pieces(
+    stream: VertexStream, n_wanted: int, number: int, lock_boundary: bool, threads: int | None
+) -> VertexStream:
+    """Reduce to about `n_wanted` faces, never to less than `_PIECE_SHARE` of that, in one round."""
+    faces = _with_three_places(stream, stream.faces)
+    faces = faces[_order_in_space(stream.points, faces, number, threads)]
+    vertex_of, points = stream.vertices
+    n = len(faces)
+    is_shared = np.zeros(len(points), dtype=bool)
+    core.mark_shared_vertices(vertex_of, faces, _PIECE, is_shared)
+    gone, kept = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
+    errors, n_gone = np.full(n, np.inf, dtype=np.float32), np.zeros(n, dtype=np.uint8)
+
+    def work(start: int, stop: int) -> None:
+        n_least = int((stop - start) * _PIECE_SHARE * n_wanted / n)
+        core.log_collapses(
+            vertex_of, points, faces, is_shared, start, stop, n_least,
+            lock_boundary, gone, kept, errors, n_gone,
+        )  # fmt: skip
+
+    run_bands(work, n, band=_PIECE, threads=threads)
+    limit = _error_limit(errors, n_gone, n - n_wanted)
+    n_left = core.apply_collapses(vertex_of, gone, kept, errors, limit, faces)
+    return stream.restricted(faces[:n_left])
+
+
+def _order_in_space(
+    points: FloatArray, faces: IntArray, number: int, threads: int | None
+) -> IntArray:
+    """Order of the faces along a Morton curve, on a grid that moves from round to round."""
+    low = points.min(axis=0)
+    extent = float((points.max(axis=0) - low).max())
+    id_bits = max(1, int(len(faces) - 1).bit_length())
+    axis_bits = min((64 - id_bits) // 3, 10)
+    low -= extent * (0.31 * number % 1.0)
+    cells_a_unit = (2.0**axis_bits - 1.0) / (2.0 * extent) if extent > 0.0 else 0.0
+    keys = np.empty(len(faces), dtype=np.uint64)
+    run_bands(
+        lambda start, stop: core.morton_keys(
+            points, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys
+        ),
+        len(faces),
+        band=1 << 17,
+        threads=threads,
+    )
+    keys.sort()
+    return (keys & np.uint64((1 << id_bits) - 1)).astype(np.int32)
+
+
+def _error_limit(errors: FloatArray, n_gone: IntArray, n_wanted: int) -> float:
+    """Error up to which collapses take about `n_wanted` faces away, or all that are finite."""
+    bins = errors.view(np.uint32) >> _ERROR_SHIFT  # floats from 0 sort as their bits
+    sums = np.cumsum(np.bincount(bins, n_gone))
+    infinite = int(np.float32(np.inf).view(np.uint32)) >> _ERROR_SHIFT
+    after = min(int(np.searchsorted(sums, n_wanted)) + 1, infinite)
+    return float(np.uint32((after << _ERROR_SHIFT) - 1).view(np.float32))
 
 
 def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
-    """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest."""
-    corners = stream.position_ids[stream.faces].astype(np.int64)
-    low, high = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).T
-    # Faces that tie the sides of a seam together have edges without length.
-    _, counts = np.unique((low << 32 | high)[low < high], return_counts=True)
-    n_boundary = int((counts == 1).sum())
+    """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest.
+
+    Kernel: `core/open_vertices.c`.
+    """
+    vertex_of, points = stream.vertices
+    n_boundary: int = core.count_open_vertices(len(points), vertex_of, stream.faces)
     return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
 
 
-def collapse_stream(
-    stream: VertexStream, n_faces: int, *, lock_boundary: bool = False, prune: bool = False
-) -> IntArray:
-    """Collapse edges until `n_faces` are left or no edge can.
+def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool = False) -> IntArray:
+    """Collapse edges onto one of their ends until `n_faces` are left or no edge can.
 
     Parameters
     ----------
     stream
-        Its seams keep together and are kept; each of its vertices is used by a face.
+        Its seams keep together and are kept.
     n_faces
         Number of faces wanted.
     lock_boundary
         Leave boundary vertices where they are, instead of collapsing them along the boundary.
-    prune
-        Drop separate parts, the smallest first, where nothing else is left; perhaps all.
 
     Returns
     -------
     (F, 3) int32
         Faces over the stream's vertices, wound like those they come from.
     """
-    library = _meshoptimizer()
-    options = library.SIMPLIFY_LOCK_BORDER * lock_boundary | library.SIMPLIFY_PRUNE * prune
-    return _call(stream, n_faces, library.simplify, options=ctypes.c_uint(options))
+    vertex_of, points = stream.vertices
+    faces = _with_three_places(stream, stream.faces).copy()
+    n_left = core.collapse_edges(vertex_of, points.copy(), faces, n_faces, False, lock_boundary)
+    return faces[:n_left]
 
 
-def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
-    """Join vertices in cells of a grid, whatever their topology, for at most `n_faces`."""
-    return _call(stream, n_faces, _meshoptimizer().simplify_sloppy)
-
-
-def _meshoptimizer() -> Any:
-    try:
-        import meshoptimizer
-    except ImportError as error:
-        raise DependencyError(
-            "simplify: meshoptimizer is missing; pip install --pre meshoptimizer"
-        ) from error
-    return meshoptimizer
-
-
-def _call(stream: VertexStream, n_faces: int, reduce: Any, **options: Any) -> IntArray:
-    """Call one of meshoptimizer's functions; its package leaves some of the types to the caller."""
-    indices = np.ascontiguousarray(stream.faces).view(np.uint32).ravel()
-    reduced = np.empty(len(indices), dtype=np.uint32)
-    n_indices = reduce(
-        reduced,
-        indices,
-        stream.points,
-        index_count=ctypes.c_size_t(len(indices)),
-        vertex_count=ctypes.c_size_t(len(stream.points)),
-        vertex_positions_stride=ctypes.c_size_t(stream.points.strides[0]),
-        target_index_count=ctypes.c_size_t(3 * n_faces),
-        target_error=_ANY_ERROR,
-        **options,
-    )
-    return reduced[:n_indices].view(np.int32).reshape(-1, 3).copy()
-
-
-_WORKER = Path(__file__).with_name("quadric_worker.py")
-
-# Ten times what it takes on 2 cores, and enough to start Python on a busy machine.
-_SECONDS_PER_FACE = 300e-6
-_SECONDS_TO_START = 60.0
-
-
-def collapse_edges(mesh: Mesh, n_faces: int, *, keep_boundary: bool) -> list[Mesh]:
-    """Collapse edges until at most `n_faces` are left.
-
-    Parameters
-    ----------
-    mesh
-        Its positions and faces count, and nothing else.
-    n_faces
-        Number of faces wanted.
-    keep_boundary
-        Leave every boundary edge where it is.
+def move_and_collapse(
+    stream: VertexStream, n_faces: int, *, lock_boundary: bool = False
+) -> tuple[FloatArray, IntArray]:
+    """Collapse edges of a stream without seams, each to the place where the error is least.
 
     Returns
     -------
-    list of Mesh
-        The result of each attempt: none if the mesh was too broken; one with the topology kept;
-        and where that did not reach `n_faces`, one without.
-
-    Raises
-    ------
-    DependencyError
-        PyMeshLab is not installed, or a library that it needs.
+    points : (S, 3) float64
+        In the mesh's local frame.
+    faces : (F, 3) int32
     """
-    if find_spec("pymeshlab") is None:
-        raise DependencyError("simplify: pymeshlab is missing; pip install pymeshlab")
-    frame = LocalFrame.around(mesh)
-    with tempfile.TemporaryDirectory(prefix="texbake-") as name:
-        folder = Path(name)
-        given = {
-            "positions": frame.to_local(mesh.positions),
-            "faces": mesh.faces,
-            "n_faces": n_faces,
-            "keep_boundary": keep_boundary,
-        }
-        np.savez(folder / "mesh.npz", **given)  # type: ignore[arg-type]
-        with suppress(subprocess.TimeoutExpired):
-            # -P: the worker's neighbors are not modules of its own.
-            subprocess.run(
-                [sys.executable, "-P", str(_WORKER), str(folder)],
-                timeout=_SECONDS_TO_START + _SECONDS_PER_FACE * mesh.n_faces,
-                capture_output=True,
-                check=False,
-            )
-        import_error = folder / "import_error.txt"
-        if import_error.exists():
-            reason = " ".join(import_error.read_text(encoding="utf-8").split())
-            raise DependencyError(
-                f"simplify: pymeshlab does not load: {reason}; "
-                "install what it needs, or use the quality fast"
-            )
-        reduced = [_reduced(path, mesh, frame) for path in sorted(folder.glob("reduced-*.npz"))]
-    return [result for result in reduced if result is not None]
+    vertex_of, points = stream.vertices
+    points, faces = points.copy(), stream.faces.copy()
+    n_left = core.collapse_edges(vertex_of, points, faces, n_faces, True, lock_boundary)
+    return points, faces[:n_left]
 
 
-def _reduced(path: Path, mesh: Mesh, frame: LocalFrame) -> Mesh | None:
-    with np.load(path) as arrays:
-        positions, faces = frame.to_model(arrays["positions"]), arrays["faces"]
-    if len(faces) == 0 or not np.isfinite(positions).all():
-        return None
-    return Mesh(positions=positions, faces=faces, name=mesh.name)
+def drop_parts(stream: VertexStream, faces: IntArray, n_faces: int) -> IntArray:
+    """Drop separate parts, the smallest first, until at most `n_faces` are left; perhaps all."""
+    if len(faces) == 0:
+        return faces
+    corners = stream.position_ids[faces]
+    parts, n_parts = face_components(corners, int(corners.max()) + 1)
+    low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
+    for corner in range(3):
+        np.minimum.at(low, parts, stream.points[faces[:, corner]])
+        np.maximum.at(high, parts, stream.points[faces[:, corner]])
+    order = np.argsort(-(high - low).max(axis=1), kind="stable")
+    kept = np.zeros(n_parts, dtype=bool)
+    kept[order] = np.cumsum(np.bincount(parts, minlength=n_parts)[order]) <= n_faces
+    return faces[kept[parts]]
+
+
+def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
+    """Join vertices in cells of a grid, whatever their topology, for at most `n_faces`.
+
+    Each cell keeps the vertex nearest to the mean of its vertices.
+    """
+    low = stream.points.min(axis=0)
+    extent = float((stream.points.max(axis=0) - low).max())
+    least, most = 1, _MOST_CELLS
+    best = stream.faces[:0]
+    while least <= most:
+        n_cells = (least + most) // 2
+        cells = ((stream.points - low) * (n_cells / extent if extent > 0.0 else 0.0)).astype(
+            np.int64
+        )
+        cells = np.minimum(cells, n_cells - 1)
+        _, cell_of = np.unique(
+            (cells[:, 0] << 40) | (cells[:, 1] << 20) | cells[:, 2], return_inverse=True
+        )
+        faces = _clustered(stream, cell_of.ravel())
+        if len(faces) <= n_faces:
+            best, least = faces, n_cells + 1
+        else:
+            most = n_cells - 1
+    return best
+
+
+def _clustered(stream: VertexStream, cell_of: IntArray) -> IntArray:
+    """Faces between the vertices that stand for cells, each once."""
+    counts = np.bincount(cell_of)
+    sums = [np.bincount(cell_of, stream.points[:, axis]) for axis in range(3)]
+    means = np.stack(sums, axis=1) / counts[:, None]
+    distances = ((stream.points - means[cell_of]) ** 2).sum(axis=1)
+    order = np.lexsort((distances, cell_of))
+    kept = order[np.cumsum(counts) - counts].astype(np.int32)
+    faces = _with_three_places(stream, kept[cell_of[stream.faces]])
+    _, firsts = np.unique(np.sort(stream.position_ids[faces], axis=1), axis=0, return_index=True)
+    return faces[np.sort(firsts)]
+
+
+def _with_three_places(stream: VertexStream, faces: IntArray) -> IntArray:
+    """Those of some faces whose corners lie at three places."""
+    a, b, c = stream.position_ids[faces].T
+    proper = (a != b) & (b != c) & (c != a)
+    return faces if proper.all() else faces[proper]

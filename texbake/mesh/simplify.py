@@ -1,14 +1,15 @@
-"""Fewer triangles: `fast` uses meshoptimizer, `best` goes on from its result with PyMeshLab.
+"""Fewer triangles by collapsing edges, as close to the surface as their number allows.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
 SIGGRAPH 1997; Jarek Rossignac, Paul Borrel, "Multi-resolution 3D approximations for rendering
-complex scenes", Modeling in Computer Graphics 1993 (clusters, meshoptimizer's sloppy mode).
+complex scenes", Modeling in Computer Graphics 1993 (clusters of vertices, where the topology must
+be given up).
 
 `fast` keeps a subset of the vertices, bit for bit. `best` puts vertices where the quadric error is
 least; it is compared with `fast` by measured distance, and the closer of the two is returned.
 
-Seams and hard edges are kept by their topology: a vertex for each side, which the library moves
-together. Weights for the attributes themselves (meshoptimizer's simplifyWithAttributes) changed
+Both keep what is a surface a surface, of the same topology. Seams and hard edges are kept by their
+topology: a vertex for each side, which move together. Weights for the attributes themselves changed
 neither distances nor texture coordinates measurably on real meshes, and are not used.
 """
 
@@ -20,15 +21,19 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.decimate import (
     boundary_fits,
     bring_down,
     cluster_stream,
-    collapse_edges,
     collapse_stream,
+    drop_parts,
+    move_and_collapse,
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
@@ -67,7 +72,7 @@ class SimplifyReport:
     quality : str
         As requested.
     method : str
-        The libraries that made the result.
+        How the result was made.
     notes : tuple of str
         What was given up to reach the count, or why it was not reached.
     distance : SurfaceDistance
@@ -138,7 +143,7 @@ def simplify(
         `fast`: a subset of the vertices, bit-equal, with their texture coordinates, hard normals,
         groups and colors. `best`: moved vertices, closer to the surface, and slower; groups and
         colors are those of the nearest point of the mesh given. A mesh that keeps texture
-        coordinates or hard edges gets `fast` in both: PyMeshLab smears them.
+        coordinates or hard edges gets `fast` in both.
     progress
         Called with each stage.
     threads
@@ -156,8 +161,6 @@ def simplify(
         `n_faces` or `quality` is not possible.
     MeshError
         The mesh has no face with three distinct positions.
-    DependencyError
-        A library is missing.
 
     Examples
     --------
@@ -202,7 +205,7 @@ def simplify_with_report(
 def _simplified(
     mesh: Mesh, n_faces: int, quality: str, stages: Stages, threads: int | None
 ) -> tuple[Mesh, str, tuple[str, ...]]:
-    """The simplified mesh, the libraries that made it, and what was given up."""
+    """The simplified mesh, how it was made, and what was given up."""
     if n_faces < MIN_FACES:
         raise OptionError(f"n_faces: {n_faces} is too few; it must be at least {MIN_FACES}")
     if quality not in QUALITIES:
@@ -210,7 +213,7 @@ def _simplified(
     if n_faces >= mesh.n_faces:
         return mesh, "unchanged", ("it has no more faces than requested",)
     with stages.stage("simplify"):
-        start = bring_down(weld_corners(mesh, threads=threads), n_faces)
+        start = bring_down(weld_corners(mesh, threads=threads), n_faces, threads=threads)
         if gather(mesh, start, start.faces) is None:
             raise MeshError(
                 f"{mesh.name}: none of its faces has three distinct corners; repair it first"
@@ -256,17 +259,23 @@ def _attempts(
     while True:
         collapse = partial(collapse_stream, stream)
         if boundary_fits(stream, n_faces):
-            yield stream, partial(collapse, lock_boundary=True), "meshoptimizer", notes
-        yield stream, collapse, "meshoptimizer", notes
+            yield stream, partial(collapse, lock_boundary=True), "collapsed edges", notes
+        yield stream, collapse, "collapsed edges", notes
         pruned = (*notes, "small separate parts were dropped")
-        yield stream, partial(collapse, prune=True), "meshoptimizer, pruned", pruned
+        yield stream, partial(_pruned, stream), "collapsed edges, dropped parts", pruned
         if not stream.has_seams:
             break
         notes = (f"{_GIVEN_UP} {_seams(stream)}",)
-        stream = bring_down(weld_positions(mesh, threads=threads), n_faces)
+        welded = weld_positions(mesh, threads=threads)
+        stream = bring_down(welded, n_faces, threads=threads)
     clustered = (*notes, "its topology was given up: vertices were joined in clusters")
-    yield stream, partial(cluster_stream, stream), "meshoptimizer, sloppy", clustered
-    yield stream, lambda _: stream.faces, "meshoptimizer", notes
+    yield stream, partial(cluster_stream, stream), "clustered vertices", clustered
+    yield stream, lambda _: stream.faces, "unchanged", notes
+
+
+def _pruned(stream: VertexStream, n_faces: int) -> IntArray:
+    """Collapse, and drop parts of what cannot come down to the count."""
+    return drop_parts(stream, collapse_stream(stream, n_faces), n_faces)
 
 
 def _reduce_to(
@@ -296,24 +305,21 @@ def _seams(stream: VertexStream) -> str:
 
 
 def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Result:
-    """Of the results that reach the count the closest, else the one with the fewest faces."""
+    """Of both results the one that reaches the count, or else the closest."""
     start = fast.start
     if start.uv_ids is not None or start.normal_ids is not None:
         return replace(fast, notes=(*fast.notes, f"only fast keeps {_seams(start)}"))
     welded = gather(mesh, start, start.faces)
     if welded is None:
         return fast
+    stream = weld_positions(welded, threads=threads)
+    points, faces = move_and_collapse(stream, n_faces, lock_boundary=boundary_fits(stream, n_faces))
+    moved = Mesh(positions=LocalFrame.around(welded).to_model(points), faces=faces, name=mesh.name)
+    low = gather(moved, replace(stream, position_ids=np.arange(len(points))), faces)
+    if low is None:
+        return fast
     given_up = tuple(note for note in fast.notes if note.startswith(_GIVEN_UP))
-    results = [fast]
-    for reduced in collapse_edges(welded, n_faces, keep_boundary=boundary_fits(start, n_faces)):
-        stream = weld_positions(reduced, threads=threads)
-        low = gather(reduced, stream, stream.faces)
-        if low is not None:
-            results.append(_Result(low, start, "meshoptimizer, then pymeshlab", given_up))
-
-    if len(results) == 1:
-        broken = "PyMeshLab crashed or returned nothing, so this is the result of fast"
-        return replace(fast, notes=(*fast.notes, broken))
+    results = [fast, _Result(low, start, "moved vertices", given_up)]
 
     def order(result: _Result) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)

@@ -8,12 +8,13 @@ for a seam and keeps it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
 
@@ -26,14 +27,14 @@ class VertexStream:
     faces : (F', 3) int32
         Indices of stream vertices, three distinct ones each. Two of them may lie at one position,
         as at the poles of many spheres: such faces tie the sides of a seam together.
-    points : (S, 3) float32
+    points : (S, 3) float64
         Positions in the mesh's local frame.
     position_ids : (S,) int32
     uv_ids, normal_ids, group_ids : (S,) int32, optional
     """
 
     faces: IntArray
-    points: npt.NDArray[np.float32]
+    points: FloatArray
     position_ids: IntArray
     uv_ids: IntArray | None = None
     normal_ids: IntArray | None = None
@@ -43,6 +44,14 @@ class VertexStream:
     def has_seams(self) -> bool:
         """Whether vertices differ in more than their positions."""
         return any(ids is not None for ids in (self.uv_ids, self.normal_ids, self.group_ids))
+
+    @cached_property
+    def vertices(self) -> tuple[IntArray, FloatArray]:
+        """(S,) int32 number of each stream vertex's position among those used, and their points."""
+        if not self.has_seams:
+            return np.arange(len(self.points), dtype=np.int32), self.points
+        _, firsts, numbers = np.unique(self.position_ids, return_index=True, return_inverse=True)
+        return numbers.ravel().astype(np.int32), self.points[firsts]
 
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""
@@ -132,9 +141,8 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     return low
 
 
-def _local_points(mesh: Mesh, position_ids: IntArray) -> npt.NDArray[np.float32]:
-    local = LocalFrame.around(mesh).to_local(mesh.positions[position_ids])
-    return np.ascontiguousarray(local, dtype=np.float32)
+def _local_points(mesh: Mesh, position_ids: IntArray) -> FloatArray:
+    return np.ascontiguousarray(LocalFrame.around(mesh).to_local(mesh.positions[position_ids]))
 
 
 def _is_proper(faces: IntArray) -> npt.NDArray[np.bool_]:
