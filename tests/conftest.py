@@ -3,6 +3,7 @@
 import os
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -19,3 +20,17 @@ def data_dir() -> Path:
     if not (folder / "INDEX.md").is_file():
         pytest.skip(f"the real meshes are not here ({folder}); name their folder in TEXBAKE_DATA")
     return folder
+
+
+@pytest.fixture(scope="session")
+def meshoptimizer() -> ModuleType:
+    """The library that codes views of glTF files; the test is skipped where it is not installed.
+
+    PyPI has no wheels of it, so that it takes a compiler, and the extra `test` goes without it.
+    """
+    library: ModuleType = pytest.importorskip(
+        "meshoptimizer",
+        reason="meshoptimizer is not installed: pip install 'texbake[meshoptimizer]'",
+        exc_type=ImportError,
+    )
+    return library

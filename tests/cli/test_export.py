@@ -55,6 +55,7 @@ def test_maps_need_texture_coordinates(invoke, asset):
     assert not (asset / "out").exists()
 
 
+@pytest.mark.usefixtures("meshoptimizer")
 def test_levels_and_compression(run, asset):
     words = "export rock.obj --to threejs --level far.obj --compress --name stone -o out"
     result = run(words)

@@ -3,7 +3,6 @@
 import json
 import re
 
-import meshoptimizer
 import numpy as np
 import pytest
 
@@ -44,6 +43,7 @@ def triangle_rows(mesh: Mesh) -> np.ndarray:
     return np.array(sorted(map(tuple, rows)))
 
 
+@pytest.mark.usefixtures("meshoptimizer")
 def test_compression_changes_no_value(tmp_path, grouped):
     write_glb(grouped, tmp_path / "plain.glb")
     write_glb(grouped, tmp_path / "small.glb", compress=True)
@@ -54,6 +54,7 @@ def test_compression_changes_no_value(tmp_path, grouped):
     assert sizes[1] < 0.8 * sizes[0]
 
 
+@pytest.mark.usefixtures("meshoptimizer")
 def test_a_compressed_file_follows_its_extension(path, grouped):
     write_glb(grouped, path, compress=True)
     document = read_document(path)
@@ -76,6 +77,7 @@ def test_a_compressed_file_follows_its_extension(path, grouped):
     assert ends[1] <= second["byteLength"]
 
 
+@pytest.mark.usefixtures("meshoptimizer")
 def test_compressing_gives_the_same_bytes_each_time(tmp_path, grouped):
     for name in "a.glb", "b.glb":
         write_glb(grouped, tmp_path / name, compress=True, name="x")
@@ -83,6 +85,7 @@ def test_compressing_gives_the_same_bytes_each_time(tmp_path, grouped):
 
 
 @pytest.mark.parametrize("n", [3, 300])
+@pytest.mark.usefixtures("meshoptimizer")
 def test_16_and_32_bit_indices_come_back(path, n):
     mesh = grid_sphere(n, 2 * n)
     write_glb(mesh, path, compress=True)
@@ -124,7 +127,7 @@ def compressed_accessor(path, data, *, count, stride, kind, component, normalize
     return read_document(path)
 
 
-def test_octahedral_normals_are_decoded(path):
+def test_octahedral_normals_are_decoded(meshoptimizer, path):
     """(x, y) of the octahedron of radius z, here 127: the axes, and a diagonal."""
     codes = np.array([[127, 0, 127, 0], [0, -127, 127, 0], [0, 0, 127, 0], [127, 127, 127, 0]],
                      np.int8)  # fmt: skip
@@ -150,7 +153,7 @@ def test_octahedral_normals_are_decoded(path):
         ({"data": b""}, "a compressed view is damaged"),
     ],
 )
-def test_damaged_views_are_one_clear_line(path, changes, message):
+def test_damaged_views_are_one_clear_line(meshoptimizer, path, changes, message):
     meshoptimizer.encode_vertex_version(0)
     fields = {
         "data": meshoptimizer.encode_vertex_buffer(np.zeros((4, 4), np.uint8)),
@@ -163,6 +166,7 @@ def test_damaged_views_are_one_clear_line(path, changes, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.usefixtures("meshoptimizer")
 def test_a_compressed_file_cut_anywhere_is_one_clear_line(path):
     write_glb(uv_sphere(6, 8), path, compress=True)
     data = bytearray(path.read_bytes())
@@ -195,6 +199,7 @@ def test_levels_stand_behind_the_finest(path):
     assert read_mesh(path).n_faces == levels[0].n_faces
 
 
+@pytest.mark.usefixtures("meshoptimizer")
 def test_levels_share_the_material(tmp_path, path):
     write_png(tmp_path / "n.png", np.full((4, 4, 3), 128, np.uint8))
     write_glb(plane(2, 2), path, normal_map=tmp_path / "n.png", levels=[plane()], compress=True)

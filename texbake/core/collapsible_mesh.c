@@ -15,9 +15,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Vertices with more corners than this stay: looking at them takes the square of it. */
-enum { MOST_CORNERS = 512 };
-
 
 /* List the corners of a vertex in faces that are left, and forget the others. */
 int64_t list_corners(struct collapsible_mesh *mesh, int32_t vertex, int32_t *corners)
@@ -26,7 +23,7 @@ int64_t list_corners(struct collapsible_mesh *mesh, int32_t vertex, int32_t *cor
     int32_t *link = &mesh->first_corners[vertex];
     while (*link >= 0) {
         const int32_t corner = *link;
-        if (mesh->faces[0][corner] < 0) {
+        if (vertex_at_corner(mesh, corner) < 0) {
             *link = mesh->next_corners[corner];
         } else {
             corners[n++] = corner;
@@ -115,11 +112,13 @@ static bool find_edge(
     }
     if (collapse->n_faces != n_wanted)
         return false;
-    if (n_wanted == 1)
-        collapse->wedges_u[1] = collapse->wedges_u[0], collapse->wedges_v[1] = collapse->wedges_v[0];
-    else if (collapse->wedges_u[0] == collapse->wedges_u[1]
-             && collapse->wedges_v[0] != collapse->wedges_v[1])
+    if (n_wanted == 1) {
+        collapse->wedges_u[1] = collapse->wedges_u[0];
+        collapse->wedges_v[1] = collapse->wedges_v[0];
+    } else if (collapse->wedges_u[0] == collapse->wedges_u[1]
+               && collapse->wedges_v[0] != collapse->wedges_v[1]) {
         return false;
+    }
     for (int64_t i = 0; i < n_u; i++) {
         const int32_t wedge = mesh->wedges[mesh->corners_u[i] / 3][mesh->corners_u[i] % 3];
         if (wedge != collapse->wedges_u[0] && wedge != collapse->wedges_u[1])
@@ -154,15 +153,19 @@ static bool link_allows(
     }
     if (n_common != n_edge_faces || (n_u == n_edge_faces && n_v == n_edge_faces))
         return false;
+    const bool *is_shared = mesh->is_shared;
     for (int64_t i = 0; i < n_u; i++) {
         const int32_t a = vertex_after(mesh, mesh->corners_u[i], 1);
         const int32_t b = vertex_after(mesh, mesh->corners_u[i], 2);
-        if (mesh->is_shared[v]
-            && ((marks[a] == of_u && mesh->is_shared[a]) || (marks[b] == of_u && mesh->is_shared[b])))
+        const bool is_new_a = marks[a] == of_u, is_new_b = marks[b] == of_u;
+        if (is_shared[v] && ((is_new_a && is_shared[a]) || (is_new_b && is_shared[b])))
             return false;
-        if (a == v || b == v || marks[a] != of_both || marks[b] != of_both)
+        if (a == v || b == v || is_new_a || is_new_b)
             continue;
-        /* Three corners at u alone: v may have a face with the other two, as in a tetrahedron. */
+        /* Three corners at u alone: v may have a face with the other two, as in a tetrahedron, here
+           or beyond this mesh. */
+        if (is_shared[v] && is_shared[a] && is_shared[b])
+            return false;
         for (int64_t j = 0; j < n_v; j++) {
             const int32_t c = vertex_after(mesh, mesh->corners_v[j], 1);
             const int32_t d = vertex_after(mesh, mesh->corners_v[j], 2);
@@ -183,9 +186,9 @@ static bool sides_stay(
         const int32_t previous = vertex_after(mesh, corners[i], 2);
         if (next == other || previous == other)
             continue;
-        const struct vector from = vector_at(mesh->points[mesh->faces[0][corners[i]]]);
-        const struct vector a = vector_at(mesh->points[next]), b = vector_at(mesh->points[previous]);
-        const struct vector ab = minus(b, a);
+        const struct vector from = vector_at(mesh->points[vertex_at_corner(mesh, corners[i])]);
+        const struct vector a = vector_at(mesh->points[next]);
+        const struct vector ab = minus(vector_at(mesh->points[previous]), a);
         const struct vector before = cross(ab, minus(from, a)), after = cross(ab, minus(place, a));
         const double sizes = dot(before, before) * dot(after, after), cosine = dot(before, after);
         if (sizes == 0.0 ? dot(before, before) > 0.0

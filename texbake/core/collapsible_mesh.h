@@ -10,12 +10,14 @@
 #include "arena.h"
 #include "vectors.h"
 
+/* Vertices with more corners than this stay: looking at them takes the square of it. */
+enum { MOST_CORNERS = 512 };
+
 /* What the faces around a vertex are: a ring, a fan that ends at two edges, or anything else. */
 enum vertex_kind { INTERIOR, BOUNDARY, COMPLEX };
 
 /* A vertex is a place. A wedge is what corners at a place share: a mesh with seams has several at
-   some vertices, and one without has as many wedges as vertices. Corner 3 f + k is that of face f, and
-   so `faces[0][corner]` is the vertex of a corner. */
+   some vertices, and one without has as many wedges as vertices. Corner 3 f + k is that of face f. */
 struct collapsible_mesh {
     int64_t n_vertices, n_faces, n_left;
     double (*points)[3];
@@ -32,11 +34,18 @@ struct collapsible_mesh {
     int32_t *corners_u, *corners_v;
 };
 
+/* The vertex of a corner, -1 in a face that is gone. */
+static inline int32_t vertex_at_corner(const struct collapsible_mesh *mesh, int32_t corner)
+{
+    const int32_t *vertices = mesh->faces[0];
+    return vertices[corner];
+}
+
 /* The vertex one or two corners on in the face of a corner. */
 static inline int32_t vertex_after(const struct collapsible_mesh *mesh, int32_t corner, int step)
 {
     const int k = corner % 3;
-    return mesh->faces[0][corner + (step == 1 ? (k == 2 ? -2 : 1) : (k == 0 ? 2 : -1))];
+    return vertex_at_corner(mesh, corner + (step == 1 ? (k == 2 ? -2 : 1) : (k == 0 ? 2 : -1)));
 }
 
 /* A collapse that has been looked at: how many faces have the edge, and the wedges that become

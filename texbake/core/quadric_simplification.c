@@ -134,23 +134,34 @@ static void add_face_quadrics(struct simplification *s)
     }
 }
 
+/* Whether an edge of a vertex may lie at a boundary or a seam. */
+static bool may_have_side(const struct collapsible_mesh *mesh, int32_t vertex, int64_t n)
+{
+    if (n > MOST_CORNERS)
+        return false;
+    if (mesh->kinds[vertex] != INTERIOR)
+        return true;
+    for (int64_t i = 1; i < n; i++) {
+        const int32_t one = mesh->corners_u[0], other = mesh->corners_u[i];
+        if (mesh->wedges[one / 3][one % 3] != mesh->wedges[other / 3][other % 3])
+            return true;
+    }
+    return false; /* a seam that ends here has two wedges at the other end */
+}
+
 /* Add the planes of edges at boundaries and seams. */
 static void add_edge_quadrics(struct simplification *s)
 {
     struct collapsible_mesh *mesh = &s->mesh;
     for (int32_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
         const int64_t n = list_corners(mesh, vertex, mesh->corners_u);
-        bool is_inside = mesh->kinds[vertex] == INTERIOR;
-        for (int64_t i = 0; i < n && is_inside; i++)
-            is_inside = mesh->wedges[mesh->corners_u[i] / 3][mesh->corners_u[i] % 3]
-                == mesh->wedges[mesh->corners_u[0] / 3][mesh->corners_u[0] % 3];
+        if (!may_have_side(mesh, vertex, n))
+            continue;
         for (int64_t i = 0; i < n; i++) {
-            const int32_t corner = mesh->corners_u[i], *face = mesh->faces[corner / 3];
-            /* Inside, at one wedge, an edge can still be the end of a seam; it has two wedges there. */
-            const double weight = is_inside ? 0.0 : edge_weight(mesh, corner, n);
-            if (weight == 0.0)
-                continue;
-            add_edge_plane(s, face, corner % 3, weight);
+            const int32_t corner = mesh->corners_u[i];
+            const double weight = edge_weight(mesh, corner, n);
+            if (weight > 0.0)
+                add_edge_plane(s, mesh->faces[corner / 3], corner % 3, weight);
         }
     }
 }

@@ -11,6 +11,7 @@ complex scenes", Modeling in Computer Graphics 1993 (clusters).
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -105,7 +106,9 @@ def _order_in_space(
     return (keys & np.uint64((1 << id_bits) - 1)).astype(np.int32)
 
 
-def _error_limit(errors: FloatArray, n_gone: IntArray, n_wanted: int) -> float:
+def _error_limit(
+    errors: npt.NDArray[np.float32], n_gone: npt.NDArray[np.uint8], n_wanted: int
+) -> float:
     """Error up to which collapses take about `n_wanted` faces away, or all that are finite."""
     bins = errors.view(np.uint32) >> _ERROR_SHIFT  # floats from 0 sort as their bits
     sums = np.cumsum(np.bincount(bins, n_gone))
@@ -206,7 +209,7 @@ def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
     return best
 
 
-def _clustered(stream: VertexStream, cell_of: IntArray) -> IntArray:
+def _clustered(stream: VertexStream, cell_of: npt.NDArray[np.intp]) -> IntArray:
     """Faces between the vertices that stand for cells, each once."""
     counts = np.bincount(cell_of)
     sums = [np.bincount(cell_of, stream.points[:, axis]) for axis in range(3)]

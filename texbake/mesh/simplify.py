@@ -315,7 +315,7 @@ def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Resu
     stream = weld_positions(welded, threads=threads)
     points, faces = move_and_collapse(stream, n_faces, lock_boundary=boundary_fits(stream, n_faces))
     moved = Mesh(positions=LocalFrame.around(welded).to_model(points), faces=faces, name=mesh.name)
-    low = gather(moved, replace(stream, position_ids=np.arange(len(points))), faces)
+    low = gather(moved, replace(stream, position_ids=np.arange(len(points), dtype=np.int32)), faces)
     if low is None:
         return fast
     given_up = tuple(note for note in fast.notes if note.startswith(_GIVEN_UP))

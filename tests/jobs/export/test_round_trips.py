@@ -56,7 +56,7 @@ def write_maps(folder, *, green=1.0):
 
 
 @pytest.fixture(scope="module")
-def assets(tmp_path_factory):
+def assets(tmp_path_factory, meshoptimizer):
     """The ball as exported: as it should be, compressed with levels, and with green wrong."""
     made = {}
     for name, green, options in (("ball", 1.0, {}), ("compressed", 1.0, {"compress": True}),

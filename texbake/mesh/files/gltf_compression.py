@@ -137,7 +137,7 @@ def _library() -> Any:
     except ImportError as error:
         raise DependencyError(
             f"glTF: meshoptimizer does not load: {' '.join(str(error).split())}; "
-            "pip install --pre meshoptimizer"
+            "pip install texbake[meshoptimizer]"
         ) from error
     return meshoptimizer
 
