@@ -145,6 +145,7 @@ from .mapping.distortion import (
 from .mapping.layout import draw_layout as draw_layout
 from .mapping.layout_svg import layout_svg as layout_svg
 from .mapping.options import UnwrapOptions as UnwrapOptions
+from .mapping.parametrize import parametrize as parametrize
 from .mapping.unwrap import (
     UnwrapReport as UnwrapReport,
     unwrap as unwrap,
