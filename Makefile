@@ -7,8 +7,7 @@ WHEELS = manylinux2014_x86_64 manylinux2014_aarch64 win_amd64 macosx_11_0_x86_64
 
 # The core for this machine, beside its sources.
 core:
-	$(PYTHON) texbake/core/build.py
-
+	$(PYTHON) texbake/core/compile_core.py
 
 # One wheel a platform, all from this machine, into dist/.
 wheels:

@@ -4,7 +4,7 @@ pip calls it (PEP 517). Where no compiler is installed it asks for the one of th
 which pip puts into the build's own environment and removes afterwards. The wheel is for one
 platform and every Python, since the library has no Python in it.
 
-`TEXBAKE_TARGET` cross-compiles: the tag of a wheel from the list in `build.py`, such as
+`TEXBAKE_TARGET` cross-compiles: the tag of a wheel from the list in `compile_core.py`, such as
 `win_amd64`.
 """
 
@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import build as core_build
+import compile_core
 from setuptools import build_meta
 from setuptools.build_meta import (
     build_editable,
@@ -45,7 +45,7 @@ ZIG = "ziglang>=0.13"
 def get_requires_for_build_wheel(settings: Mapping[str, Any] | None = None) -> list[str]:
     """Return what must be installed to build a wheel: a compiler, where there is none."""
     needed: list[str] = build_meta.get_requires_for_build_wheel(settings)
-    return [*needed, ZIG] if _target() or core_build.find_compiler() is None else needed
+    return [*needed, ZIG] if _target() or compile_core.find_compiler() is None else needed
 
 
 def get_requires_for_build_editable(settings: Mapping[str, Any] | None = None) -> list[str]:
@@ -53,15 +53,15 @@ def get_requires_for_build_editable(settings: Mapping[str, Any] | None = None) -
     return get_requires_for_build_wheel(settings)
 
 
-def _target() -> core_build.Target | None:
+def _target() -> compile_core.Target | None:
     """Return the machine to cross-compile for, or None for this one."""
     tag = os.environ.get("TEXBAKE_TARGET")
     if not tag:
         return None
-    for target in core_build.TARGETS:
+    for target in compile_core.TARGETS:
         if target.wheel_tag == tag:
             return target
-    known = ", ".join(target.wheel_tag for target in core_build.TARGETS)
+    known = ", ".join(target.wheel_tag for target in compile_core.TARGETS)
     raise SystemExit(f"TEXBAKE_TARGET: '{tag}' is not one of {known}")
 
 
@@ -72,12 +72,12 @@ class BuildWithCore(build_py):  # type: ignore[misc]  # setuptools has no types 
         """Copy and compile."""
         super().run()
         if self.editable_mode:
-            core_build.build(core_build.FOLDER)
+            compile_core.build(compile_core.FOLDER)
             return
         folder = Path(self.build_lib) / "texbake" / "core"
         for stale in folder.glob("core-*"):  # of another machine, or of an earlier build in place
             stale.unlink()
-        core_build.build(folder, _target())
+        compile_core.build(folder, _target())
 
 
 class PlatformWheel(bdist_wheel):  # type: ignore[misc]

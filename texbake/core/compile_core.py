@@ -1,8 +1,7 @@
 """Compile the core: with the compiler that is there, else with the one of `ziglang` from PyPI.
 
-    python -m texbake.core.build               into this folder, for this machine
-    python texbake/core/build.py               the same, before texbake is installed
-    python texbake/core/build.py --sanitize --folder build
+    python texbake/core/compile_core.py        into this folder, for this machine
+    python texbake/core/compile_core.py --sanitize --folder build
                                                with AddressSanitizer and UndefinedBehaviorSanitizer
 
 The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since
