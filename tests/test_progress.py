@@ -68,5 +68,5 @@ def test_peak_memory_is_not_that_of_the_process_before():
     held = bytearray(1 << 29)
     held[:: 1 << 12] = bytes(len(held) >> 12)  # touched, so that it is in memory
     script = "from texbake.progress import peak_memory_bytes; print(peak_memory_bytes())"
-    output = subprocess.check_output([sys.executable, "-c", script], text=True)
+    output = subprocess.check_output([sys.executable, "-P", "-c", script], text=True)
     assert output == "None\n" or int(output) < len(held)

@@ -30,7 +30,7 @@ def modules_after(statement: str) -> set[str]:
     """Top-level names of the modules that a fresh process has loaded after a statement."""
     code = f"{statement}\nimport sys\nprint(*sys.modules)"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
     return {name.split(".")[0] for name in done.stdout.splitlines()[-1].split()}
 

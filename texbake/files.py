@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -105,3 +105,25 @@ def make_folder(folder: PathLike) -> Path:
     except OSError as error:
         raise FileError(f"{path}: the folder cannot be made: {error.strerror}") from error
     return path
+
+
+def write_files(folder: PathLike, files: Mapping[str, bytes]) -> list[Path]:
+    """Write files into a folder, each whole or not at all, and return their paths.
+
+    Parameters
+    ----------
+    folder
+        Made if it does not exist.
+    files
+        Contents by name.
+
+    Raises
+    ------
+    FileError
+        A file cannot be written.
+    """
+    there = make_folder(folder)
+    for name, content in files.items():
+        with replacing(there / name) as path:
+            path.write_bytes(content)
+    return [there / name for name in files]

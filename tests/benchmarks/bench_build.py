@@ -84,7 +84,7 @@ def second_run(path: Path, folder: Path) -> float:
     """Seconds of the command, from its start to its end, with nothing to do."""
     start = time.perf_counter()
     code = "from texbake_cli.main import main; main()"
-    command = [sys.executable, "-c", code, "build", str(path), "-o", str(folder), "-q"]
+    command = [sys.executable, "-P", "-c", code, "build", str(path), "-o", str(folder), "-q"]
     subprocess.run(command, check=True)
     return time.perf_counter() - start
 
@@ -98,9 +98,9 @@ def cluster(n_workers: int, folder: Path) -> Iterator[str]:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard"]
+    dask = [sys.executable, "-P", "-m", "distributed.cli.dask_scheduler", "--no-dashboard"]
     worker = [
-        sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1",
+        sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, "--nthreads", "1",
         "--no-nanny", "--no-dashboard", "--local-directory", str(folder),
     ]  # fmt: skip
     port = address.rpartition(":")[2]

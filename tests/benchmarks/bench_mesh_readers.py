@@ -67,7 +67,7 @@ print(json.dumps([seconds, (after - before) / 1024, said]))
 def measured(reader: str, warm: Path, path: Path) -> tuple[float, float, str]:
     """Seconds, MiB and what a reader said, in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-c", CHILD, reader, warm, path],
+        [sys.executable, "-P", "-c", CHILD, reader, warm, path],
         capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     if done.returncode:

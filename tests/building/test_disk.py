@@ -62,7 +62,7 @@ def test_a_killed_holder_holds_nothing(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     path = tmp_path / "in" / "lock"
     with subprocess.Popen(
-        [sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE
+        [sys.executable, "-P", "-c", code, str(path)], stdout=subprocess.PIPE
     ) as process:
         assert process.stdout is not None and process.stdout.readline() == b"held\n"
         with pytest.raises(FileError), locked(path, wait=False):
@@ -82,7 +82,7 @@ def test_folders_are_cleared_when_their_owners_are_dead(tmp_path: Path) -> None:
     )
     parent = tmp_path / "tmp"
     with subprocess.Popen(
-        [sys.executable, "-c", program, str(parent)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-P", "-c", program, str(parent)], stdout=subprocess.PIPE, text=True
     ) as other:
         assert other.stdout is not None
         theirs = Path(other.stdout.readline().strip())

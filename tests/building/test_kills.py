@@ -27,7 +27,7 @@ N_KILLS = int(os.environ.get("TEXBAKE_KILLS", "4"))
 
 
 def start(path: Path, folder: Path) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-c", CODE, str(path), str(folder)])
+    return subprocess.Popen([sys.executable, "-P", "-c", CODE, str(path), str(folder)])
 
 
 def children(parent: int) -> list[int]:

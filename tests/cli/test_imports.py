@@ -36,7 +36,7 @@ def loaded_by(line: str, folder: Path) -> set[str]:
         "print(*sys.modules)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=300
+        [sys.executable, "-P", "-c", code], cwd=folder, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
     return {name.split(".")[0] for name in done.stdout.splitlines()[-1].split()}
@@ -50,7 +50,9 @@ def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
         "assert CliRunner().invoke(texbake, ['--help']).exit_code == 0\n"
         "print(*sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
+    )
     names = set(done.stdout.split())
     assert not {name for name in names if name.startswith("texbake_cli.commands.")}
     assert not names & {"numpy", "texbake.core", "texbake.schema"}

@@ -79,7 +79,7 @@ except MemoryError as error:
 print(solve(10, 1)[0, 0])
 """
     finished = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+        [sys.executable, "-P", "-c", script], capture_output=True, text=True, check=True
     )
     assert finished.stdout == "solve_blocks: not enough memory\n0.5\n"
 
@@ -104,7 +104,7 @@ print(digest.hexdigest())
 
 def digest_of_the_whole_job(threads=2, **environment):
     finished = subprocess.run(
-        [sys.executable, "-c", WHOLE_JOB, str(threads)],
+        [sys.executable, "-P", "-c", WHOLE_JOB, str(threads)],
         env={**os.environ, **environment},
         capture_output=True,
         text=True,

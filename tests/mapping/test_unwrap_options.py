@@ -63,4 +63,4 @@ def test_numbers_of_numpy_are_numbers() -> None:
 
 def test_defaults_are_read_without_loading_numpy() -> None:
     code = "import sys, texbake.mapping.options; sys.exit('numpy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0

@@ -2,7 +2,6 @@ import os
 import random
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,7 +207,7 @@ def test_memory_is_bounded_by_the_file(tmp_path):
     if sys.platform != "linux":
         pytest.skip("resident memory is reported in other units elsewhere")
     done = subprocess.run(
-        [sys.executable, "-c", script, tmp_path / "mesh.ply"],
+        [sys.executable, "-P", "-c", script, tmp_path / "mesh.ply"],
         capture_output=True,
         text=True,
         check=True,
@@ -311,5 +310,4 @@ def test_fans_are_those_of_the_tangent_references(data_dir, name):
 
 def test_import_of_the_package_loads_no_other_reader():
     script = "import sys, texbake.mesh.files; assert not {'trimesh', 'scipy'} & set(sys.modules)"
-    root = Path(__file__).parents[2]
-    subprocess.run([sys.executable, "-c", script], check=True, cwd=root)
+    subprocess.run([sys.executable, "-P", "-c", script], check=True)

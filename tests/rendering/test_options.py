@@ -51,4 +51,4 @@ def test_a_wrong_option_is_named(wrong):
 
 def test_options_load_no_numpy():
     code = "import sys, texbake.rendering.options; sys.exit('numpy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0

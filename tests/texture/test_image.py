@@ -231,7 +231,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, pixels, monkeypatch):
 
 def test_importing_loads_no_image_library():
     code = "import sys, texbake.texture.image; sys.exit('OpenImageIO' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.realdata

@@ -178,4 +178,4 @@ def test_names_and_parameters_cost_no_numpy():
         "import sys; from texbake.texture.procedures import PROCEDURE_DEFAULTS, DEFAULT_RAMPS; "
         "assert 'numpy' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-P", "-c", code], check=True)

@@ -22,8 +22,7 @@ void mark_seen_objects(
             const int32_t face = face_ids[row][column];
             if (face < 0)
                 continue;
-            if (!(starts[owner] <= face && face < starts[owner + 1]))
-                owner = object_of(face, n_objects, starts);
+            owner = object_near(owner, face, n_objects, starts);
             seen[owner] = true;
         }
     }

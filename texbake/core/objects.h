@@ -3,6 +3,7 @@
 #ifndef TEXBAKE_OBJECTS_H
 #define TEXBAKE_OBJECTS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* Index of the object that a face belongs to; its faces are at starts[k] to starts[k + 1]. */
@@ -17,6 +18,14 @@ static inline int64_t object_of(int64_t face, int64_t n_objects, const int64_t *
             high = middle;
     }
     return low;
+}
+
+/* The same, with a guess: faces that follow each other mostly belong to one object. */
+static inline int64_t object_near(
+    int64_t guess, int64_t face, int64_t n_objects, const int64_t *starts)
+{
+    const bool is_right = starts[guess] <= face && face < starts[guess + 1];
+    return is_right ? guess : object_of(face, n_objects, starts);
 }
 
 #endif

@@ -50,9 +50,11 @@ static inline int32_t code_of(
     return (int32_t)(code > 0.0 ? min_f64(code, coding->top) : 0.0);
 }
 
-/* Defines a function for codes of a type. */
+/* Defines a function for codes of a type: codes `value * factor + offset`, rounded and at most `top`;
+   |value| <= noise counts as 0, and NaN becomes 0. With lows and sizes, values are first taken
+   relative to them. The number of channels divides ROUND. */
 #define QUANTIZE(name, type)                                                                  \
-    static inline void name(                                                                  \
+    static inline void name##_values(                                                         \
         int64_t n, const float *restrict values, const struct coding *restrict coding,        \
         bool has_bounds, type *restrict codes)                                                \
     {                                                                                         \
@@ -62,43 +64,25 @@ static inline int32_t code_of(
                 codes[i + k] = (type)code_of(values[i + k], k, coding, has_bounds);           \
         for (int64_t k = 0; i + k < n; k++)                                                   \
             codes[i + k] = (type)code_of(values[i + k], k, coding, has_bounds);               \
+    }                                                                                         \
+                                                                                              \
+    void name(                                                                                \
+        int64_t n, int64_t n_channels, const float values[n][n_channels],                     \
+        const double factors[n_channels], const double offsets[n_channels],                   \
+        OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],      \
+        type codes[n][n_channels], double noise, double top, int64_t start, int64_t stop)     \
+    {                                                                                         \
+        const struct coding coding =                                                          \
+            repeat_coding(n_channels, factors, offsets, lows, sizes, noise, top);             \
+        const int64_t n_values = (stop - start) * n_channels;                                 \
+        if (lows)                                                                             \
+            name##_values(n_values, values[start], &coding, true, codes[start]);              \
+        else                                                                                  \
+            name##_values(n_values, values[start], &coding, false, codes[start]);             \
     }
 
-QUANTIZE(quantize_bytes, uint8_t)
-QUANTIZE(quantize_words, uint16_t)
-
-/* Write codes `value * factor + offset`, rounded and at most `top`; |value| <= noise counts as 0, and
-   NaN becomes 0. With lows and sizes, values are first taken relative to them. The number of channels
-   divides ROUND. */
-void quantize_u8(
-    int64_t n, int64_t n_channels, const float values[n][n_channels],
-    const double factors[n_channels], const double offsets[n_channels],
-    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
-    uint8_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop)
-{
-    const struct coding coding =
-        repeat_coding(n_channels, factors, offsets, lows, sizes, noise, top);
-    const int64_t n_values = (stop - start) * n_channels;
-    if (lows)
-        quantize_bytes(n_values, values[start], &coding, true, codes[start]);
-    else
-        quantize_bytes(n_values, values[start], &coding, false, codes[start]);
-}
-
-void quantize_u16(
-    int64_t n, int64_t n_channels, const float values[n][n_channels],
-    const double factors[n_channels], const double offsets[n_channels],
-    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
-    uint16_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop)
-{
-    const struct coding coding =
-        repeat_coding(n_channels, factors, offsets, lows, sizes, noise, top);
-    const int64_t n_values = (stop - start) * n_channels;
-    if (lows)
-        quantize_words(n_values, values[start], &coding, true, codes[start]);
-    else
-        quantize_words(n_values, values[start], &coding, false, codes[start]);
-}
+QUANTIZE(quantize_u8, uint8_t)
+QUANTIZE(quantize_u16, uint16_t)
 
 /* Write the colors of ids; the first color is that of 0. */
 void color_ids_u8(

@@ -48,8 +48,7 @@ void find_seen_bounds(
             const int32_t face = face_ids[row][column];
             if (face < 0)
                 continue;
-            if (!(starts[owner] <= face && face < starts[owner + 1]))
-                owner = object_of(face, n_objects, starts);
+            owner = object_near(owner, face, n_objects, starts);
             if (!receives[owner])
                 continue;
             const double distance = near / depths[row][column];

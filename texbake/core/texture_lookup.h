@@ -145,18 +145,33 @@ static inline struct texel_cell bilinear_cell(
     return cell;
 }
 
-/* Interpolate one channel between the four texels of a cell; exact where they are equal. `outside`
-   is the value of the border. */
+/* One channel of the four texels of a cell. `outside` is the value of the border. */
+struct corner_values {
+    float above_left, above_right, below_left, below_right;
+};
+
+static inline struct corner_values corner_values_of(
+    int64_t n_channels, const float texels[][n_channels], const struct texel_cell *cell,
+    int64_t channel, float outside)
+{
+    const struct corner_values values = {
+        cell->above_left >= 0 ? texels[cell->above_left][channel] : outside,
+        cell->above_right >= 0 ? texels[cell->above_right][channel] : outside,
+        cell->below_left >= 0 ? texels[cell->below_left][channel] : outside,
+        cell->below_right >= 0 ? texels[cell->below_right][channel] : outside,
+    };
+    return values;
+}
+
+/* Interpolate one channel between the four texels of a cell; exact where they are equal. */
 static inline double interpolate_cell(
     int64_t n_channels, const float texels[][n_channels], const struct texel_cell *cell,
     int64_t channel, float outside)
 {
-    const float a = cell->above_left >= 0 ? texels[cell->above_left][channel] : outside;
-    const float b = cell->above_right >= 0 ? texels[cell->above_right][channel] : outside;
-    const float c = cell->below_left >= 0 ? texels[cell->below_left][channel] : outside;
-    const float d = cell->below_right >= 0 ? texels[cell->below_right][channel] : outside;
-    const double above = a + cell->x * (b - a);
-    const double below = c + cell->x * (d - c);
+    const struct corner_values at =
+        corner_values_of(n_channels, texels, cell, channel, outside);
+    const double above = at.above_left + cell->x * (at.above_right - at.above_left);
+    const double below = at.below_left + cell->x * (at.below_right - at.below_left);
     return above + cell->y * (below - above);
 }
 
@@ -165,13 +180,11 @@ static inline float interpolate_cell_f32(
     int64_t n_channels, const float texels[][n_channels], const struct texel_cell *cell,
     int64_t channel, float outside)
 {
-    const float a = cell->above_left >= 0 ? texels[cell->above_left][channel] : outside;
-    const float b = cell->above_right >= 0 ? texels[cell->above_right][channel] : outside;
-    const float c = cell->below_left >= 0 ? texels[cell->below_left][channel] : outside;
-    const float d = cell->below_right >= 0 ? texels[cell->below_right][channel] : outside;
+    const struct corner_values at =
+        corner_values_of(n_channels, texels, cell, channel, outside);
     const float x = (float)cell->x, y = (float)cell->y;
-    const float above = a + x * (b - a);
-    const float below = c + x * (d - c);
+    const float above = at.above_left + x * (at.above_right - at.above_left);
+    const float below = at.below_left + x * (at.below_right - at.below_left);
     return above + y * (below - above);
 }
 

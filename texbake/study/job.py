@@ -6,6 +6,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder
 from texbake.jobs.outputs import JobResult
 from texbake.mesh.files import read_mesh
+from texbake.mesh.mesh import Mesh
 from texbake.pages.figures import duration
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.read import read_scene
@@ -48,13 +49,10 @@ def study_files(
     DependencyError
         matplotlib is not installed.
     """
-    if (high is None) != (low is None):
-        raise OptionError("study: a pair is a high-poly and a low-poly mesh; give both, or neither")
     check_folder(folder)
     check_matplotlib()
     result = run_study(
-        None if high is None else read_mesh(high, progress=progress),
-        None if low is None else read_mesh(low, progress=progress),
+        *read_pair("study", high, low, progress=progress),
         scene=None if scene is None else read_scene(scene, progress=progress),
         options=options or StudyOptions(),
         progress=progress,
@@ -66,6 +64,25 @@ def study_files(
             f"study {name}: left out: {reason}" for name, reason in result.skipped.items()
         ),
     )
+
+
+def read_pair(
+    verb: str, high: PathLike | None, low: PathLike | None, *, progress: ProgressSink | None
+) -> tuple[Mesh, Mesh] | tuple[None, None]:
+    """Read the pair of meshes that may be given, or return two Nones.
+
+    Raises
+    ------
+    OptionError
+        Only one of them is given; the message begins with the verb.
+    """
+    if high is None and low is None:
+        return None, None
+    if high is None or low is None:
+        raise OptionError(
+            f"{verb}: a pair is a high-poly and a low-poly mesh; give both, or neither"
+        )
+    return read_mesh(high, progress=progress), read_mesh(low, progress=progress)
 
 
 def study_rows(result: StudyResult) -> list[tuple[str, str, str, str]]:

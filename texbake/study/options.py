@@ -28,6 +28,14 @@ KNOB_NAMES = (
     "noise",
 )
 
+REPEATS_OPTION = Option("Number of timed runs of each setting.", metavar="N", low=1)
+SECONDS_OPTION = Option(
+    "Seconds after which a setting is not run again, once it has been run twice.",
+    metavar="S",
+    low=0,
+    unit="seconds",
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions(CheckedOptions):
@@ -48,16 +56,8 @@ class StudyOptions(CheckedOptions):
             many=True,
         ),
     ] = KNOB_NAMES
-    repeats: Annotated[int, Option("Number of timed runs of each setting.", metavar="N", low=1)] = 5
-    seconds: Annotated[
-        float,
-        Option(
-            "Seconds after which a setting is not run again, once it has been run twice.",
-            metavar="S",
-            low=0,
-            unit="seconds",
-        ),
-    ] = 10.0
+    repeats: Annotated[int, REPEATS_OPTION] = 5
+    seconds: Annotated[float, SECONDS_OPTION] = 10.0
     quick: Annotated[
         bool, Option("Study a small range of each setting on small meshes, in a minute.")
     ] = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ from texbake.pages.page import page_html, render
 from texbake.pages.pictures import data_uri, png_of
 from texbake.study.findings import amount, findings, next_step
 from texbake.study.plots import Plot
-from texbake.study.result import KnobResult, Measurement, StudyResult
+from texbake.study.result import KnobResult, Measurement, StudyResult, figure_names
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -103,30 +103,22 @@ def _knob(result: KnobResult, plot: Plot) -> dict[str, Any]:
         "truth_text": result.truth_text,
         "findings": findings(result),
         "plot": titled(plot.svg, knob.title),
-        "names": list(
-            dict.fromkeys(n for item in result.measurements for n in item.outcome.figures)
-        ),
+        "names": figure_names(result.measurements),
         "rows": [
-            _row(item, on_front=i in front, kept=i in knees)
+            {"marks": _marks(front=i in front, kept=i in knees), **setting_row(item)}
             for i, item in enumerate(result.measurements)
         ],
-        "crops": [
-            {
-                "label": item.setting.label,
-                "uri": data_uri(png_of(item.outcome.picture)),
-                "error_text": amount(item.error, knob.unit),
-                "median": item.median,
-            }
-            for item in result.measurements
-            if item.outcome.picture is not None
-        ],
+        "crops": crops(result.measurements, knob.unit),
     }
 
 
-def _row(item: Measurement, *, on_front: bool, kept: bool) -> dict[str, Any]:
+def _marks(**given: bool) -> str:
+    return " ".join(name for name, is_so in given.items() if is_so)
+
+
+def setting_row(item: Measurement) -> dict[str, Any]:
     """Values of a row of the table of settings."""
     return {
-        "marks": " ".join(name for name, is_so in (("front", on_front), ("kept", kept)) if is_so),
         "label": item.setting.label,
         "error": item.error,
         "median": item.median,
@@ -136,6 +128,21 @@ def _row(item: Measurement, *, on_front: bool, kept: bool) -> dict[str, Any]:
         "memory": item.peak_bytes,
         "figures": item.outcome.figures,
     }
+
+
+def crops(measurements: Sequence[Measurement], unit: str) -> list[dict[str, Any]]:
+    """Values of the crops of those settings that have one."""
+    return [
+        {
+            "series": item.setting.series,
+            "label": item.setting.label,
+            "uri": data_uri(png_of(item.outcome.picture)),
+            "error_text": amount(item.error, unit),
+            "median": item.median,
+        }
+        for item in measurements
+        if item.outcome.picture is not None
+    ]
 
 
 def titled(svg: str, title: str) -> Markup:

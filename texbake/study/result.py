@@ -6,6 +6,7 @@ import csv
 import io
 import math
 import statistics
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -229,21 +230,39 @@ class StudyResult:
         }
 
     def to_csv(self) -> str:
-        """Return a table with one line per setting.
+        """Return a table with one line per setting; see `settings_csv`."""
+        settings = [item for knob in self.knobs for item in knob.measurements]
+        return settings_csv(
+            CSV_COLUMNS, settings, [row for item in self.knobs for row in item.rows()]
+        )
 
-        `CSV_COLUMNS` are followed by a column for each other figure that any knob measured, by its
+
+def figure_names(measurements: Iterable[Measurement]) -> list[str]:
+    """Return the names of all further figures, in the order of their first appearance."""
+    return list(dict.fromkeys(name for item in measurements for name in item.outcome.figures))
+
+
+def settings_csv(
+    columns: Sequence[str], measurements: Sequence[Measurement], rows: Sequence[Sequence[Any]]
+) -> str:
+    """Return a table with one line per setting: its row, then its further figures.
+
+    Parameters
+    ----------
+    columns
+        Heading of the rows.
+    measurements, rows
+        One of each per setting. Each further figure that any setting has gets a column, by its
         name; it is empty where a setting has no such figure or it is not finite.
-        """
-        settings = [m for item in self.knobs for m in item.measurements]
-        names = dict.fromkeys(name for m in settings for name in m.outcome.figures)
-        rows = [row for item in self.knobs for row in item.rows()]
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow((*CSV_COLUMNS, *names))
-        for m, row in zip(settings, rows, strict=True):
-            figures = (_finite(m.outcome.figures.get(name, math.nan)) for name in names)
-            table.writerow([*row, *("" if x is None else repr(x) for x in figures)])
-        return text.getvalue()
+    """
+    names = figure_names(measurements)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow((*columns, *names))
+    for item, row in zip(measurements, rows, strict=True):
+        figures = (_finite(item.outcome.figures.get(name, math.nan)) for name in names)
+        table.writerow([*row, *("" if x is None else repr(x) for x in figures)])
+    return text.getvalue()
 
 
 def _finite(x: float) -> float | None:

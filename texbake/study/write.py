@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.files import PathLike, make_folder, replacing
+from texbake.files import PathLike, write_files
 from texbake.pages.figures import duration
 from texbake.pages.pictures import picture_codes
 from texbake.progress import ProgressSink, Stages
@@ -67,11 +67,7 @@ def write_study(
             ALL_PLOT: everything.png,
             **{f"{name}.png": plot.png for name, plot in plots.items()},
         }
-        there = make_folder(folder)
-        for name, content in files.items():
-            with replacing(there / name) as path:
-                path.write_bytes(content)
-    return [there / name for name in files]
+        return write_files(folder, files)
 
 
 Codes = npt.NDArray[np.uint8]

@@ -198,5 +198,7 @@ def test_a_picture_with_fixed_samples_loads_nothing_of_it():
         "texbake.render(cube(), options=texbake.RenderOptions(width=16, height=16));"
         "print([m for m in sys.modules if 'adaptive_pixels' in m])"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    found = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
+    )
     assert found.stdout.strip() == "[]"

@@ -8,7 +8,7 @@ MB = 1 << 20
 
 
 def python(code, timeout=60.0):
-    return run_process([sys.executable, "-c", code], timeout=timeout)
+    return run_process([sys.executable, "-P", "-c", code], timeout=timeout)
 
 
 def test_a_process_is_timed_from_start_to_end():

@@ -39,8 +39,8 @@ def test_every_command_of_texbake_parses(task, tmp_path):
     for label, added in program.settings[task](options):
         labels.append(label)
         command, product = program.command({**JOB, **added, "task": task}, tmp_path / "x", options)
-        assert command[0] == sys.executable and "texbake_cli" in command[2]
-        words = command[3:]
+        assert command[0] == sys.executable and "texbake_cli" in command[3]
+        words = command[4:]
         for name in ("high.ply", "low.obj", "mesh.ply", "scene.toml"):
             words = [str(tmp_path / name) if word == name else word for word in words]
             (tmp_path / name).touch()

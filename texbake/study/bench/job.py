@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder
 from texbake.jobs.outputs import JobResult
-from texbake.mesh.files import read_mesh
 from texbake.pages.figures import duration, number
 from texbake.progress import ProgressSink
 from texbake.study.bench.options import BenchOptions
@@ -13,6 +11,7 @@ from texbake.study.bench.result import BenchResult
 from texbake.study.bench.run import run_bench
 from texbake.study.bench.write import write_bench
 from texbake.study.findings import amount
+from texbake.study.job import read_pair
 from texbake.study.plots import check_matplotlib
 
 
@@ -44,13 +43,10 @@ def bench_files(
     DependencyError
         matplotlib is not installed.
     """
-    if (high is None) != (low is None):
-        raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or neither")
     check_folder(folder)
     check_matplotlib("bench")
     result = run_bench(
-        None if high is None else read_mesh(high, progress=progress),
-        None if low is None else read_mesh(low, progress=progress),
+        *read_pair("bench", high, low, progress=progress),
         options=options,
         progress=progress,
     )

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, Option
+from texbake.study.options import REPEATS_OPTION, SECONDS_OPTION
 
 # In the order in which they are run and shown.
 TASK_NAMES = (
@@ -93,16 +94,8 @@ class BenchOptions(CheckedOptions):
             default=f"${BLENDER_VARIABLE}",
         ),
     ] = None
-    repeats: Annotated[int, Option("Number of timed runs of each setting.", metavar="N", low=1)] = 3
-    seconds: Annotated[
-        float,
-        Option(
-            "Seconds after which a setting is not run again, once it has been run twice.",
-            metavar="S",
-            low=0,
-            unit="seconds",
-        ),
-    ] = 60.0
+    repeats: Annotated[int, REPEATS_OPTION] = 3
+    seconds: Annotated[float, SECONDS_OPTION] = 60.0
     timeout: Annotated[
         float,
         Option(

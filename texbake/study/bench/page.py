@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from texbake.pages.page import page_html, render
-from texbake.pages.pictures import data_uri, png_of
 from texbake.study.bench.result import BenchResult, Contest
 from texbake.study.bench.table import machine_words
 from texbake.study.findings import amount
-from texbake.study.page import PAGE_STYLE, titled
+from texbake.study.page import PAGE_STYLE, crops, setting_row, titled
 from texbake.study.plots import Plot
+from texbake.study.result import figure_names
 
 _TEMPLATES = Path(__file__).with_name("templates")
 _TITLE = "What accuracy costs, program by program"
@@ -65,7 +65,6 @@ def _contest(contest: Contest, plot: Plot) -> dict[str, Any]:
     """Values of the section of a contest."""
     unit = contest.task.unit
     front, memory_front = set(contest.front), set(contest.memory_front)
-    names = list(dict.fromkeys(n for item in contest.measurements for n in item.outcome.figures))
     return {
         "name": contest.name,
         "case": contest.case,
@@ -73,7 +72,7 @@ def _contest(contest: Contest, plot: Plot) -> dict[str, Any]:
         "truth": contest.truth,
         "truth_text": contest.truth_text,
         "plot": titled(plot.svg, f"{contest.task.title}: {contest.case}"),
-        "names": names,
+        "names": figure_names(contest.measurements),
         "failures": contest.failures,
         "matches": [
             {
@@ -95,27 +94,11 @@ def _contest(contest: Contest, plot: Plot) -> dict[str, Any]:
         "rows": [
             {
                 "program": item.setting.series,
-                "label": item.setting.label,
-                "error": item.error,
-                "median": item.median,
-                "low": min(item.seconds),
-                "high": max(item.seconds),
-                "runs": len(item.seconds),
-                "memory": item.peak_bytes,
-                "figures": item.outcome.figures,
                 "on_front": i in front,
                 "on_memory_front": i in memory_front,
+                **setting_row(item),
             }
             for i, item in enumerate(contest.measurements)
         ],
-        "crops": [
-            {
-                "label": f"{item.setting.series}: {item.setting.label}",
-                "uri": data_uri(png_of(item.outcome.picture)),
-                "error_text": amount(item.error, unit),
-                "median": item.median,
-            }
-            for item in contest.measurements
-            if item.outcome.picture is not None
-        ],
+        "crops": crops(contest.measurements, unit),
     }

@@ -87,7 +87,9 @@ class Program:
         if not self.runner:
             words, path = _texbake_words(job, path)
             start = "from texbake_cli.main import main; main()"
-            return [sys.executable, "-c", start, *words], Product(path, self.forms.get(task, ""))
+            return [sys.executable, "-P", "-c", start, *words], Product(
+                path, self.forms.get(task, "")
+            )
         python = self.python(options) or sys.executable
         return (
             self._script(python, {**job, "out": str(path)}),

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.task import BenchTask
 from texbake.study.pareto import pareto_front
-from texbake.study.result import Measurement, Ranked
+from texbake.study.result import Measurement, Ranked, settings_csv
 
 SCHEMA = "texbake-bench-1"
 OURS = "texbake"
@@ -136,6 +135,20 @@ class Contest(Ranked):
             ],
         }
 
+    def rows(self, versions: Mapping[str, str]) -> list[list[Any]]:
+        """Return the lines of the CSV file, for `CSV_COLUMNS`."""
+        front, memory_front = set(self.front), set(self.memory_front)
+        return [
+            [
+                self.task.name, self.case, item.setting.series, versions[item.setting.series],
+                item.setting.label, self.subject, self.truth, repr(item.error), self.task.unit,
+                repr(item.median), repr(min(item.seconds)), repr(max(item.seconds)),
+                len(item.seconds), "" if item.peak_bytes is None else item.peak_bytes,
+                int(i in front), int(i in memory_front),
+            ]
+            for i, item in enumerate(self.measurements)
+        ]  # fmt: skip
+
 
 def _memory(item: Measurement) -> float:
     return math.inf if item.peak_bytes is None else float(item.peak_bytes)
@@ -182,31 +195,7 @@ class BenchResult:
         }
 
     def to_csv(self) -> str:
-        """Return a table with one line per setting.
-
-        `CSV_COLUMNS` are followed by a column for each other figure that any task measured, by its
-        name; it is empty where a setting has no such figure or it is not finite.
-        """
-        names = dict.fromkeys(
-            name for c in self.contests for m in c.measurements for name in m.outcome.figures
-        )
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow((*CSV_COLUMNS, *names))
-        for contest in self.contests:
-            front, memory_front = set(contest.front), set(contest.memory_front)
-            for i, item in enumerate(contest.measurements):
-                program = item.setting.series
-                figures = (item.outcome.figures.get(name, math.nan) for name in names)
-                table.writerow(
-                    [
-                        contest.task.name, contest.case, program, self.versions[program],
-                        item.setting.label, contest.subject, contest.truth, repr(item.error),
-                        contest.task.unit, repr(item.median), repr(min(item.seconds)),
-                        repr(max(item.seconds)), len(item.seconds),
-                        "" if item.peak_bytes is None else item.peak_bytes,
-                        int(i in front), int(i in memory_front),
-                        *(repr(float(x)) if math.isfinite(x) else "" for x in figures),
-                    ]
-                )  # fmt: skip
-        return text.getvalue()
+        """Return a table with one line per setting; see `settings_csv`."""
+        settings = [item for contest in self.contests for item in contest.measurements]
+        rows = [row for contest in self.contests for row in contest.rows(self.versions)]
+        return settings_csv(CSV_COLUMNS, settings, rows)

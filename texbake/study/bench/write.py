@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from texbake.files import PathLike, make_folder, replacing
+from texbake.files import PathLike, write_files
 from texbake.progress import ProgressSink, Stages
 from texbake.study.bench.page import bench_page
 from texbake.study.bench.plots import contest_plot
@@ -52,8 +52,4 @@ def write_bench(
             TABLE: markdown(result).encode("utf-8"),
             **{f"{name}.png": plot.png for name, plot in plots.items()},
         }
-        there = make_folder(folder)
-        for name, content in files.items():
-            with replacing(there / name) as path:
-                path.write_bytes(content)
-    return [there / name for name in files]
+        return write_files(folder, files)

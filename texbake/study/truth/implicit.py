@@ -32,7 +32,41 @@ class Surface(Protocol):
     def hits(
         self, starts: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Return where lines meet the surface near their starts, and for which they do."""
+        """Return where lines meet the surface near points that lie close to it.
+
+        Parameters
+        ----------
+        starts : (n, 3) float64
+            Points near the surface.
+        directions : (n, 3) float64
+            Unit vectors of the lines through them.
+
+        Returns
+        -------
+        points : (n, 3) float64
+        converged : (n,) bool
+            False for a line that only touches the surface, or passes by.
+        """
+
+
+def meet_lines(
+    value: Callable[[FloatArray], FloatArray],
+    slopes: Callable[[FloatArray, FloatArray], FloatArray],
+    starts: FloatArray,
+    directions: FloatArray,
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Follow lines to where a function is 0, by Newton's method; `Surface.hits` of all surfaces.
+
+    `slopes` gives the slopes of the function at (n, 3) points along (n, 3) directions.
+    """
+    points = np.array(starts)
+    for _ in range(_ROUNDS):
+        values, along = value(points), slopes(points, directions)
+        step = np.where(np.abs(along) > 1e-3, values / np.where(along == 0.0, 1.0, along), 0.0)
+        points -= np.clip(step, -_MOST_STEP, _MOST_STEP)[:, None] * directions
+        if np.abs(values).max(initial=0.0) < 0.01 * _ON_SURFACE:
+            break
+    return points, np.abs(value(points)) < _ON_SURFACE
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,29 +100,8 @@ class ImplicitSurface:
     def hits(
         self, starts: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Return where lines meet the surface near points that lie close to it.
-
-        Parameters
-        ----------
-        starts : (n, 3) float64
-            Points near the surface.
-        directions : (n, 3) float64
-            Unit vectors of the lines through them.
-
-        Returns
-        -------
-        points : (n, 3) float64
-        converged : (n,) bool
-            False for a line that only touches the surface, or passes by.
-        """
-        points = np.array(starts)
-        for _ in range(_ROUNDS):
-            values, slopes = self.value(points), self._slopes(points, directions)
-            step = np.where(np.abs(slopes) > 1e-3, values / np.where(slopes == 0.0, 1.0, slopes), 0)
-            points -= np.clip(step, -_MOST_STEP, _MOST_STEP)[:, None] * directions
-            if np.abs(values).max(initial=0.0) < 0.01 * _ON_SURFACE:
-                break
-        return points, np.abs(self.value(points)) < _ON_SURFACE
+        """Return where lines meet the surface near points that lie close to it; see `Surface`."""
+        return meet_lines(self.value, self._slopes, starts, directions)
 
     def _slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         step = _STEP * directions

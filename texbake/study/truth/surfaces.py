@@ -15,11 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.study.truth.implicit import meet_lines
 
 _STEP = 1e-5  # radians
-_ROUNDS = 12
-# Distance in radii that counts as on the surface.
-_ON_SURFACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,33 +60,14 @@ class RadialSurface:
     def hits(
         self, starts: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Return where lines meet the surface near points that lie close to it.
+        """Return where lines meet the surface near points that lie close to it; see `Surface`."""
+        return meet_lines(self._height, self._slopes, starts, directions)
 
-        Parameters
-        ----------
-        starts : (n, 3) float64
-            Points near the surface.
-        directions : (n, 3) float64
-            Unit vectors of the lines through them.
-
-        Returns
-        -------
-        points : (n, 3) float64
-        converged : (n,) bool
-            Whether Newton's method converged to a point of the surface; for a line that only
-            touches it, or passes by, it does not.
-        """
-        points = np.array(starts)
-        for _ in range(_ROUNDS):
-            slope = np.einsum("ij,ij->i", self.normals(points), directions)
-            out = _unit(points)
-            # Distance along the normal, from the height over the surface along the radius.
-            off = self._height(points) * np.einsum("ij,ij->i", self.normals(points), out)
-            step = np.where(np.abs(slope) > 1e-3, off / np.where(slope == 0.0, 1.0, slope), 0.0)
-            points -= np.clip(step, -0.05, 0.05)[:, None] * directions
-            if np.abs(off).max(initial=0.0) < 0.01 * _ON_SURFACE:
-                break
-        return points, np.abs(self._height(points)) < _ON_SURFACE
+    def _slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """Slopes of the height over the surface: 1 along the normal, more along the radius."""
+        normals = self.normals(points)
+        steepness = np.einsum("ij,ij->i", normals, _unit(points))
+        return np.asarray(np.einsum("ij,ij->i", normals, directions) / steepness)
 
     def _height(self, points: FloatArray) -> FloatArray:
         lengths = np.sqrt(np.einsum("ij,ij->i", points, points))
