@@ -92,5 +92,4 @@ def test_a_class_without_options_is_described_by_its_docstring() -> None:
         width: int = 1
         height: int = 2
 
-    Plain.__doc__ = (Plain.__doc__ or "").replace("\n    ", "\n")  # as of a class at the top level
     assert [field.option.help for field in option_fields(Plain)] == ["In pixels."] * 2

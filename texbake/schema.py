@@ -15,7 +15,7 @@ import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields, replace
 from functools import cache
-from inspect import get_annotations
+from inspect import cleandoc, get_annotations
 from numbers import Integral, Real
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -268,10 +268,12 @@ def _described(kind: type) -> dict[str, str]:
     """Return the first sentence on each attribute in the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
-        _, _, listed = (vars(base).get("__doc__") or "").partition("Attributes\n")
+        # Python 3.13 and newer take the indentation away themselves.
+        doc = cleandoc(vars(base).get("__doc__") or "")
+        _, _, listed = doc.partition("Attributes\n")
         names: list[str] = []
         for line in listed.splitlines()[1:]:
-            if line.startswith("    " * 2):
+            if line.startswith("    "):
                 for name in names:
                     found[name] = f"{found.get(name, '')} {line.strip()}".strip()
             elif line.strip():
