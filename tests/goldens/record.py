@@ -103,7 +103,7 @@ export low_uv.obj --to unreal --maps plain -o unreal
 export low_uv.obj --to blender --maps plain -o blender --layers
 export low_uv.obj --to unity --maps plain -o unity --mesh-format usda
 export low_uv.obj --to godot --maps plain -o godot --textures dds
-export low_uv.obj --to threejs --maps plain --level fast.glb -o threejs --compress
+export low_uv.obj --to threejs --maps plain --level fast.glb -o threejs
 run high.obj -o whole --faces 300 --size 256
 """
 
