@@ -1,6 +1,7 @@
 """Mutations of valid files through every reader, in a process of its own with bounded memory.
 
     python tests/hard_cases/fuzz_files.py [FORMAT ...] [--bytes 1000000] [--minutes 0] [--seed 0]
+        [--skip FORMAT]
 
 Each mutant must be read, or refused with a TexbakeError of one line, within `SECONDS`. The mutant
 at hand is kept in the folder given, so that a file that ends the process can be examined. Prints a
@@ -15,6 +16,7 @@ import io
 import json
 import resource
 import signal
+import sys
 import tempfile
 import time
 import warnings
@@ -384,19 +386,23 @@ def _bound_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
 
 
-def main() -> None:
-    """Parse the command line and print what was found."""
+def main() -> int:
+    """Parse the command line and print what was found; return 1 if that is any fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("format", nargs="*", help=", ".join(FORMATS))
     parser.add_argument("--bytes", type=int, default=1_000_000)
     parser.add_argument("--minutes", type=float, default=0.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path)
+    parser.add_argument("--skip", action="append", default=[], help="a format to leave out")
     options = parser.parse_args()
     faulthandler.enable()
     warnings.simplefilter("error")
     home = options.folder or Path(tempfile.mkdtemp())
+    n_faults = 0
     for name in options.format or FORMATS:
+        if name in options.skip:
+            continue
         folder = home / name.replace(" ", "_")
         folder.mkdir(exist_ok=True)
         found = fuzz(
@@ -406,8 +412,10 @@ def main() -> None:
             seed=options.seed,
             folder=folder,
         )
+        n_faults += len(found["faults"])
         print(json.dumps(found), flush=True)
+    return 1 if n_faults else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

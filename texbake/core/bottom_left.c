@@ -199,8 +199,9 @@ int64_t place_charts(
     OPEN_ARENA(arena);
     const struct chart_masks all = {n_poses, masks, starts[0], boxes[0]};
     int64_t most = 1;
-    for (int64_t i = 0; i < n_charts * n_poses; i++)
-        most = max_i64(most, boxes[0][i][0] * boxes[0][i][1]);
+    for (int64_t chart = 0; chart < n_charts; chart++)
+        for (int64_t pose = 0; pose < n_poses; pose++)
+            most = max_i64(most, boxes[chart][pose][0] * boxes[chart][pose][1]);
     struct placing placing = {
         &all, hurry, all_free(arena, n_rows, n_columns),
         take_zeros(arena, N_CLASSES, sizeof *placing.firsts), TAKE(arena, struct span, most),

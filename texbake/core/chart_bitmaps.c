@@ -150,13 +150,17 @@ int64_t list_reach(
 {
     OPEN_ARENA(arena);
     const int32_t margin = (int32_t)(n_widths / 2);
+    /* Charts in all their orientations, one after another. */
+    const int32_t (*const box)[2] = boxes[0];
+    const int64_t (*const start)[2] = starts[0];
+    int64_t (*const reach_start)[2] = reach_starts[0];
     int64_t count = 0;
     for (int64_t at = 0; at < n_charts * n_orientations; at++) {
         const arena_mark before = mark_arena(arena);
-        const int64_t width = boxes[0][at][0] + 2 * (int64_t)margin;
-        const int64_t height = boxes[0][at][1] + 2 * (int64_t)margin;
+        const int64_t width = box[at][0] + 2 * (int64_t)margin;
+        const int64_t height = box[at][1] + 2 * (int64_t)margin;
         uint8_t *cells = TAKE_ZEROS(arena, uint8_t, width * height);
-        for (int64_t i = starts[0][at][0]; i < starts[0][at][1]; i++) {
+        for (int64_t i = start[at][0]; i < start[at][1]; i++) {
             for (int64_t step = 0; step <= 2 * margin; step++) {
                 const int64_t aside = half_widths[step], row = spans[i][0] + step;
                 const int64_t begin = spans[i][1] + margin - aside;
@@ -164,7 +168,7 @@ int64_t list_reach(
                 memset(cells + row * width + begin, 1, (size_t)(end - begin));
             }
         }
-        reach_starts[0][at][0] = count;
+        reach_start[at][0] = count;
         struct span *written = (struct span *)reach[count];
         const int64_t n_written = write_spans((struct mask){width, height, cells}, 0, written);
         for (int64_t i = 0; i < n_written; i++) {
@@ -173,7 +177,7 @@ int64_t list_reach(
             written[i].end -= margin;
         }
         count += n_written;
-        reach_starts[0][at][1] = count;
+        reach_start[at][1] = count;
         reset_arena(arena, before);
     }
     close_arena(arena);
