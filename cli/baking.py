@@ -35,7 +35,14 @@ def bake_one(
     options = texbake.BakeOptions(keep_hits=given.get("hits") is not None, **choices)
     with terminal.progress() as progress:
         done = texbake.bake_files(
-            high, low, output, options, command=command_line(), progress=progress, **given
+            high,
+            low,
+            output,
+            options,
+            command=command_line(),
+            progress=progress,
+            clock=terminal.clock(),
+            **given,
         )
     for warning in done.warnings:
         terminal.warn(warning)

@@ -21,7 +21,7 @@ from .flags import with_flags
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from texbake import ProgressSink
+    from texbake import BudgetClock, ProgressSink
 
 PROGRESS = ("auto", "json", "none")
 
@@ -66,6 +66,12 @@ class Terminal:
         if not self.quiet:
             for path in paths:
                 say(f"wrote {path}")
+
+    def clock(self) -> BudgetClock:
+        """Return the clock of a time budget, which began with the process."""
+        from texbake import BudgetClock
+
+        return BudgetClock.of_process(self.warn)
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""

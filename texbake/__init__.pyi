@@ -239,7 +239,10 @@ from .rendering.scene.textures import (
     ProcedureTexture as ProcedureTexture,
 )
 from .sampling.report import SamplingReport as SamplingReport
-from .sampling.time_budget import TimeBudget as TimeBudget
+from .sampling.time_budget import (
+    BudgetClock as BudgetClock,
+    TimeBudget as TimeBudget,
+)
 from .schema import (
     Option as Option,
     OptionField as OptionField,

@@ -137,6 +137,7 @@ def preview(
             report=choices["report"],
             threads=threads,
             progress=progress,
+            clock=terminal.clock(),
         )
     for warning in done.warnings:
         terminal.warn(warning)

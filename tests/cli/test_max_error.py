@@ -1,6 +1,8 @@
 """`--max-error` and `--time-budget` on the command line."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -39,12 +41,40 @@ def test_heights_take_a_share_of_the_diagonal(pair: list[str], tmp_path: Path) -
     assert "model units" in result.output
 
 
-def test_a_time_budget_is_given_and_reported(pair: list[str], tmp_path: Path) -> None:
-    line = ["bake", *pair, "-o", str(tmp_path / "maps"), "--size", "64", "--time-budget", "5min"]
-    result = CliRunner().invoke(texbake, line)
+def test_a_time_budget_is_given_and_its_bound_gives_the_same_file(
+    pair: list[str], tmp_path: Path
+) -> None:
+    paths = [tmp_path / name for name in ("n.png", "again.png", "report.json", "page.html")]
+    line = ["bake-normals", *pair, "--size", "64", "-o", str(paths[0]), "--time-budget", "5min"]
+    made = [*line, "--report", str(paths[2]), "--html", str(paths[3])]
+    result = CliRunner().invoke(texbake, made)
     assert result.exit_code == 0, result.output
-    assert "time predicted" in result.output
-    assert "max-error 0.125deg" in result.output
+    assert "the closest bound that is wanted; --max-error 0.004deg" in result.output
+    budget = json.loads(paths[2].read_text())["budget"]
+    assert budget["max_error"] == "0.004deg"
+    assert "the closest bound that is wanted" in paths[3].read_text()
+    again = ["bake-normals", *pair, "--size", "64", "-o", str(paths[1])]
+    result = CliRunner().invoke(texbake, [*again, "--max-error", budget["max_error"]])
+    assert result.exit_code == 0, result.output
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_too_short_a_time_is_said_in_one_line_and_still_gives_maps(
+    pair: list[str], tmp_path: Path
+) -> None:
+    """In a process of its own, whose start takes longer than the budget."""
+    output = tmp_path / "n.png"
+    line = ["bake-normals", *pair, "-o", str(output), "--size", "64", "--time-budget", "0.01"]
+    done = subprocess.run(
+        [sys.executable, "-c", "from texbake_cli.main import main; main()", *line],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    said = [text for text in done.stderr.splitlines() if "too short" in text]
+    assert len(said) == 1
+    assert "--time-budget: 0.01 s are too short: the bake takes about" in said[0]
+    assert output.exists()
 
 
 @pytest.mark.parametrize(

@@ -36,11 +36,19 @@ def test_a_bound_is_given_and_reported(mesh: str, tmp_path: Path) -> None:
     assert "passes" in words_shown and "budget" not in words_shown
 
 
-def test_a_time_budget_is_given_and_reported(mesh: str, tmp_path: Path) -> None:
-    result = preview(mesh, tmp_path, "--time-budget", "5min", "--explain", "json")
+def test_a_time_budget_is_given_and_its_bound_gives_the_same_file(
+    mesh: str, tmp_path: Path
+) -> None:
+    report = tmp_path / "report.json"
+    result = preview(mesh, tmp_path, "--time-budget", "5min", "--report", str(report), "--explain")
     assert result.exit_code == 0, result.output
-    assert "max-error 0.5/255" in result.output
-    assert '"predicted_seconds"' in result.output
+    assert "the closest bound that is wanted; --max-error 0.0625/255" in result.output
+    budget = json.loads(report.read_text())["budget"]
+    assert budget["max_error"] == "0.0625/255" and budget["actual_seconds"] < 300
+    written = (tmp_path / "cube.png").read_bytes()
+    result = preview(mesh, tmp_path, "--max-error", budget["max_error"])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "cube.png").read_bytes() == written
 
 
 def test_a_picture_without_a_bound_reports_no_error(mesh: str, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from texbake.mesh.shapes import grid_sphere, icosphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.clip import SUBPIXELS
-from texbake.rendering.raster.rasterize import BAND_ROWS, rasterize
+from texbake.rendering.raster.rasterize import BAND_ROWS, Window, rasterize
 from texbake.rendering.raster.world import (
     CULL_BACK,
     SHOW_BACK,
@@ -248,6 +248,22 @@ def test_each_object_is_skipped_culled_or_shown_whole():
     assert nearest(CULL_BACK, SKIP, SHOW_BACK) == {0, 5}
     assert nearest(SKIP, SKIP, CULL_BACK) == {-1, 4}
     assert nearest(SKIP, SKIP, SKIP) == {-1}
+
+
+@pytest.mark.parametrize("distance", [3.0, 1.05, 0.2])
+def test_a_window_shows_what_the_whole_picture_shows_there(distance):
+    """Byte for byte, also where triangles are clipped because the camera is close or inside."""
+    mesh = icosphere(3)
+    camera = Camera.looking_at((0.1, 0.3, distance), (0.5, 0.0, 0.0), fov=1.0, near=0.01)
+    matrix = camera.clip_from_world(331 / 217)
+    whole = drawn(mesh.positions, mesh.faces, matrix, 331, 217, "show")
+    assert np.count_nonzero(whole.face_ids >= 0) > 1000
+    for top, bottom, left, right in (0, 217, 0, 331), (7, 8, 5, 300), (33, 150, 101, 203):
+        window = Window(top, bottom, left, right)
+        part = drawn(mesh.positions, mesh.faces, matrix, 331, 217, "show", window=window)
+        expected = whole.face_ids[top:bottom, left:right]
+        np.testing.assert_array_equal(part.face_ids, expected)
+        assert part.depths.tobytes() == whole.depths[top:bottom, left:right].tobytes()
 
 
 def test_layers_are_peeled_from_front_to_back():

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.finished_maps import finished_maps, texel_charts_of
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
-from texbake.baking.options import BakeOptions
-from texbake.baking.padding import ChartPadding
+from texbake.baking.options import ADAPTIVE, BakeOptions
 from texbake.baking.pineda import NO_FACE
 from texbake.baking.rays import RayMaps, check_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
-from texbake.baking.result import BakedMap, BakeResult
+from texbake.baking.result import BakeResult
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
@@ -29,6 +27,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.sampling.report import SamplingReport
+from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
 
 
 def bake(
@@ -41,6 +40,7 @@ def bake(
     skew_mask: npt.ArrayLike | None = None,
     offset_map: npt.ArrayLike | None = None,
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> BakeResult:
     """Bake the detail of a high-poly mesh into maps of a low-poly mesh.
 
@@ -63,11 +63,15 @@ def bake(
         Over the same coordinates: a factor for the front distance, or that of the cage, 0 or more.
     progress
         Called with the progress of the stages.
+    clock
+        When the time of `BakeOptions.time_budget` began, and what follows the bake; None: it begins
+        now, and nothing follows.
 
     Returns
     -------
     BakeResult
-        The same, byte for byte, for any number of threads.
+        The same, byte for byte, for any number of threads. With a time budget, the same as with the
+        bound that the report names.
 
     Raises
     ------
@@ -90,6 +94,7 @@ def bake(
     >>> result.maps["normal"].values[8, 8].tolist()
     [0.0, 0.0, 1.0]
     """
+    clock = clock or BudgetClock()
     high, low = as_mesh(high), as_mesh(low)
     cage = None if cage is None else as_mesh(cage)
     options = options or BakeOptions()
@@ -101,9 +106,7 @@ def bake(
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give only one of the two")
     ray_maps = RayMaps.of(skew_mask, offset_map)
-    if options.time_budget is not None:
-        return _bake_in_time(kinds, inputs, cage, ray_maps, progress)
-    return bake_inputs(kinds, inputs, cage, ray_maps, Stages(progress))
+    return bake_inputs(kinds, inputs, cage, ray_maps, Stages(progress), clock=clock)
 
 
 def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
@@ -118,31 +121,6 @@ def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
             )
 
 
-def _bake_in_time(
-    kinds: list[MapKind],
-    inputs: BakeInputs,
-    cage: Mesh | None,
-    ray_maps: RayMaps | None,
-    progress: ProgressSink | None,
-) -> BakeResult:
-    from texbake.baking.adaptive_texels.budget import plan_bake
-
-    start = time.perf_counter()
-    stages = Stages(progress)
-    secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
-    trace = Trace(inputs.high, inputs.low, inputs.options, cage, stages, secondary, ray_maps)
-    scenes = trace.own_scenes()
-    try:
-        with stages.stage("probe"):
-            planned, budget = plan_bake(inputs, kinds, cage, ray_maps, scenes, start)
-        result = bake_inputs(kinds, planned, cage, ray_maps, stages, scenes)
-    finally:
-        scenes.close()
-    budget = replace(budget, actual_seconds=time.perf_counter() - start)
-    measured = _measures(inputs.options, cage)
-    return replace(result, report=replace(result.report, budget=budget, measured=measured))
-
-
 def bake_inputs(
     kinds: list[MapKind],
     inputs: BakeInputs,
@@ -151,6 +129,8 @@ def bake_inputs(
     stages: Stages,
     scenes: BakeScenes | None = None,
     distances: DistanceSummary | None = None,
+    *,
+    clock: BudgetClock | None = None,
 ) -> BakeResult:
     """Bake with inputs that are checked.
 
@@ -160,6 +140,8 @@ def bake_inputs(
         Ray scenes that are used for other bakes as well; None: the bake builds its own.
     distances
         Collects the distances of several bakes; None: of this one alone.
+    clock
+        As for `bake`.
     """
     options = inputs.options
     if ray_maps is not None and cage is None:
@@ -169,11 +151,17 @@ def bake_inputs(
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
     distances = distances or DistanceSummary()
-    if options.is_adaptive:
-        from texbake.baking.adaptive_texels.samples import AdaptiveSamples
+    if options.is_adaptive or options.time_budget is not None:
+        from texbake.baking.adaptive_texels.samples import cast_adaptively
 
-        sampling = AdaptiveSamples(kinds, trace, inputs, stages, distances).cast(sums)
-        return _result(kinds, sums, trace, inputs, stages, None, distances, sampling)
+        clock = clock or BudgetClock()
+        sampling, budget = cast_adaptively(sums, kinds, trace, inputs, stages, distances, clock)
+        if budget is not None:
+            inputs = inputs.with_options(_reached(options, budget))
+        result = _result(kinds, sums, trace, inputs, stages, None, distances, sampling)
+        if budget is None:
+            return result
+        return replace(result, report=replace(result.report, budget=finished(budget, clock)))
     for hits in trace.hits():
         with stages.part("make maps"):
             sums.add(hits)
@@ -233,6 +221,11 @@ def _result(
     return BakeResult(maps, report, hits, trace.texel_faces, has_data, kept)
 
 
+def _reached(options: BakeOptions, budget: TimeBudget) -> BakeOptions:
+    """Return the options that give the same maps as a time budget has."""
+    return replace(options, time_budget=None, samples=ADAPTIVE, max_error=budget.max_error)
+
+
 def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
     """Whether a ray distance is not given, and so measured."""
     return options.back is None or (options.front is None and cage is None)
@@ -259,45 +252,3 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
             f"{inputs.high.name}, more than the {limit:g} % allowed; raise `front` and "
             "`back`, or bake without `fail_on_miss` and see the misses with `miss_map`"
         )
-
-
-def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
-    """(H, W) int32: chart of the low-poly mesh that covers each texel, `NO_FACE` for none."""
-    # NO_FACE is -1, the last entry, which has no chart.
-    return np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)[texel_faces]
-
-
-def finished_maps(
-    kinds: list[MapKind],
-    means: Callable[[MapKind], npt.NDArray[np.float32]],
-    texel_charts: IntArray,
-    has_data: npt.NDArray[np.bool_],
-    inputs: BakeInputs,
-    stages: Stages,
-) -> tuple[dict[str, BakedMap], int]:
-    """Pad the maps; also return the number of texels where the padding of two charts meets.
-
-    Parameters
-    ----------
-    means
-        Returns the values (H, W, C) of a map, which are then changed in place.
-    texel_charts : (H, W) int32
-        Chart that covers each texel, `NO_FACE` for none.
-    """
-    options = inputs.options
-    with stages.stage("pad"):
-        padding = ChartPadding(texel_charts, has_data, options)
-        complete = padding
-        if any(kind.of_misses for kind in kinds) and padding.n_missed:
-            complete = ChartPadding(texel_charts, texel_charts != NO_FACE, options)
-    maps = {}
-    for kind in kinds:
-        with stages.part("make maps"):
-            values = means(kind)
-        with stages.part("pad"):
-            around = complete if kind.of_misses else padding
-            values = around.pad(values, kind.neutral(options), kind.combine)
-        bounds = None if kind.bounds is None else kind.bounds(inputs)
-        legend = () if kind.legend is None else kind.legend(inputs)
-        maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, legend)
-    return maps, padding.n_meeting

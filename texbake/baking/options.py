@@ -78,8 +78,8 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     time_budget: Annotated[
         str | float | None,
         Option(
-            "Time that the bake may take, such as 20s or 2min: a short test bake picks the "
-            "settings with the least error that are predicted to fit.",
+            "Time that the bake may take, such as 20s or 2min: texels are refined until it is "
+            "spent. The report names the `max_error` that gives the same maps.",
             metavar="T",
             default="no limit",
         ),

@@ -520,8 +520,9 @@ int64_t count_fragments(
 int64_t list_fragments(
     int64_t height, int64_t width, int64_t n_objects, int64_t n, int64_t n_rows,
     const int32_t face_ids[height][width], const int64_t starts[n_objects + 1], int64_t side,
-    bool merges, int64_t first_row, int64_t stop_row, int64_t nexts[n_objects], int32_t faces[n],
-    float places[n][2], int32_t pixels[n], float counts[n],
+    bool merges, int64_t first_row, int64_t stop_row, int64_t left, int64_t top, int64_t fine,
+    int64_t nexts[n_objects], int32_t faces[n], float places[n][2], int32_t pixels[n],
+    float counts[n],
     OPTIONAL int32_t of_samples[n_rows][width]);
 
 /* newton.c */
@@ -721,6 +722,10 @@ void keep_values(
     int64_t n, int64_t n_channels, int64_t n_room, int64_t n_kept, const int32_t places[n],
     const int32_t charts[n], const float values[n][n_channels], int64_t first_channel,
     int32_t kept_charts[n_room], float kept[n_room][n_kept]);
+int64_t take_over_samples(
+    int64_t n_level, int64_t n, int64_t n_room, int64_t n_channels,
+    const int32_t origins[n_level], int64_t first, int32_t cells[n], bool is_cast[n_room],
+    int32_t charts[n_room], float values[n_room][n_channels]);
 void add_leaves(
     int64_t n, int64_t n_room, int64_t n_channels, int64_t n_texels, int64_t first,
     const int32_t texels[n], const uint8_t weights[n], const int32_t children[n_room],
@@ -1072,23 +1077,24 @@ int64_t sort_triangles(
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
     const double matrix[4][4], const int32_t grid[n_vertices][2], int64_t width, int64_t height,
-    int32_t survivors[n_faces], int16_t spans[n_faces][2], int64_t counts[n_bands], int64_t start,
-    int64_t stop);
+    int64_t left, int64_t top, int64_t n_columns, int64_t n_rows, int32_t survivors[n_faces],
+    int16_t spans[n_faces][2], int64_t counts[n_bands], int64_t start, int64_t stop);
 
 void scatter_triangles(
     int64_t n, int64_t n_bands, int64_t n_places, const int32_t survivors[n],
     const int16_t spans[n][2], int64_t next_places[n_bands], int32_t sorted_faces[n_places]);
 
 void draw_triangles(
-    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_in_band, int64_t height,
-    int64_t width, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_in_band, int64_t n_rows,
+    int64_t n_columns, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
     const double matrix[4][4], const int32_t grid[n_vertices][2], const float depths[n_vertices],
-    const int32_t in_band[n_in_band], int64_t first_row, int64_t stop_row,
-    OPTIONAL const float layer_depths[height][width],
-    OPTIONAL const int32_t layer_faces[height][width],
-    OPTIONAL const float last_depths[height][width], OPTIONAL uint32_t tries[height][width],
-    int32_t face_ids[height][width], float depth_buffer[height][width]);
+    int64_t width, int64_t height, int64_t left, int64_t top, const int32_t in_band[n_in_band],
+    int64_t first_row, int64_t stop_row, OPTIONAL const float layer_depths[n_rows][n_columns],
+    OPTIONAL const int32_t layer_faces[n_rows][n_columns],
+    OPTIONAL const float last_depths[n_rows][n_columns],
+    OPTIONAL uint32_t tries[n_rows][n_columns], int32_t face_ids[n_rows][n_columns],
+    float depth_buffer[n_rows][n_columns]);
 
 /* volume_lookup.c */
 void sample_volume(

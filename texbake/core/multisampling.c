@@ -114,8 +114,11 @@ int64_t count_fragments(
     return 0;
 }
 
-/* Where fragments are written; those of object k from nexts[k] on. */
+/* Where fragments are written; those of object k from nexts[k] on. Places are those in the whole
+   picture, which has `fine` x `fine` of these pixels in each of its own. */
 struct fragments {
+    int64_t left, top; /* of the first pixel, in pixels */
+    double fine;
     int64_t n_objects;
     const int64_t *starts;
     int64_t *nexts;
@@ -131,8 +134,8 @@ static inline int64_t put_fragment(
     made->faces[slot] = face;
     made->pixels[slot] = (int32_t)pixel;
     made->counts[slot] = (float)count;
-    made->places[slot][0] = (float)x;
-    made->places[slot][1] = (float)y;
+    made->places[slot][0] = (float)(x / made->fine);
+    made->places[slot][1] = (float)(y / made->fine);
     return slot;
 }
 
@@ -143,7 +146,8 @@ static inline void list_plain(
 {
     const int64_t side = samples->side, n_columns = samples->n_columns;
     const int64_t pixel = row * (n_columns / side) + column;
-    const int64_t slot = put_fragment(made, face, pixel, side * side, column + 0.5, row + 0.5);
+    const int64_t slot = put_fragment(
+        made, face, pixel, side * side, made->left + column + 0.5, made->top + row + 0.5);
     if (!made->of_samples)
         return;
     int32_t *square = made->of_samples + (row - first_row) * side * n_columns + column * side;
@@ -184,25 +188,31 @@ static void list_mixed(
     collect(samples, row, column, pixel);
     for (int64_t k = 0; k < pixel->n_found; k++) {
         const double *sum = pixel->sums[k];
-        const double x = sum[1] / (sum[0] * side), y = sum[2] / (sum[0] * side);
+        /* Sums of halves are exact, so that the means do not depend on where the part begins. */
+        const double left = sum[0] * (double)(made->left * side);
+        const double top = sum[0] * (double)(made->top * side);
+        const double x = (sum[1] + left) / (sum[0] * side), y = (sum[2] + top) / (sum[0] * side);
         pixel->slots[k] = put_fragment(made, pixel->faces[k], id, sum[0], x, y);
     }
     if (made->of_samples)
         note_samples(samples, row, column, first_row, pixel, made->of_samples);
 }
 
-/* List the fragments of some rows of pixels; those of object k from nexts[k] on. */
+/* List the fragments of some rows of pixels; those of object k from nexts[k] on. The pixels may be
+   a part of a picture that begins at a column and a row, and fine x fine cells of each of its. */
 int64_t list_fragments(
     int64_t height, int64_t width, int64_t n_objects, int64_t n, int64_t n_rows,
     const int32_t face_ids[height][width], const int64_t starts[n_objects + 1], int64_t side,
-    bool merges, int64_t first_row, int64_t stop_row, int64_t nexts[n_objects], int32_t faces[n],
-    float places[n][2], int32_t pixels[n], float counts[n],
+    bool merges, int64_t first_row, int64_t stop_row, int64_t left, int64_t top, int64_t fine,
+    int64_t nexts[n_objects], int32_t faces[n], float places[n][2], int32_t pixels[n],
+    float counts[n],
     OPTIONAL int32_t of_samples[n_rows][width])
 {
     OPEN_ARENA(arena);
     const struct samples samples = {face_ids[0], width, side, merges};
     const struct fragments made = {
-        n_objects, starts, nexts, faces, pixels, places, counts, (int32_t *)of_samples};
+        left, top, (double)fine, n_objects, starts, nexts, faces, pixels, places, counts,
+        (int32_t *)of_samples};
     struct pixel pixel = make_pixel(arena, side);
     for (int64_t row = first_row; row < stop_row; row++) {
         for (int64_t column = 0; column < width / side; column++) {

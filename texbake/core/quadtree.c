@@ -106,6 +106,28 @@ void keep_values(
     }
 }
 
+/* Take over the samples of some cells of a level, whose places begin at `first`, from where they
+   were cast before. Leaves the cells without any in `cells`; returns how many they are. */
+int64_t take_over_samples(
+    int64_t n_level, int64_t n, int64_t n_room, int64_t n_channels,
+    const int32_t origins[n_level], int64_t first, int32_t cells[n], bool is_cast[n_room],
+    int32_t charts[n_room], float values[n_room][n_channels])
+{
+    int64_t n_left = 0;
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t from = origins[cells[i]], to = first + cells[i];
+        if (from == NO_CHILD || !is_cast[from]) {
+            cells[n_left++] = cells[i];
+            continue;
+        }
+        is_cast[to] = true;
+        charts[to] = charts[from];
+        for (int64_t channel = 0; channel < n_channels; channel++)
+            values[to][channel] = values[from][channel];
+    }
+    return n_left;
+}
+
 /* Add the undivided cells of a level to their texels, each by how much of it is covered. */
 void add_leaves(
     int64_t n, int64_t n_room, int64_t n_channels, int64_t n_texels, int64_t first,

@@ -37,9 +37,10 @@ struct box {
     int64_t left, right, top, bottom;
 };
 
-/* What is drawn into, and what is peeled from it; arrays of `width` columns. */
+/* What is drawn into, and what is peeled from it; arrays of `width` columns. The first sample of the
+   arrays is at column `left` and row `top` of the screen. */
 struct target {
-    int64_t width, first_row, stop_row;
+    int64_t left, top, width, first_row, stop_row;
     int32_t *face_ids;
     float *depths;
     uint32_t *tries;            /* NULL: not counted */
@@ -47,6 +48,17 @@ struct target {
     const int32_t *layer_faces;
     const float *last_depths;
 };
+
+/* The first sample whose center is at a place of the grid or after it, and the last one up to it. */
+static inline int64_t first_sample(int64_t place)
+{
+    return (place + HALF_SAMPLE - 1) >> SUBPIXEL_BITS;
+}
+
+static inline int64_t last_sample(int64_t place)
+{
+    return (place - HALF_SAMPLE) >> SUBPIXEL_BITS;
+}
 
 /* Sort pass */
 
@@ -80,15 +92,16 @@ static bool box_of_clipped(const struct clipped_triangle *clipped, struct box *b
     return true;
 }
 
-/* Find the triangles from `start` to `stop` that may cover a sample, and the bands that each spans.
-   Writes from `start` on; adds to the count of each band; returns how many there are. */
+/* Find the triangles from `start` to `stop` that may cover a sample of a part of the screen, and the
+   bands of the part that each spans. Writes from `start` on; adds to the count of each band; returns
+   how many there are. */
 int64_t sort_triangles(
     int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_bands,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
     const double matrix[4][4], const int32_t grid[n_vertices][2], int64_t width, int64_t height,
-    int32_t survivors[n_faces], int16_t spans[n_faces][2], int64_t counts[n_bands], int64_t start,
-    int64_t stop)
+    int64_t left, int64_t top, int64_t n_columns, int64_t n_rows, int32_t survivors[n_faces],
+    int16_t spans[n_faces][2], int64_t counts[n_bands], int64_t start, int64_t stop)
 {
     int64_t n_survivors = 0;
     int64_t owner = object_of(start, n_objects, starts);
@@ -110,11 +123,10 @@ int64_t sort_triangles(
                 continue;
         }
         /* Samples within the bounding box; most tiny triangles contain none. */
-        const int64_t first = (max_i64(box.left, 0) + HALF_SAMPLE - 1) >> SUBPIXEL_BITS;
-        const int64_t last = (min_i64(box.right, width * SUBPIXELS) - HALF_SAMPLE) >> SUBPIXEL_BITS;
-        const int64_t first_row = (max_i64(box.top, 0) + HALF_SAMPLE - 1) >> SUBPIXEL_BITS;
-        const int64_t last_row =
-            (min_i64(box.bottom, height * SUBPIXELS) - HALF_SAMPLE) >> SUBPIXEL_BITS;
+        const int64_t first = max_i64(first_sample(box.left) - left, 0);
+        const int64_t last = min_i64(last_sample(box.right) - left, n_columns - 1);
+        const int64_t first_row = max_i64(first_sample(box.top) - top, 0);
+        const int64_t last_row = min_i64(last_sample(box.bottom) - top, n_rows - 1);
         if (first > last || first_row > last_row)
             continue;
         const int64_t first_band = first_row / BAND_ROWS, last_band = last_row / BAND_ROWS;
@@ -241,36 +253,37 @@ static void draw_triangle(
     const int64_t most_x = max_i64(max_i64(p0[0], p1[0]), p2[0]);
     const int64_t least_y = min_i64(min_i64(p0[1], p1[1]), p2[1]);
     const int64_t most_y = max_i64(max_i64(p0[1], p1[1]), p2[1]);
-    const int64_t left = max_i64((least_x + HALF_SAMPLE - 1) >> SUBPIXEL_BITS, 0);
-    const int64_t right = min_i64((most_x - HALF_SAMPLE) >> SUBPIXEL_BITS, target->width - 1);
-    const int64_t top = max_i64((least_y + HALF_SAMPLE - 1) >> SUBPIXEL_BITS, target->first_row);
-    const int64_t bottom = min_i64((most_y - HALF_SAMPLE) >> SUBPIXEL_BITS, target->stop_row - 1);
+    const int64_t left = max_i64(first_sample(least_x) - target->left, 0);
+    const int64_t right = min_i64(last_sample(most_x) - target->left, target->width - 1);
+    const int64_t top = max_i64(first_sample(least_y) - target->top, target->first_row);
+    const int64_t bottom = min_i64(last_sample(most_y) - target->top, target->stop_row - 1);
     const struct edge edges[3] = {
         make_edge(p1, p2, fan->depths[0]), make_edge(p2, p0, fan->depths[b]),
         make_edge(p0, p1, fan->depths[c])};
     const double scale = 1.0 / llabs(area);
-    const int64_t x = left * SUBPIXELS + HALF_SAMPLE;
+    const int64_t x = (target->left + left) * SUBPIXELS + HALF_SAMPLE;
     for (int64_t row = top; row <= bottom; row++)
         draw_row(
-            target, edges, x, row * SUBPIXELS + HALF_SAMPLE, 0, right - left,
+            target, edges, x, (target->top + row) * SUBPIXELS + HALF_SAMPLE, 0, right - left,
             row * target->width + left, scale, face);
 }
 
-/* Draw the triangles of a band of rows. With a layer, only what lies behind it (or at the same depth
+/* Draw the triangles of a band of rows of a part of the screen. With a layer, only what lies behind it (or at the same depth
    with a higher index) and in front of the last depths is drawn. */
 void draw_triangles(
-    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_in_band, int64_t height,
-    int64_t width, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_in_band, int64_t n_rows,
+    int64_t n_columns, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
     const double matrix[4][4], const int32_t grid[n_vertices][2], const float depths[n_vertices],
-    const int32_t in_band[n_in_band], int64_t first_row, int64_t stop_row,
-    OPTIONAL const float layer_depths[height][width],
-    OPTIONAL const int32_t layer_faces[height][width],
-    OPTIONAL const float last_depths[height][width], OPTIONAL uint32_t tries[height][width],
-    int32_t face_ids[height][width], float depth_buffer[height][width])
+    int64_t width, int64_t height, int64_t left, int64_t top, const int32_t in_band[n_in_band],
+    int64_t first_row, int64_t stop_row, OPTIONAL const float layer_depths[n_rows][n_columns],
+    OPTIONAL const int32_t layer_faces[n_rows][n_columns],
+    OPTIONAL const float last_depths[n_rows][n_columns],
+    OPTIONAL uint32_t tries[n_rows][n_columns], int32_t face_ids[n_rows][n_columns],
+    float depth_buffer[n_rows][n_columns])
 {
     const struct target target = {
-        width, first_row, stop_row, face_ids[0], depth_buffer[0], (uint32_t *)tries,
+        left, top, n_columns, first_row, stop_row, face_ids[0], depth_buffer[0], (uint32_t *)tries,
         (const float *)layer_depths, (const int32_t *)layer_faces, (const float *)last_depths};
     struct clipped_triangle fan;
     for (int64_t k = 0; k < n_in_band; k++) {

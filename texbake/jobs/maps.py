@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
-from texbake.baking.result import BakeResult, WrittenMap
+from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.files import PathLike, check_folder, check_writable, make_folder
 from texbake.jobs.outputs import (
     JobResult,
@@ -30,6 +31,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import read_image, write_image
 
 DEFAULT_FORMAT = "png"
@@ -75,6 +77,7 @@ def bake_files(
     html: PathLike | None = None,
     command: str = "",
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> MapFiles:
     """Bake maps of a high-poly mesh file for a low-poly mesh file, and write them.
 
@@ -103,12 +106,16 @@ def bake_files(
         What the page shows as the command that made it.
     progress
         Receives the stages.
+    clock
+        When the time of `BakeOptions.time_budget` began; None: now. It ends when the maps are
+        written.
 
     Raises
     ------
     TexbakeError
         As `read_mesh` and `bake` do. Unwritable outputs are found before the work begins.
     """
+    clock = clock or BudgetClock()
     options = options or BakeOptions()
     folder = None if isinstance(output, Mapping) else Path(output)
     if isinstance(output, Mapping):
@@ -137,6 +144,7 @@ def bake_files(
         skew_mask=read_ray_image(skew_mask),
         offset_map=read_ray_image(offset_map),
         progress=progress,
+        clock=replace(clock, finish=_WritingMaps(files)),
     )
     result = baked if html is None else _without_maps_of_page(baked, options)
     with stages.stage("write maps"):
@@ -145,12 +153,27 @@ def bake_files(
             write_image(result.miss_map(), miss_map)
         if hits is not None:
             write_hits(result, hits)
-    done = _done(result.report, stages.records, written, given(miss_map, report, html, hits))
+    figures = result.report
+    if figures.budget is not None:
+        figures = replace(figures, budget=finished(figures.budget, clock))
+    done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None:
         _write_page(html, (high_mesh, low_mesh), baked, options, done, command, progress)
     return done
+
+
+@dataclass(frozen=True)
+class _WritingMaps:
+    """Writes maps as they will be written, but to no purpose other than to time it."""
+
+    files: Mapping[str, Path]
+
+    def __call__(self, maps: Mapping[str, BakedMap]) -> None:
+        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+            for name, path in self.files.items():
+                maps[name].write(Path(folder) / f"{name}{path.suffix}")
 
 
 def _check_outputs(

@@ -6,6 +6,7 @@ buffers give pictures of all their combinations, side by side in one file.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -40,6 +41,7 @@ from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
 from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
+from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import FloatImage, write_image
 
 # Texels along one side of the room that metals reflect if a file has no environment.
@@ -149,6 +151,7 @@ def preview_files(
     report: PathLike | None = None,
     threads: int | None = None,
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> PreviewFiles:
     """Draw a mesh file with its maps, or a scene file.
 
@@ -168,6 +171,9 @@ def preview_files(
         None for every processor.
     progress
         Receives the stages.
+    clock
+        When the time of `RenderOptions.time_budget` began; None: now. It ends when the picture is
+        written.
 
     Raises
     ------
@@ -176,6 +182,7 @@ def preview_files(
     TexbakeError
         As `open_preview` and `render_scene` do.
     """
+    clock = clock or BudgetClock()
     if n_views is not None and max(map(len, (filters, interpolations, buffers))) > 1:
         raise OptionError("view: a turntable has one filter, interpolation and buffer; name one")
     check_distinct([output, report], [path, normal_map, displacement, albedo])
@@ -204,7 +211,7 @@ def preview_files(
             scene, variants[0][1], n_views, output, threads=threads, progress=progress
         )
     elif output is not None:
-        frame = _write_picture(scene, variants, output, threads, progress)
+        frame = _write_picture(scene, variants, output, threads, progress, clock)
     done = PreviewFiles(
         files=given(output, report),
         report=frame,
@@ -228,15 +235,32 @@ def _write_picture(
     output: PathLike,
     threads: int | None,
     progress: ProgressSink | None,
+    clock: BudgetClock,
 ) -> Frame:
     """Write one picture, or several side by side; return the first."""
     if len(variants) == 1:
-        frame = render_scene(scene, variants[0][1], threads=threads, progress=progress)
+        clock = replace(clock, finish=_WritingPicture(Path(output).suffix, threads))
+        frame = render_scene(scene, variants[0][1], threads=threads, progress=progress, clock=clock)
         frame.write(output, threads=threads)
+        if frame.budget is not None:
+            frame = replace(frame, budget=finished(frame.budget, clock))
         return frame
     color, frames = render_side_by_side(scene, variants, threads=threads, progress=progress)
     write_image(color, output, color=True, threads=threads)
     return frames[0]
+
+
+@dataclass(frozen=True)
+class _WritingPicture:
+    """Writes a picture as it will be written, but to no purpose other than to time it."""
+
+    suffix: str
+    threads: int | None
+
+    def __call__(self, color: FloatImage) -> None:
+        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+            path = Path(folder) / f"picture{self.suffix}"
+            write_image(color, path, color=True, threads=self.threads)
 
 
 def _warnings(path: PathLike, scene: Scene, frame: Frame | None) -> Iterator[str]:

@@ -80,8 +80,8 @@ class RenderOptions(CheckedOptions):
     time_budget: Annotated[
         str | float | None,
         Option(
-            "Time that the picture may take, such as 20s or 2min: a short test picks the least "
-            "error that is predicted to fit.",
+            "Time that the picture may take, such as 20s or 2min: pixels are refined until it is "
+            "spent. The report names the `max_error` that gives the same picture.",
             metavar="T",
             default="no limit",
         ),

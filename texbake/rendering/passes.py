@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import RenderState, VisibleScene
 from texbake.rendering.fragments import BRIGHTEST, Fragments
@@ -29,9 +30,6 @@ _ROWS = 64
 
 def find_visible(state: RenderState) -> VisibleScene:
     """Rasterize opaque objects and list the objects that are visible in some sample."""
-    side = state.options.supersampling
-    width, height = state.options.width * side, state.options.height * side
-    matrix = state.camera.clip_from_world(width / height)
     layers = state.plan.has("transparency")
     with state.costs.timed("rasterizing"):
         modes = object_modes(state)
@@ -39,13 +37,9 @@ def find_visible(state: RenderState) -> VisibleScene:
         opaque = np.where(clear, np.uint8(SKIP), modes)
         weights = None
         if state.options.interpolation == "scanline":
-            visibility, weights = rasterize_scanlines(
-                state.world, matrix, width, height, modes=opaque
-            )
+            visibility, weights = rasterize_scanlines(state.world, *screen_of(state), modes=opaque)
         else:
-            visibility = rasterize(
-                state.world, matrix, width, height, modes=opaque, threads=state.threads
-            )
+            visibility = rasterized(state, opaque)
         seen = seen_objects(visibility, state.world, threads=state.threads)
     state.costs.add("rasterizing", 0.0, visibility.n_bytes)
     return VisibleScene(
@@ -53,6 +47,33 @@ def find_visible(state: RenderState) -> VisibleScene:
         modes=modes,
         objects=seen | {i for i in state.request.in_view if clear[i]},
         scanline_weights=weights,
+    )
+
+
+def screen_of(state: RenderState) -> tuple[FloatArray, int, int]:
+    """Return the camera's matrix, and the width and height of the picture in samples."""
+    side = state.options.supersampling
+    width, height = state.options.width * side, state.options.height * side
+    return state.camera.clip_from_world(width / height), width, height
+
+
+def rasterized(
+    state: RenderState,
+    modes: npt.NDArray[np.uint8],
+    *,
+    behind: VisibilityBuffer | None = None,
+    before: VisibilityBuffer | None = None,
+) -> VisibilityBuffer:
+    """Rasterize the samples of the picture, or of its window; see `rasterize`."""
+    window = state.request.window
+    return rasterize(
+        state.world,
+        *screen_of(state),
+        modes=modes,
+        window=None if window is None else window.of_samples(state.options.supersampling),
+        behind=behind,
+        before=before,
+        threads=state.threads,
     )
 
 

@@ -14,6 +14,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.rendering.studio import studio_scene
+from texbake.sampling.time_budget import BudgetClock
 
 
 def render(
@@ -26,6 +27,7 @@ def render(
     camera: Camera | None = None,
     threads: int | None = None,
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> Frame:
     """Render a mesh, optionally with maps, in studio light.
 
@@ -50,6 +52,9 @@ def render(
         Number of threads; None uses every processor. The result does not depend on it.
     progress
         Receives the stages.
+    clock
+        When the time of `RenderOptions.time_budget` began, and what follows the picture; None: it
+        begins now, and nothing follows.
 
     Returns
     -------
@@ -72,6 +77,7 @@ def render(
     >>> frame.color.shape
     (36, 64, 4)
     """
+    clock = clock or BudgetClock()
     mesh = as_mesh(mesh)
     options = options or RenderOptions()
     scene = studio_scene(
@@ -79,7 +85,7 @@ def render(
     )
     prepared = prepare(scene, options, threads=threads)
     camera = camera or Camera.framing(mesh, options=options)
-    return draw_picture(prepared, camera, keep=("normals",), progress=progress)
+    return draw_picture(prepared, camera, keep=("normals",), progress=progress, clock=clock)
 
 
 def render_scene(
@@ -89,6 +95,7 @@ def render_scene(
     camera: Camera | None = None,
     threads: int | None = None,
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> Frame:
     """Render a scene.
 
@@ -106,6 +113,9 @@ def render_scene(
         Number of threads; None uses every processor. The result does not depend on it.
     progress
         Receives the stages.
+    clock
+        When the time of `RenderOptions.time_budget` began, and what follows the picture; None: it
+        begins now, and nothing follows.
 
     Raises
     ------
@@ -121,9 +131,12 @@ def render_scene(
     >>> [item.name for item in frame.plan.passes][:2]
     ['placing', 'slots']
     """
+    clock = clock or BudgetClock()
     options = options or RenderOptions()
     prepared = prepare(scene, options, threads=threads)
-    return draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
+    return draw_picture(
+        prepared, camera or camera_of(scene, options), progress=progress, clock=clock
+    )
 
 
 def plan_scene(
@@ -152,14 +165,16 @@ def draw_picture(
     *,
     keep: Collection[str] = (),
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> Frame:
     """Draw a prepared scene from one camera, with fixed or adaptive samples by its options.
 
-    The parameters and errors are those of `texbake.rendering.draw.draw`.
+    The parameters and errors are those of `texbake.rendering.draw.draw`, with the `clock` of a time
+    budget.
     """
     if not prepared.options.is_adaptive:
         return draw(prepared, camera, keep=keep, progress=progress)
     # Imported here, so that pictures with fixed samples do not load it.
     from texbake.rendering.adaptive_pixels.samples import draw_adaptively
 
-    return draw_adaptively(prepared, camera, keep=keep, progress=progress)
+    return draw_adaptively(prepared, camera, keep=keep, progress=progress, clock=clock)

@@ -11,6 +11,7 @@ import numpy as np
 from texbake.rendering.camera import Camera
 from texbake.rendering.maps import has_opacity
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.raster.rasterize import Window
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
@@ -37,7 +38,8 @@ class RenderRequest:
     """A scene, its render options and a camera.
 
     `keep` names the data that the frame holds beside its color. `depth` counts nested pictures; it
-    is 1 in an environment rendered for a reflecting object.
+    is 1 in an environment rendered for a reflecting object. `window` has the pixels of the camera's
+    picture that are drawn, None for all.
     """
 
     scene: Scene
@@ -45,6 +47,7 @@ class RenderRequest:
     camera: Camera
     keep: frozenset[str] = frozenset()
     depth: int = 0
+    window: Window | None = None
 
     @property
     def shows_buffer(self) -> bool:

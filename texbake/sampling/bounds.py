@@ -47,9 +47,12 @@ class ErrorBounds:
         return self.length if self.share is None else self.share * diagonal
 
     def scaled(self, factor: float) -> ErrorBounds:
-        """Return bounds that are `factor` times as wide."""
-        parts = (self.angle, self.length, self.share)
-        return ErrorBounds(*(None if part is None else factor * part for part in parts))
+        """Return bounds that are `factor` times as wide; an angle is at most 180 degrees."""
+        angle, *lengths = (
+            None if part is None else factor * part
+            for part in (self.angle, self.length, self.share)
+        )
+        return ErrorBounds(None if angle is None else min(angle, math.pi), *lengths)
 
     def __str__(self) -> str:
         words = []

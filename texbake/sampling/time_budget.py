@@ -1,46 +1,87 @@
-"""The closest bound on the error that is predicted to fit into a given time.
+"""A time budget: the clock that it is counted on, and the report of what it led to.
 
-A small part of the map or picture is sampled for one bound of a ladder after another, from the
-widest to the closest, each half as wide as the one before. From each the time of the whole is
-predicted, and the closest bound that fits is chosen.
+The rounds of samples that spend the time are in `texbake.sampling.rounds`.
 """
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
-# Predictions must fit with this margin: timings on a shared machine differ by as much.
-_MARGIN = 1.15
-# Share of the time after which no closer bound is tried.
-_PROBE_SHARE = 0.4
 
-Bound = TypeVar("Bound")
+@dataclass(frozen=True, kw_only=True)
+class BudgetClock:
+    """When the time of a budget began, and what it includes beside the work itself.
+
+    Attributes
+    ----------
+    start : float
+        The time of `now` when it began; by default, the present.
+    now : callable
+        Returns the time in seconds.
+    warn : callable, optional
+        Is given a line of text, as soon as it is known that the time is too short.
+    finish : callable, optional
+        Does with a part of the result what follows the work, such as writing files, so that it can
+        be timed. The type of that part depends on the work.
+    """
+
+    start: float = field(default_factory=time.perf_counter)
+    now: Callable[[], float] = time.perf_counter
+    warn: Callable[[str], None] | None = None
+    finish: Callable[[Any], None] | None = None
+
+    @classmethod
+    def of_process(cls, warn: Callable[[str], None] | None = None) -> BudgetClock:
+        """Return the clock that began with this process."""
+        return cls(start=_process_start(), warn=warn)
+
+    @property
+    def spent(self) -> float:
+        """Seconds since it began."""
+        return self.now() - self.start
+
+
+def _process_start() -> float:
+    """Return `time.perf_counter` as it was when this process began.
+
+    Where the system does not tell, the process is taken to have been busy since then.
+    """
+    try:
+        # The 22nd field, in ticks since the machine began; the second may hold spaces.
+        fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace")
+        ticks = int(fields.rpartition(")")[2].split()[19])
+        age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    except (OSError, AttributeError, IndexError, ValueError):
+        age = time.process_time()
+    return time.perf_counter() - age
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One bound that was tried out.
+class Round:
+    """One round of samples.
 
     Attributes
     ----------
     max_error : str
-    predicted_seconds : float
-        Time of everything that follows the choice.
-    rays_per_texel : float, optional
-        Of a bake, in the rows that were tried.
+    predicted_seconds, seconds : float
+    is_complete : bool
+        Whether it ended in time.
     """
 
     max_error: str
     predicted_seconds: float
-    rays_per_texel: float | None = None
+    seconds: float
+    is_complete: bool = True
 
 
 @dataclass(frozen=True)
 class TimeBudget:
-    """What a time budget was turned into, and how it went; all times are wall-clock seconds.
+    """What a time budget led to; all times are wall-clock seconds.
 
     Attributes
     ----------
@@ -48,29 +89,33 @@ class TimeBudget:
         What takes the time, `the bake` or `the picture`.
     seconds : float
         The time budget.
-    choice : str
-        The settings chosen.
+    max_error : str
+        The bound that was reached; the same bytes come again with it.
     why : str
-        Why they are not finer.
-    probe_seconds : float
-        From the beginning to the choice. In pictures most of this is part of the work itself.
-    predicted_seconds : float
-        Of everything, `probe_seconds` included. It is chosen to be within the budget with a margin
-        of 15 % on what follows the choice.
+        Why it is not closer.
+    least_seconds : float
+        Predicted time of the first samples and everything else that is needed: the least budget.
+    before_seconds : float
+        From the beginning to the first samples: reading files, building the ray tree and so on.
+    rounds : tuple of Round
+        In their order.
     actual_seconds : float
-        Of everything, except reading and writing files.
-    candidates : tuple of Candidate
-        In the order in which they were tried.
+        Of everything, without what is left to do when this is reported.
     """
 
     work: str
     seconds: float
-    choice: str
+    max_error: str
     why: str
-    probe_seconds: float
-    predicted_seconds: float
+    least_seconds: float
+    before_seconds: float
+    rounds: tuple[Round, ...]
     actual_seconds: float = 0.0
-    candidates: tuple[Candidate, ...] = ()
+
+    @property
+    def choice(self) -> str:
+        """The option that gives the same bytes."""
+        return f"`max_error={self.max_error}`"
 
     @property
     def warnings(self) -> list[str]:
@@ -84,110 +129,23 @@ class TimeBudget:
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, for a person."""
+        rounds = ", ".join(
+            f"{one.max_error} in {one.seconds:.2f} s{'' if one.is_complete else ' (given up)'}"
+            for one in self.rounds
+        )
         return [
-            ("time budget", f"{self.seconds:.4g} s: {self.choice}, {self.why}"),
             (
-                "time predicted",
-                f"{self.predicted_seconds:.2f} s, {self.probe_seconds:.2f} s of it before the "
-                f"choice; took {self.actual_seconds:.2f} s",
+                "time budget",
+                f"{self.seconds:.4g} s: {self.why}; {self.choice} gives the same bytes",
+            ),
+            (
+                "time taken",
+                f"{self.actual_seconds:.2f} s, {self.before_seconds:.2f} s of it before the first "
+                f"samples; {rounds}",
             ),
         ]
 
 
-@dataclass(frozen=True)
-class Choice(Generic[Bound]):
-    """The bound that a time was turned into.
-
-    Attributes
-    ----------
-    bound : optional
-        None where not even the widest fits.
-    spent : float
-        Seconds from the beginning to the choice.
-    why : str
-        Why it is not a closer one.
-    candidates : tuple of Candidate
-        All that were tried, the chosen one included.
-    predicted : float, optional
-        Seconds predicted for what follows; None without a bound.
-    """
-
-    bound: Bound | None
-    spent: float
-    why: str
-    candidates: tuple[Candidate, ...]
-    predicted: float | None
-
-
-def choose_bound(
-    ladder: Iterable[Bound],
-    try_out: Callable[[Bound], Candidate],
-    seconds: float,
-    *,
-    start: float,
-    began: float,
-    tries_first: bool,
-) -> Choice[Bound]:
-    """Try bounds until one does not fit any more, or the time for trying is spent.
-
-    Parameters
-    ----------
-    ladder
-        Bounds from the widest to the closest.
-    try_out
-        Samples a part for one bound, and predicts the time of the whole.
-    seconds
-        The time budget.
-    start, began
-        `time.perf_counter` when all of the work began, and when trying bounds did.
-    tries_first
-        Try the first bound however much time is spent.
-    """
-    candidates: list[Candidate] = []
-    chosen: tuple[Bound, float] | None = None
-    why = "the closest bound of the ladder"
-    for bound in ladder:
-        is_spent = time.perf_counter() - began > _PROBE_SHARE * (seconds - (began - start))
-        if is_spent and (candidates or not tries_first):
-            why = (
-                "because trying closer bounds would take too much of the time"
-                if candidates
-                else "because what comes first left no time to try any bound"
-            )
-            break
-        candidate = try_out(bound)
-        candidates.append(candidate)
-        reason = why_not(candidate, spent=time.perf_counter() - start, seconds=seconds)
-        if reason is not None:
-            why = reason
-            break
-        chosen = bound, candidate.predicted_seconds
-    return Choice(
-        bound=None if chosen is None else chosen[0],
-        spent=time.perf_counter() - start,
-        why=why,
-        candidates=tuple(candidates),
-        predicted=None if chosen is None else chosen[1],
-    )
-
-
-def why_not(candidate: Candidate, *, spent: float, seconds: float) -> str | None:
-    """Return why a bound does not fit into a time, None if it does.
-
-    Parameters
-    ----------
-    spent, seconds : float
-        Seconds up to now, and those of the budget.
-
-    Examples
-    --------
-    >>> why_not(Candidate("0.5deg", 9.0), spent=1.0, seconds=10.0)
-    'because 0.5deg would take about 10.00 s in all, with a margin of 15 %'
-    """
-    predicted = candidate.predicted_seconds
-    if spent + _MARGIN * predicted <= seconds:
-        return None
-    return (
-        f"because {candidate.max_error} would take about {spent + predicted:.2f} s in all, with a "
-        f"margin of {100.0 * (_MARGIN - 1.0):.0f} %"
-    )
+def finished(budget: TimeBudget, clock: BudgetClock) -> TimeBudget:
+    """Return the report with the time that was spent up to now."""
+    return replace(budget, actual_seconds=clock.spent)

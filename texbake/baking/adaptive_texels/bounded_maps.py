@@ -12,7 +12,7 @@ from texbake.baking.adaptive_texels.texel_error import Metric
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.errors import OptionError
-from texbake.sampling.bounds import BOUNDED_CODINGS
+from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
 from texbake.sampling.report import (
     ErrorSummary,
     SamplingReport,
@@ -69,8 +69,8 @@ class BoundedMap:
         )
 
 
-def bounded_maps(kinds: list[MapKind], inputs: BakeInputs) -> list[BoundedMap]:
-    """Return the maps of a bake that `BakeOptions.max_error` bounds.
+def bounded_maps(kinds: list[MapKind], inputs: BakeInputs, bounds: ErrorBounds) -> list[BoundedMap]:
+    """Return the maps of a bake whose errors are bounded.
 
     Maps of secondary rays are not among them: their error comes from the number of these rays, and
     more samples per texel would only spread it.
@@ -80,7 +80,6 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs) -> list[BoundedMap]:
     OptionError
         There is none.
     """
-    bounds = inputs.options.error_bounds
     bounded = []
     for kind in kinds:
         bound = bounds.of_map(kind.coding, inputs.low.diagonal)

@@ -43,15 +43,27 @@ class Level:
         `FINE` times row plus column of the cell within its texel.
     weights : (n,) uint8
         How many of its sub-squares are covered.
+    origins : list of (n,) int32
+        Place of the same cell in each earlier division that samples are taken over from, `NO_CHILD`
+        for none.
     """
 
     first: int
     texels: IntArray
     spots: npt.NDArray[np.uint8]
     weights: npt.NDArray[np.uint8]
+    origins: list[IntArray]
 
     def __len__(self) -> int:
         return len(self.texels)
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """How the texels are divided: the levels of cells, and the first child of each texel."""
+
+    levels: list[Level]
+    children: IntArray
 
 
 class Cells:
@@ -65,20 +77,43 @@ class Cells:
         Chart that the sample lies in, `NO_CHART` where there is no value.
     children : (n,) int32
         Place of the first of four children, `NO_CHILD` for none.
+    is_cast : (n,) bool
+        Whether the sample was cast, also if it hit nothing.
     levels : list of Level
         From level 1 on.
+
+    The texels can be divided anew, more or less finely. What the samples so far have given stays in
+    memory, and cells of the new division take it over.
     """
 
     def __init__(self, n_texels: int, n_channels: int) -> None:
         # Memory that is never written to costs nothing, so this leaves room for many levels.
         n_room = 4 * n_texels + 1024
-        self._n = n_texels
+        self._n = self._n_texels = n_texels
         self.values = np.empty((n_room, n_channels), dtype=np.float32)
         self.charts = np.empty(n_room, dtype=np.int32)
         self.children = np.empty(n_room, dtype=np.int32)
+        self.is_cast = np.zeros(n_room, dtype=np.bool_)
         self.charts[:n_texels] = NO_CHART
         self.children[:n_texels] = NO_CHILD
         self.levels: list[Level] = []
+        self._sources: list[Division] = []
+
+    @property
+    def division(self) -> Division:
+        """How the texels are divided now."""
+        return Division(self.levels, self.children[: self._n_texels].copy())
+
+    def restart(self, sources: list[Division]) -> None:
+        """Begin a new division of the texels, which takes over samples from earlier ones."""
+        self._sources = sources
+        self.children[: self._n_texels] = NO_CHILD
+        self.levels = []
+
+    def restore(self, division: Division) -> None:
+        """Return to an earlier division."""
+        self.levels = division.levels
+        self.children[: self._n_texels] = division.children
 
     def add(self, divided: IntArray, coverage: TexelCoverage) -> Level:
         """Divide some cells of the last level, given by their places, into four children each."""
@@ -87,11 +122,13 @@ class Cells:
         new = slice(first, first + n)
         self.charts[new] = NO_CHART
         self.children[new] = NO_CHILD
+        self.is_cast[new] = False
         level = Level(
             first,
             np.empty(n, dtype=np.int32),
             np.empty(n, dtype=np.uint8),
             np.empty(n, dtype=np.uint8),
+            [self._origins_of(divided, source) for source in range(len(self._sources))],
         )
         k, parents = len(self.levels) + 1, self.levels[-1] if self.levels else None
         texels = divided if parents is None else parents.texels[divided - parents.first]
@@ -112,11 +149,34 @@ class Cells:
         if n <= len(self.charts):
             return
         n_room = max(n, 2 * len(self.charts))
-        for name in ("values", "charts", "children"):
+        for name in ("values", "charts", "children", "is_cast"):
             old = getattr(self, name)
             new = np.empty((n_room, *old.shape[1:]), dtype=old.dtype)
             new[: self._n] = old[: self._n]
             setattr(self, name, new)
+
+    def _origins_of(self, divided: IntArray, source: int) -> IntArray:
+        """Places that the children of some cells have in an earlier division, or `NO_CHILD`."""
+        if self.levels:
+            parents = self.levels[-1].origins[source][divided - self.levels[-1].first]
+            firsts = np.where(parents == NO_CHILD, np.int32(NO_CHILD), self.children[parents])
+        else:
+            firsts = self._sources[source].children[divided]
+        places = firsts[:, np.newaxis] + np.arange(4, dtype=np.int32)
+        places[firsts == NO_CHILD] = NO_CHILD
+        return np.asarray(places.reshape(-1), dtype=np.int32)
+
+    def take_over(self, level: Level, cells: IntArray) -> IntArray:
+        """Take over what samples gave in earlier divisions; return the cells without any.
+
+        These are moved to the front of `cells`. Kernel: `core/quadtree.c`.
+        """
+        for origins in level.origins:
+            n_left = core.take_over_samples(
+                origins, level.first, cells, self.is_cast, self.charts, self.values
+            )
+            cells = cells[:n_left]
+        return cells
 
     def keep(
         self, places: IntArray, charts: IntArray, values: FloatArray32, first_channel: int,

@@ -184,12 +184,16 @@ class CellSamples(Rows):
         return Samples(self.texel_ids, self.faces, self.barycentrics)
 
 
+# Places, texels and spots of cells.
+SampledCells = tuple[IntArray, IntArray, npt.NDArray[np.uint8]]
+
+
 def cell_samples(
     bins: FaceBins,
     coverage: TexelCoverage,
     level: int,
     centers: IntArray,
-    cells: tuple[IntArray, IntArray, npt.NDArray[np.uint8]],
+    cells: SampledCells,
     *,
     threads: int | None,
 ) -> CellSamples:

@@ -16,22 +16,22 @@ Kernel: `core/sample_statistics.c`.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
-from texbake.rendering.camera import Camera
 from texbake.rendering.draw import behind_surfaces
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.transparency import PEELED_LAYERS, put_behind
 from texbake.rendering.passes import find_visible, shaded_objects
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows
+from texbake.rendering.raster.rasterize import Window
 from texbake.rendering.raster.world import VisibilityBuffer
 
 BoolArray = npt.NDArray[np.bool_]
@@ -52,47 +52,7 @@ class Sides:
     shaded: int
 
 
-@dataclass(frozen=True)
-class PixelWindow:
-    """Some rows and columns of a picture, in pixels."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of rows and columns."""
-        return self.bottom - self.top, self.right - self.left
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WindowCamera(Camera):
-    """A camera that shows one window of a picture on the whole screen.
-
-    Attributes
-    ----------
-    window : PixelWindow
-    width, height : int
-        Size of the whole picture in pixels.
-    """
-
-    window: PixelWindow
-    width: int
-    height: int
-
-    def clip_from_world(self, aspect: float) -> FloatArray:
-        """(4, 4) float64: world to clip space; the aspect is always that of the whole picture."""
-        rows, columns = self.window.shape
-        zoom = np.eye(4)
-        zoom[0, 0], zoom[1, 1] = self.width / columns, self.height / rows
-        zoom[0, 3] = (self.width - self.window.left - self.window.right) / columns
-        zoom[1, 3] = (self.window.top + self.window.bottom - self.height) / rows
-        return zoom @ super().clip_from_world(self.width / self.height)
-
-
-def windows(wanted: npt.NDArray[np.bool_], side: int) -> Iterator[PixelWindow]:
+def windows(wanted: npt.NDArray[np.bool_], side: int) -> Iterator[Window]:
     """Yield strips of a picture that contain all wanted pixels, each as narrow as possible."""
     rows = np.flatnonzero(wanted.any(axis=1))
     most = max(1, _WINDOW // (wanted.shape[1] * side**2))
@@ -103,7 +63,7 @@ def windows(wanted: npt.NDArray[np.bool_], side: int) -> Iterator[PixelWindow]:
             inside = run[run < top + most]
             bottom = int(inside[-1]) + 1
             columns = np.flatnonzero(wanted[top:bottom].any(axis=0))
-            yield PixelWindow(top, bottom, int(columns[0]), int(columns[-1]) + 1)
+            yield Window(top, bottom, int(columns[0]), int(columns[-1]) + 1)
             run = run[len(inside) :]
 
 
@@ -121,10 +81,16 @@ class PixelSampler:
         Whether there is a background behind all surfaces; then every sample has an opacity of 1.
     n_shaded : int
         Cells shaded so far in pixels that show a surface; a cell with an edge counts once.
+    n_seen : int
+        Visibility samples of such pixels.
     n_windows : int
         Windows rasterized so far.
     seconds : float
-        Wall-clock time of sampling.
+        Time of sampling.
+    now : callable
+        Returns the time in seconds.
+    watch : callable, optional
+        Called before each window; it may raise an error to end the work.
     """
 
     def __init__(self, state: RenderState) -> None:
@@ -134,7 +100,10 @@ class PixelSampler:
         self._has_layers = state.plan.has("layers")
         self.n_shaded = 0
         self.n_windows = 0
+        self.n_seen = 0
         self.seconds = 0.0
+        self.now: Callable[[], float] = time.perf_counter
+        self.watch: Callable[[], None] | None = None
 
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
         """Sample pixels anew and replace their previous sums.
@@ -148,17 +117,24 @@ class PixelSampler:
         sums
             Receives the sums of these pixels.
         """
-        start = time.perf_counter()
+        start = self.now()
         sums.counts[wanted] = sides.seen**2
         for window in windows(wanted, sides.seen):
+            if self.watch is not None:
+                self.watch()
             self.n_windows += 1
             self._take_window(window, wanted, sides, sums)
         n_shown = int(np.count_nonzero(wanted & (sums.covered > 0.0)))
         self.n_shaded += n_shown * sides.shaded**2
-        self.seconds += time.perf_counter() - start
+        self.n_seen += n_shown * sides.seen**2
+        self.seconds += self.now() - start
+
+    def work(self, seen_cost: float) -> float:
+        """Work so far, in shaded cells; a visibility sample costs a share of one."""
+        return self.n_shaded + seen_cost * self.n_seen
 
     def _take_window(
-        self, window: PixelWindow, wanted: BoolArray, sides: Sides, sums: PixelSums
+        self, window: Window, wanted: BoolArray, sides: Sides, sums: PixelSums
     ) -> None:
         mask = np.ascontiguousarray(wanted[window.top : window.bottom, window.left : window.right])
         layers = self._seen(window, mask, sides)
@@ -184,21 +160,11 @@ class PixelSampler:
             is_opaque=self.is_opaque,
         )
 
-    def _seen(self, window: PixelWindow, mask: BoolArray, sides: Sides) -> list[VisibilityBuffer]:
+    def _seen(self, window: Window, mask: BoolArray, sides: Sides) -> list[VisibilityBuffer]:
         """Rasterize the wanted samples of a window: transparent layers, then opaque surfaces."""
         state = self._state
-        rows, columns = window.shape
-        camera = state.camera
-        request = replace(
-            state.request,
-            camera=WindowCamera(
-                eye=camera.eye, axes=camera.axes, fov=camera.fov, near=camera.near,
-                window=window, width=state.options.width, height=state.options.height,
-            ),
-            options=replace(
-                state.options, width=columns, height=rows, supersampling=sides.seen
-            ),
-        )  # fmt: skip
+        options = replace(state.options, supersampling=sides.seen)
+        request = replace(state.request, options=options, window=window)
         part = replace(state, request=request)
         visible = find_visible(part)
         layers = [visible.visibility]
@@ -211,7 +177,7 @@ class PixelSampler:
         return layers
 
     def _fragments(
-        self, visibility: VisibilityBuffer, window: PixelWindow, rows: tuple[int, int], sides: Sides
+        self, visibility: VisibilityBuffer, window: Window, rows: tuple[int, int], sides: Sides
     ) -> tuple[FragmentRows, IntArray]:
         """Return the fragments of some rows of a window, and their pixels in the picture."""
         state, fine = self._state, sides.shaded
@@ -222,20 +188,20 @@ class PixelSampler:
                 (rows[0] * fine, rows[1] * fine),
                 side=sides.seen // fine,
                 wants_samples=self._has_layers,
+                corner=(window.left * fine, window.top * fine),
+                fine=fine,
             )
             columns = window.shape[1]
             down, right = np.divmod(fragments.pixels, np.int32(columns * fine))
             down, right = down // np.int32(fine), right // np.int32(fine)
-            corner = np.array([window.left, window.top], np.float32)
-            places = fragments.places / np.float32(fine) + corner
             whole = state.options.width
             pixels = (down + np.int32(window.top)) * np.int32(whole) + right + np.int32(window.left)
-        return replace(fragments, places=places, pixels=pixels), down * np.int32(columns) + right
+        return replace(fragments, pixels=pixels), down * np.int32(columns) + right
 
     def _add(
         self,
         visibility: VisibilityBuffer,
-        window: PixelWindow,
+        window: Window,
         rows: tuple[int, int],
         sides: Sides,
         sums: PixelSums,
@@ -251,7 +217,7 @@ class PixelSampler:
     def _compose(
         self,
         layers: list[VisibilityBuffer],
-        window: PixelWindow,
+        window: Window,
         rows: tuple[int, int],
         sides: Sides,
         sums: PixelSums,
@@ -272,7 +238,7 @@ class PixelSampler:
         with self._state.costs.timed("pixels"):
             sums.add_samples(light, passed, covered, behind, rows[0], side)
 
-    def _behind_window(self, window: PixelWindow) -> Float32Array:
+    def _behind_window(self, window: Window) -> Float32Array:
         """(h, w, 3) or (1, 1, 3): background light in a window; 0 without a background."""
         behind = self._behind
         if behind is None:

@@ -12,14 +12,16 @@ separately, because edges need the former and highlights the latter.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from texbake.mesh.mesh import IntArray
 from texbake.progress import ProgressSink, Stages
-from texbake.rendering.adaptive_pixels.budget import choose_picture_bound
+from texbake.rendering.adaptive_pixels.kept_pixels import KeptPixels
+from texbake.rendering.adaptive_pixels.picture_rounds import PictureRounds
 from texbake.rendering.adaptive_pixels.pixel_error import code_means, edge_errors, shading_errors
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
 from texbake.rendering.adaptive_pixels.recheck import recheck
@@ -30,13 +32,30 @@ from texbake.rendering.effect import RenderState
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame
 from texbake.sampling.bounds import parse_picture_bound
-from texbake.sampling.time_budget import TimeBudget
+from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
 from texbake.texture.image import FloatImage
 
 FIRST = Sides(seen=4, shaded=1)
 FINEST = 16  # samples, and shaded cells, along one side
 # How often pixels that were shaded once are estimated again after their neighbors have changed.
 _ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class PictureState:
+    """How finely each pixel is sampled.
+
+    Attributes
+    ----------
+    seen, shaded : (H, W) int32
+        Samples and shaded cells along one side of each pixel.
+    changes : (H, W) float32
+        Change of each pixel by the last refinement of its shading.
+    """
+
+    seen: IntArray
+    shaded: IntArray
+    changes: Float32Array
 
 
 class AdaptivePicture:
@@ -46,6 +65,8 @@ class AdaptivePicture:
     ----------
     state
         State from `texbake.rendering.draw.laid_out`, with all objects prepared.
+    keeps
+        Whether to keep all samples, so that the picture can be refined anew.
 
     Attributes
     ----------
@@ -59,11 +80,16 @@ class AdaptivePicture:
     codes : (H, W, 4) float32
         Means of the pixels, with sRGB-coded light.
     threads : int, optional
+    finest : int
+        Most samples, and most shaded cells, along one side of a pixel.
     """
 
-    def __init__(self, state: RenderState) -> None:
+    finest: ClassVar[int] = FINEST
+
+    def __init__(self, state: RenderState, *, keeps: bool = False) -> None:
         shape = state.options.height, state.options.width
         self.sampler = PixelSampler(state)
+        self._taker = KeptPixels(self.sampler, shape) if keeps else self.sampler
         self.sums = PixelSums.empty(*shape)
         self.seen = np.full(shape, FIRST.seen, np.int32)
         self.shaded = np.full(shape, FIRST.shaded, np.int32)
@@ -76,36 +102,64 @@ class AdaptivePicture:
         self._take(np.ones(self.seen.shape, np.bool_), FIRST)
         self._code()
 
-    def refine(self, bound: float, among: BoolArray | None = None) -> None:
+    @property
+    def state(self) -> PictureState:
+        """How finely pixels are sampled, to return to with `restore`."""
+        return PictureState(self.seen.copy(), self.shaded.copy(), self._changes.copy())
+
+    def restart(self) -> None:
+        """Return to the first samples of all pixels."""
+        self.restore(
+            PictureState(
+                np.full_like(self.seen, FIRST.seen),
+                np.full_like(self.shaded, FIRST.shaded),
+                np.zeros_like(self._changes),
+            )
+        )
+
+    def restore(self, state: PictureState) -> None:
+        """Return to an earlier state, with the samples that are kept."""
+        is_changed = (state.seen != self.seen) | (state.shaded != self.shaded)
+        both = state.seen * (FINEST + 1) + state.shaded
+        for number in np.unique(both[is_changed]).tolist():
+            self._take(is_changed & (both == number), Sides(*divmod(number, FINEST + 1)))
+        self._changes = state.changes.copy()
+        self._code()
+
+    def refine(self, bound: float) -> None:
         """Take samples until the estimated error of each pixel is at most the bound.
 
         Parameters
         ----------
         bound
             Error bound for sRGB-coded channels, with black to white as 1.
-        among : (H, W) bool, optional
-            Restricts refinement to these pixels; None refines all.
         """
         shaded = FIRST.shaded
         while shaded < FINEST:
             for _ in range(_ROUNDS if shaded == FIRST.shaded else 1):
-                if not self._shade_finer(shaded, bound, among):
+                if not self._shade_finer(shaded, bound):
                     break
             shaded *= 2
         seen = FIRST.seen
         while seen < FINEST:
-            self._see_finer(seen, bound, among)
+            self._see_finer(seen, bound)
             seen *= 2
+
+    @property
+    def color(self) -> FloatImage:
+        """(H, W, 4) float32: mean light, not premultiplied, and opacity."""
+        means = self.sums.means
+        opacity = means[..., 3:]
+        means[..., :3] /= np.where(opacity > 0.0, opacity, 1.0)
+        return means.astype(np.float32)
 
     def errors(self) -> Float32Array:
         """(H, W) float32: estimated errors."""
-        return np.maximum(self._edge_errors(), self._shading_errors())
+        return np.maximum(self.edge_errors(), self.shading_errors())
 
-    def _shade_finer(self, shaded: int, bound: float, among: BoolArray | None) -> bool:
+    def _shade_finer(self, shaded: int, bound: float) -> bool:
         """Shade pixels with too large errors twice as finely; return whether there were any."""
-        wanted = (self.shaded == shaded) & (self._shading_errors() > bound)
-        if among is not None:
-            wanted &= among
+        wanted = (self.shaded == shaded) & (self.shading_errors() > bound)
         if not wanted.any():
             return False
         seen = np.maximum(self.seen, 2 * shaded)
@@ -116,26 +170,27 @@ class AdaptivePicture:
         self._changes[wanted] = np.abs(self.codes[wanted] - before).max(axis=-1)
         return True
 
-    def _see_finer(self, seen: int, bound: float, among: BoolArray | None) -> None:
+    def _see_finer(self, seen: int, bound: float) -> None:
         """Take four times as many samples of pixels whose edges have too large errors."""
-        wanted = (self.seen == seen) & (self._edge_errors() > bound)
-        if among is not None:
-            wanted &= among
+        wanted = (self.seen == seen) & (self.edge_errors() > bound)
         for side in np.unique(self.shaded[wanted]).tolist():
             self._take(wanted & (self.shaded == side), Sides(2 * seen, side))
         self._code()
 
     def _take(self, wanted: BoolArray, sides: Sides) -> None:
-        self.sampler.take(wanted, sides, self.sums)
+        # Noted first, so that an interrupted picture can be restored.
         self.seen[wanted], self.shaded[wanted] = sides.seen, sides.shaded
+        self._taker.take(wanted, sides, self.sums)
 
     def _code(self) -> None:
         code_means(self.sums, self.codes, threads=self.threads)
 
-    def _shading_errors(self) -> Float32Array:
+    def shading_errors(self) -> Float32Array:
+        """(H, W) float32: estimated errors of the shading."""
         return shading_errors(self.codes, self.shaded, self._changes, threads=self.threads)
 
-    def _edge_errors(self) -> Float32Array:
+    def edge_errors(self) -> Float32Array:
+        """(H, W) float32: estimated errors of edges."""
         return edge_errors(self.sums, threads=self.threads)
 
 
@@ -145,6 +200,7 @@ def draw_adaptively(
     *,
     keep: Collection[str] = (),
     progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
 ) -> Frame:
     """Draw a picture to a given error bound or within a time budget.
 
@@ -159,40 +215,44 @@ def draw_adaptively(
         have a fixed number of samples, as triangles and depths always do, so that they match.
     progress
         Receives the stages.
+    clock
+        Of the time budget; None: it begins now. It is given the color (H, W, 4) of the first
+        samples, to time what follows.
 
     Returns
     -------
     Frame
         With reports on the samples and on the time budget.
     """
-    start = time.perf_counter()
+    clock = clock or BudgetClock()
     options, stages = prepared.options, Stages(progress)
     request = RenderRequest(prepared.scene, options, camera, frozenset(keep))
     state = laid_out(prepared, request, stages, all_objects=True)
-    adaptive = AdaptivePicture(state)
-    with stages.stage("shade"):
-        adaptive.begin()
-        coverage: FloatImage | None = None
-        normals: FloatImage | None = None
-        if "normals" in keep:  # before the choice of a bound, so that its time is known there
+    adaptive = AdaptivePicture(state, keeps=options.time_budget is not None)
+    coverage: FloatImage | None = None
+    normals: FloatImage | None = None
+    if "normals" in keep:  # before the first samples, so that its time is known
+        with stages.stage("shade normals"):
             plain = shaded_sums(state)
             _, coverage, normals = plain.finished(None, threads=state.threads)
+    start = clock.spent
+    with stages.stage("shade"):
+        adaptive.begin()
     budget: TimeBudget | None = None
-    if options.time_budget is None:
-        assert options.max_error is not None
-        bound: float | None = parse_picture_bound(options.max_error)
-    else:
-        with stages.stage("probe"):
-            bound, budget = choose_picture_bound(adaptive, options, start)
-    if bound is not None:
-        with stages.stage("refine"):
+    with stages.stage("refine"):
+        if options.time_budget is not None:
+            seconds = clock.spent - start
+            bound, budget = PictureRounds(adaptive, options, clock, seconds).spend()
+        else:
+            assert options.max_error is not None
+            bound = parse_picture_bound(options.max_error)
             adaptive.refine(bound)
     with stages.stage("check errors"):
         sampling = recheck(adaptive, bound)
     if budget is not None:
-        budget = replace(budget, actual_seconds=time.perf_counter() - start)
+        budget = finished(budget, clock)
     return Frame(
-        color=_color(adaptive.sums),
+        color=adaptive.color,
         coverage=adaptive.sums.coverage if coverage is None else coverage,
         plan=state.plan,
         costs=state.costs,
@@ -202,11 +262,3 @@ def draw_adaptively(
         sampling=sampling,
         budget=budget,
     )
-
-
-def _color(sums: PixelSums) -> FloatImage:
-    """(H, W, 4) float32: mean light, not premultiplied, and opacity."""
-    means = sums.means
-    opacity = means[..., 3:]
-    means[..., :3] /= np.where(opacity > 0.0, opacity, 1.0)
-    return means.astype(np.float32)

@@ -36,8 +36,8 @@ from texbake.rendering.effect import (
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.passes import rasterized
 from texbake.rendering.raster.fragments import FragmentRows
-from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
@@ -179,26 +179,15 @@ def _normals_of(shaded: list[Fragments], wanted: bool) -> Floats | None:
 
 def _peel(state: RenderState, target: Target) -> Layers:
     opaque = state.visible.visibility
-    height, width = opaque.face_ids.shape
+    shape = opaque.face_ids.shape
     modes = state.visible.modes.copy()
     for index in range(len(modes)):
         if not state.plan.has("transparency", index):
             modes[index] = SKIP
-    last = VisibilityBuffer(
-        np.full((height, width), -1, np.int32), np.full((height, width), _BEFORE_ALL, np.float32)
-    )
+    last = VisibilityBuffer(np.full(shape, -1, np.int32), np.full(shape, _BEFORE_ALL, np.float32))
     layers: list[VisibilityBuffer] = []
     while len(layers) < MAX_LAYERS:
-        layer = rasterize(
-            state.world,
-            state.camera.clip_from_world(width / height),
-            width,
-            height,
-            modes=modes,
-            behind=last,
-            before=opaque,
-            threads=state.threads,
-        )
+        layer = rasterized(state, modes, behind=last, before=opaque)
         if not (layer.face_ids >= 0).any():
             break
         layers.append(layer)

@@ -56,6 +56,8 @@ def fragment_rows(
     side: int,
     merges: bool = True,
     wants_samples: bool = False,
+    corner: tuple[int, int] = (0, 0),
+    fine: int = 1,
 ) -> FragmentRows:
     """Compute the fragments of some rows of pixels.
 
@@ -73,6 +75,10 @@ def fragment_rows(
         Merge the samples of a pixel that see the same triangle into one fragment.
     wants_samples
         Fill `of_samples`; otherwise it is empty.
+    corner
+        Column and row of the first pixel, where the pixels are only a part of the picture.
+    fine
+        Pixels of this part along one side of a pixel of the picture, in which places are given.
     """
     counts = np.zeros(world.n_objects, np.int64)
     core.count_fragments(face_ids, world.starts, side, merges, *rows, counts)
@@ -88,7 +94,7 @@ def fragment_rows(
         np.full(shape, -1, np.int32),
     )
     core.list_fragments(
-        face_ids, world.starts, side, merges, *rows, starts[:-1].copy(),
+        face_ids, world.starts, side, merges, *rows, *corner, fine, starts[:-1].copy(),
         result.faces, result.places, result.pixels, result.counts,
         result.of_samples if wants_samples else None,
     )  # fmt: skip

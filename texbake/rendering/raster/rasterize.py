@@ -29,6 +29,28 @@ BAND_ROWS = 32
 _CHUNK = 65536
 
 
+@dataclass(frozen=True)
+class Window:
+    """Some rows and columns of a picture, in pixels or in samples.
+
+    What is drawn in them is the same as in the whole picture.
+    """
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and columns."""
+        return self.bottom - self.top, self.right - self.left
+
+    def of_samples(self, side: int) -> Window:
+        """Return the samples of these pixels, `side` x `side` in each."""
+        return Window(self.top * side, self.bottom * side, self.left * side, self.right * side)
+
+
 @dataclass(frozen=True, eq=False)
 class _Bands:
     """Faces of each band of rows, ascending; band b has those at starts[b] to starts[b + 1]."""
@@ -43,9 +65,11 @@ def _sorted_into_bands(
     clip_from_world: FloatArray,
     grid: npt.NDArray[np.int32],
     size: tuple[int, int],
+    window: Window,
     threads: int | None,
 ) -> _Bands:
-    n_faces, n_bands = world.n_faces, -(-size[1] // BAND_ROWS)
+    n_rows, n_columns = window.shape
+    n_faces, n_bands = world.n_faces, -(-n_rows // BAND_ROWS)
     n_chunks = -(-n_faces // _CHUNK)
     survivors = np.empty(n_faces, np.int32)
     spans = np.empty((n_faces, 2), np.int16)
@@ -56,7 +80,8 @@ def _sorted_into_bands(
         chunk = start // _CHUNK
         n_survivors[chunk] = core.sort_triangles(
             world.positions, world.faces, world.starts, modes, clip_from_world, grid, *size,
-            survivors, spans, counts[chunk], start, stop,
+            window.left, window.top, n_columns, n_rows, survivors, spans, counts[chunk],
+            start, stop,
         )  # fmt: skip
 
     run_bands(sort, n_faces, band=_CHUNK, threads=threads)
@@ -81,6 +106,7 @@ def rasterize(
     height: int,
     *,
     modes: npt.NDArray[np.uint8],
+    window: Window | None = None,
     behind: VisibilityBuffer | None = None,
     before: VisibilityBuffer | None = None,
     tries: npt.NDArray[np.uint32] | None = None,
@@ -98,6 +124,8 @@ def rasterize(
         Size of the screen in samples.
     modes : (O,) uint8
         `SKIP`, `CULL_BACK` or `SHOW_BACK` for each object.
+    window : Window, optional
+        The samples to draw, None for all; the following arrays, and the result, are of its shape.
     behind, before
         Give both or neither. Only surfaces that lie behind `behind` (or at the same depth with a
         higher index) and in front of `before` are drawn.
@@ -112,10 +140,11 @@ def rasterize(
         A triangle without area on the grid is not visible.
     """
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
-    n_bands = -(-height // BAND_ROWS)
-    bands = _sorted_into_bands(world, modes, clip_from_world, grid, (width, height), threads)
-    face_ids = np.full((height, width), -1, np.int32)
-    depths = np.zeros((height, width), np.float32)
+    size, window = (width, height), window or Window(0, height, 0, width)
+    bands = _sorted_into_bands(world, modes, clip_from_world, grid, size, window, threads)
+    n_rows, n_columns = window.shape
+    face_ids = np.full((n_rows, n_columns), -1, np.int32)
+    depths = np.zeros((n_rows, n_columns), np.float32)
     peel: tuple[npt.NDArray[Any] | None, ...] = (None, None, None)
     if behind is not None and before is not None:
         peel = (behind.depths, behind.face_ids, before.depths)
@@ -123,11 +152,12 @@ def rasterize(
     def draw(start: int, stop: int) -> None:
         for band in range(start, stop):
             first, last = bands.starts[band : band + 2]
-            rows = band * BAND_ROWS, min((band + 1) * BAND_ROWS, height)
+            rows = band * BAND_ROWS, min((band + 1) * BAND_ROWS, n_rows)
             core.draw_triangles(
                 world.positions, world.faces, world.starts, modes, clip_from_world, grid,
-                vertex_depths, bands.faces[first:last], *rows, *peel, tries, face_ids, depths,
+                vertex_depths, *size, window.left, window.top, bands.faces[first:last], *rows,
+                *peel, tries, face_ids, depths,
             )  # fmt: skip
 
-    run_bands(draw, n_bands, band=1, threads=threads)
+    run_bands(draw, -(-n_rows // BAND_ROWS), band=1, threads=threads)
     return VisibilityBuffer(face_ids, depths)

@@ -151,7 +151,7 @@ SAMPLES_KNOB = Knob(
     about="Rays averaged into each texel. Detail finer than a texel turns into noise with one ray "
     "and into its mean with many; where there is no such detail, more rays gain nothing. Adaptive "
     "samples go where neighbors disagree, until the estimated error of each texel is below the "
-    "bound; a time budget chooses the bound that is predicted to fit.",
+    "bound, or until a time budget is spent.",
     error="angle to the texel's mean normal, root mean square",
     unit="°",
     kind="angle",

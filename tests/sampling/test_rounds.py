@@ -1,0 +1,153 @@
+"""Rounds of samples on a clock that is set by hand."""
+
+import numpy as np
+import pytest
+
+from texbake.sampling.rounds import OutOfTimeError, Rounds
+from texbake.sampling.time_budget import BudgetClock
+
+
+class Work:
+    """Something whose error falls with the samples that are spent on it, at known costs.
+
+    Implements `texbake.sampling.rounds.Refining`.
+    """
+
+    def __init__(self, budget, *, unit=4e-5, growth=1.0, overhead=0.05, seed=0):
+        rng = np.random.default_rng(seed)
+        self.now, self.work, self.sampling = 0.3, 0.0, 0.0
+        self.unit, self.growth, self.overhead = unit, growth, overhead
+        # Errors in closest bounds, each of which costs four samples.
+        self.errors = rng.lognormal(4.0, 2.0, 50_000).astype(np.float32)
+        self.warnings = []
+        clock = BudgetClock(start=0.0, now=lambda: self.now, warn=self.warnings.append)
+        self.rounds = Rounds(budget, "the work", clock, (1.0, 1.0))
+
+    def spend(self):
+        """Spend the time; return the report."""
+        rounds = self.rounds
+        self.now += self.unit * len(self.errors)
+        rounds.unit, rounds.total = self.unit, float(len(self.errors))
+        rounds.overhead, rounds.after = self.overhead, 0.2
+        rounds.expect_at_least(self.now + rounds.overhead + rounds.after)
+        report = rounds.spend(self)
+        self.now += rounds.after
+        return report
+
+    def name_of(self, bound):
+        return f"{bound:.9g}"
+
+    def refine(self, bound):
+        refined = self.errors > bound
+        work = 4.0 * self.growth * np.count_nonzero(refined)
+        for _ in range(10):
+            self.now += 0.1 * self.unit * work
+            self.work += 0.1 * work
+            self.sampling += 0.1 * self.unit * work
+            self.rounds.check()
+        self.now += self.overhead
+        self.errors[refined] = 0.0
+
+    def outlook(self):
+        return self.errors, np.full(len(self.errors), 4.0, dtype=np.float32)
+
+    def taken(self):
+        return self.work, self.sampling
+
+
+@pytest.mark.parametrize("growth", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("overhead", [0.01, 0.1])
+@pytest.mark.parametrize("budget", [3.0, 5.0, 8.0])
+def test_the_time_is_spent_and_not_exceeded(budget, overhead, growth):
+    """Also where rounds cost half or twice of what is expected at first."""
+    work = Work(budget, growth=growth, overhead=overhead)
+    report = work.spend()
+    assert not work.warnings
+    assert work.now <= budget
+    assert work.now > 0.85 * budget or report.max_error == "1"
+
+
+def test_a_time_below_the_least_takes_the_least():
+    work = Work(1.0)
+    report = work.spend()
+    assert [one.is_complete for one in report.rounds] == [True]
+    assert float(report.max_error) > 1000.0 and report.why == "the fewest samples"
+    assert work.now == pytest.approx(2.55, abs=0.1)
+    assert report.least_seconds == pytest.approx(2.55)
+
+
+@pytest.mark.parametrize("budget", [1e-300, 0.01, 1e9, 1e300])
+def test_extreme_times_end(budget):
+    report = Work(budget).spend()
+    assert len(report.rounds) == 1
+    assert (float(report.max_error) == 1.0) == (budget > 1.0)
+
+
+def test_ample_time_gets_the_closest_bound_in_one_round():
+    report = Work(1000.0).spend()
+    assert report.max_error == "1" and len(report.rounds) == 1
+    assert report.why == "the closest bound that is wanted"
+
+
+def test_bounds_become_closer_from_round_to_round():
+    report = Work(6.0).spend()
+    complete = [float(one.max_error) for one in report.rounds if one.is_complete]
+    assert len(complete) > 1 and report.why == "the closest bound that fits"
+    assert complete == sorted(complete, reverse=True)
+    assert report.max_error == report.rounds[-1].max_error
+
+
+def test_nothing_above_the_closest_bound_is_done_in_a_round():
+    work = Work(1000.0)
+    work.errors[:] = 0.5
+    report = work.spend()
+    assert report.max_error == "1" and work.work == 0.0
+
+
+def test_a_round_that_takes_too_long_is_given_up_and_a_wider_one_follows():
+    work = Work(5.0, overhead=0.01)
+    refine = work.refine
+
+    def slower(bound):
+        refine(bound)
+        work.growth = 2.5
+
+    work.refine = slower
+    report = work.spend()
+    given_up = [float(one.max_error) for one in report.rounds if not one.is_complete]
+    assert given_up and float(report.max_error) > min(given_up)
+    assert work.now <= 5.0 + 0.1 * 2.5
+
+
+def test_the_first_round_is_never_given_up():
+    work = Work(0.5)
+    work.rounds.check(100.0)
+    report = work.spend()
+    assert [one.is_complete for one in report.rounds] == [True]
+    with pytest.raises(OutOfTimeError):
+        work.rounds.check()
+
+
+def test_too_short_a_time_is_said_once_and_at_once():
+    work = Work(0.6)
+    work.rounds.expect_at_least(0.65, margin=1.15)  # may be too long
+    assert work.warnings == []
+    work.rounds.expect_at_least(0.8)
+    work.rounds.expect_at_least(0.9)
+    assert work.warnings == [
+        "time_budget: 0.6 s are too short: the work takes about 0.8 s with the fewest samples, and "
+        "is made with these"
+    ]
+
+
+@pytest.mark.parametrize("growth", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("overhead", [0.01, 0.1])
+def test_more_time_never_gives_a_wider_bound(growth, overhead):
+    """Not by the last percent, which depends on where rounds happen to end."""
+    budgets = 2.5 * 1.2 ** np.arange(12)
+    bounds = [
+        float(Work(budget, growth=growth, overhead=overhead).spend().max_error)
+        for budget in budgets
+    ]
+    assert bounds == sorted(bounds, reverse=True)
+    assert bounds[0] > 1000.0 and bounds[-1] == 1.0

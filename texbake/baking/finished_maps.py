@@ -1,0 +1,58 @@
+"""Maps from the means of texels: with padding, ready to be written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.kind import MapKind
+from texbake.baking.padding import ChartPadding
+from texbake.baking.pineda import NO_FACE
+from texbake.baking.result import BakedMap
+from texbake.mesh.mesh import IntArray
+from texbake.progress import Stages
+
+
+def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
+    """(H, W) int32: chart of the low-poly mesh that covers each texel, `NO_FACE` for none."""
+    # NO_FACE is -1, the last entry, which has no chart.
+    return np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)[texel_faces]
+
+
+def finished_maps(
+    kinds: list[MapKind],
+    means: Callable[[MapKind], npt.NDArray[np.float32]],
+    texel_charts: IntArray,
+    has_data: npt.NDArray[np.bool_],
+    inputs: BakeInputs,
+    stages: Stages,
+) -> tuple[dict[str, BakedMap], int]:
+    """Pad the maps; also return the number of texels where the padding of two charts meets.
+
+    Parameters
+    ----------
+    means
+        Returns the values (H, W, C) of a map, which are then changed in place.
+    texel_charts : (H, W) int32
+        Chart that covers each texel, `NO_FACE` for none.
+    """
+    options = inputs.options
+    with stages.stage("pad"):
+        padding = ChartPadding(texel_charts, has_data, options)
+        complete = padding
+        if any(kind.of_misses for kind in kinds) and padding.n_missed:
+            complete = ChartPadding(texel_charts, texel_charts != NO_FACE, options)
+    maps = {}
+    for kind in kinds:
+        with stages.part("make maps"):
+            values = means(kind)
+        with stages.part("pad"):
+            around = complete if kind.of_misses else padding
+            values = around.pad(values, kind.neutral(options), kind.combine)
+        bounds = None if kind.bounds is None else kind.bounds(inputs)
+        legend = () if kind.legend is None else kind.legend(inputs)
+        maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, legend)
+    return maps, padding.n_meeting

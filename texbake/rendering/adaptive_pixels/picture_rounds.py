@@ -1,0 +1,186 @@
+"""A picture refined in rounds, each to a closer bound, until its time is spent.
+
+Each round begins with the first samples of all pixels, as a picture of its bound alone does, and
+takes over all samples of the rounds before. What follows them, the check of the errors and writing
+the picture, is timed on a few pixels and on the picture that the first samples give.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
+from texbake.rendering.adaptive_pixels.recheck import AMONG, RUN, SIDE
+from texbake.rendering.adaptive_pixels.sampler import Sides
+from texbake.rendering.options import RenderOptions
+from texbake.sampling.bounds import CODES, in_codes, parse_picture_bound
+from texbake.sampling.report import CHECKED_SHARE
+from texbake.sampling.rounds import Rounds, evenly_spread
+from texbake.sampling.time_budget import BudgetClock, TimeBudget
+
+if TYPE_CHECKING:
+    from texbake.rendering.adaptive_pixels.samples import AdaptivePicture
+
+# The closest bound where none is given: a 16th of an 8-bit step.
+_CLOSEST = 1.0 / 16.0 / CODES
+_WIDEST = (CODES - 1.0) / CODES
+# Seconds to estimate all errors of a round, in those to estimate them once; and its windows.
+_ESTIMATES, _WINDOWS = 8.0, 10
+# What rounds cost as a multiple of what the errors tell before, by measurement.
+_GROWTHS = 0.4, 1.0
+# Work of one visibility sample, in that of one shaded cell.
+_SEEN_COST = np.float32(1.0 / 16.0)
+_TIMED_RUNS = 8  # rows in which pixels are timed
+_TIMED = 400  # number of pixels for timing the check
+
+
+class PictureRounds:
+    """Refines a picture for as long as `RenderOptions.time_budget` allows.
+
+    Parameters
+    ----------
+    adaptive
+        The picture with its first samples.
+    options
+        With a time budget.
+    first_seconds
+        Seconds that the first samples took.
+    """
+
+    def __init__(
+        self,
+        adaptive: AdaptivePicture,
+        options: RenderOptions,
+        clock: BudgetClock,
+        first_seconds: float,
+    ) -> None:
+        assert options.time_budget is not None
+        given = options.max_error
+        self._adaptive, self._clock = adaptive, clock
+        self._closest = _CLOSEST if given is None else parse_picture_bound(given)
+        self._rounds = Rounds(options.time_budget, "the picture", clock, _GROWTHS)
+        self._rounds.before = clock.spent - first_seconds
+        self._state = adaptive.state  # of the last round that is complete
+        self._window = 0.0  # seconds of a window without any pixels
+        self._predict_least(first_seconds)
+
+    def spend(self) -> tuple[float, TimeBudget]:
+        """Refine the picture; return the bound that was reached, and the report."""
+        sampler = self._adaptive.sampler
+        sampler.watch, sampler.now = self._rounds.check, self._clock.now
+        report = self._rounds.spend(self)
+        sampler.watch = None
+        self._adaptive.restore(self._state)
+        return parse_picture_bound(report.max_error), report
+
+    def name_of(self, bound: float) -> str:
+        """Return a bound as the value of `max_error`."""
+        return in_codes(min(bound * self._closest, _WIDEST))
+
+    def refine(self, bound: float) -> None:
+        """Refine the first samples anew, with all that were taken since."""
+        self._adaptive.restart()
+        self._adaptive.refine(parse_picture_bound(self.name_of(bound)))
+        self._state = self._adaptive.state
+
+    def outlook(self) -> tuple[Float32Array, Float32Array]:
+        """Return estimated errors in closest bounds, and the work that each costs."""
+        return _further(self._adaptive, self._closest)
+
+    def taken(self) -> tuple[float, float]:
+        """Return the work so far, and the seconds that pixels took without windows."""
+        sampler = self._adaptive.sampler
+        seconds = sampler.seconds - self._window * sampler.n_windows
+        return sampler.work(float(_SEEN_COST)), seconds
+
+    def _predict_least(self, first_seconds: float) -> None:
+        """Predict what the fewest samples, and all that follows them, take."""
+        adaptive, clock, rounds = self._adaptive, self._clock, self._rounds
+        n_covered = int(np.count_nonzero(adaptive.sums.covered > 0.0))
+        rounds.unit = first_seconds / max((1.0 + 16.0 * float(_SEEN_COST)) * n_covered, 1.0)
+        start = clock.spent
+        self.outlook()
+        estimate = _ESTIMATES * (clock.spent - start)
+        self._window, check = _time_check(adaptive, clock)
+        rounds.overhead = estimate + _WINDOWS * self._window
+        rounds.after = check + _time_finishing(adaptive, clock)
+        rounds.expect_at_least(clock.spent + rounds.after + rounds.overhead)
+        rounds.total = max(adaptive.sampler.work(float(_SEEN_COST)), 1.0)
+
+
+def _further(adaptive: AdaptivePicture, closest: float) -> tuple[Float32Array, Float32Array]:
+    """Errors in closest bounds, and what samples cost below them, for all pixels and next steps.
+
+    Twice as many cells along a side halve the error of the shading; that of edges falls with the
+    power of 1.5 of the samples along a side.
+    """
+    shaded, seen = (side.astype(np.float32) for side in (adaptive.shaded, adaptive.seen))
+    shading = adaptive.shading_errors() / np.float32(closest)
+    edges = adaptive.edge_errors() / np.float32(closest)
+    errors, costs = [], []
+    finer = 2.0
+    while finer <= adaptive.finest:
+        at = (shaded < finer) & (shading > 1.0)
+        errors.append(shading[at] * (2.0 * shaded[at] / finer))
+        costs.append(finer**2 + _SEEN_COST * np.maximum(seen[at], finer) ** 2)
+        at = (seen < finer) & (edges > 1.0)
+        errors.append(edges[at] * (2.0 * seen[at] / finer) ** 1.5)
+        costs.append(shaded[at] ** 2 + _SEEN_COST * finer**2)
+        finer *= 2.0
+    return np.concatenate(errors), np.concatenate(costs)
+
+
+def _time_check(adaptive: AdaptivePicture, clock: BudgetClock) -> tuple[float, float]:
+    """Time the fixed cost of a window; also predict the time of the check, from a few pixels."""
+    covered = adaptive.sums.covered > 0.0
+    shown = np.flatnonzero(covered)
+    if len(shown) == 0:
+        return 0.0, 0.0
+    height, width = covered.shape
+    rows = np.concatenate(evenly_spread(height, _TIMED_RUNS, _TIMED_RUNS))
+    some = shown[np.isin(shown // width, rows)]
+    some = shown[:1] if len(some) == 0 else some
+    # The fixed cost of a window, with one pixel in each; the first time loads what is needed.
+    ones = some[np.unique(some // width, return_index=True)[1]]
+    window = min(_time_pixels(adaptive, clock, ones, Sides(4, 1)) for _ in range(2))
+    timed = some[:: max(1, len(some) // _TIMED)]
+    seconds, n_windows = _time_taking(adaptive, clock, timed, Sides(SIDE, SIDE))
+    pixel = max(seconds - n_windows * window, 0.0) / len(timed)
+    n_windows = max(1, round(AMONG * CHECKED_SHARE * height / RUN))
+    return window, n_windows * window + pixel * CHECKED_SHARE * len(shown)
+
+
+def _time_pixels(
+    adaptive: AdaptivePicture, clock: BudgetClock, pixels: npt.NDArray[np.int64], sides: Sides
+) -> float:
+    seconds, n_windows = _time_taking(adaptive, clock, pixels, sides)
+    return float(seconds / max(n_windows, 1))
+
+
+def _time_taking(
+    adaptive: AdaptivePicture, clock: BudgetClock, pixels: npt.NDArray[np.int64], sides: Sides
+) -> tuple[float, int]:
+    """Sample some pixels and discard the result; return the seconds and the windows used."""
+    sampler, shape = adaptive.sampler, adaptive.shaded.shape
+    wanted = np.zeros(adaptive.shaded.size, np.bool_)
+    wanted[pixels] = True
+    n_windows, start = sampler.n_windows, clock.spent
+    counts = sampler.n_shaded, sampler.n_seen
+    sampler.take(wanted.reshape(shape), sides, PixelSums.empty(*shape))
+    sampler.n_shaded, sampler.n_seen = counts  # these are not part of the picture
+    return clock.spent - start, sampler.n_windows - n_windows
+
+
+def _time_finishing(adaptive: AdaptivePicture, clock: BudgetClock) -> float:
+    """Time what the clock includes beside the picture itself, such as writing it."""
+    if clock.finish is None:
+        return 0.0
+    seconds = []
+    for _ in range(2):  # the first time loads what is needed
+        start = clock.spent
+        clock.finish(adaptive.color)
+        seconds.append(clock.spent - start)
+    return seconds[-1]

@@ -1,0 +1,271 @@
+"""Rounds of samples, each to a closer bound on the error, until a time is spent.
+
+The first samples of all texels or pixels already make a result. Each round then refines it to a
+bound that is closer than the one before. Samples that a round has taken are kept, and the next
+takes only what its bound asks for besides; what comes out is what the bound alone gives, so that
+the same bytes can be made again, on any machine.
+
+How much work a bound is follows from the estimated errors: whatever is farther off takes its next
+samples, and some of that takes more. How long work takes is learnt from the samples taken so far. A
+round spends only a part of the time that is left, since it also shows how far both are off. A round
+that would not end in time is given up, and followed by one to a wider bound, for which its samples
+are kept as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.durations import parse_seconds
+from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget
+
+FloatArray32 = npt.NDArray[np.float32]
+
+# Share of the time to spend: timings on a shared machine differ.
+_SPENT_SHARE = 0.96
+# Share of the time in which a round must end, or is given up.
+_LIMIT = 0.98
+# Shares of the time that is left which a round may be predicted to take: the first one, whose work
+# is not well known yet, one of the others, and the last one.
+_FIRST_SHARE, _NEXT_SHARE, _LAST_SHARE = 0.4, 0.7, 0.85
+# A round that has less time than so many times its overhead is not worth it.
+_WORTH = 1.5
+# Below this share of the whole time that is left, there is no further round.
+_LEAST_SHARE = 0.03
+# A bound that is less than this closer than the one before is no progress.
+_LEAST_STEP = 0.99
+# Factor on what rounds cost where one was given up, and the share of its samples that another uses.
+_GIVEN_UP = 1.3
+_USED = 0.8
+# What is learnt from one round changes a prediction by this factor at most.
+_MOST_CHANGE = 2.0
+# Share of the overhead of a round that grows with the number of samples, old and new.
+_GROWING = 0.7
+_NOTHING = float("inf")  # the bound before the first round
+
+# Errors are counted by their size, in so many steps from one to its double.
+_STEPS = 64
+_OCTAVES = 16
+
+
+class OutOfTimeError(Exception):
+    """The time of a round is over."""
+
+
+class Refining(Protocol):
+    """What is refined in rounds: the texels of a bake, or the pixels of a picture.
+
+    Bounds are counted in the closest bound that is wanted: 1 is that bound, 2 is twice as wide.
+    """
+
+    def name_of(self, bound: float) -> str:
+        """Return a bound as the value of `max_error`."""
+
+    def refine(self, bound: float) -> None:
+        """Take the samples of a bound; `OutOfTimeError` leaves the result of the round before."""
+
+    def outlook(self) -> tuple[FloatArray32, FloatArray32]:
+        """Return estimated errors, and the work that each costs in a round to a bound below it.
+
+        The errors are counted in closest bounds.
+        """
+
+    def taken(self) -> tuple[float, float]:
+        """Return the work so far, and the seconds that it took itself, without any overhead."""
+
+
+class Rounds:
+    """Chooses the bound of each round, and notes what the rounds took.
+
+    Parameters
+    ----------
+    budget : str or float
+        As the user gave it.
+    work : str
+        What takes the time, `the bake` or `the picture`.
+    clock : BudgetClock
+    growths : (float, float)
+        What a round costs as a multiple of what is known of it before: the first, and a later one.
+
+    Attributes
+    ----------
+    seconds : float
+        The budget.
+    before : float
+        Seconds from the beginning to the first samples.
+    after : float
+        Predicted seconds of everything that follows the last round.
+    unit : float
+        Seconds per unit of work.
+    total : float
+        All work so far.
+    overhead : float
+        Seconds that a round takes beside its work.
+    """
+
+    def __init__(
+        self, budget: str | float, work: str, clock: BudgetClock, growths: tuple[float, float]
+    ) -> None:
+        self.seconds = parse_seconds(budget)
+        self.work, self.clock = work, clock
+        self.before = clock.spent
+        self.after = self.unit = self.overhead = self.total = 0.0
+        self._growth, self._later_growth = growths
+        self._sampling = 0.0  # seconds per unit of work without overhead
+        self._kept = 0.0  # work of rounds given up, which another round uses
+        self._done: list[Round] = []
+        self._reached = _NOTHING
+        self._max_error = ""
+        self._fits = True
+        self._least = 0.0
+        self._is_warned = False
+
+    def expect_at_least(self, seconds: float, *, margin: float = 1.0) -> None:
+        """Note a prediction of the least time; say at once if it is longer than the budget.
+
+        `margin` is the factor by which the prediction may be too long.
+        """
+        self._least = seconds
+        if seconds > margin * self.seconds and not self._is_warned and self.clock.warn is not None:
+            self._is_warned = True
+            self.clock.warn(
+                f"time_budget: {self.seconds:.4g} s are too short: {self.work} takes about "
+                f"{seconds:.3g} s with the fewest samples, and is made with these"
+            )
+
+    def check(self, seconds: float = 0.0) -> None:
+        """Raise `OutOfTimeError` if a round takes too long, unless it is the first.
+
+        `seconds` is how long it still takes at least.
+        """
+        # Parts of the overhead are still to come.
+        needed = seconds + self.after + 0.5 * self.overhead
+        if self._reached < _NOTHING and self.clock.spent + needed > _LIMIT * self.seconds:
+            raise OutOfTimeError
+
+    def spend(self, refining: Refining) -> TimeBudget:
+        """Refine until the time is spent; return the report, still without the actual time."""
+        errors, costs = refining.outlook()
+        while (choice := self._next(_work_above(errors, costs))) is not None:
+            bound, known, predicted = choice
+            name, start = refining.name_of(bound), self.clock.spent
+            before = refining.taken()
+            try:
+                refining.refine(bound)
+                is_complete = True
+            except OutOfTimeError:
+                is_complete = False
+            seconds = self.clock.spent - start
+            work, sampling = np.subtract(refining.taken(), before).tolist()
+            self._done.append(Round(name, predicted, seconds, is_complete))
+            if is_complete:
+                self._learn(known, work, seconds, sampling)
+                self._reached, self._max_error, self._kept = bound, name, 0.0
+                errors, costs = refining.outlook()
+            else:
+                self._growth *= _GIVEN_UP
+                self._kept += work
+        return TimeBudget(
+            work=self.work,
+            seconds=self.seconds,
+            max_error=self._max_error,
+            why=self._why(),
+            least_seconds=self._least,
+            before_seconds=self.before,
+            rounds=tuple(self._done),
+        )
+
+    def _next(self, work: npt.NDArray[np.float64]) -> tuple[float, float, float] | None:
+        """Return the closest bound whose round is predicted to fit; None to end.
+
+        Parameters
+        ----------
+        work
+            By the bound, from 1 to the widest.
+
+        Returns
+        -------
+        bound, work, seconds : float
+            The latter two of its round, as predicted.
+        """
+        if self._reached <= 1.0:
+            return None
+        left = _SPENT_SHARE * self.seconds - self.clock.spent - self.after
+        needed = self._growth * work
+        seconds = self.overhead + self.unit * (needed - np.minimum(_USED * self._kept, needed))
+        fitting = np.flatnonzero(seconds <= self._time_of_round(left, float(seconds[0])))
+        step = int(fitting[0]) if len(fitting) else len(work) - 1
+        bound = float(2.0 ** (step / _STEPS))
+        if self._reached == _NOTHING:
+            self._fits = len(fitting) > 0
+        elif (
+            len(fitting) == 0
+            or left < _LEAST_SHARE * self.seconds
+            or bound > _LEAST_STEP * self._reached
+        ):
+            return None
+        return bound, float(work[step]), float(seconds[step])
+
+    def _why(self) -> str:
+        """Why the bound is not closer."""
+        if self._reached <= 1.0:
+            return "the closest bound that is wanted"
+        is_least = not self._fits and len(self._done) == 1
+        return "the fewest samples" if is_least else "the closest bound that fits"
+
+    def _time_of_round(self, left: float, to_closest: float) -> float:
+        """Seconds that a round may take of those that are left; less if another one follows."""
+        share = _NEXT_SHARE if self._done else _FIRST_SHARE
+        is_last = (1.0 - share) * left < _WORTH * self.overhead or to_closest <= _LAST_SHARE * left
+        return (_LAST_SHARE if is_last else share) * left
+
+    def _learn(self, known: float, work: float, seconds: float, sampling: float) -> None:
+        """Learn from what a round took, and how much of this the work itself, without overhead.
+
+        `known` is what the errors told of the work before.
+        """
+        if self._reached == _NOTHING:
+            self._growth = self._later_growth
+        elif known > 0.0:
+            self._growth = _towards(self._growth, work / known)
+        self.total += work
+        self.overhead = seconds - sampling
+        if work > 0.0:
+            # The overhead grows with all work.
+            self._sampling = _towards(self._sampling or self.unit, sampling / work)
+            self.unit = self._sampling + _GROWING * self.overhead / self.total
+
+
+def _towards(before: float, measured: float) -> float:
+    """Return what was measured, unless it differs too much from what was predicted."""
+    return min(max(measured, before / _MOST_CHANGE), before * _MOST_CHANGE)
+
+
+def _work_above(errors: FloatArray32, costs: FloatArray32) -> npt.NDArray[np.float64]:
+    """Work for each bound from 1 to the widest: the costs of all errors above it."""
+    is_above = errors > 1.0
+    steps = np.minimum(_STEPS * np.log2(errors[is_above]), _STEPS * _OCTAVES)
+    # An error between two bounds costs where the bound is the lower one of these.
+    sums = np.bincount(
+        steps.astype(np.int64), weights=costs[is_above], minlength=_STEPS * _OCTAVES + 1
+    )
+    return np.asarray(np.cumsum(sums[::-1])[::-1])
+
+
+def evenly_spread(n: int, n_chosen: int, n_runs: int) -> Sequence[range]:
+    """Return runs that together have `n_chosen` of `n` rows, spread evenly; all of few rows.
+
+    >>> evenly_spread(100, 8, 2)
+    [range(23, 27), range(73, 77)]
+    >>> evenly_spread(6, 8, 2)
+    [range(0, 6)]
+    """
+    if n <= n_chosen:
+        return [range(n)]
+    length = n_chosen // n_runs
+    middles = ((np.arange(n_runs) + 0.5) * n / n_runs).astype(int).tolist()
+    return [range(middle - length // 2, middle - length // 2 + length) for middle in middles]
