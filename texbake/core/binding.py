@@ -1,21 +1,24 @@
-"""Python functions that check their arguments against a declaration, then call the core.
+"""Python functions that have their arguments checked against a declaration, then call the core.
 
-The check of each function is written out as Python source when the function is first called: a
-general loop over a description would take several times as long as many of the kernels.
+The checks themselves run in C: for each function of the core that takes arrays, the library has a
+second one, written by `checks.py`, which takes Python's objects, checks them and calls the first.
+What it refuses is looked at again here, to say what is wrong with it, or to pass it after all: an
+array of a class derived from NumPy's, for instance.
 """
 
 from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any, NoReturn
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from texbake.core.declarations import Declaration, Parameter
+from texbake.core.declarations import DTYPES, Declaration, Parameter
 
 OUT_OF_MEMORY = -(2**63)
+REFUSED = OUT_OF_MEMORY + 1
 
 _SCALARS = {
     "bool": ctypes.c_bool,
@@ -34,17 +37,49 @@ _SCALARS = {
 _RESULTS: dict[str, Any] = {
     "void": None,
     "bool": ctypes.c_bool,
-    "int32_t": ctypes.c_int32,
     "int64_t": ctypes.c_int64,
     "double": ctypes.c_double,
 }
 
 
-def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
-    """Return a Python function with the checks of a declaration around a function of ctypes.
+class _ArrayLayout(ctypes.Structure):
+    """As `struct layout` in `array_checks.h`."""
 
-    It takes the declared parameters in their order, without the sizes that shapes tell, by position
-    or by name, and returns what the function returns.
+    _fields_ = (
+        ("head", ctypes.c_int64),
+        ("array_type", ctypes.c_void_p),
+        ("none", ctypes.c_void_p),
+        ("type_numbers", ctypes.c_int32 * len(DTYPES)),
+    )
+
+
+def tell_array_layout(library: ctypes.CDLL) -> bool:
+    """Tell a library how arrays lie in memory; return whether its checks can rely on it."""
+    if sys.implementation.name != "cpython":  # elsewhere, an object is not what lies at its id
+        return False
+    numbers = [np.dtype(dtype).num for dtype in DTYPES.values()]
+    layout = _ArrayLayout(
+        object.__basicsize__, id(np.ndarray), id(None), (ctypes.c_int32 * len(DTYPES))(*numbers)
+    )
+    probe = np.zeros(3)[1:]
+    library.set_array_layout.restype = ctypes.c_bool
+    library.set_array_layout.argtypes = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
+    return bool(library.set_array_layout(ctypes.byref(layout), probe, probe.ctypes.data))
+
+
+def bind(declaration: Declaration, plain: Any, checked: Any = None) -> Callable[..., Any]:
+    """Return a Python function that calls a function of the core once its arguments are checked.
+
+    It takes the declared parameters in their order, without the sizes that shapes tell, and returns
+    what the function of the core returns.
+
+    Parameters
+    ----------
+    declaration
+    plain
+        The function, as ctypes has it.
+    checked
+        The function that checks and calls it, or None if the library has none.
 
     Raises
     ------
@@ -56,110 +91,87 @@ def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
     MemoryError
         From a call: the function found no memory.
     """
-    function.restype = _RESULTS[declaration.result]
-    function.argtypes = [
+    plain.restype = _RESULTS[declaration.result]
+    plain.argtypes = [
         ctypes.c_void_p if parameter.dimensions else _SCALARS[parameter.dtype]
         for parameter in declaration.parameters
     ]
-    names: dict[str, Any] = {
-        "_function": function,
-        "_array": np.ndarray,
-        "_address": _address_of_data,
-        "_explain": lambda name, values: _explain(declaration, name, values),
-        "_OUT_OF_MEMORY": OUT_OF_MEMORY,
-    }
-    names |= {f"_{dtype}": np.dtype(dtype) for dtype in _SCALARS}
-    exec("\n".join(_source(declaration)), names)
-    bound: Callable[..., Any] = names[declaration.name]
-    return bound
+
+    def call_slowly(*arguments: Any) -> Any:
+        result = plain(*_checked_arguments(declaration, arguments))
+        if result == OUT_OF_MEMORY:
+            raise MemoryError(f"{declaration.name}: not enough memory")
+        return result
+
+    if checked is None:
+        return call_slowly
+    checked.restype = ctypes.c_int64
+    checked.argtypes = [
+        ctypes.py_object if parameter.dimensions else _SCALARS[parameter.dtype]
+        for parameter in declaration.given
+    ]
+    n_given, is_void = len(declaration.given), declaration.result == "void"
+
+    def call(*arguments: Any) -> Any:
+        result = checked(*arguments) if len(arguments) == n_given else REFUSED
+        if result > REFUSED:
+            return None if is_void else result
+        if result == REFUSED:
+            return call_slowly(*arguments)
+        raise MemoryError(f"{declaration.name}: not enough memory")
+
+    return call
 
 
-def _source(declaration: Declaration) -> Iterator[str]:
-    """Lines of a Python function that checks its arguments and makes the call."""
-    derived = declaration.derived
-    parameters = declaration.parameters
-    arrays = [parameter for parameter in parameters if parameter.dimensions]
-    given = [parameter.name for parameter in parameters if parameter.name not in derived]
-    yield f"def {declaration.name}({', '.join(given)}):"
+def _checked_arguments(declaration: Declaration, arguments: tuple[Any, ...]) -> list[Any]:
+    """Check the arguments of a call; return those of the function itself, or raise."""
+    given = [parameter.name for parameter in declaration.given]
+    if len(arguments) != len(given):
+        raise TypeError(
+            f"{declaration.name}: it takes {len(given)} arguments ({', '.join(given)}), "
+            f"not {len(arguments)}"
+        )
+    values = dict(zip(given, arguments, strict=True))
+    arrays = [
+        parameter
+        for parameter in declaration.parameters
+        if parameter.dimensions and not (parameter.optional and values[parameter.name] is None)
+    ]
     for array in arrays:
-        yield from _type_check(array)
-    for size, ((array, axis, offset), *_) in derived.items():
-        missing = f"0 if {array.name} is None else " if array.optional else ""
-        yield f"    {size} = {missing}{array.name}.shape[{axis}] + {offset}"
+        _check_kind(declaration, array, values[array.name])
+    for size, ((array, axis, offset), *_) in declaration.derived.items():
+        values[size] = values[array.name].shape[axis] + offset if array in arrays else 0
     for array in arrays:
-        missing = f"{array.name} is not None and " if array.optional else ""
-        yield f"    if {missing}{array.name}.shape != ({', '.join(array.dimensions)},):"
-        yield f"        _explain('{array.name}', locals())"
-    call = f"_function({', '.join(_argument(parameter) for parameter in parameters)})"
-    if declaration.result == "int64_t":
-        yield f"    result = {call}"
-        yield "    if result == _OUT_OF_MEMORY:"
-        yield f"        raise MemoryError('{declaration.name}: not enough memory')"
-        yield "    return result"
-    else:
-        yield f"    return {call}"
+        _check_shape(declaration, array, values)
+    return [
+        values[each.name].ctypes.data if each in arrays else values[each.name]
+        for each in declaration.parameters
+    ]
 
 
-def _type_check(array: Parameter) -> Iterator[str]:
-    name = array.name
-    flags = "flags.carray" if array.written else f"flags.c_contiguous and {name}.flags.aligned"
-    wrong = (
-        f"not isinstance({name}, _array) or {name}.dtype != _{array.dtype}"
-        f" or {name}.ndim != {len(array.dimensions)} or not ({name}.{flags})"
-    )
-    yield f"    if {f'{name} is not None and ({wrong})' if array.optional else wrong}:"
-    yield f"        _explain('{name}', locals())"
-
-
-def _argument(parameter: Parameter) -> str:
-    if not parameter.dimensions:
-        return parameter.name
-    if parameter.optional:
-        return f"None if {parameter.name} is None else _address({parameter.name})"
-    return f"_address({parameter.name})"
-
-
-def _explain(declaration: Declaration, name: str, values: dict[str, Any]) -> NoReturn:
-    """Raise the error that says what is wrong with an argument."""
-    array = values[name]
-    parameter = next(each for each in declaration.parameters if each.name == name)
+def _check_kind(declaration: Declaration, parameter: Parameter, array: Any) -> None:
+    """Raise if an argument is no array of the declared type and rank that can be used as it is."""
     wanted = f"{parameter.dtype} ({', '.join(parameter.dimensions)})"
-    place = f"{declaration.name}: {name}:"
+    place = f"{declaration.name}: {parameter.name}:"
     if not isinstance(array, np.ndarray):
         raise TypeError(f"{place} it is a {type(array).__name__}; it must be an array, {wanted}")
     if array.dtype != parameter.dtype:
         raise TypeError(f"{place} it has the dtype {array.dtype}; it must be {wanted}")
-    sizes = {size: values[size] for size in declaration.derived if size in values}
-    if array.ndim != len(parameter.dimensions) or sizes:
-        where = ", ".join(f"{size} = {value}" for size, value in sizes.items())
-        raise ValueError(
-            f"{place} it has the shape {array.shape}; it must be {wanted}"
-            + (f" with {where}" if where else "")
-        )
+    if array.ndim != len(parameter.dimensions):
+        raise ValueError(f"{place} it has the shape {array.shape}; it must be {wanted}")
     if not array.flags.c_contiguous or not array.flags.aligned:
         raise ValueError(f"{place} it is not contiguous and aligned")
-    raise ValueError(f"{place} it is read-only, and the function writes to it")
+    if parameter.written and not array.flags.writeable:
+        raise ValueError(f"{place} it is read-only, and the function writes to it")
 
 
-# `array.ctypes.data` costs more than all checks together. In CPython, the address of the data is
-# the first field of an array after the head that all objects have (NumPy's C API, ndarraytypes.h).
-_HEAD = object.__basicsize__
-_read_address = ctypes.c_size_t.from_address
-
-
-def _field_address(array: np.ndarray[Any, Any]) -> int:
-    return _read_address(id(array) + _HEAD).value
-
-
-def _public_address(array: np.ndarray[Any, Any]) -> int:
-    return array.ctypes.data
-
-
-def _choose_address() -> Callable[[np.ndarray[Any, Any]], int]:
-    probe = np.zeros(3)[1:]
-    if sys.implementation.name == "cpython" and _field_address(probe) == probe.ctypes.data:
-        return _field_address
-    return _public_address
-
-
-_address_of_data = _choose_address()
+def _check_shape(declaration: Declaration, parameter: Parameter, values: dict[str, Any]) -> None:
+    """Raise if an array's shape does not go with the sizes."""
+    shape = values[parameter.name].shape
+    if shape != tuple(eval(each, {}, values) for each in parameter.dimensions):
+        sizes = ", ".join(f"{size} = {values[size]}" for size in declaration.derived)
+        raise ValueError(
+            f"{declaration.name}: {parameter.name}: it has the shape {shape}; it must be "
+            f"{parameter.dtype} ({', '.join(parameter.dimensions)})"
+            + (f" with {sizes}" if sizes else "")
+        )

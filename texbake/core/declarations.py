@@ -72,6 +72,17 @@ class Declaration:
     result: str
     parameters: tuple[Parameter, ...]
 
+    @property
+    def has_check(self) -> bool:
+        """Whether the library checks the arguments, as of all that have arrays and can refuse."""
+        has_arrays = any(parameter.dimensions for parameter in self.parameters)
+        return has_arrays and self.result in {"void", "int64_t"}
+
+    @cached_property
+    def given(self) -> list[Parameter]:
+        """The parameters that Python passes: all but the sizes that come from shapes."""
+        return [parameter for parameter in self.parameters if parameter.name not in self.derived]
+
     @cached_property
     def derived(self) -> dict[str, list[tuple[Parameter, int, int]]]:
         """The sizes that come from shapes: for each the arrays, dimensions and offsets that tell.

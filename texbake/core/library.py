@@ -15,7 +15,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from texbake.core.binding import bind
+from texbake.core.binding import bind, tell_array_layout
 from texbake.core.declarations import read_prototype, split_prototypes
 from texbake.errors import DependencyError
 
@@ -26,14 +26,18 @@ SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 class Core:
     """The functions of `core.h` as methods.
 
-    Each is bound when it is first asked for: its prototype is read, and its checks are written.
+    Each is bound when it is first asked for, and its prototype is read.
     """
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         match = self._prototypes.get(name)
         if match is None:
             raise AttributeError(f"core.h declares no function '{name}'")
-        bound = bind(read_prototype(match), getattr(self._library, name))
+        declaration = read_prototype(match)
+        checked = None
+        if declaration.has_check and self._has_checks:
+            checked = getattr(self._library, f"checked_{name}")
+        bound = bind(declaration, getattr(self._library, name), checked)
         setattr(self, name, bound)
         return bound
 
@@ -48,6 +52,10 @@ class Core:
     @cached_property
     def _library(self) -> ctypes.CDLL:
         return load_library()
+
+    @cached_property
+    def _has_checks(self) -> bool:
+        return tell_array_layout(self._library)
 
 
 def load_library() -> ctypes.CDLL:
