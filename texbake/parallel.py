@@ -1,14 +1,15 @@
 """Work divided into bands for a pool of threads, with the same result for any number of threads.
 
-Kernels are compiled with `nogil=True` and write only to their own band, so that plain threads run
-them in parallel, and the order in which they finish cannot change a byte of the result.
+Kernels run without the GIL and write only to their own band, so that plain threads run them in
+parallel, and the order in which they finish cannot change a byte of the result.
 """
 
 from __future__ import annotations
 
 import os
+import threading
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 
 from texbake.errors import OptionError
 
@@ -53,23 +54,47 @@ def run_bands(
     The first error of a band, or an interrupt, cancels the bands not yet started and is raised.
     """
     starts = range(0, n_items, band)
-    threads = min(resolve_threads(threads), len(starts))
-    if threads <= 1:
-        for start in starts:
-            stop = min(start + band, n_items)
-            work(start, stop)
-            if advance is not None:
-                advance(stop - start)
-        return
-    pool = ThreadPoolExecutor(threads, thread_name_prefix="texbake")
-    try:
-        sizes: dict[Future[None], int] = {}
-        for start in starts:
-            stop = min(start + band, n_items)
-            sizes[pool.submit(work, start, stop)] = stop - start
-        for future in as_completed(sizes):
-            future.result()
-            if advance is not None:
-                advance(sizes[future])
+    n_helpers = min(resolve_threads(threads), len(starts)) - 1
+    waiting, finished, errors = deque(starts), deque[int](), deque[BaseException]()
+
+    def help_out() -> None:
+        try:
+            while waiting:
+                finished.append(_run_next(work, waiting, band, n_items))
+        except BaseException as error:
+            waiting.clear()
+            errors.append(error)
+
+    def report() -> None:
+        while finished and advance is not None:
+            advance(finished.popleft())
+
+    helpers = [
+        threading.Thread(target=help_out, name=f"texbake {i}") for i in range(1, n_helpers + 1)
+    ]
+    for helper in helpers:
+        helper.start()
+    try:  # the calling thread works like the others
+        while waiting:
+            finished.append(_run_next(work, waiting, band, n_items))
+            report()
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        waiting.clear()
+        for helper in helpers:
+            helper.join()
+    if errors:
+        raise errors[0]
+    report()
+
+
+def _run_next(
+    work: Callable[[int, int], None], waiting: deque[int], band: int, n_items: int
+) -> int:
+    """Call `work` for the next band, if another thread has not taken it; return its items."""
+    try:
+        start = waiting.popleft()
+    except IndexError:
+        return 0
+    stop = min(start + band, n_items)
+    work(start, stop)
+    return stop - start

@@ -17,6 +17,7 @@ import numpy as np
 from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
 from texbake.errors import MeshError
+from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -153,7 +154,7 @@ def _from_high(scene: RayScene, low: Mesh, threads: int | None) -> tuple[float, 
     tree = TriangleTree.build(positions, low.faces, threads=threads)
     step = max(1, high.n_faces // _HIGH_POINTS)
     # All vertices, or in a large mesh one for each of evenly spread faces.
-    vertices = np.unique(high.faces) if step == 1 else high.faces[::step, 0]
+    vertices = used_rows(high.faces, high.n_vertices)[0] if step == 1 else high.faces[::step, 0]
     points = frame.to_local(high.positions[vertices])
     distances, faces, weights = tree.closest_points(points, threads=threads)
     corners = positions[low.faces[faces]]
