@@ -211,11 +211,18 @@ class RayField:
     def places(self, samples: Samples, grid: SampleGrid) -> RayPlaces:
         """Return where the rays of samples stand in a grid over the texture."""
         corner_uvs, charts = self.layout
-        cells = np.empty((len(samples), 2), dtype=np.int32)
+        places = RayPlaces.empty(len(samples))
         core.place_samples(
-            samples.faces, samples.barycentrics, corner_uvs, grid.n_columns, grid.n_rows, cells
+            samples.faces,
+            samples.barycentrics,
+            corner_uvs,
+            charts,
+            grid.n_columns,
+            grid.n_rows,
+            places.cells,
+            places.charts,
         )
-        return RayPlaces(cells, charts[samples.faces])
+        return places
 
     def _reshape(self, rays: Rays, samples: Samples, maps: RayMaps, threads: int | None) -> None:
         """Change rays, in place, according to the images."""

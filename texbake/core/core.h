@@ -794,8 +794,8 @@ void reshape_rays(
     double lengths[n], double fronts[n]);
 void place_samples(
     int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
-    const double corner_uvs[n_faces][3][2], int64_t n_columns, int64_t n_rows,
-    int32_t places[n][2]);
+    const double corner_uvs[n_faces][3][2], const int32_t charts[n_faces], int64_t n_columns,
+    int64_t n_rows, int32_t places[n][2], int32_t place_charts[n]);
 void offsets_of_hits(
     int64_t n, const double sample_barycentrics[n][2], const double directions[n][3],
     const double fronts[n], const int32_t faces[n], const double barycentrics[n][2],

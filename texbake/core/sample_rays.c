@@ -4,8 +4,12 @@
 
    Called from texbake/baking/rays.py and texbake/baking/hits.py. */
 
+#include <stdbool.h>
+
 #include "core.h"
 #include "numbers.h"
+
+#define BLOCK 64 /* samples handled together */
 
 /* Mean of the rows of a face's corners, with the weights of a sample. */
 static inline double mean_of(
@@ -26,6 +30,83 @@ static double face_normal(const double (*positions)[3], const int32_t corners[3]
     return sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
 }
 
+/* Weights of the three corners of a face at samples. */
+static void weigh(int n, const double (*barycentrics)[2], double weights[3][BLOCK])
+{
+    double *restrict a = weights[0], *restrict b = weights[1], *restrict c = weights[2];
+    for (int k = 0; k < n; k++) {
+        b[k] = barycentrics[k][0];
+        c[k] = barycentrics[k][1];
+        a[k] = 1.0 - b[k] - c[k];
+    }
+}
+
+/* End of the samples that are on the same face as the first. */
+static inline int end_of_run(const int32_t *faces, int first, int n)
+{
+    int end = first + 1;
+    while (end < n && faces[end] == faces[first])
+        end++;
+    return end;
+}
+
+/* Samples that become rays together, by coordinate. */
+struct block {
+    double weights[3][BLOCK];
+    double points[3][BLOCK], outward[3][BLOCK]; /* on the surface, and where a ray comes from */
+    double lengths[BLOCK], fronts[BLOCK];
+};
+
+/* Rows of a face's corners, and those of what its rays come from. */
+struct corner_rows {
+    const double *points[3], *outer[3];
+};
+
+/* Write the points and the outward vectors of samples from `first` up to `end`, which are on one face. */
+static void mean_corners(
+    struct block *block, int first, int end, const struct corner_rows *rows, bool from_starts)
+{
+    const double *restrict a = block->weights[0], *restrict b = block->weights[1];
+    const double *restrict c = block->weights[2];
+    for (int axis = 0; axis < 3; axis++) {
+        const double p = rows->points[0][axis], q = rows->points[1][axis], r = rows->points[2][axis];
+        const double o = rows->outer[0][axis], s = rows->outer[1][axis], t = rows->outer[2][axis];
+        double *restrict point = block->points[axis], *restrict outward = block->outward[axis];
+        for (int k = first; k < end; k++) {
+            point[k] = a[k] * p + b[k] * q + c[k] * r;
+            const double outer = a[k] * o + b[k] * s + c[k] * t;
+            outward[k] = from_starts ? outer - point[k] : outer;
+        }
+    }
+}
+
+/* Write how long the outward vectors are, and how far in front of the surface the rays start. */
+static void measure_outward(int n, struct block *block, bool from_starts, double front)
+{
+    const double *restrict x = block->outward[0], *restrict y = block->outward[1];
+    const double *restrict z = block->outward[2];
+    double *restrict lengths = block->lengths, *restrict fronts = block->fronts;
+    for (int k = 0; k < n; k++) {
+        lengths[k] = sqrt(x[k] * x[k] + y[k] * y[k] + z[k] * z[k]);
+        fronts[k] = from_starts ? lengths[k] : front;
+    }
+}
+
+/* Make the outward vectors unit vectors, or zero where there is none, and move the points to where the
+   rays start. */
+static void start_outside(int n, struct block *block)
+{
+    const double *restrict lengths = block->lengths, *restrict fronts = block->fronts;
+    for (int axis = 0; axis < 3; axis++) {
+        double *restrict point = block->points[axis], *restrict outward = block->outward[axis];
+        for (int k = 0; k < n; k++) {
+            const double unit = outward[k] / lengths[k];
+            outward[k] = lengths[k] > 0.0 ? unit : 0.0;
+            point[k] += fronts[k] * outward[k];
+        }
+    }
+}
+
 /* Write the rays of samples. With `starts`, those of a cage, a ray starts at the point of the cage; else
    at the front distance along the normals. */
 void cast_from_samples(
@@ -36,30 +117,41 @@ void cast_from_samples(
     double back, double origins[n][3], double directions[n][3], double lengths[n],
     double fronts[n])
 {
-    for (int64_t i = 0; i < n; i++) {
-        const int32_t *face = corners[faces[i]], *at_face = normal_corners[faces[i]];
-        const double b = barycentrics[i][0], c = barycentrics[i][1];
-        const double weights[3] = {1.0 - b - c, b, c};
-        double point[3], outward[3], square = 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            point[axis] = mean_of(positions, face, weights, axis);
-            outward[axis] = starts ? mean_of(starts, face, weights, axis) - point[axis]
-                                   : mean_of(normals, at_face, weights, axis);
-            square += outward[axis] * outward[axis];
+    struct block block;
+    for (int64_t start = 0; start < n; start += BLOCK) {
+        const int n_here = (int)min_i64(n - start, BLOCK);
+        const int32_t *some = faces + start;
+        weigh(n_here, barycentrics + start, block.weights);
+        for (int first = 0, end; first < n_here; first = end) {
+            end = end_of_run(some, first, n_here);
+            struct corner_rows rows;
+            for (int corner = 0; corner < 3; corner++) {
+                const int32_t vertex = corners[some[first]][corner];
+                rows.points[corner] = positions[vertex];
+                rows.outer[corner] =
+                    starts ? starts[vertex] : normals[normal_corners[some[first]][corner]];
+            }
+            mean_corners(&block, first, end, &rows, starts);
         }
-        double length = sqrt(square);
-        /* A cage that touches the surface, or unit normals that cancel: there is no direction. */
-        if (length < 1e-12) {
-            length = face_normal(positions, face, outward);
-            fronts[i] = starts ? 0.0 : front;
-        } else {
-            fronts[i] = starts ? length : front;
+        measure_outward(n_here, &block, starts, front);
+        for (int k = 0; k < n_here; k++) {
+            /* A cage that touches the surface, or unit normals that cancel: there is no direction. */
+            if (block.lengths[k] < 1e-12) {
+                double normal[3];
+                block.lengths[k] = face_normal(positions, corners[some[k]], normal);
+                block.fronts[k] = starts ? 0.0 : front;
+                for (int axis = 0; axis < 3; axis++)
+                    block.outward[axis][k] = normal[axis];
+            }
         }
-        lengths[i] = length > 0.0 ? fronts[i] + back : 0.0;
-        for (int axis = 0; axis < 3; axis++) {
-            const double unit = length > 0.0 ? outward[axis] / length : 0.0;
-            origins[i][axis] = point[axis] + fronts[i] * unit;
-            directions[i][axis] = -unit;
+        start_outside(n_here, &block);
+        for (int k = 0; k < n_here; k++) {
+            for (int axis = 0; axis < 3; axis++) {
+                origins[start + k][axis] = block.points[axis][k];
+                directions[start + k][axis] = -block.outward[axis][k];
+            }
+            fronts[start + k] = block.fronts[k];
+            lengths[start + k] = block.lengths[k] > 0.0 ? block.fronts[k] + back : 0.0;
         }
     }
 }
@@ -98,20 +190,41 @@ void reshape_rays(
     }
 }
 
-/* Column and row of each sample in a grid over the texture, row 0 at the top, as a place of its ray. */
+/* Write the places of samples that are on one face. */
+static void place_on_face(
+    int n, const double *restrict a, const double *restrict b, const double *restrict c,
+    const double uvs[3][2], double n_columns, double n_rows, int32_t (*restrict places)[2])
+{
+    const double p = uvs[0][0], q = uvs[1][0], r = uvs[2][0];
+    const double s = uvs[0][1], t = uvs[1][1], w = uvs[2][1];
+    for (int k = 0; k < n; k++) {
+        const double u = a[k] * p + b[k] * q + c[k] * r, v = a[k] * s + b[k] * t + c[k] * w;
+        /* Samples lie in the unit square, except for rounding. */
+        places[k][0] = (int32_t)clamp_f64(u * n_columns, 0.0, n_columns - 1.0);
+        places[k][1] = (int32_t)clamp_f64((1.0 - v) * n_rows, 0.0, n_rows - 1.0);
+    }
+}
+
+/* Write the column and row of each sample in a grid over the texture, row 0 at the top, and its chart, as
+   the place of its ray. */
 void place_samples(
     int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
-    const double corner_uvs[n_faces][3][2], int64_t n_columns, int64_t n_rows,
-    int32_t places[n][2])
+    const double corner_uvs[n_faces][3][2], const int32_t charts[n_faces], int64_t n_columns,
+    int64_t n_rows, int32_t places[n][2], int32_t place_charts[n])
 {
-    for (int64_t i = 0; i < n; i++) {
-        const double (*uvs)[2] = corner_uvs[faces[i]];
-        const double b = barycentrics[i][0], c = barycentrics[i][1], a = 1.0 - b - c;
-        const double u = a * uvs[0][0] + b * uvs[1][0] + c * uvs[2][0];
-        const double v = a * uvs[0][1] + b * uvs[1][1] + c * uvs[2][1];
-        /* Samples lie in the unit square, except for rounding. */
-        places[i][0] = (int32_t)clamp_f64(u * n_columns, 0.0, n_columns - 1.0);
-        places[i][1] = (int32_t)clamp_f64((1.0 - v) * n_rows, 0.0, n_rows - 1.0);
+    double weights[3][BLOCK];
+    for (int64_t start = 0; start < n; start += BLOCK) {
+        const int n_here = (int)min_i64(n - start, BLOCK);
+        const int32_t *some = faces + start;
+        weigh(n_here, barycentrics + start, weights);
+        for (int first = 0, end; first < n_here; first = end) {
+            end = end_of_run(some, first, n_here);
+            place_on_face(
+                end - first, weights[0] + first, weights[1] + first, weights[2] + first,
+                corner_uvs[some[first]], (double)n_columns, (double)n_rows, places + start + first);
+            for (int k = first; k < end; k++)
+                place_charts[start + k] = charts[some[first]];
+        }
     }
 }
 

@@ -57,6 +57,11 @@ class RayPlaces:
     cells: npt.NDArray[np.int32]
     charts: npt.NDArray[np.int32]
 
+    @classmethod
+    def empty(cls, n: int) -> RayPlaces:
+        """Places of `n` rays, to be filled in."""
+        return cls(np.empty((n, 2), dtype=np.int32), np.empty(n, dtype=np.int32))
+
     def where(self, chosen: slice) -> RayPlaces:
         """Return some rows."""
         return RayPlaces(self.cells[chosen], self.charts[chosen])
