@@ -31,6 +31,7 @@
 #define SIDE 16
 #define RAYS (SIDE * SIDE)
 #define LANES 4 /* rays tested together */
+#define PLACES (RAYS + LANES) /* the lanes may go beyond the last row */
 #define NO_HIT (-1)
 #define STACK (MAX_LEVELS * WIDTH + 1)
 /* Planes are moved apart by this, in local units, so that they never coincide. */
@@ -43,12 +44,12 @@ struct line {
     double at_zero, slope;
 };
 
-/* A linear function of space, and what it is for the rays of a bundle at each depth: within `low` to
-   `high`; and base + step * place for the ray at a place, up to the deviation that is subtracted in
-   `below` and added in `above`. */
+/* A linear function of space, and what it is for the rays of a bundle at each depth: base + step * place
+   for the ray at a place, up to the deviation that is subtracted in `below` and added in `above`. For
+   all of them it is from `below` to `high`. */
 struct axis {
     double vector[3];
-    struct line low, high, step, below, above;
+    struct line high, step, below, above;
 };
 
 /* A bundle in coordinates x, y, z of which z is the one in which all its rays go farthest. */
@@ -56,17 +57,18 @@ struct bundle {
     int order[3]; /* the axes of space that x, y, z are */
     bool descending;
     int n, n_columns, n_rows;
+    int fitted;        /* axes are fitted to the rays of one row of so many */
     double middle[2];  /* x and y of one of the rays, halfway */
     double planes[2];  /* depths between which the rays run */
     double doubt;      /* an edge whose sign is uncertain is at most this */
     double far;        /* no ray goes beyond this depth, counted in its direction */
     int n_new;         /* hits since `far` was computed */
     struct axis across, down;
-    int rays[RAYS];    /* ray of each place, or NO_HIT */
-    double x[RAYS], y[RAYS], z[RAYS], slope_x[RAYS], slope_y[RAYS], along[RAYS]; /* of each place */
-    double lengths[RAYS], nearest[RAYS];
-    double weights[RAYS], holes[RAYS]; /* 1 and 0 where there is a ray, else 0 and 1e300 */
-    int64_t slots[RAYS]; /* leaf and lane of the hit found in this call, or NO_HIT */
+    int rays[PLACES];  /* ray of each place, or NO_HIT */
+    double x[PLACES], y[PLACES], z[PLACES], slope_x[PLACES], slope_y[PLACES], along[PLACES];
+    double lengths[PLACES], nearest[PLACES];
+    double weights[PLACES], holes[PLACES]; /* 1 and 0 where there is a ray, else 0 and 1e300 */
+    int64_t slots[PLACES]; /* leaf and lane of the hit found in this call, or NO_HIT */
 };
 
 struct rays {
@@ -179,12 +181,11 @@ static struct crossing intersect(
     return (struct crossing){distance, v, w, total};
 }
 
-/* Rays that a triangle of a leaf may be hit by, where no edge says for certain that they miss it. */
-struct candidates {
-    int n;
-    int places[RAYS + LANES];
-    double least[RAYS + LANES], most[RAYS + LANES]; /* of the three edges */
-    double distances[RAYS + LANES];
+/* Rays that a triangle is tested against, `LANES` at a time, from a place on. */
+struct tests {
+    int n, places[RAYS / LANES];
+    double least[RAYS / LANES][LANES], most[RAYS / LANES][LANES]; /* of the three edges */
+    double distances[RAYS / LANES][LANES];
 };
 
 /* Keep a hit if it is the nearest. */
@@ -211,10 +212,9 @@ static inline void keep_hit(
     }
 }
 
-/* Test the rays of four columns and a row against a triangle, and list those that may hit it. */
+/* Test the rays from a place on against a triangle. */
 static inline void test_lanes(
-    const struct bundle *bundle, int first, const double triangle[9], double doubt,
-    struct candidates *found)
+    const struct bundle *bundle, int first, const double triangle[9], struct tests *tests)
 {
     const double ax = triangle[0], ay = triangle[1], az = triangle[2];
     const double bx = triangle[3], by = triangle[4], bz = triangle[5];
@@ -222,7 +222,8 @@ static inline void test_lanes(
     const double *restrict ox = bundle->x + first, *restrict oy = bundle->y + first;
     const double *restrict oz = bundle->z + first, *restrict along = bundle->along + first;
     const double *restrict sx = bundle->slope_x + first, *restrict sy = bundle->slope_y + first;
-    double least[LANES], most[LANES], distances[LANES];
+    double *restrict least = tests->least[tests->n], *restrict most = tests->most[tests->n];
+    double *restrict distances = tests->distances[tests->n];
 #pragma GCC unroll 1 /* or else it is no loop any more when it comes to be vectorized */
     for (int k = 0; k < LANES; k++) {
         const double pz = az - oz[k], qz = bz - oz[k], rz = cz - oz[k];
@@ -234,15 +235,7 @@ static inline void test_lanes(
         most[k] = max_f64(max_f64(u, v), w);
         distances[k] = (u * pz + v * qz + w * rz) / ((u + v + w) * along[k]);
     }
-    int n = found->n;
-    for (int k = 0; k < LANES; k++) { /* without a jump, which would be predicted badly */
-        found->places[n] = first + k;
-        found->least[n] = least[k];
-        found->most[n] = most[k];
-        found->distances[n] = distances[k];
-        n += !((least[k] < -doubt) & (most[k] > doubt));
-    }
-    found->n = n;
+    tests->places[tests->n++] = first;
 }
 
 /* Test the rays of some columns and rows against one triangle. Those for which rounding could matter
@@ -252,23 +245,26 @@ static void test_triangle(
     int64_t slot, const struct results *results)
 {
     const double (*corners)[WIDTH] = tree->leaves[slot / WIDTH];
-    /* A product is at most the reach squared, and the sign of a difference of two is certain beyond
-       4 roundings of each. */
     const double doubt = bundle->doubt;
     double triangle[9];
     for (int c = 0; c < 3; c++)
         for (int axis = 0; axis < 3; axis++)
             triangle[3 * c + axis] = corners[3 * c + bundle->order[axis]][slot % WIDTH];
-    struct candidates found;
-    found.n = 0;
+    struct tests tests;
+    tests.n = 0;
     for (int row = rows[0]; row <= rows[1]; row++)
-        for (int column = columns[0] & -LANES; column <= columns[1]; column += LANES)
-            test_lanes(bundle, row * SIDE + column, triangle, doubt, &found);
-    for (int j = 0; j < found.n; j++) {
-        const int place = found.places[j];
-        if (found.least[j] > doubt || found.most[j] < -doubt) {
-            keep_hit(
-                bundle, place, found.distances[j], found.least[j] > doubt, tree, slot, results);
+        for (int column = columns[0]; column <= columns[1]; column += LANES)
+            test_lanes(bundle, row * SIDE + column, triangle, &tests);
+    const double *least = tests.least[0], *most = tests.most[0], *distances = tests.distances[0];
+    int chosen[RAYS], n = 0;
+    for (int j = 0; j < tests.n * LANES; j++) { /* without a jump, which would be predicted badly */
+        chosen[n] = j;
+        n += !((least[j] < -doubt) & (most[j] > doubt));
+    }
+    for (int i = 0; i < n; i++) {
+        const int j = chosen[i], place = tests.places[j / LANES] + j % LANES;
+        if (least[j] > doubt || most[j] < -doubt) {
+            keep_hit(bundle, place, distances[j], least[j] > doubt, tree, slot, results);
             continue;
         }
         const struct crossing hit = intersect(bundle, place, tree, slot);
@@ -353,8 +349,8 @@ static void bound_walk(const struct bundle *bundle, struct beam *beam)
     const struct axis *axes[2] = {&bundle->across, &bundle->down};
     for (int a = 0; a < 2; a++) {
         const struct axis *axis = axes[a];
-        double size = fabs(axis->low.at_zero) + fabs(axis->high.at_zero) +
-                      fabs(axis->low.slope) + fabs(axis->high.slope);
+        double size = fabs(axis->below.at_zero) + fabs(axis->high.at_zero) +
+                      fabs(axis->below.slope) + fabs(axis->high.slope);
         for (int k = 0; k < 3; k++) {
             const bool grows = axis->vector[k] > 0.0;
             beam->vectors[a][k] = (float)axis->vector[k];
@@ -362,8 +358,8 @@ static void bound_walk(const struct bundle *bundle, struct beam *beam)
             beam->far[a][k] = bundle->order[k] + (grows ? 3 : 0);
             size += fabs(axis->vector[k]);
         }
-        beam->low[a][0] = (float)(axis->low.at_zero - FLOAT_SLACK * size);
-        beam->low[a][1] = (float)axis->low.slope;
+        beam->low[a][0] = (float)(axis->below.at_zero - FLOAT_SLACK * size);
+        beam->low[a][1] = (float)axis->below.slope;
         beam->high[a][0] = (float)(axis->high.at_zero + FLOAT_SLACK * size);
         beam->high[a][1] = (float)axis->high.slope;
     }
@@ -416,6 +412,16 @@ static void update_far(struct bundle *bundle)
     bundle->n_new = 0;
 }
 
+/* Ask for the memory of a node, or of a leaf below level 0, before it is needed. */
+static inline void fetch_early(const struct tree *tree, int level, int64_t at)
+{
+    const char *first = level < 0 ? (const char *)tree->leaves[at]
+                                  : (const char *)tree->nodes[tree->starts[level] + at];
+    const size_t size = level < 0 ? sizeof(leaf) : sizeof(node);
+    for (size_t line = 0; line < size; line += 64)
+        __builtin_prefetch(first + line);
+}
+
 /* Walk the tree, the nearer boxes first. */
 static void walk(
     struct bundle *bundle, const struct tree *tree, const struct results *results)
@@ -435,9 +441,6 @@ static void walk(
         if (stack[depth].near > bundle->far)
             continue;
         if (level < 0) {
-            if (depth > 0 && stack[depth - 1].level < 0)
-                for (int row = 0; row < 9; row++)
-                    __builtin_prefetch(tree->leaves[stack[depth - 1].at][row]);
             test_leaf(bundle, tree, at, stack[depth].low, stack[depth].high, results);
             continue;
         }
@@ -452,6 +455,7 @@ static void walk(
             int place = depth++;
             for (; place > bottom && stack[place - 1].near < near; place--)
                 stack[place] = stack[place - 1];
+            fetch_early(tree, level - 1, at * WIDTH + k);
             stack[place].level = level - 1;
             stack[place].at = at * WIDTH + k;
             stack[place].near = near;
@@ -464,12 +468,12 @@ static void walk(
 /* How two coordinates of the rays, halfway along, change from column to column and row to row. */
 static void fit_steps(const struct bundle *bundle, double across[2], double down[2])
 {
-    const double z = 0.5 * (bundle->planes[0] + bundle->planes[1]), n = bundle->n;
+    const double z = 0.5 * (bundle->planes[0] + bundle->planes[1]), n = bundle->n / bundle->fitted;
     double c[SIDE] = {0}, r[SIDE] = {0}, x[SIDE] = {0}, y[SIDE] = {0}, cc[SIDE] = {0}, rr[SIDE] = {0};
     double cr[SIDE] = {0}, cx[SIDE] = {0}, cy[SIDE] = {0}, rx[SIDE] = {0}, ry[SIDE] = {0};
     /* Relative to one of the rays, so that the sums of products lose no digits. */
     const double middle_x = bundle->middle[0], middle_y = bundle->middle[1];
-    for (int row = 0; row < bundle->n_rows; row++) {
+    for (int row = 0; row < bundle->n_rows; row += bundle->fitted) {
         const double at_row = row;
         for (int k = 0; k < SIDE; k++) {
             const int place = row * SIDE + k;
@@ -538,42 +542,36 @@ static void choose_axes(struct bundle *bundle)
     vector[2] = -(vector[0] * mean_x + vector[1] * mean_y);
 }
 
-/* Write what an axis is at a plane, for each ray. */
-static void value_rays(
-    const struct bundle *bundle, const struct axis *axis, double plane, double values[RAYS])
+/* Write what an axis is at a plane, for the rays of a row. */
+static inline void value_row(
+    const struct bundle *bundle, const struct axis *axis, double plane, int row, double values[SIDE])
 {
-    const double *restrict x = bundle->x, *restrict y = bundle->y, *restrict z = bundle->z;
-    const double *restrict slope_x = bundle->slope_x, *restrict slope_y = bundle->slope_y;
+    const double *restrict x = bundle->x + row * SIDE, *restrict y = bundle->y + row * SIDE;
+    const double *restrict z = bundle->z + row * SIDE;
+    const double *restrict slope_x = bundle->slope_x + row * SIDE;
+    const double *restrict slope_y = bundle->slope_y + row * SIDE;
     const double to_x = axis->vector[0], to_y = axis->vector[1], base = axis->vector[2] * plane;
-    for (int place = 0; place < bundle->n_rows * SIDE; place++) {
-        const double along = plane - z[place];
-        values[place] = to_x * (x[place] + slope_x[place] * along) +
-                        to_y * (y[place] + slope_y[place] * along) + base;
+    for (int k = 0; k < SIDE; k++) {
+        const double along = plane - z[k];
+        values[k] = to_x * (x[k] + slope_x[k] * along) + to_y * (y[k] + slope_y[k] * along) + base;
     }
 }
 
-/* Bounds of values of the rays, and the step and base of the line that fits them best, as a function
-   of the column or row. */
+/* The step and base of the line that fits an axis at the rays best, as a function of the column or
+   row. */
 static void fit_line(
-    const struct bundle *bundle, const double values[RAYS], bool is_row, double bounds[2],
-    double fit[2], double *mean_place)
+    const struct bundle *bundle, const struct axis *axis, double plane, bool is_row, double fit[2],
+    double *mean_place)
 {
-    double low[SIDE], high[SIDE], sums[SIDE] = {0}, ats[SIDE] = {0}, squares[SIDE] = {0};
-    double both[SIDE] = {0}, places[SIDE];
-    for (int k = 0; k < SIDE; k++)
-        low[k] = 1e300, high[k] = -1e300;
+    double sums[SIDE] = {0}, ats[SIDE] = {0}, squares[SIDE] = {0}, both[SIDE] = {0}, places[SIDE];
     memcpy(places, COLUMNS, sizeof places);
-    for (int row = 0; row < bundle->n_rows; row++) {
-        const double *restrict some = values + row * SIDE;
+    for (int row = 0; row < bundle->n_rows; row += bundle->fitted) {
         const double *restrict weights = bundle->weights + row * SIDE;
-        const double *restrict holes = bundle->holes + row * SIDE;
+        double some[SIDE];
+        value_row(bundle, axis, plane, row, some);
         if (is_row)
             for (int k = 0; k < SIDE; k++)
                 places[k] = row;
-        for (int k = 0; k < SIDE; k++) {
-            low[k] = min_f64(low[k], some[k] + holes[k]);
-            high[k] = max_f64(high[k], some[k] - holes[k]);
-        }
         for (int k = 0; k < SIDE; k++) {
             const double at = weights[k] * places[k];
             sums[k] += weights[k] * some[k];
@@ -582,23 +580,25 @@ static void fit_line(
             both[k] += at * some[k];
         }
     }
-    bounds[0] = least_of(low), bounds[1] = greatest_of(high);
-    const double n = bundle->n, mean = sum_of(ats) / n, spread = sum_of(squares) - n * mean * mean;
+    const double n = bundle->n / bundle->fitted, mean = sum_of(ats) / n;
+    const double spread = sum_of(squares) - n * mean * mean;
     fit[0] = spread > 1e-6 ? (sum_of(both) - sum_of(sums) * mean) / spread : 1.0;
     fit[1] = sum_of(sums) / n - fit[0] * mean;
     *mean_place = mean;
 }
 
-/* Greatest deviation of values from those that follow the places. */
+/* Greatest deviation of an axis at the rays from what follows the places. */
 static double deviation_of(
-    const struct bundle *bundle, const double values[RAYS], bool is_row, double base, double step)
+    const struct bundle *bundle, const struct axis *axis, double plane, bool is_row, double base,
+    double step)
 {
     double greatest[SIDE] = {0}, expected[SIDE];
     for (int k = 0; k < SIDE; k++)
         expected[k] = base + step * COLUMNS[k];
     for (int row = 0; row < bundle->n_rows; row++) {
-        const double *restrict some = values + row * SIDE;
         const double *restrict weights = bundle->weights + row * SIDE;
+        double some[SIDE];
+        value_row(bundle, axis, plane, row, some);
         if (is_row)
             for (int k = 0; k < SIDE; k++)
                 expected[k] = base + step * row;
@@ -608,15 +608,13 @@ static double deviation_of(
     return greatest_of(greatest);
 }
 
-/* Measure what an axis is at the rays: its bounds at both planes, and how it follows the places. */
+/* Measure how an axis follows the places, at both planes. */
 static void measure_axis(const struct bundle *bundle, struct axis *axis, bool is_row)
 {
     const double *vector = axis->vector, *planes = bundle->planes;
-    double values[2][RAYS], bounds[2][2], fit[2][2], off[2], mean;
-    for (int p = 0; p < 2; p++) {
-        value_rays(bundle, axis, planes[p], values[p]);
-        fit_line(bundle, values[p], is_row, bounds[p], fit[p], &mean);
-    }
+    double fit[2][2], off[2], mean;
+    for (int p = 0; p < 2; p++)
+        fit_line(bundle, axis, planes[p], is_row, fit[p], &mean);
     const double size = fabs(vector[0]) + fabs(vector[1]) + fabs(vector[2]);
     /* Where the rays cross each other, a step that is too great only makes the deviation so. */
     const double least = 0.02 * max_f64(max_f64(fit[0][0], fit[1][0]), 1e-3);
@@ -624,15 +622,15 @@ static void measure_axis(const struct bundle *bundle, struct axis *axis, bool is
         const double step = max_f64(fit[p][0], least);
         fit[p][1] += (fit[p][0] - step) * mean;
         fit[p][0] = step;
-        const double slack = 1e-6 + 1e-11 * (size + fabs(fit[p][1]));
-        off[p] = deviation_of(bundle, values[p], is_row, fit[p][1], step) + slack;
-        bounds[p][0] -= slack, bounds[p][1] += slack;
+        off[p] = deviation_of(bundle, axis, planes[p], is_row, fit[p][1], step) + 1e-6 +
+                 1e-11 * (size + fabs(fit[p][1]));
     }
-    axis->low = line_through(planes, bounds[0][0], bounds[1][0]);
-    axis->high = line_through(planes, bounds[0][1], bounds[1][1]);
+    const int last = (is_row ? bundle->n_rows : bundle->n_columns) - 1;
     axis->step = line_through(planes, fit[0][0], fit[1][0]);
     axis->below = line_through(planes, fit[0][1] - off[0], fit[1][1] - off[1]);
     axis->above = line_through(planes, fit[0][1] + off[0], fit[1][1] + off[1]);
+    axis->high.at_zero = axis->above.at_zero + axis->step.at_zero * last;
+    axis->high.slope = axis->above.slope + axis->step.slope * last;
 }
 
 /* Write the weights and the distance of a hit, by Cramer's rule. A triangle seen so edge-on that the
@@ -684,10 +682,10 @@ static int heading(const struct rays *rays, int64_t i)
     return 2 * z + (d[z] < 0.0);
 }
 
-/* Leave the places of a bundle empty, with numbers that loops over all of them can compute with. */
-static void clear_places(struct bundle *bundle, int n)
+/* Leave places of a bundle empty, with numbers that loops over all of them can compute with. */
+static void clear_places(struct bundle *bundle, int first, int end)
 {
-    for (int place = 0; place < n; place++) {
+    for (int place = first; place < end; place++) {
         bundle->rays[place] = NO_HIT;
         bundle->slots[place] = NO_HIT;
         bundle->x[place] = bundle->y[place] = bundle->z[place] = 0.0;
@@ -698,23 +696,33 @@ static void clear_places(struct bundle *bundle, int n)
     }
 }
 
-/* Load a ray into a place of a bundle. */
-static void load_ray(
-    struct bundle *bundle, int place, int64_t i, const struct rays *rays, const double *nearest)
+/* Load rays, from one on, into the places from one on. */
+static void load_rays(
+    struct bundle *bundle, int place, int64_t i, int n, const struct rays *rays, const double *nearest)
 {
-    const int x = bundle->order[0], y = bundle->order[1], z = bundle->order[2];
-    const double *o = rays->origins[i], *d = rays->directions[i];
-    bundle->rays[place] = (int)i;
-    bundle->x[place] = o[x];
-    bundle->y[place] = o[y];
-    bundle->z[place] = o[z];
-    bundle->slope_x[place] = d[x] / d[z];
-    bundle->slope_y[place] = d[y] / d[z];
-    bundle->along[place] = d[z];
-    bundle->lengths[place] = rays->lengths[i];
-    bundle->nearest[place] = nearest[i];
-    bundle->weights[place] = 1.0;
-    bundle->holes[place] = 0.0;
+    const double *restrict ox = rays->origins[i] + bundle->order[0];
+    const double *restrict oy = rays->origins[i] + bundle->order[1];
+    const double *restrict oz = rays->origins[i] + bundle->order[2];
+    const double *restrict dx = rays->directions[i] + bundle->order[0];
+    const double *restrict dy = rays->directions[i] + bundle->order[1];
+    const double *restrict dz = rays->directions[i] + bundle->order[2];
+    double *restrict x = bundle->x + place, *restrict y = bundle->y + place;
+    double *restrict z = bundle->z + place, *restrict along = bundle->along + place;
+    double *restrict slope_x = bundle->slope_x + place, *restrict slope_y = bundle->slope_y + place;
+    for (int k = 0; k < n; k++) {
+        x[k] = ox[3 * k], y[k] = oy[3 * k], z[k] = oz[3 * k];
+        along[k] = dz[3 * k];
+        slope_x[k] = dx[3 * k] / dz[3 * k];
+        slope_y[k] = dy[3 * k] / dz[3 * k];
+    }
+    memcpy(bundle->lengths + place, rays->lengths + i, (size_t)n * sizeof(double));
+    memcpy(bundle->nearest + place, nearest + i, (size_t)n * sizeof(double));
+    for (int k = 0; k < n; k++) {
+        bundle->rays[place + k] = (int)i + k;
+        bundle->slots[place + k] = NO_HIT;
+        bundle->weights[place + k] = 1.0;
+        bundle->holes[place + k] = 0.0;
+    }
 }
 
 /* Give rays without places some, in as many rows as columns: sorted by y, and each row by x. */
@@ -792,9 +800,15 @@ static void load_bundle(
         bundle->n_columns = column < bundle->n_columns ? bundle->n_columns : column + 1;
         bundle->n_rows = row < bundle->n_rows ? bundle->n_rows : row + 1;
     }
-    clear_places(bundle, bundle->n_rows * SIDE);
-    for (int64_t k = 0; k < n; k++)
-        load_ray(bundle, places[k], chosen[k], rays, nearest);
+    const int end = bundle->n_rows * SIDE;
+    clear_places(bundle, n < end ? 0 : end, end + LANES);
+    for (int64_t k = 0, next; k < n; k = next) {
+        for (next = k + 1; next < n; next++)
+            if (places[next] != places[next - 1] + 1 || chosen[next] != chosen[next - 1] + 1)
+                break;
+        load_rays(bundle, places[k], chosen[k], (int)(next - k), rays, nearest);
+    }
+    bundle->fitted = n == RAYS ? 4 : 1;
 }
 
 /* Cast up to RAYS rays of one heading. */
