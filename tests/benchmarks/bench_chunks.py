@@ -36,7 +36,7 @@ def one(folder: Path, size: int, share: float) -> dict[str, object]:
     after_reading = peak_memory_bytes()
     if not share:
         return {"memory": after_reading}
-    whole = bake_memory(high.n_faces, low.n_faces, size * size, len(MAPS))
+    whole = bake_memory(high.n_faces, low.n_faces, size * size, MAPS)
     options = BakeOptions(maps=MAPS, size=size, max_memory=int(share * whole))
     chunk = options.chunk_faces(high.n_faces, low.n_faces)
     seconds = []

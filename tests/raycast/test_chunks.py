@@ -7,8 +7,17 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.memory import MOST_CHUNKS, bake_memory, chunk_faces
+from texbake.baking.map_names import SECONDARY_MAPS
+from texbake.baking.maps import MAPS as MAP_KINDS
+from texbake.baking.memory import (
+    MOST_CHUNKS,
+    SECONDARY_FACE,
+    TREE_FACE,
+    bake_memory,
+    chunk_faces,
+)
 from texbake.baking.options import BakeOptions
+from texbake.baking.secondary_rays import INNER, OUTER
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -109,7 +118,7 @@ def pair() -> tuple[Mesh, Mesh]:
 def limit(pair: tuple[Mesh, Mesh], options: BakeOptions, n_chunks: int) -> int:
     """Bytes that lead to about so many chunks."""
     whole = bake_memory(
-        pair[0].n_faces, pair[1].n_faces, options.width_px * options.height_px, len(options.maps)
+        pair[0].n_faces, pair[1].n_faces, options.width_px * options.height_px, options.maps
     )
     return next(
         most
@@ -155,13 +164,28 @@ def test_adaptive_samples_in_chunks(pair: tuple[Mesh, Mesh]) -> None:
 
 
 def test_size_of_chunks() -> None:
-    whole = bake_memory(1_000_000, 1000, 1024**2, 2)
+    whole = bake_memory(1_000_000, 1000, 1024**2, ("normal", "curvature"))
     assert chunk_faces(whole, whole, 1_000_000) is None
     assert chunk_faces(whole - 1, whole, 1_000_000) == 999_999
     assert chunk_faces(1, whole, 1_000_000) == 1_000_000 // MOST_CHUNKS
     assert BakeOptions().chunk_faces(10**8, 10) is None
     assert BakeOptions(max_memory="1G").chunk_faces(10_000, 10) is None
     assert BakeOptions(max_memory="1G").chunk_faces(10**8, 10) == 10**8 // MOST_CHUNKS
+
+
+def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh, Mesh]) -> None:
+    tree = MortonTree.build(pair[0], LocalFrame.around(pair[0]), threads=1)
+    n = pair[0].n_faces
+    held = tree.leaves.nbytes + tree.ids.nbytes + tree.nodes.nbytes
+    order = n * np.dtype(np.uint64).itemsize
+    assert 0.9 * TREE_FACE * n < held + order <= TREE_FACE * n
+
+
+def test_secondary_rays_need_a_tree_of_their_own() -> None:
+    casting = {name for name, kind in MAP_KINDS.items() if kind.needs in (OUTER, INNER)}
+    assert casting == set(SECONDARY_MAPS)
+    more = bake_memory(1000, 10, 64, ("ao",)) - bake_memory(1000, 10, 64, ("normal",))
+    assert more == 1000 * SECONDARY_FACE
 
 
 def test_wrong_settings(pair: tuple[Mesh, Mesh]) -> None:

@@ -18,3 +18,6 @@ MAP_NAMES = (
     "bent-normal",
     "thickness",
 )
+
+# Maps for which rays are cast from every hit.
+SECONDARY_MAPS = ("ao", "bent-normal", "thickness")

@@ -6,15 +6,19 @@ The figures were measured as the peak resident memory of processes, and rounded 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
+from texbake.baking.map_names import SECONDARY_MAPS
 from texbake.errors import OptionError
 
 MB = 1 << 20
 # A process with all libraries loaded, and the memory that it does not return.
 PROCESS = 320 * MB
-# Per triangle of a mesh in memory with its normals, and of a mesh in a ray tree.
+# Per triangle of a mesh in memory with its normals; of a mesh in the tree for primary rays, of
+# which 80 stay once it is built; and in the tree for secondary rays besides.
 HELD_FACE = 100
-TREE_FACE = 160
+TREE_FACE = 90
+SECONDARY_FACE = 140
 # Per texel of a map, padding included.
 TEXEL = 100
 # More chunks only take longer: their trees are already small compared with the mesh.
@@ -42,18 +46,21 @@ def parse_bytes(text: str | int) -> int:
     return amount
 
 
-def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, n_maps: int) -> int:
+def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequence[str]) -> int:
     """Bytes that a bake takes if the high-poly mesh is in one ray tree.
 
     Parameters
     ----------
     n_low_faces
         Faces of the low-poly mesh and the cage.
-    n_texels, n_maps
-        Texels per map, and number of maps.
+    n_texels, maps
+        Texels per map, and names of the maps.
     """
-    faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
-    return PROCESS + faces + TEXEL * n_texels * max(n_maps, 1)
+    high_face = HELD_FACE + TREE_FACE
+    if not set(SECONDARY_MAPS).isdisjoint(maps):
+        high_face += SECONDARY_FACE
+    faces = high_face * n_high_faces + HELD_FACE * n_low_faces
+    return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
 
 
 def chunk_faces(most: int, whole: int, n_high_faces: int) -> int | None:

@@ -240,7 +240,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         if self.max_memory is None:
             return None
         n_texels = self.width_px * self.height_px
-        whole = bake_memory(n_high_faces, n_low_faces, n_texels, len(self.maps))
+        whole = bake_memory(n_high_faces, n_low_faces, n_texels, self.maps)
         return chunk_faces(parse_bytes(self.max_memory), whole, n_high_faces)
 
     def colors_are_srgb(self, mesh_name: str) -> bool:

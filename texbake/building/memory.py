@@ -113,7 +113,7 @@ def check_memory(settings: Settings, sizes: Sizes) -> int:
 def maps_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for baking maps without a memory limit."""
     n_low = _faces(sizes, "low", "cage")
-    return bake_memory(_faces(sizes, "high"), n_low, _texels(settings), len(settings["maps"]))
+    return bake_memory(_faces(sizes, "high"), n_low, _texels(settings), settings["maps"])
 
 
 def texture_memory(settings: Settings, sizes: Sizes) -> int:
