@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.distance import sample_surface, surface_distance
 from texbake.mesh.mesh import Mesh
@@ -130,3 +131,10 @@ def test_no_samples_is_an_error():
         surface_distance(plane(), plane(), n_samples=0)
     with pytest.raises(OptionError, match="at least 1"):
         sample_surface(plane(), 0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 12345, (1 << 32) - 1, 1 << 32, (1 << 64) - 1])
+def test_random_numbers_are_those_of_numpy(seed):
+    values = np.empty(1000)
+    core.draw_uniform(seed, values)
+    assert np.array_equal(values, np.random.default_rng(seed).random(1000))

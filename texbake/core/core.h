@@ -577,6 +577,9 @@ void follow_rays(
     const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
     double shares[n]);
 
+/* pcg64.c */
+void draw_uniform(int64_t n, uint64_t seed, double values[n]);
+
 /* perspective_weights.c */
 void weigh_fragments(
     int64_t n, int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -195,21 +196,23 @@ def sample_surface(
 def _spread_samples(
     positions: FloatArray, faces: IntArray, n: int, seed: int, threads: int | None
 ) -> tuple[IntArray, FloatArray]:
-    """Face and barycentrics of each sample; positions of about unit size."""
-    rng = np.random.default_rng(seed)
+    """Face and barycentrics of each sample; positions of about unit size.
+
+    Random numbers come from `core/pcg64.c`.
+    """
+    random = np.empty(n + 2)
+    core.draw_uniform(seed, random)
     steps = np.arange(n)
     sums = np.cumsum(_areas(positions, faces, threads))
     if sums[-1] > 0.0:
         # A face takes the samples from the sum before it up to, not including, its own; so a
         # face without area takes none.
-        face_ids = np.searchsorted(sums, (steps + rng.random(n)) * (sums[-1] / n), side="right")
+        face_ids = np.searchsorted(sums, (steps + random[:n]) * (sums[-1] / n), side="right")
         last = np.searchsorted(sums, sums[-1])  # rounding may carry a sample past the last area
         face_ids = np.minimum(face_ids, last)
     else:
         face_ids = steps * len(faces) // n
-    s, t = (
-        (start + steps * step) % 1.0 for start, step in zip(rng.random(2), _STEPS_2D, strict=True)
-    )
+    s, t = ((start + steps * step) % 1.0 for start, step in zip(random[n:], _STEPS_2D, strict=True))
     folded = s + t > 1.0  # the unit square's upper half onto the lower
     s[folded], t[folded] = 1.0 - s[folded], 1.0 - t[folded]
     # 1 - s - t may round to just below 0.
