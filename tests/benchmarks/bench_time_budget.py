@@ -74,7 +74,8 @@ def run_here(kind, name, size, output, report, options):
         same["clock"], threads = texbake.BudgetClock(start=0.0, now=time.process_time), 1
     if kind == "bake":
         meshes = [DATA / "pairs" / name / file for file in ("high.obj", "low_uv.obj")]
-        options = texbake.BakeOptions(size=size, threads=threads, **options)
+        # Without padding, texels that are not covered are flat.
+        options = texbake.BakeOptions(size=size, threads=threads, padding=0, **options)
         texbake.bake_files(*meshes, {"normal": output}, options, **same)
     else:
         options |= {"width": size, "height": size * 5 // 8}
@@ -88,9 +89,10 @@ def normals_of(path):
 
 
 def angle_to(truth, path):
-    """Root mean square of the angle to other normals, over all texels that are not flat in both."""
+    """Root mean square of the angle to other normals, over the texels that both cover."""
     normals = normals_of(path)
     shown = (np.abs(truth - [0, 0, 1]) > 1e-4).any(axis=2)
+    shown &= (np.abs(normals - [0, 0, 1]) > 1e-4).any(axis=2)
     chords = np.linalg.norm(normals - truth, axis=2)[shown]
     return float(np.degrees(np.sqrt((np.square(2 * np.arcsin(np.minimum(chords / 2, 1)))).mean())))
 

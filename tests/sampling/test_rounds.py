@@ -15,7 +15,7 @@ class Work:
 
     def __init__(self, budget, *, unit=4e-5, growth=1.0, overhead=0.05, seed=0):
         rng = np.random.default_rng(seed)
-        self.now, self.work, self.sampling = 0.3, 0.0, 0.0
+        self.now, self.work, self.sampling, self.kept = 0.3, 0.0, 0.0, 0.0
         self.unit, self.growth, self.overhead = unit, growth, overhead
         # Errors in closest bounds, each of which costs four samples.
         self.errors = rng.lognormal(4.0, 2.0, 50_000).astype(np.float32)
@@ -40,13 +40,16 @@ class Work:
     def refine(self, bound):
         refined = self.errors > bound
         work = 4.0 * self.growth * np.count_nonzero(refined)
-        for _ in range(10):
+        # Most samples of rounds that were given up are those of a wider bound.
+        work = max(work - 0.9 * self.kept, 0.0)
+        for k in range(10):
+            self.rounds.check((1.0 - 0.1 * k) * self.unit * work)
             self.now += 0.1 * self.unit * work
             self.work += 0.1 * work
+            self.kept += 0.1 * work
             self.sampling += 0.1 * self.unit * work
-            self.rounds.check()
         self.now += self.overhead
-        self.errors[refined] = 0.0
+        self.errors[refined] = self.kept = 0.0
 
     def outlook(self):
         return self.errors, np.full(len(self.errors), 4.0, dtype=np.float32)
@@ -119,13 +122,23 @@ def test_a_round_that_takes_too_long_is_given_up_and_a_wider_one_follows():
     assert work.now <= 5.0 + 0.1 * 2.5
 
 
-def test_the_first_round_is_never_given_up():
+def test_the_least_round_is_never_given_up():
     work = Work(0.5)
     work.rounds.check(100.0)
     report = work.spend()
     assert [one.is_complete for one in report.rounds] == [True]
+    work.rounds.check()
+
+
+def test_a_first_round_that_takes_too_long_is_given_up_as_well():
+    work = Work(4.0, growth=5.0)
+    report = work.spend()
+    assert not report.rounds[0].is_complete
+    assert report.max_error == report.rounds[-1].max_error
+    assert report.why == "the closest bound that fits"
+    assert work.now <= 4.0
     with pytest.raises(OutOfTimeError):
-        work.rounds.check()
+        work.rounds.check(1.0)
 
 
 def test_too_short_a_time_is_said_once_and_at_once():
@@ -144,7 +157,7 @@ def test_too_short_a_time_is_said_once_and_at_once():
 @pytest.mark.parametrize("overhead", [0.01, 0.1])
 def test_more_time_never_gives_a_wider_bound(growth, overhead):
     """Not by the last percent, which depends on where rounds happen to end."""
-    budgets = 2.5 * 1.2 ** np.arange(12)
+    budgets = 2.5 * 1.2 ** np.arange(14)
     bounds = [
         float(Work(budget, growth=growth, overhead=overhead).spend().max_error)
         for budget in budgets

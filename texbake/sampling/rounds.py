@@ -120,7 +120,7 @@ class Rounds:
         self._done: list[Round] = []
         self._reached = _NOTHING
         self._max_error = ""
-        self._fits = True
+        self._is_least = True  # the round has the widest bound, and there is no other result
         self._least = 0.0
         self._is_warned = False
 
@@ -138,13 +138,14 @@ class Rounds:
             )
 
     def check(self, seconds: float = 0.0) -> None:
-        """Raise `OutOfTimeError` if a round takes too long, unless it is the first.
+        """Raise `OutOfTimeError` if a round takes too long, unless it is the least of all.
 
         `seconds` is how long it still takes at least.
         """
-        # Parts of the overhead are still to come.
-        needed = seconds + self.after + 0.5 * self.overhead
-        if self._reached < _NOTHING and self.clock.spent + needed > _LIMIT * self.seconds:
+        # Parts of the overhead are still to come; where there is no result yet, also another round.
+        overheads = 0.5 if self._reached < _NOTHING else 1.5
+        needed = seconds + self.after + overheads * self.overhead
+        if not self._is_least and self.clock.spent + needed > _LIMIT * self.seconds:
             raise OutOfTimeError
 
     def spend(self, refining: Refining) -> TimeBudget:
@@ -200,28 +201,28 @@ class Rounds:
         fitting = np.flatnonzero(seconds <= self._time_of_round(left, float(seconds[0])))
         step = int(fitting[0]) if len(fitting) else len(work) - 1
         bound = float(2.0 ** (step / _STEPS))
-        if self._reached == _NOTHING:
-            self._fits = len(fitting) > 0
-        elif (
+        if self._reached < _NOTHING and (
             len(fitting) == 0
             or left < _LEAST_SHARE * self.seconds
             or bound > _LEAST_STEP * self._reached
         ):
             return None
+        self._is_least = self._reached == _NOTHING and step == len(work) - 1
         return bound, float(work[step]), float(seconds[step])
 
     def _why(self) -> str:
         """Why the bound is not closer."""
         if self._reached <= 1.0:
             return "the closest bound that is wanted"
-        is_least = not self._fits and len(self._done) == 1
-        return "the fewest samples" if is_least else "the closest bound that fits"
+        return "the fewest samples" if self._is_least else "the closest bound that fits"
 
     def _time_of_round(self, left: float, to_closest: float) -> float:
         """Seconds that a round may take of those that are left; less if another one follows."""
-        share = _NEXT_SHARE if self._done else _FIRST_SHARE
-        is_last = (1.0 - share) * left < _WORTH * self.overhead or to_closest <= _LAST_SHARE * left
-        return (_LAST_SHARE if is_last else share) * left
+        if not self._done:
+            return _FIRST_SHARE * left
+        has_no_other = (1.0 - _NEXT_SHARE) * left < _WORTH * self.overhead
+        is_last = has_no_other or to_closest <= _LAST_SHARE * left
+        return (_LAST_SHARE if is_last else _NEXT_SHARE) * left
 
     def _learn(self, known: float, work: float, seconds: float, sampling: float) -> None:
         """Learn from what a round took, and how much of this the work itself, without overhead.

@@ -10,14 +10,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
-from texbake.rendering.adaptive_pixels.recheck import AMONG, RUN, SIDE
-from texbake.rendering.adaptive_pixels.sampler import Sides
+from texbake.rendering.adaptive_pixels.recheck import SIDE, chosen_pixels
+from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
 from texbake.rendering.options import RenderOptions
 from texbake.sampling.bounds import CODES, in_codes, parse_picture_bound
-from texbake.sampling.report import CHECKED_SHARE
 from texbake.sampling.rounds import Rounds, evenly_spread
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
@@ -30,11 +28,11 @@ _WIDEST = (CODES - 1.0) / CODES
 # Seconds to estimate all errors of a round, in those to estimate them once; and its windows.
 _ESTIMATES, _WINDOWS = 8.0, 10
 # What rounds cost as a multiple of what the errors tell before, by measurement.
-_GROWTHS = 0.4, 1.0
+_GROWTHS = 0.8, 1.0
 # Work of one visibility sample, in that of one shaded cell.
 _SEEN_COST = np.float32(1.0 / 16.0)
-_TIMED_RUNS = 8  # rows in which pixels are timed
-_TIMED = 400  # number of pixels for timing the check
+_TIMED_RUNS = 8  # windows that are timed
+_TIMED_SHARE = 1 / 4  # of the check that is timed
 
 
 class PictureRounds:
@@ -65,12 +63,13 @@ class PictureRounds:
         self._rounds.before = clock.spent - first_seconds
         self._state = adaptive.state  # of the last round that is complete
         self._window = 0.0  # seconds of a window without any pixels
+        self._before = 0.0, 0.0  # what was taken before the round
         self._predict_least(first_seconds)
 
     def spend(self) -> tuple[float, TimeBudget]:
         """Refine the picture; return the bound that was reached, and the report."""
         sampler = self._adaptive.sampler
-        sampler.watch, sampler.now = self._rounds.check, self._clock.now
+        sampler.watch, sampler.now = self._watch, self._clock.now
         report = self._rounds.spend(self)
         sampler.watch = None
         self._adaptive.restore(self._state)
@@ -83,6 +82,7 @@ class PictureRounds:
     def refine(self, bound: float) -> None:
         """Refine the first samples anew, with all that were taken since."""
         self._adaptive.restart()
+        self._before = self.taken()
         self._adaptive.refine(parse_picture_bound(self.name_of(bound)))
         self._state = self._adaptive.state
 
@@ -96,6 +96,13 @@ class PictureRounds:
         seconds = sampler.seconds - self._window * sampler.n_windows
         return sampler.work(float(_SEEN_COST)), seconds
 
+    def _watch(self, n_pixels: int, sides: Sides) -> None:
+        """Give a round up if its next window would take too long, as slow as those before it."""
+        work = n_pixels * (sides.shaded**2 + float(_SEEN_COST) * sides.seen**2)
+        done, seconds = np.subtract(self.taken(), self._before).tolist()
+        unit = max(self._rounds.unit, seconds / done if done > 0.0 else 0.0)
+        self._rounds.check(self._window + unit * work)
+
     def _predict_least(self, first_seconds: float) -> None:
         """Predict what the fewest samples, and all that follows them, take."""
         adaptive, clock, rounds = self._adaptive, self._clock, self._rounds
@@ -103,10 +110,10 @@ class PictureRounds:
         rounds.unit = first_seconds / max((1.0 + 16.0 * float(_SEEN_COST)) * n_covered, 1.0)
         start = clock.spent
         self.outlook()
-        estimate = _ESTIMATES * (clock.spent - start)
+        estimate = clock.spent - start
         self._window, check = _time_check(adaptive, clock)
-        rounds.overhead = estimate + _WINDOWS * self._window
-        rounds.after = check + _time_finishing(adaptive, clock)
+        rounds.overhead = _ESTIMATES * estimate + _WINDOWS * self._window
+        rounds.after = estimate + check + _time_finishing(adaptive, clock)
         rounds.expect_at_least(clock.spent + rounds.after + rounds.overhead)
         rounds.total = max(adaptive.sampler.work(float(_SEEN_COST)), 1.0)
 
@@ -134,42 +141,40 @@ def _further(adaptive: AdaptivePicture, closest: float) -> tuple[Float32Array, F
 
 
 def _time_check(adaptive: AdaptivePicture, clock: BudgetClock) -> tuple[float, float]:
-    """Time the fixed cost of a window; also predict the time of the check, from a few pixels."""
-    covered = adaptive.sums.covered > 0.0
-    shown = np.flatnonzero(covered)
-    if len(shown) == 0:
+    """Time the fixed cost of a window; also predict the time of the check, from a part of it."""
+    shows = adaptive.sums.covered > 0.0
+    if not shows.any():
         return 0.0, 0.0
-    height, width = covered.shape
+    # The fixed cost of a window, with one pixel in each; the first time loads what is needed.
+    height, width = shows.shape
     rows = np.concatenate(evenly_spread(height, _TIMED_RUNS, _TIMED_RUNS))
+    shown = np.flatnonzero(shows)
     some = shown[np.isin(shown // width, rows)]
     some = shown[:1] if len(some) == 0 else some
-    # The fixed cost of a window, with one pixel in each; the first time loads what is needed.
-    ones = some[np.unique(some // width, return_index=True)[1]]
-    window = min(_time_pixels(adaptive, clock, ones, Sides(4, 1)) for _ in range(2))
-    timed = some[:: max(1, len(some) // _TIMED)]
-    seconds, n_windows = _time_taking(adaptive, clock, timed, Sides(SIDE, SIDE))
-    pixel = max(seconds - n_windows * window, 0.0) / len(timed)
-    n_windows = max(1, round(AMONG * CHECKED_SHARE * height / RUN))
-    return window, n_windows * window + pixel * CHECKED_SHARE * len(shown)
-
-
-def _time_pixels(
-    adaptive: AdaptivePicture, clock: BudgetClock, pixels: npt.NDArray[np.int64], sides: Sides
-) -> float:
-    seconds, n_windows = _time_taking(adaptive, clock, pixels, sides)
-    return float(seconds / max(n_windows, 1))
+    ones = np.zeros(shows.size, np.bool_)
+    ones[some[np.unique(some // width, return_index=True)[1]]] = True
+    timed = [
+        _time_taking(adaptive, clock, ones.reshape(shows.shape), Sides(4, 1)) for _ in range(2)
+    ]
+    window = min(seconds / n_windows for seconds, n_windows in timed)
+    checked = chosen_pixels(shows)
+    # Rows that lie together, since those of the check share windows where they are close.
+    rank = np.cumsum(np.count_nonzero(checked, axis=1)) / np.count_nonzero(checked)
+    part = (
+        checked & ((rank >= 0.5) & (rank <= max(0.5 + _TIMED_SHARE, rank[rank >= 0.5][0])))[:, None]
+    )
+    seconds, _ = _time_taking(adaptive, clock, part, Sides(SIDE, SIDE))
+    return window, seconds * float(np.count_nonzero(checked) / np.count_nonzero(part))
 
 
 def _time_taking(
-    adaptive: AdaptivePicture, clock: BudgetClock, pixels: npt.NDArray[np.int64], sides: Sides
+    adaptive: AdaptivePicture, clock: BudgetClock, wanted: BoolArray, sides: Sides
 ) -> tuple[float, int]:
     """Sample some pixels and discard the result; return the seconds and the windows used."""
-    sampler, shape = adaptive.sampler, adaptive.shaded.shape
-    wanted = np.zeros(adaptive.shaded.size, np.bool_)
-    wanted[pixels] = True
+    sampler = adaptive.sampler
     n_windows, start = sampler.n_windows, clock.spent
     counts = sampler.n_shaded, sampler.n_seen
-    sampler.take(wanted.reshape(shape), sides, PixelSums.empty(*shape))
+    sampler.take(wanted, sides, PixelSums.empty(*wanted.shape))
     sampler.n_shaded, sampler.n_seen = counts  # these are not part of the picture
     return clock.spent - start, sampler.n_windows - n_windows
 

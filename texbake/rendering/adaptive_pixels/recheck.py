@@ -82,7 +82,7 @@ def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
     shows = sums.covered > 0.0
     n_pixels = int(np.count_nonzero(shows))
     n_shaded = sampler.n_shaded
-    chosen = _chosen(shows)
+    chosen = chosen_pixels(shows)
     again = PixelSums.empty(*shows.shape)
     sampler.take(chosen, Sides(SIDE, SIDE), again)
     codes = np.zeros_like(adaptive.codes)
@@ -108,7 +108,7 @@ def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
     )
 
 
-def _chosen(shows: BoolArray) -> BoolArray:
+def chosen_pixels(shows: BoolArray) -> BoolArray:
     """(H, W) bool: pixels chosen at random within randomly chosen runs of rows."""
     rng = generator()
     by_row = np.count_nonzero(shows, axis=1)

@@ -40,6 +40,8 @@ BoolArray = npt.NDArray[np.bool_]
 _CELLS = 1 << 15
 # Samples per window. They take eight bytes each, and again as much for each transparent layer.
 _WINDOW = 1 << 23
+# The same where the work may be ended between windows.
+_WATCHED_WINDOW = 1 << 21
 # Gap in rows above which a new window is started. Each window projects all vertices again.
 _GAP = 16
 
@@ -52,10 +54,13 @@ class Sides:
     shaded: int
 
 
-def windows(wanted: npt.NDArray[np.bool_], side: int) -> Iterator[Window]:
-    """Yield strips of a picture that contain all wanted pixels, each as narrow as possible."""
+def windows(wanted: npt.NDArray[np.bool_], side: int, n_samples: int) -> Iterator[Window]:
+    """Yield strips of a picture that contain all wanted pixels, each as narrow as possible.
+
+    They have up to `n_samples` samples, `side` x `side` in each pixel.
+    """
     rows = np.flatnonzero(wanted.any(axis=1))
-    most = max(1, _WINDOW // (wanted.shape[1] * side**2))
+    most = max(1, n_samples // (wanted.shape[1] * side**2))
     # A strip ends before a gap that is large enough for a new one.
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > _GAP) + 1):
         while len(run):
@@ -90,7 +95,8 @@ class PixelSampler:
     now : callable
         Returns the time in seconds.
     watch : callable, optional
-        Called before each window; it may raise an error to end the work.
+        Called before each window with its pixels and how they are sampled; it may raise an error to
+        end the work.
     """
 
     def __init__(self, state: RenderState) -> None:
@@ -103,7 +109,7 @@ class PixelSampler:
         self.n_seen = 0
         self.seconds = 0.0
         self.now: Callable[[], float] = time.perf_counter
-        self.watch: Callable[[], None] | None = None
+        self.watch: Callable[[int, Sides], None] | None = None
 
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
         """Sample pixels anew and replace their previous sums.
@@ -119,9 +125,11 @@ class PixelSampler:
         """
         start = self.now()
         sums.counts[wanted] = sides.seen**2
-        for window in windows(wanted, sides.seen):
+        n_samples = _WINDOW if self.watch is None else _WATCHED_WINDOW
+        for window in windows(wanted, sides.seen, n_samples):
             if self.watch is not None:
-                self.watch()
+                part = wanted[window.top : window.bottom, window.left : window.right]
+                self.watch(int(np.count_nonzero(part)), sides)
             self.n_windows += 1
             self._take_window(window, wanted, sides, sums)
         n_shown = int(np.count_nonzero(wanted & (sums.covered > 0.0)))
