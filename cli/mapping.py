@@ -17,7 +17,16 @@ from .types import FileOf
 # Headings of the help, with the options below them.
 SECTIONS = {
     "Method": ("method", "size", "only"),
-    "Atlas": ("padding", "quality", "max_stretch", "tiles", "by_group", "keep", "timeout"),
+    "Atlas": (
+        "padding",
+        "quality",
+        "max_stretch",
+        "tiles",
+        "by_group",
+        "keep",
+        "charts",
+        "timeout",
+    ),
     "Classical mappings": (
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),
         *("surface", "via", "eye", "camera", "fov", "matrix", "unseen", "linear"),

@@ -1,18 +1,25 @@
 import numpy as np
+import pytest
 
+from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.disks import disk_charts
-from texbake.mapping.atlas.cutting.parts import Part
+from texbake.mapping.atlas.cutting.disks import ChartLimits, disk_charts
+from texbake.mapping.atlas.cutting.parts import Part, step_lengths
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import _geodesic_sphere, plane
+from texbake.mesh.shapes import _geodesic_sphere, cube, plane
 
 
-def laid(mesh: Mesh, most_l2: float) -> tuple[list[Charts], int]:
+def laid(
+    mesh: Mesh, most_l2: float, *, length: float = np.inf, area: float = np.inf
+) -> tuple[list[Charts], int]:
     solid = np.ones(mesh.n_faces, dtype=bool)
     opposite = opposite_half_edges(mesh.faces, solid=solid)
     part = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
-    pieces, left = disk_charts(mesh.positions, mesh.faces, [part], most_l2=most_l2)
+    lengths = step_lengths(mesh.positions, mesh.faces, opposite)
+    total_area = float(surface_areas(mesh.positions[mesh.faces]).sum())
+    limits = ChartLimits(l2=most_l2, length=length, area=area, total_area=total_area)
+    pieces, left = disk_charts(mesh.positions, mesh.faces, lengths, [part], limits=limits)
     return [charts for _, charts in pieces], len(left)
 
 
@@ -43,9 +50,83 @@ def test_noise_does_not_divide_a_chart() -> None:
     assert n_left == 0
 
 
-def test_few_faces_that_close_up_are_left() -> None:
+def test_a_tetrahedron_comes_apart_in_pairs() -> None:
     tetrahedron = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
         faces=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
     )
-    assert laid(tetrahedron, 1.1) == ([], 4)
+    (charts,), n_left = laid(tetrahedron, 1.001)  # two faces are always developable
+    assert (charts.n_charts, n_left) == (2, 0)
+
+
+def test_faces_on_one_edge_each_get_a_place() -> None:
+    book = Mesh(
+        positions=[[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [0, 1, 0.5], [-1, 0, 0.5]],
+        faces=[[0, 1, 2], [0, 1, 3], [0, 1, 4]],
+    )
+    (charts,), n_left = laid(book, 1.1)
+    assert (charts.n_charts, n_left) == (3, 0)
+
+
+def tube(n_around: int, n_along: int, height: float) -> Mesh:
+    """The side of a prism of radius 1."""
+    at, along = np.meshgrid(np.arange(n_around), np.arange(n_along + 1), indexing="ij")
+    angles = 2.0 * np.pi * at.ravel() / n_around
+    rows = np.arange(at.size).reshape(at.shape)
+    a, b = rows[:, :-1].ravel(), np.roll(rows, -1, axis=0)[:, :-1].ravel()
+    return Mesh(
+        positions=np.stack([np.cos(angles), np.sin(angles), height * along.ravel() / n_along], 1),
+        faces=np.concatenate([np.stack([a, b, b + 1], axis=1), np.stack([a, b + 1, a + 1], 1)]),
+    )
+
+
+def test_a_tube_is_cut_open_once() -> None:
+    mesh = tube(24, 6, 2.0)
+    (charts,), n_left = laid(mesh, 1.001)
+    assert (charts.n_charts, n_left) == (1, 0)
+    sides = np.sort(
+        np.linalg.norm(charts.uvs[charts.faces[:, 1:]] - charts.uvs[charts.faces[:, :1]], axis=2)
+    )
+    assert sides == pytest.approx(
+        np.sort(
+            np.linalg.norm(
+                mesh.positions[mesh.faces[:, 1:]] - mesh.positions[mesh.faces[:, :1]], axis=2
+            )
+        ),
+        rel=1e-3,
+    )
+
+
+def test_creases_bound_charts() -> None:
+    box = Mesh(
+        positions=np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], float),
+        faces=cube().faces,
+    )
+    (charts,), _ = laid(box, 1.001, area=8.0, length=4.0)
+    assert charts.n_charts == 6
+
+
+def test_a_long_chart_is_divided() -> None:
+    strip = plane(64, 1).replace(positions=plane(64, 1).positions * [16.0, 1.0, 1.0])
+    (charts,), _ = laid(strip, 1.001, length=6.0, area=99.0)
+    assert charts.n_charts == 4
+    assert all(
+        np.ptp(charts.uvs[charts.chart_ids == chart], axis=0).max() < 6.0 for chart in range(4)
+    )
+
+
+def test_a_ring_is_divided() -> None:
+    n = 64
+    angles = 2.0 * np.pi * np.arange(n) / n
+    rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(n)], axis=1)
+    inner, outer = np.arange(n), n + np.arange(n)
+    ahead = np.roll(inner, -1)
+    ring = Mesh(
+        positions=np.concatenate([rim, 1.05 * rim]),
+        faces=np.concatenate(
+            [np.stack([inner, outer, outer[ahead]], 1), np.stack([inner, outer[ahead], ahead], 1)]
+        ),
+    )
+    whole, parts = (laid(ring, 1.001, area=area)[0][0] for area in (np.inf, 1.0))
+    assert whole.n_charts == 1
+    assert 2 < parts.n_charts < 16

@@ -239,10 +239,8 @@ def test_only_an_atlas_takes_several_meshes() -> None:
 @pytest.mark.realdata
 def test_a_broken_mesh(data_dir: Path) -> None:
     mesh = read_mesh(data_dir / "broken" / "openscad-nonmanifold-crash.obj")
-    unwrapped, report = unwrap_with_report(mesh, size=1024, padding=1)
-    assert_sound(mesh, unwrapped, 1, (1024, 1024))
     # Coplanar faces lie on one another.
-    assert report.tallies["charts split off because they overlapped their own chart"] > 0
+    assert_sound(mesh, unwrap(mesh, size=1024, padding=1), 1, (1024, 1024))
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e160, 1e300])

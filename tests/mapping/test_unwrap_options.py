@@ -32,7 +32,8 @@ def test_width_and_height_of_a_square_and_of_a_rectangle() -> None:
         ({"timeout": 0.0}, "timeout: 0.0"),
         ({"timeout": float("nan")}, "timeout: nan"),
         ({"keep": True, "max_stretch": 1.1}, "max_stretch: charts that are kept are not cut"),
-        ({"keep": True, "timeout": 9.0}, "timeout: charts that are kept are not cut"),
+        ({"keep": True, "charts": "xatlas"}, "charts: charts that are kept are not cut"),
+        ({"timeout": 9.0}, "timeout: it is for xatlas; leave it out, or use charts xatlas"),
         (
             {"method": "projector", "matrix": ((1.0, 0.0, 0.0, 0.0),) * 4, "fov": 50.0},
             "fov: the matrix has its own",

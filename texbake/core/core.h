@@ -169,6 +169,14 @@ void find_least_boxes(
     const int64_t starts[n_charts + 1], const double cosines[n_angles],
     const double sines[n_angles], int64_t best[n_charts]);
 
+/* chart_cutting.c */
+int64_t cut_charts(
+    int64_t n, int64_t n_faces, int64_t n_corners, const double points[n][3],
+    const int32_t corners[n_faces][3], const int32_t opposite[3 * n_faces],
+    const double lengths[n_faces][3], double most_l2, double most_length, double most_area,
+    double total_area, double depth, int32_t labels[n_faces], int32_t faces[n_faces][3], double uvs[n_corners][2],
+    int64_t n_vertices[1]);
+
 /* clipping.c */
 void project_vertices(
     int64_t n, const double positions[n][3], const double matrix[4][4], int64_t width,
@@ -262,20 +270,6 @@ void read_numbers(
     const uint64_t fives[256][2], double values[n_values], int64_t lines[n_lines],
     int64_t hard[n_hard][2], int64_t tally[3]);
 
-/* dial_flood.c */
-int64_t flood_faces(
-    int64_t n_faces, int64_t n_sources, int64_t n_labels,
-    const int32_t neighbors[n_faces][3], const int32_t steps[n_faces][3],
-    int32_t labels[n_faces], const int32_t sources[n_sources],
-    const int32_t source_labels[n_sources], const int32_t within[n_faces], int64_t most,
-    int32_t distances[n_faces]);
-
-int64_t seed_faces(
-    int64_t n_faces, const int32_t neighbors[n_faces][3], const int32_t steps[n_faces][3],
-    int32_t labels[n_faces], int64_t part_faces);
-
-void trim_teeth(int64_t n_faces, const int32_t neighbors[n_faces][3], int32_t labels[n_faces]);
-
 /* displacement.c */
 void take_middles(
     int64_t n_values, int64_t n, const double values[n_values][3], const int32_t ends[n][2],
@@ -359,6 +353,15 @@ void find_crossings(
     const int32_t faces[n_faces][3], const int32_t order[n_faces], const float boxes[n_nodes][6],
     const int32_t nodes[n_nodes][2], const double normals[n_faces][3], double depth, int64_t most,
     int64_t start, int64_t stop, int32_t others[n_faces], bool unsure[n_faces]);
+
+/* face_parts.c */
+int64_t divide_into_parts(
+    int64_t n_faces, const int32_t neighbors[n_faces][3], const double lengths[n_faces][3],
+    const int32_t within[n_faces], int64_t part_faces, int32_t labels[n_faces]);
+
+int64_t find_step_lengths(
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    const int32_t neighbors[n_faces][3], int64_t n_rounds, double lengths[n_faces][3]);
 
 /* flatten.c */
 int64_t flatten_patch(

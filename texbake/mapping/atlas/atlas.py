@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texbake.errors import UvError
 from texbake.mapping.atlas.charts import Charts, existing_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.flattening.relax import relax_charts
@@ -105,6 +106,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
             mesh,
             points=points,
             quality=options.quality,
+            method=options.charts,
             timeout=options.timeout,
             regions=regions,
             threads=threads,
@@ -153,7 +155,10 @@ def _improved(
 def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
     """L2 stretch of the mesh, with all charts at one scale."""
     flat = mesh.replace(positions=points, uvs=charts.uvs, uv_faces=charts.faces)
-    found = face_stretch(flat)
+    try:
+        found = face_stretch(flat)
+    except UvError:  # the areas of all faces are as small as their rounding
+        return 1.0
     # Not a dot product, which sums in a different order with a different number of threads.
     return math.sqrt(float((found.areas * found.l2**2).sum()) / float(found.areas.sum()))
 

@@ -13,7 +13,16 @@ from texbake.schema import Option
 
 # The methods, and which options each of them reads beside those that all share.
 METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
-    "atlas": ("padding", "quality", "max_stretch", "timeout", "tiles", "by_group", "keep"),
+    "atlas": (
+        "padding",
+        "quality",
+        "max_stretch",
+        "charts",
+        "timeout",
+        "tiles",
+        "by_group",
+        "keep",
+    ),
     "planar": ("axis", "normal", "fit", "sides"),
     "cylindrical": ("axis", "center", "theta", "height", "caps"),
     "spherical": ("axis", "center", "theta"),
@@ -85,8 +94,8 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             raise OptionError(
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
-        for name in "max_stretch", "timeout":
-            if self.keep and getattr(self, name) is not None:
+        for name in "max_stretch", "charts", "timeout":
+            if self.keep and getattr(self, name) != getattr(UnwrapOptions, name):
                 raise OptionError(
                     f"{name}: charts that are kept are not cut; leave it out, or `keep`"
                 )

@@ -10,6 +10,7 @@ from texbake.mapping.options.texture import TextureOptions
 from texbake.schema import Option
 
 QUALITIES = ("fast", "good", "best")
+CHART_CUTTERS = ("texbake", "xatlas")
 MAX_TILES = 100  # UDIM 1001 to 1100
 
 
@@ -52,10 +53,17 @@ class AtlasOptions(TextureOptions):
             default="no limit",
         ),
     ] = None
+    charts: Annotated[
+        str,
+        Option(
+            "Program that cuts charts: texbake, or xatlas in separate processes (extra `xatlas`).",
+            choices=CHART_CUTTERS,
+        ),
+    ] = "texbake"
     timeout: Annotated[
         float | None,
         Option(
-            "Seconds after which xatlas gives up on a part, which is then cut by its normals.",
+            "Seconds after which xatlas is stopped on a part, which is then cut by its normals.",
             metavar="SECONDS",
             above=0,
             unit="seconds",
@@ -83,3 +91,5 @@ class AtlasOptions(TextureOptions):
                 f"padding: {self.padding} texels at both borders leave no room in "
                 f"{self.width_px} x {self.height_px}; use less padding or a larger size"
             )
+        if self.timeout is not None and self.charts != "xatlas":
+            raise OptionError("timeout: it is for xatlas; leave it out, or use charts xatlas")

@@ -1,4 +1,4 @@
-"""A mesh cut into charts: parts that are disks are flattened whole, the rest is cut by xatlas.
+"""A mesh cut into charts: in parts that are flattened whole and halved as needed, or by xatlas.
 
 Points are first snapped to a grid, in a frame that depends neither on the size nor on the position
 of the model, so that rounding in the model's coordinates does not affect the charts.
@@ -6,6 +6,7 @@ of the model, so that rounding in the model's coordinates does not affect the ch
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -13,30 +14,35 @@ from importlib.util import find_spec
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
+from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts, gather_charts
-from texbake.mapping.atlas.cutting.disks import disk_charts
+from texbake.mapping.atlas.cutting.disks import ChartLimits, disk_charts
 from texbake.mapping.atlas.cutting.parts import (
+    Part,
     connected_parts,
     divide_parts,
     face_batches,
     split_parts,
+    step_lengths,
 )
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
-from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
+from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
 from texbake.mapping.seams import opposite_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows
 
-# A mesh of at most `_SMALL_MESH` faces is left to xatlas, which is fast enough then; in a larger
-# one, parts of fewer than `_SMALL_PIECE` faces are.
-_SMALL_MESH = 500
-_SMALL_PIECE = 100
+# Small pieces are cut together, about this many faces at a time.
+_BATCH_FACES = 1_000
 
-# Faces left to xatlas are cut in batches of about this many: xatlas takes 0.3 s for 5,000 faces and
-# 3 s for 20,000.
-_BATCH_FACES = 3_000
+# Faces that xatlas, where it is asked for, gets at a time: it takes 0.3 s for 5,000 and 3 s for
+# 20,000. And faces that are cut by their normals together.
+_XATLAS_FACES = 20_000
+_PLAIN_FACES = 3_000
+
+# A longer chart would set the scale of all others: most sides of a square as large as all charts.
+_MOST_SIDES = 1.6
 
 # Boundaries between cells are shifted by this fraction of a cell, so that coordinates on a regular
 # raster (binary or decimal) do not lie on them, where the last bit would decide.
@@ -55,17 +61,20 @@ class _Quality:
         Faces of the largest piece that is not divided.
     most_l2 : float
         Largest stretch at which a part becomes one chart.
+    most_share : float
+        Largest share of the area of the mesh in one chart: a few large charts do not fill a square.
     """
 
     part_faces: int
     whole_faces: int
     most_l2: float
+    most_share: float
 
 
 _QUALITIES = {
-    "fast": _Quality(part_faces=4_000, whole_faces=6_000, most_l2=1.06),
-    "good": _Quality(part_faces=6_000, whole_faces=9_000, most_l2=1.005),
-    "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06),
+    "fast": _Quality(part_faces=4_000, whole_faces=6_000, most_l2=1.06, most_share=0.25),
+    "good": _Quality(part_faces=6_000, whole_faces=9_000, most_l2=1.005, most_share=0.2),
+    "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06, most_share=0.25),
 }
 
 
@@ -74,6 +83,7 @@ def cut_charts(
     *,
     points: FloatArray | None = None,
     quality: str = "good",
+    method: str = "texbake",
     timeout: float | None = None,
     regions: IntArray | None = None,
     threads: int | None = None,
@@ -90,6 +100,8 @@ def cut_charts(
         The points of `snap_points`; None to compute them.
     quality : str
         `fast`, `good` or `best`: how large charts get, and how much they may stretch.
+    method : str
+        `texbake`, or `xatlas` to leave the cutting to xatlas, in processes of its own.
     timeout : float, optional
         Seconds after which xatlas is stopped on a batch; None allows 60 s plus 10 ms per face.
     regions : (F,) int32, optional
@@ -103,48 +115,67 @@ def cut_charts(
     Returns
     -------
     Charts
-        The notes say where xatlas failed and faces were cut by their normals.
+        The notes say where faces were cut by their normals, because xatlas failed.
 
     Raises
     ------
     UnwrapError
         No face has an area.
     DependencyError
-        xatlas is not installed, or does not load.
+        xatlas is asked for and is not installed, or does not load.
     """
-    if find_spec("xatlas") is None:
-        raise DependencyError("xatlas: it is not installed; install it with: pip install xatlas")
     points = snap_points(mesh) if points is None else points
-    pieces: list[tuple[IntArray, Charts]] = []
-    if mesh.n_faces <= _SMALL_MESH and (regions is None or (regions == regions[0]).all()):
-        batches = [np.arange(mesh.n_faces, dtype=np.int32)]
-    else:
-        if regions is None:
-            regions = np.zeros(mesh.n_faces, dtype=np.int32)
-        corners = weld_rows(points, threads=threads)[mesh.faces]
-        pieces, batches = _laid_flat(
-            points, corners, regions, _QUALITIES[quality], threads, advance
-        )
-        advance = None  # all faces have been counted
-    more, notes = xatlas_charts(
-        points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
-    )
-    if not pieces + more:
-        raise UnwrapError(_why_nothing(mesh))
-    return gather_charts(mesh.faces, pieces + more, notes)
-
-
-def _laid_flat(
-    points: FloatArray,
-    corners: IntArray,
-    regions: IntArray,
-    quality: _Quality,
-    threads: int | None,
-    advance: Callable[[int], None] | None,
-) -> tuple[list[tuple[IntArray, Charts]], list[IntArray]]:
-    """Charts of the parts that are disks, and batches of the other faces."""
+    regions = np.zeros(mesh.n_faces, dtype=np.int32) if regions is None else regions
+    corners = weld_rows(points, threads=threads)[mesh.faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
     opposite = opposite_half_edges(corners, solid=solid, regions=regions)
+    notes: tuple[str, ...] = ()
+    if method == "xatlas":
+        if find_spec("xatlas") is None:
+            raise DependencyError(
+                "xatlas: it is not installed; install it with: pip install texbake[xatlas]"
+            )
+        whole = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
+        batches = face_batches(points, corners, whole, part_faces=_XATLAS_FACES, regions=regions)
+        pieces, notes = xatlas_charts(
+            points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
+        )
+    else:
+        labels = _labels(points, corners, opposite, _QUALITIES[quality])
+        pieces, left = disk_charts(
+            points,
+            corners,
+            step_lengths(points, corners, opposite),
+            split_parts(opposite, np.where(solid, labels, -1)),
+            limits=_limits(points[corners[solid]], _QUALITIES[quality]),
+            threads=threads,
+            advance=advance,
+        )
+        pieces += [
+            charts
+            for first in range(0, len(left), _PLAIN_FACES)
+            if (charts := plain_piece(points, mesh.faces, left[first : first + _PLAIN_FACES]))
+        ]
+    if not pieces:
+        raise UnwrapError(_why_nothing(mesh))
+    return gather_charts(mesh.faces, pieces, notes)
+
+
+def _limits(solid: FloatArray, quality: _Quality) -> ChartLimits:
+    """Limits of charts of faces (F, 3, 3): those that fill a square well."""
+    area = float(surface_areas(solid).sum())
+    return ChartLimits(
+        l2=quality.most_l2,
+        length=_MOST_SIDES * math.sqrt(area),
+        area=quality.most_share * area,
+        total_area=area,
+    )
+
+
+def _labels(
+    points: FloatArray, corners: IntArray, opposite: IntArray, quality: _Quality
+) -> IntArray:
+    """(F,) int32: the part or batch in which each face is cut."""
     labels = divide_parts(
         points,
         corners,
@@ -153,23 +184,11 @@ def _laid_flat(
         part_faces=quality.part_faces,
         whole_faces=quality.whole_faces,
     )
-    small = np.bincount(labels)[labels] < _SMALL_PIECE
-    pieces, left = disk_charts(
-        points,
-        corners,
-        split_parts(opposite, np.where(small | ~solid, -1, labels)),
-        most_l2=quality.most_l2,
-        threads=threads,
-        advance=advance,
-    )
-    rest = small & solid
-    rest[left] = True
-    batches = [
-        batch
-        for part in split_parts(opposite, np.where(rest, 0, -1))
-        for batch in face_batches(points, corners, part, part_faces=_BATCH_FACES, regions=regions)
-    ]
-    return pieces, batches
+    sizes = np.bincount(labels)
+    small = sizes < _BATCH_FACES
+    numbers = np.where(small, 0, np.arange(len(sizes)))
+    numbers[small] = len(sizes) + np.cumsum(sizes[small]) // _BATCH_FACES
+    return numbers.astype(np.int32)[labels]
 
 
 def snap_points(mesh: Mesh) -> FloatArray:

@@ -1,73 +1,54 @@
 """Parts of a mesh flattened whole, each as one chart, and divided where that stretches too much.
 
-Most parts of a scan are disks of little curvature, however rough they are. They need no cuts: the
-layout of least symmetric Dirichlet energy is found faster than xatlas cuts them, and without the
-many small charts that xatlas makes of rough surfaces. A part that curves too much is halved, again
-and again, as long as that lowers the stretch; cuts do not remove the stretch of noise.
+Kernel: `core/chart_cutting.c`, which names the method.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.mapping.areas import surface_areas
+from texbake.core import core
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.parts import Part, divide_parts, split_parts
+from texbake.mapping.atlas.cutting.parts import Part
 from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, repair_charts
-from texbake.mapping.atlas.flattening.flatten import flatten
-from texbake.mapping.overlap import overlap_layers
-from texbake.mapping.seams import merged_labels, next_half_edges
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
-# A part of fewer faces is not divided further.
-_FEWEST_FACES = 24
-
-# Dividing helps if it leaves less than `_HELP` of the stretch above 1: on a smooth surface about a
-# quarter is left, on noise nearly all. Where it does not help, a stretch of `_MOST_NOISE` is
-# accepted.
-_HELP = 0.9
-_MOST_NOISE = 1.25
-
-# A layout of which a greater share overlaps itself is useless; less is cut off afterwards.
-_MOST_OVERLAP = 0.01
+# Faces of parts that are repaired together: enough for the fixed cost not to count.
+_BATCH_FACES = 50_000
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Disk:
-    """Faces flattened together.
+@dataclass(frozen=True, kw_only=True)
+class ChartLimits:
+    """What charts may be like.
 
     Attributes
     ----------
-    face_ids : (m,) int32
-        Faces of the mesh.
-    faces : (m, 3) int32
-        Indices into `uvs`.
-    uvs : (n, 2) float64
-    area : float
-        Area in space.
     l2 : float
-        L2 stretch.
+        Largest stretch, unless dividing does not lower it.
+    length, area : float
+        A longer or larger chart is divided, unless it is nearly all there is.
+    total_area : float
+        Area of all charts.
     """
 
-    face_ids: IntArray
-    faces: IntArray
-    uvs: FloatArray
-    area: float
     l2: float
+    length: float
+    area: float
+    total_area: float
 
 
 def disk_charts(
     points: FloatArray,
     corners: IntArray,
+    lengths: FloatArray,
     parts: Sequence[Part],
     *,
-    most_l2: float,
+    limits: ChartLimits,
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
@@ -79,9 +60,10 @@ def disk_charts(
         Points on the grid, in the unit cube.
     corners : (F, 3) int32
         Corners of the mesh's faces: indices into `points`.
+    lengths : (F, 3) float64
+        From `step_lengths`.
     parts : sequence of Part
-    most_l2 : float
-        Largest stretch of a chart, unless dividing does not lower it.
+    limits : ChartLimits
     threads : int, optional
         None for every processor; the charts are the same for any number.
     advance : callable, optional
@@ -90,14 +72,12 @@ def disk_charts(
     Returns
     -------
     pieces : list of ((m,) int32, Charts)
-        Faces of each part, and their charts.
+        Faces of some parts, and their charts.
     left : (k,) int32
         Faces that could not be flattened, ascending.
     """
-    laid: list[tuple[list[Disk], list[IntArray]]] = [([], [])] * len(parts)
-    charts: list[Charts | None] = [None] * len(parts)
+    laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
-
     n_counted = 0
 
     def count(n_parts: int) -> None:
@@ -110,129 +90,99 @@ def disk_charts(
 
     def lay(first: int, last: int) -> None:
         for number in order[first:last]:
-            whole = _attempt(points, corners, parts[number])
-            disks, left = _flat_disks(points, corners, whole, most_l2)
-            laid[number] = disks, left
-            charts[number] = _charts_of(points, corners, disks) if disks else None
+            laid[number] = _cut(points, corners, lengths, parts[number], limits)
 
     run_bands(lay, len(parts), band=1, threads=threads, advance=count)
+    found = [each for each in laid if each is not None]
+    batches = _batches(found)
+    charts: list[Charts | None] = [None] * len(batches)
+
+    def repair(first: int, last: int) -> None:
+        for number in range(first, last):
+            charts[number] = _charts_of(points, corners, batches[number])
+
+    run_bands(repair, len(batches), band=1, threads=threads)
     pieces = [
-        (np.concatenate([disk.face_ids for disk in disks]), made)
-        for (disks, _), made in zip(laid, charts, strict=True)
+        (np.concatenate([each.face_ids for each in batch]), made)
+        for batch, made in zip(batches, charts, strict=True)
         if made is not None
     ]
-    left = [face_ids for _, rest in laid for face_ids in rest]
+    left = [each.left for each in found]
     return pieces, np.sort(np.concatenate([np.empty(0, np.int32), *left]))
 
 
-def _charts_of(points: FloatArray, corners: IntArray, disks: Sequence[Disk]) -> Charts | None:
-    sizes = [len(disk.uvs) for disk in disks]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Laid:
+    """Charts of a part as they were flattened.
+
+    Attributes
+    ----------
+    face_ids : (m,) int32
+        Faces of the mesh that lie in a chart.
+    faces : (m, 3) int32
+        Indices into `uvs`.
+    uvs : (n, 2) float64
+    chart_ids : (n,) int32
+    n_charts : int
+    left : (k,) int32
+        Faces of the mesh without a chart.
+    """
+
+    face_ids: IntArray
+    faces: IntArray
+    uvs: FloatArray
+    chart_ids: IntArray
+    n_charts: int
+    left: IntArray
+
+
+def _cut(
+    points: FloatArray, corners: IntArray, lengths: FloatArray, part: Part, limits: ChartLimits
+) -> _Laid:
+    """Flatten a part, divided if necessary. Kernel: `core/chart_cutting.c`."""
+    ids = part.face_ids
+    labels = np.empty(len(ids), dtype=np.int32)
+    faces = np.empty((len(ids), 3), dtype=np.int32)
+    uvs = np.empty((3 * len(ids), 2))
+    n_vertices = np.empty(1, dtype=np.int64)
+    n_charts = core.cut_charts(
+        points, corners[ids], part.opposite, lengths[ids], limits.l2, limits.length,
+        limits.area, limits.total_area, OVERLAP_DEPTH,
+        labels, faces, uvs, n_vertices,
+    )  # fmt: skip
+    laid = labels >= 0
+    chart_ids = np.zeros(int(n_vertices[0]), dtype=np.int32)
+    chart_ids[faces[laid]] = labels[laid, None]
+    return _Laid(
+        face_ids=ids[laid],
+        faces=faces[laid],
+        uvs=uvs[: len(chart_ids)].copy(),
+        chart_ids=chart_ids,
+        n_charts=n_charts,
+        left=ids[~laid],
+    )
+
+
+def _batches(laid: Sequence[_Laid]) -> list[list[_Laid]]:
+    """Parts with charts, in batches of some size."""
+    batches: list[list[_Laid]] = []
+    n_faces = _BATCH_FACES
+    for each in laid:
+        if each.n_charts == 0:
+            continue
+        if n_faces >= _BATCH_FACES:
+            batches.append([])
+            n_faces = 0
+        batches[-1].append(each)
+        n_faces += len(each.face_ids)
+    return batches
+
+
+def _charts_of(points: FloatArray, corners: IntArray, batch: Sequence[_Laid]) -> Charts | None:
     return repair_charts(
-        points[np.concatenate([corners[disk.face_ids] for disk in disks])],
-        offset_joined([(disk.faces, size) for disk, size in zip(disks, sizes, strict=True)]),
-        np.concatenate([disk.uvs for disk in disks]),
-        np.repeat(np.arange(len(disks)), sizes),
+        points[np.concatenate([corners[each.face_ids] for each in batch])],
+        offset_joined([(each.faces, len(each.uvs)) for each in batch]),
+        np.concatenate([each.uvs for each in batch]),
+        offset_joined([(each.chart_ids, each.n_charts) for each in batch]),
         even=False,
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Attempt:
-    """A part, and its layout in one piece if there is one."""
-
-    part: Part
-    disk: Disk | None
-
-
-def _flat_disks(
-    points: FloatArray, corners: IntArray, whole: _Attempt, most_l2: float
-) -> tuple[list[Disk], list[IntArray]]:
-    """Flatten a connected part, divided if necessary; also return faces that cannot be."""
-    if whole.disk is not None and whole.disk.l2 <= most_l2:
-        return [whole.disk], []
-    halves = _halves(points, corners, whole.part)
-    if whole.disk is not None and whole.disk.l2 <= _MOST_NOISE and not _is_help(halves, whole.disk):
-        # The cut may have been unlucky, so that a second one is tried.
-        quarters = [part for half in halves for part in _halves(points, corners, half.part)]
-        if not _is_help(quarters, whole.disk):
-            return [whole.disk], []
-    if not halves:
-        return [], [whole.part.face_ids]
-    disks: list[Disk] = []
-    left: list[IntArray] = []
-    for half in halves:
-        more_disks, more_left = _flat_disks(points, corners, half, most_l2)
-        disks += more_disks
-        left += more_left
-    return disks, left
-
-
-def _is_help(pieces: Sequence[_Attempt], whole: Disk) -> bool:
-    """Whether dividing a part lowers its stretch, as it does where the surface curves.
-
-    A piece that could not be flattened does not count against it, since it is divided further.
-    """
-    if not pieces:
-        return False
-    excess = 0.0
-    for piece in pieces:
-        if piece.disk is None:
-            return True
-        excess += piece.disk.area * (piece.disk.l2**2 - 1.0)
-    return excess <= _HELP * whole.area * (whole.l2**2 - 1.0)
-
-
-def _attempt(points: FloatArray, corners: IntArray, part: Part) -> _Attempt:
-    """Flatten all faces together, unless too many of them overlap."""
-    half_edges = np.flatnonzero(part.opposite >= 0).astype(np.int32)
-    across = part.opposite[half_edges]
-    # Corners become one vertex if the faces between them are connected: each vertex has one fan.
-    vertices = merged_labels(
-        part.opposite.size, half_edges, next_half_edges(across).astype(np.int32)
-    )
-    _, first = np.unique(vertices, return_index=True)
-    places = points[corners[part.face_ids]]
-    faces: IntArray = vertices.reshape(-1, 3)
-    flat = flatten(places.reshape(-1, 3)[first], faces)
-    failed = _Attempt(part=part, disk=None)
-    if flat is None or not math.isfinite(flat.l2):
-        return failed
-    if not flat.injective:
-        layers = overlap_layers(
-            flat.uvs[faces], np.zeros(len(faces), np.int32), depth=OVERLAP_DEPTH
-        )
-        if (layers > 0).mean() > _MOST_OVERLAP:
-            return failed
-    area = float(surface_areas(places).sum())
-    disk = Disk(face_ids=part.face_ids, faces=faces, uvs=flat.uvs, area=area, l2=flat.l2)
-    return _Attempt(part=part, disk=disk)
-
-
-def _halves(points: FloatArray, corners: IntArray, part: Part) -> list[_Attempt]:
-    """Two or three parts of similar size; none if there are too few faces."""
-    n_faces = len(part.face_ids)
-    if n_faces < _FEWEST_FACES:
-        return []
-    whole = np.zeros(n_faces, dtype=np.int32)
-    for n_parts in (2, 4, 8):  # if a second part does not grow, several smaller ones may
-        labels = divide_parts(
-            points,
-            corners[part.face_ids],
-            part.opposite,
-            whole,
-            part_faces=-(-n_faces // n_parts),
-            whole_faces=0,
-        )
-        if labels.any():
-            break
-    else:
-        return []
-    halves = split_parts(part.opposite, labels)
-    return [
-        _attempt(
-            points,
-            corners,
-            Part(face_ids=part.face_ids[half.face_ids], opposite=half.opposite),
-        )
-        for half in halves
-    ]

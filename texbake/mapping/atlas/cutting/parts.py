@@ -1,15 +1,7 @@
 """A mesh divided into connected parts of a bounded number of faces, with borders along creases.
 
 The time that charts take grows faster than the mesh, so that large meshes are charted in parts.
-Parts grow from seeds like the cells of a Voronoi diagram, over a graph of the faces in which a step
-across a crease is long, so that borders settle on creases. Each seed then moves to the middle of
-its part, which makes parts compact and of similar size.
-
-Distances are whole numbers: ties stay ties in spite of rounding in the positions, so that parts do
-not depend on the size and position of a model.
-
-Based on: David Cohen-Steiner, Pierre Alliez, Mathieu Desbrun, "Variational shape approximation",
-2004 (Lloyd's iteration over the faces of a mesh, flooded from seeds).
+Kernel: `core/face_parts.c`, which names the method.
 """
 
 from __future__ import annotations
@@ -22,29 +14,11 @@ from texbake.core import core
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# Labels of faces that await a label, or take none, and the distance of faces that nothing reaches;
-# `core/dial_flood.c` has the same, and room for steps of at most this length.
-_OPEN, _CLOSED = np.int32(-1), np.int32(-2)
-_FAR = np.iinfo(np.int32).max
-_LONGEST_STEP = 63
-
-# Length of a step between neighbors at the mean distance. It is not a round number, so that the
-# steps of regular meshes do not lie halfway between two whole numbers.
-_UNITS_A_STEP = 4.236
-
-# How many times longer a step across a right angle is than one on a plane.
-_CREASE = 30.0
-
 # Rounds of averaging normals over neighbors beforehand, so that noise makes no creases.
 _SMOOTHINGS = 1
 
-_ITERATIONS = 3
-
-# Parts stop growing at this multiple of their intended size ...
-_MOST = 1.5
-
-# ... and parts below this share of it go to a neighbor.
-_LEAST = 0.25
+# Labels of faces to divide, and of all others, as in `core/dial_flood.h`.
+_OPEN, _CLOSED = np.int32(-1), np.int32(-2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,20 +71,24 @@ def divide_parts(
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
         return parts
-    least, most = int(_LEAST * part_faces), int(_MOST * part_faces)
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
-    steps = _steps(points, faces, neighbors)
     labels = np.where(large, _OPEN, _CLOSED)
-    _seed(neighbors, steps, labels, part_faces)
-    for _ in range(_ITERATIONS):
-        seeds = _centers(neighbors, steps, labels, least)
-        labels = np.where(large, _OPEN, _CLOSED)
-        _flood(neighbors, steps, labels, seeds, np.arange(len(seeds), dtype=np.int32), parts, most)
-        _seed(neighbors, steps, labels, part_faces)
-    labels = _without_pockets(neighbors, labels, least)
-    core.trim_teeth(neighbors, labels)
+    core.divide_into_parts(
+        neighbors, step_lengths(points, faces, opposite), parts, part_faces, labels
+    )
     _, numbers = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     return numbers.astype(np.int32)
+
+
+def step_lengths(points: FloatArray, faces: IntArray, opposite: IntArray) -> FloatArray:
+    """(F, 3) float64: how far each neighbor of a face is, more across a crease; 0 without one.
+
+    Kernel: `core/face_parts.c`.
+    """
+    neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
+    lengths = np.empty((len(faces), 3))
+    core.find_step_lengths(points, faces, neighbors, _SMOOTHINGS, lengths)
+    return lengths
 
 
 def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
@@ -135,85 +113,6 @@ def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
         for face_ids in np.split(order, ends[:-1])
         if len(face_ids)
     ]
-
-
-def _steps(points: FloatArray, faces: IntArray, neighbors: IntArray) -> IntArray:
-    """(F, 3) int32: distance to each neighbor, from 1 to `_LONGEST_STEP`."""
-    corners = points[faces]
-    centroids = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    beyond = neighbors >= 0
-    for _ in range(_SMOOTHINGS):
-        normals += np.where(beyond[:, :, None], normals[neighbors], 0.0).sum(axis=1)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= np.maximum(lengths, np.finfo(np.float64).tiny)
-    steps = np.empty(neighbors.shape)
-    for side in range(3):
-        others = neighbors[:, side]
-        cosines = np.einsum("ij,ij->i", normals, normals[others])
-        steps[:, side] = np.linalg.norm(centroids - centroids[others], axis=1)
-        steps[:, side] *= 1.0 + _CREASE * (1.0 - cosines)
-    mean = steps[beyond].mean() if beyond.any() else 0.0
-    units = steps * (_UNITS_A_STEP / mean if mean > 0.0 else 0.0)
-    return np.clip(np.rint(units), 1, _LONGEST_STEP).astype(np.int32)
-
-
-def _centers(neighbors: IntArray, steps: IntArray, labels: IntArray, least: int) -> IntArray:
-    """(n,) int32: the face farthest from the border, of every label with at least `least` faces."""
-    ends = (labels[neighbors] != labels[:, None]) | (neighbors < 0)
-    border = np.flatnonzero(ends.any(axis=1) & (labels >= 0)).astype(np.int32)
-    reached = np.where(labels >= 0, _OPEN, _CLOSED)
-    distances = _flood(neighbors, steps, reached, border, labels[border], labels, len(labels))
-    faces = np.flatnonzero(labels >= 0)
-    # The first of the farthest faces; one without any border is as far as possible.
-    keys = distances[faces].astype(np.int64) << 32 | (_FAR - faces)
-    farthest = np.full(int(labels.max()) + 1, -1, dtype=np.int64)
-    np.maximum.at(farthest, labels[faces], keys)
-    farthest = farthest[np.bincount(labels[faces]) >= max(least, 1)]
-    return (_FAR - (farthest & _FAR)).astype(np.int32)
-
-
-def _without_pockets(neighbors: IntArray, labels: IntArray, least: int) -> IntArray:
-    """Merge every label of fewer than `least` faces into the one that it shares most sides with."""
-    sizes = np.bincount(labels[labels >= 0])
-    faces, sides = np.nonzero((neighbors >= 0) & (labels >= 0)[:, None])
-    small, large = labels[faces].astype(np.int64), labels[neighbors[faces, sides]]
-    met = (sizes[small] < least) & (sizes[large] >= least)
-    pairs, counts = np.unique(small[met] << 32 | large[met], return_counts=True)
-    pairs = pairs[np.argsort(counts, kind="stable")]
-    into = np.arange(len(sizes), dtype=np.int32)
-    into[pairs >> 32] = pairs & _FAR  # of several, the last one counts
-    return np.where(labels >= 0, into[np.maximum(labels, 0)], labels)
-
-
-def _flood(
-    neighbors: IntArray,
-    steps: IntArray,
-    labels: IntArray,
-    sources: IntArray,
-    source_labels: IntArray,
-    within: IntArray,
-    most: int,
-) -> IntArray:
-    """Give each open face the label of its nearest source, and return (F,) int32 distances.
-
-    No step crosses from one value of `within` to another, and no label gets more than `most` faces.
-    `labels` is written to. Kernel: `core/dial_flood.c`.
-    """
-    distances = np.empty(len(labels), dtype=np.int32)
-    n_labels = int(source_labels.max(initial=-1)) + 1
-    core.flood_faces(
-        n_labels, neighbors, steps, labels, sources, source_labels, within, most, distances
-    )
-    return distances
-
-
-def _seed(neighbors: IntArray, steps: IntArray, labels: IntArray, part_faces: int) -> None:
-    """Give the open faces new labels, in patches of at most `part_faces` faces.
-
-    Kernel: `core/dial_flood.c`.
-    """
-    core.seed_faces(neighbors, steps, labels, part_faces)
 
 
 def connected_parts(opposite: IntArray) -> IntArray:

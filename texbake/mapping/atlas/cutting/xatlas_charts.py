@@ -184,6 +184,15 @@ def _with_plain_charts(
     return pieces, tuple(notes)
 
 
+def plain_piece(
+    points: FloatArray, faces: IntArray, face_ids: IntArray
+) -> tuple[IntArray, Charts] | None:
+    """Cut some faces of a mesh into charts by their normals; None if none of them has an area."""
+    part = _Part.of(points, faces, face_ids)
+    charts = part.plain_charts()
+    return None if charts is None else (face_ids, charts)
+
+
 def plain_charts(
     points: FloatArray, faces: IntArray
 ) -> tuple[IntArray, FloatArray, npt.NDArray[np.int64]]:

@@ -1,7 +1,7 @@
 """Charts flattened anew, each with the least distortion that its present layout leads to.
 
-xatlas flattens its charts by projection or by conformal maps, not for the least stretch. Relaxing
-makes no chart worse, and makes none overlap itself.
+Charts that were flattened roughly, or by projection, come to their least stretch. Relaxing makes no
+chart worse, and makes none overlap itself.
 """
 
 from __future__ import annotations

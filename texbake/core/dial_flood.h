@@ -1,0 +1,38 @@
+/* Faces that get the label of the nearest seed, for other files of the core. */
+
+#ifndef TEXBAKE_DIAL_FLOOD_H
+#define TEXBAKE_DIAL_FLOOD_H
+
+#include <stdint.h>
+
+/* Labels of faces that await a label, and of those that take none; and the distance of faces that
+   nothing reaches. */
+#define OPEN_FACE ((int32_t)-1)
+#define CLOSED_FACE ((int32_t)-2)
+#define FAR_AWAY INT32_MAX
+
+/* Steps between neighbors are from 1 to this. */
+enum { LONGEST_STEP = 63 };
+
+/* A face, the label offered to it, and the next row of its list. */
+struct offer {
+    int32_t face, label, next;
+};
+
+struct flood {
+    const int32_t (*neighbors)[3];
+    const int32_t (*steps)[3];
+    const int32_t *within; /* no step crosses from one value to another; NULL: all have the same */
+    int32_t *labels;
+    int32_t *distances;  /* FAR_AWAY at first */
+    int32_t *sizes;      /* faces of each label */
+    struct offer *queue; /* three rows a face, and one a source */
+    int64_t most;        /* faces of a label */
+};
+
+/* Label every open face by its nearest source. */
+void flood_from(
+    const struct flood *flood, int64_t n_sources, const int32_t *sources,
+    const int32_t *source_labels);
+
+#endif
