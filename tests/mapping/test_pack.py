@@ -1,5 +1,7 @@
 """Charts packed into one texture or several tiles: apart, undistorted, and dense."""
 
+import tracemalloc
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -333,3 +335,34 @@ def test_more_tiles_than_udim_numbers_are_refused(n_groups: int, tiles: int) -> 
     groups = np.arange(n_groups, dtype=np.int32)
     with pytest.raises(UnwrapError, match=r"are 9,000 tiles, more than 1,000"):
         pack_charts(uvs, faces, chart_ids, size=SIZE, padding=1, tiles=tiles, tile_groups=groups)
+
+
+def peak_memory(charts: tuple[Array, Ints, Ints], effort: str) -> tuple[Packing, int]:
+    """The packing, and the most bytes of arrays at any one time while it was made."""
+    tracemalloc.start()
+    try:
+        packing = pack_charts(*charts, size=(256, 256), padding=1, effort=effort, threads=1)
+        return packing, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("effort", ["fast", "good"])
+@pytest.mark.parametrize(
+    ("n_long", "n_squares"), [(1, 0), (1, 12), (40, 3), (600, 0)], ids=lambda count: f"{count}"
+)
+def test_memory_does_not_grow_with_the_length_of_charts(
+    n_long: int, n_squares: int, effort: str
+) -> None:
+    n_charts = n_long + n_squares
+    side = np.ones(n_charts)
+    moderate, absurd = (
+        rectangles(np.where(np.arange(n_charts) < n_long, length, side), side)
+        for length in (10.0, 1e6)
+    )
+    _, usual = peak_memory(moderate, effort)
+    packing, peak = peak_memory(absurd, effort)
+    # Bitmaps of thin charts at eight angles are larger than those of squares, but no larger than
+    # the coarse grid of the search: 92 MB for 43 charts. Of 1e6 x 1 texels one would take 70 GB.
+    assert peak < max(2 * usual, 150_000_000)
+    assert ((packing.uvs > 0.0) & (packing.uvs < 1.0)).all()

@@ -61,7 +61,7 @@ class Bins:
         self.areas = charts.areas()
         # Half the perimeter, by which xatlas sorts too.
         self.sizes = self.poses.extents[:, 0].sum(axis=1)
-        self.lengths = self.poses.extents.max(axis=2).min(axis=1)
+        self.lengths = self.poses.lengths()
 
     def order(self, trial: int) -> IntArray:
         """(C,) int32: charts by size, the largest first; from trial 1 on, slightly shuffled."""
@@ -107,10 +107,14 @@ class Bins:
         return max(self.grid.width, self.grid.height)
 
     def _may_fit(self, scale: float) -> bool:
-        """Whether no chart is longer than the grid, nor all together larger than the tiles."""
+        """Whether no chart is longer than the grid, nor all together larger than the tiles.
+
+        A chart touches as many cells as it is long, or more. So bitmaps are made only of charts
+        that are about as large as the tiles, whatever their shapes.
+        """
         if (self.lengths * scale > self._longest).any():
             return False
-        areas = np.bincount(self.groups, self.areas) * scale**2
+        areas = np.bincount(self.groups, np.maximum(self.areas * scale**2, self.lengths * scale))
         return bool((areas <= self.n_tiles * self.grid.width * self.grid.height).all())
 
     def _fill(

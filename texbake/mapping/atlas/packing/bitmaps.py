@@ -108,7 +108,8 @@ def rasterize_charts(
     starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
     masks = np.zeros(n_cells.sum(), dtype=np.uint8)
     core.mark_faces(corners, face_charts, scale, shifts, margin, boxes, starts, masks)
-    empty = np.add.reduceat(masks, starts.ravel(), dtype=np.int64) == 0
+    # Not their sum, for which all cells would be copied into larger numbers.
+    empty = np.maximum.reduceat(masks, starts.ravel()) == 0
     masks[starts.ravel()[empty]] = 1
     return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
 
@@ -150,8 +151,11 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
     n_charts, n_poses = bitmaps.starts.shape
     boxes = np.repeat(bitmaps.boxes, turns, axis=1).astype(np.int32)
     boxes[:, 1::2] = boxes[:, 1::2, ::-1] if turns > 1 else boxes[:, 1::2]
-    # A row of n cells holds at most (n + 1) / 2 runs.
-    most = int(((boxes[..., 0].astype(np.int64) + 1) // 2 * boxes[..., 1]).sum())
+    # A row of n cells holds at most (n + 1) / 2 runs, and a run at least one marked cell.
+    in_rows = (boxes[..., 0].astype(np.int64) + 1) // 2 * boxes[..., 1]
+    masks = np.split(bitmaps.masks, bitmaps.starts.ravel()[1:])
+    marked = np.repeat([np.count_nonzero(mask) for mask in masks], turns)
+    most = int(np.minimum(in_rows.ravel(), marked).sum())
     spans = np.empty((most, 3), dtype=np.int32)
     starts = np.empty((n_charts, n_poses * turns, 2), dtype=np.int64)
     n_spans = core.list_spans(bitmaps.masks, bitmaps.starts, bitmaps.boxes, turns, spans, starts)

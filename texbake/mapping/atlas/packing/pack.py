@@ -34,6 +34,9 @@ _MANY_CHARTS = 1024
 _MOST_ORDERED, _MOST_ORDERS = 256, 32  # charts times orders, and orders, that are tried
 _MOST_SEARCHED = 768  # charts; the work of a search grows with the square of their number
 _MOST_COARSE = 300  # charts that a coarse grid represents well enough
+# Areas of the grid that squares as wide as the charts are long may take in a search, which stores
+# bitmaps of charts at any angle: they are larger only for hundreds of charts as long as the grid.
+_MOST_SQUARES = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +169,7 @@ def pack_charts(
     elif not place_at_largest_scale(bins, 0 if searched else n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
     found = bins.found
-    if searched and density is None and effort != "fast":
+    if searched and density is None and effort != "fast" and _squares(bins) <= _MOST_SQUARES:
         found = _searched(bins, size, padding, effort, threads)
     return _packed(found, bins, size, padding)
 
@@ -225,6 +228,12 @@ def _searched(
     run_bands(search, budget.trials, band=1, threads=threads)
     # The first of equally dense packings, in whatever order they were finished.
     return max([found, *filter(None, results)], key=lambda result: result.scale)
+
+
+def _squares(bins: Bins) -> float:
+    """Area of squares as wide as the charts are long, in areas of the grid."""
+    areas = (bins.lengths * bins.found.scale) ** 2
+    return float(areas.sum()) / (bins.grid.width * bins.grid.height)
 
 
 def _most_cells(size: tuple[int, int], n_charts: int) -> int:

@@ -59,6 +59,10 @@ class Poses:
             extents=np.maximum.reduceat(posed[order], starts) - low,
         )
 
+    def lengths(self) -> FloatArray:
+        """(C,) float64: longer side of each chart's box, in the pose in which it is shortest."""
+        return np.asarray(self.extents.max(axis=2).min(axis=1))
+
     @property
     def work(self) -> int:
         """Steps of work to rasterize them."""

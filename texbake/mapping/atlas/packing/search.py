@@ -95,7 +95,9 @@ class _Strip:
             width=size[0], height=2 * size[1], cell=1, half_widths=np.zeros(1, dtype=np.int32)
         )
         self._shares = areas / areas.sum() / size[1]
-        self.rescale(math.sqrt(_FIRST_FILL * size[0] * size[1] / areas.sum()))
+        first_scale = math.sqrt(_FIRST_FILL * size[0] * size[1] / areas.sum())
+        # A longer chart fits in no pose, and its bitmap could be of any size.
+        self.rescale(min(first_scale, max(size[0], 2 * size[1]) / poses.lengths().max()))
 
     def rescale(self, scale: float) -> None:
         """Make bitmaps of the charts at a scale, in cells per unit."""
