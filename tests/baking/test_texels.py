@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.baking.pineda import NO_FACE, UNIT
 from texbake.baking.texels import (
+    NO_FACE,
+    UNIT,
     SampleGrid,
     owned_samples,
     rasterize_uv,

@@ -73,7 +73,7 @@ def test_too_short_a_time_is_said_in_one_line_and_still_gives_maps(
     )
     said = [text for text in done.stderr.splitlines() if "too short" in text]
     assert len(said) == 1
-    assert "--time-budget: 0.01 s are too short: the bake takes about" in said[0]
+    assert "--time-budget: 0.01 s is too short: the bake takes about" in said[0]
     assert output.exists()
 
 

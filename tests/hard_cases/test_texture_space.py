@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake.baking.pineda import NO_FACE, UNIT
-from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, rasterize_uv, snap_uvs
 from texbake.mesh.shapes import plane, uv_sphere
 
 

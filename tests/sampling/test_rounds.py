@@ -148,7 +148,7 @@ def test_too_short_a_time_is_said_once_and_at_once():
     work.rounds.expect_at_least(0.8)
     work.rounds.expect_at_least(0.9)
     assert work.warnings == [
-        "time_budget: 0.6 s are too short: the work takes about 0.8 s with the fewest samples, and "
+        "time_budget: 0.6 s is too short: the work takes about 0.8 s with the fewest samples, and "
         "is made with these"
     ]
 

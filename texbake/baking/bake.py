@@ -13,13 +13,13 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import ADAPTIVE, BakeOptions
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.rays import RayMaps, check_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
+from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import Trace
 from texbake.errors import MissError, OptionError, UvError
 from texbake.mesh.interchange import MeshLike, as_mesh

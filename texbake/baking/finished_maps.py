@@ -10,8 +10,8 @@ import numpy.typing as npt
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.padding import ChartPadding
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.result import BakedMap
+from texbake.baking.texels import NO_FACE
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
 

@@ -24,9 +24,9 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
+from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
 from texbake.mesh.compose import used_rows

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.pineda import NO_FACE
+from texbake.baking.texels import NO_FACE
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands

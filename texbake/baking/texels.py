@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.pineda import FRACTION_BITS, NO_FACE, TILE, UNIT
 from texbake.core import core
 from texbake.errors import UvError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -26,6 +25,12 @@ from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.raycast.rays import Rows
 from texbake.texture.lookup import texel_coordinates
+
+# Units of the fixed-point grid, as in `core/edge_functions.h`.
+FRACTION_BITS = 11  # a sample is 2048 units wide
+UNIT = 1 << FRACTION_BITS
+TILE = 16  # rows and columns of samples cast together; a multiple of the samples per texel side
+NO_FACE = -1
 
 # Coordinates up to 2^18 samples from the origin: a product of two differences is at most 2^60.
 _MAX_COORDINATE = 1 << (18 + FRACTION_BITS)

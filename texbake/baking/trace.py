@@ -10,11 +10,11 @@ import numpy as np
 
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.rays import RayField, RayMaps
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.texels import (
+    NO_FACE,
     SampleGrid,
     Samples,
     SnappedFaces,

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.pineda import NO_FACE
-from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, make_finding
 from texbake.checks.finding import Finding
 from texbake.errors import UvError

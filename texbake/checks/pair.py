@@ -16,7 +16,7 @@ from itertools import permutations, product
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.pineda import NO_FACE
+from texbake.baking.texels import NO_FACE
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.pineda import NO_FACE
-from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.finding import Finding
 from texbake.errors import UvError
 from texbake.mapping.layout_view import (

@@ -23,8 +23,8 @@ import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.padding import ChartPadding
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.texels import (
+    NO_FACE,
     SampleGrid,
     Samples,
     owned_bands,

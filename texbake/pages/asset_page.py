@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.result import BakeResult, read_misses
-from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh

@@ -133,7 +133,7 @@ class Rounds:
         if seconds > margin * self.seconds and not self._is_warned and self.clock.warn is not None:
             self._is_warned = True
             self.clock.warn(
-                f"time_budget: {self.seconds:.4g} s are too short: {self.work} takes about "
+                f"time_budget: {self.seconds:.4g} s is too short: {self.work} takes about "
                 f"{seconds:.3g} s with the fewest samples, and is made with these"
             )
 

@@ -12,8 +12,7 @@ from texbake.baking.adaptive_texels.coverage import (
     find_owners,
     outlined_texels,
 )
-from texbake.baking.pineda import NO_FACE
-from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.mesh.mesh import Mesh
 
 WIDTH, HEIGHT = 20, 12

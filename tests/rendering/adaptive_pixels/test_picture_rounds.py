@@ -89,7 +89,7 @@ def test_too_little_time_is_said_at_once_and_buys_the_fewest_samples():
     options = replace(OPTIONS, time_budget="1ms")
     frame = render(icosphere(2), options=options, clock=BudgetClock(warn=said.append))
     (line,) = said
-    assert line.startswith("time_budget: 0.001 s are too short: the picture takes about")
+    assert line.startswith("time_budget: 0.001 s is too short: the picture takes about")
     assert frame.budget.max_error == frame.sampling.max_error == "254/255"
     assert "longer than its time budget of 0.001 s" in frame.budget.warnings[0]
 

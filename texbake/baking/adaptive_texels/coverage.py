@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.pineda import NO_FACE, UNIT
-from texbake.baking.texels import SampleGrid, Samples, snap_uvs
+from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, Samples, snap_uvs
 from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands

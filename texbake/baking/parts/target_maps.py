@@ -13,9 +13,9 @@ from texbake.baking.finished_maps import finished_maps
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.pineda import NO_FACE
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult
+from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import TraceCounts
 from texbake.errors import FileError
 from texbake.mesh.mesh import IntArray

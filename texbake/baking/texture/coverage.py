@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.pineda import NO_FACE
-from texbake.baking.texels import SampleGrid, TexelBand, owned_bands, snap_uvs
+from texbake.baking.texels import NO_FACE, SampleGrid, TexelBand, owned_bands, snap_uvs
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 from texbake.texture.lookup import texel_coordinates

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.padding import ChartPadding
-from texbake.baking.pineda import NO_FACE
+from texbake.baking.texels import NO_FACE
 from texbake.baking.texture.coverage import TextureCoverage
 from texbake.baking.texture.options import TextureBakeOptions
 from texbake.errors import UvError

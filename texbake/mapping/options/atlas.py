@@ -56,7 +56,7 @@ class AtlasOptions(TextureOptions):
     charts: Annotated[
         str,
         Option(
-            "Program that cuts charts: texbake, or xatlas in separate processes (extra `xatlas`).",
+            "What cuts charts: texbake, or the library xatlas in separate processes.",
             choices=CHART_CUTTERS,
         ),
     ] = "texbake"

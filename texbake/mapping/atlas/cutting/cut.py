@@ -133,7 +133,7 @@ def cut_charts(
     if method == "xatlas":
         if find_spec("xatlas") is None:
             raise DependencyError(
-                "xatlas: it is not installed; install it with: pip install texbake[xatlas]"
+                "xatlas: it is not installed; install it with: pip install xatlas"
             )
         whole = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
         batches = face_batches(points, corners, whole, part_faces=_XATLAS_FACES, regions=regions)
