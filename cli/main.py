@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 
@@ -47,7 +46,6 @@ def main() -> None:
     try:
         texbake(prog_name="texbake")
     finally:
-        gc.freeze()  # the process ends: no search for cycles among all that is still there
         _close_stdout()
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.failures import Terminated, failures_as_one_line
@@ -198,3 +199,11 @@ def test_bash_completes(script: Path, tmp_path: Path) -> None:
         timeout=60,
     )
     assert (done.stdout, done.stderr) == ("scan.ply\n", "")
+
+
+def test_a_process_that_read_an_image_says_nothing_at_its_end(run: Run, tmp_path: Path) -> None:
+    # OpenImageIO reports objects that Python never frees.
+    package.write_image(np.zeros((8, 8)), tmp_path / "height.png", color=False)
+    done = run("height-to-normal height.png -o slopes.png", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == ""
