@@ -10,7 +10,27 @@ import time
 
 import bpy
 import numpy as np
-from blender_bake import bake_target, imported  # beside this script
+
+
+def imported(path):
+    operator = bpy.ops.wm.ply_import if path.endswith(".ply") else bpy.ops.wm.obj_import
+    operator(filepath=path, forward_axis="Y", up_axis="Z")
+    thing = bpy.context.selected_objects[0]
+    thing.data.shade_smooth()
+    return thing
+
+
+def bake_target(low, size):
+    """Give the low-poly mesh a material whose active image takes the bake."""
+    image = bpy.data.images.new("map", size, size, float_buffer=True, is_data=True)
+    material = bpy.data.materials.new("baked")
+    material.use_nodes = True
+    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    material.node_tree.nodes.active = texture
+    low.data.materials.clear()
+    low.data.materials.append(material)
+    return image
 
 
 def main(high_path, low_path, out, size, samples, distance):
