@@ -1,6 +1,7 @@
 """The import rules between packages, checked on all imports, also those inside functions."""
 
 import ast
+import re
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -213,3 +214,13 @@ def test_every_package_is_installed() -> None:
     assert set(project["tool"]["setuptools"]["packages"]) == packages
     # A folder of modules without an __init__.py would be left out of the wheel.
     assert {module.rpartition(".")[0] for module in modules()} - {""} <= packages
+
+
+def test_tests_start_the_installed_package() -> None:
+    """Without `-P`, Python takes the sources in the current folder, which may have no core."""
+    starts = re.compile(r"\[\s*sys\.executable,\s*\"-[cm]\"")
+    assert [
+        path.name
+        for path in (ROOT / "tests").rglob("test_*.py")
+        if starts.search(path.read_text("utf-8"))
+    ] == []

@@ -66,7 +66,7 @@ def test_too_short_a_time_is_said_in_one_line_and_still_gives_maps(
     output = tmp_path / "n.png"
     line = ["bake-normals", *pair, "-o", str(output), "--size", "64", "--time-budget", "0.01"]
     done = subprocess.run(
-        [sys.executable, "-c", "from texbake_cli.main import main; main()", *line],
+        [sys.executable, "-P", "-c", "from texbake_cli.main import main; main()", *line],
         capture_output=True,
         text=True,
         check=True,

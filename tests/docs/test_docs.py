@@ -174,7 +174,7 @@ def test_the_reference_is_what_the_program_says(page):
 
 
 def test_the_site_is_built_without_a_warning(tmp_path):
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
+    command = [sys.executable, "-P", "-m", "mkdocs", "build", "--strict", "--quiet"]
     done = subprocess.run(
         [*command, "-f", "docs/mkdocs.yml", "-d", tmp_path],
         cwd=ROOT,

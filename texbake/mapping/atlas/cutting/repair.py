@@ -218,7 +218,8 @@ def _inverse_square_roots(matrices: FloatArray) -> FloatArray:
     """H^(-1/2) of symmetric positive (n, 2, 2) matrices; the identity for a singular one."""
     roots_det = np.sqrt(np.maximum(np.linalg.det(matrices), 0.0))
     traces = np.trace(matrices, axis1=1, axis2=2)
-    singular = roots_det <= 1e-12 * traces  # a chart 1e12 times as long as wide has no width
+    # A chart 1e12 times as long as wide has no width, and one of rounding alone no size.
+    singular = ~((traces > 0.0) & (roots_det > 1e-12 * traces))
     roots_det, traces = np.where(singular, 1.0, roots_det), np.where(singular, 2.0, traces)
     matrices = np.where(singular[:, None, None], np.eye(2), matrices)
     # Cayley and Hamilton: H^(1/2) = (H + √|H| 1) / √(tr H + 2 √|H|), of determinant √|H|.
