@@ -150,6 +150,21 @@ class Distortion:
         """Area that the faces cover, as a share of the tiles that they lie in."""
         return self.fill / self.n_tiles
 
+    @property
+    def wasted(self) -> float:
+        """Share of the texels that stretch and gaps waste, from 0 to 1.
+
+        A texture without stretch that fills the whole square samples the surface evenly. An atlas
+        that fills the share f of its square, at a root mean square stretch of L2, samples it as far
+        apart in the mean as such a texture with f / L2² of the texels. Mirrored charts count as the
+        others.
+
+        Based on: Sander, Snyder, Gortler and Hoppe, "Texture Mapping Progressive Meshes", SIGGRAPH
+        2001 (L2 stretch, with the total areas scaled to be the same).
+        """
+        l2 = self.turned_stretch.l2
+        return max(1.0 - self.fill / l2**2, 0.0) if math.isfinite(l2) else 1.0
+
     def to_json(self) -> dict[str, Any]:
         """Return everything as plain values; an infinite value becomes None.
 

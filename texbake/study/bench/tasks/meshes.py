@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -41,20 +40,11 @@ def _prepare_unwrap(case: BenchCase, options: BenchOptions, folder: Path) -> Pre
 
 
 def unwrap_error(mesh: Mesh) -> Judgment:
-    """Return the share of the texels that an atlas wastes, in percent, by stretch and by gaps.
-
-    A texture without stretch that fills the whole square samples the surface evenly. An atlas that
-    fills the share f of its square, at a root mean square stretch of L2, samples it as far apart in
-    the mean as such a texture with f / L2² of the texels.
-
-    Based on: Sander, Snyder, Gortler and Hoppe, "Texture Mapping Progressive Meshes", SIGGRAPH 2001
-    (L2 stretch, with the total areas scaled to be the same).
-    """
+    """Return the share of the texels that an atlas wastes, in percent; see `Distortion.wasted`."""
     found = distortion(mesh, _ATLAS_SIZE)
     stretch = found.turned_stretch  # of some atlases half the charts are mirrored
-    used = found.fill / stretch.l2**2 if math.isfinite(stretch.l2) else 0.0
     return Judgment(
-        100.0 * max(1.0 - used, 0.0),
+        100.0 * found.wasted,
         figures={
             "charts": float(found.n_charts),
             "filled (%)": 100.0 * found.fill,
