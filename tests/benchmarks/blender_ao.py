@@ -7,51 +7,24 @@ bake: by the clock, and of all its processors.
 import os
 import sys
 import time
+from pathlib import Path
 
 import bpy
 import numpy as np
 
-
-def imported(path):
-    operator = bpy.ops.wm.ply_import if path.endswith(".ply") else bpy.ops.wm.obj_import
-    operator(filepath=path, forward_axis="Y", up_axis="Z")
-    thing = bpy.context.selected_objects[0]
-    thing.data.shade_smooth()
-    return thing
+sys.path.append(str(Path(__file__).parents[2] / "texbake" / "study" / "bench" / "runners"))
+from run_blender import light_everywhere, prepare_bake
 
 
-def bake_target(low, size):
-    """Give the low-poly mesh a material whose active image takes the bake."""
-    image = bpy.data.images.new("map", size, size, float_buffer=True, is_data=True)
-    material = bpy.data.materials.new("baked")
-    material.use_nodes = True
-    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
-    material.node_tree.nodes.active = texture
-    low.data.materials.clear()
-    low.data.materials.append(material)
-    return image
-
-
-def main(high_path, low_path, out, size, samples, distance):
+def main(high, low, out, size, samples, distance):
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    high, low = imported(high_path), imported(low_path)
-    image = bake_target(low, int(size))
-    scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples = "CPU", int(samples)
-    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
-    scene.world = bpy.data.worlds.new("world")
-    scene.world.light_settings.distance = 1000.0  # farther than the mesh is wide
-    settings = scene.render.bake
-    settings.use_selected_to_active = True
-    settings.cage_extrusion = float(distance)
-    settings.max_ray_distance = 2 * float(distance)
-    settings.margin = 0
-    bpy.ops.object.select_all(action="DESELECT")
-    high.select_set(True)
-    low.select_set(True)
-    bpy.context.view_layer.objects.active = low
+    scene, image = prepare_bake(
+        {
+            "high": high, "low": low, "size": int(size), "samples": int(samples),
+            "distance": float(distance), "padding": 0,
+        }
+    )  # fmt: skip
+    light_everywhere(scene)
     start, spent = time.perf_counter(), sum(os.times()[:2])
     bpy.ops.object.bake(type="AO")
     seconds, spent = time.perf_counter() - start, sum(os.times()[:2]) - spent

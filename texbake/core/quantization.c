@@ -85,24 +85,17 @@ QUANTIZE(quantize_u8, uint8_t)
 QUANTIZE(quantize_u16, uint16_t)
 
 /* Write the colors of ids; the first color is that of 0. */
-void color_ids_u8(
-    int64_t n, int64_t n_colors, const float ids[n], const uint8_t colors[n_colors][3],
-    uint8_t codes[n][3], int64_t start, int64_t stop)
-{
-    for (int64_t i = start; i < stop; i++) {
-        const uint8_t *color = colors[clamp_i64((int64_t)ids[i], 0, n_colors - 1)];
-        for (int channel = 0; channel < 3; channel++)
-            codes[i][channel] = color[channel];
+#define COLOR_IDS(name, code_t)                                                                   \
+    void name(                                                                                    \
+        int64_t n, int64_t n_colors, const float ids[n], const code_t colors[n_colors][3],        \
+        code_t codes[n][3], int64_t start, int64_t stop)                                          \
+    {                                                                                             \
+        for (int64_t i = start; i < stop; i++) {                                                  \
+            const code_t *color = colors[clamp_i64((int64_t)ids[i], 0, n_colors - 1)];            \
+            for (int channel = 0; channel < 3; channel++)                                         \
+                codes[i][channel] = color[channel];                                               \
+        }                                                                                         \
     }
-}
 
-void color_ids_u16(
-    int64_t n, int64_t n_colors, const float ids[n], const uint16_t colors[n_colors][3],
-    uint16_t codes[n][3], int64_t start, int64_t stop)
-{
-    for (int64_t i = start; i < stop; i++) {
-        const uint16_t *color = colors[clamp_i64((int64_t)ids[i], 0, n_colors - 1)];
-        for (int channel = 0; channel < 3; channel++)
-            codes[i][channel] = color[channel];
-    }
-}
+COLOR_IDS(color_ids_u8, uint8_t)
+COLOR_IDS(color_ids_u16, uint16_t)

@@ -5,37 +5,15 @@ import time
 import numpy as np
 import pytest
 
+from tests.chosen_bounds import chosen_bounds
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.mesh.shapes import plane
-from texbake.sampling.rounds import OutOfTimeError, Rounds
 from texbake.sampling.time_budget import BudgetClock
 
 
 def bumpy():
     return plane(80, 80, lambda x, y: 0.05 * abs((9 * x) % 1 - 0.5) + 0.05 * abs((7 * y) % 1 - 0.5))
-
-
-def chosen_bounds(monkeypatch, bounds, give_up=None):
-    """Let rounds have these bounds; `give_up` says at which look at the clock one of them ends."""
-    left, looks = list(enumerate(bounds)), [None]
-
-    def choose(self, work):
-        looks[0] = None
-        if not left:
-            return None
-        index, bound = left.pop(0)
-        looks[0] = (give_up or {}).get(index)
-        return bound, 1.0, 1.0
-
-    def check(self, seconds=0.0):
-        if looks[0] is not None:
-            looks[0] -= 1
-            if looks[0] == 0:
-                raise OutOfTimeError
-
-    monkeypatch.setattr(Rounds, "_next", choose)
-    monkeypatch.setattr(Rounds, "check", check)
 
 
 def assert_same(by_time, by_error):

@@ -5,37 +5,15 @@ from dataclasses import replace
 
 import pytest
 
+from tests.chosen_bounds import chosen_bounds
 from tests.rendering.adaptive_pixels.test_sampler import a_scene
 from texbake.mesh.shapes import icosphere
 from texbake.rendering.adaptive_pixels import samples
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render, render_scene
-from texbake.sampling.rounds import OutOfTimeError, Rounds
 from texbake.sampling.time_budget import BudgetClock
 
 OPTIONS = RenderOptions(width=64, height=48)
-
-
-def chosen_bounds(monkeypatch, bounds, give_up=None):
-    """Let rounds have these bounds; `give_up` says at which look at the clock one of them ends."""
-    left, looks = list(enumerate(bounds)), [None]
-
-    def choose(self, work):
-        looks[0] = None
-        if not left:
-            return None
-        index, bound = left.pop(0)
-        looks[0] = (give_up or {}).get(index)
-        return bound, 1.0, 1.0
-
-    def check(self, seconds=0.0):
-        if looks[0] is not None:
-            looks[0] -= 1
-            if looks[0] == 0:
-                raise OutOfTimeError
-
-    monkeypatch.setattr(Rounds, "_next", choose)
-    monkeypatch.setattr(Rounds, "check", check)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,10 @@
 """Do one job with Blender, in a Python that has `bpy`: `run_blender.py JOB`."""
 
-import json
 import math
-import sys
 
 import bpy
 import numpy as np
+from runner_job import do_job
 
 
 def imported(path):
@@ -26,8 +25,8 @@ def use_cycles(samples):
     return scene
 
 
-def bake(job, kind, samples):
-    """Bake from the high-poly mesh to an image of the low-poly one; return both."""
+def prepare_bake(job):
+    """Select a high-poly mesh and a low-poly one with an image; return the scene and the image."""
     high, low = imported(job["high"]), imported(job["low"])
     size = job["size"]
     image = bpy.data.images.new("map", size, size, float_buffer=True, is_data=True)
@@ -38,7 +37,7 @@ def bake(job, kind, samples):
     material.node_tree.nodes.active = texture
     low.data.materials.clear()
     low.data.materials.append(material)
-    scene = use_cycles(samples)
+    scene = use_cycles(job["samples"])
     settings = scene.render.bake
     settings.use_selected_to_active = True
     settings.cage_extrusion = job["distance"]
@@ -48,8 +47,13 @@ def bake(job, kind, samples):
     high.select_set(True)
     low.select_set(True)
     bpy.context.view_layer.objects.active = low
-    bpy.ops.object.bake(type=kind)
     return scene, image
+
+
+def light_everywhere(scene):
+    """Let light come from every side, from farther than any mesh is wide."""
+    scene.world = bpy.data.worlds.new("world")
+    scene.world.light_settings.distance = 1000.0
 
 
 def save(scene, image, path):
@@ -66,19 +70,24 @@ def save(scene, image, path):
 
 def bake_normals(job):
     """Bake a normal map in tangent space."""
-    save(*bake(job, "NORMAL", job["samples"]), job["out"])
+    scene, image = prepare_bake(job)
+    bpy.ops.object.bake(type="NORMAL")
+    save(scene, image, job["out"])
 
 
 def bake_displacement(job):
     """Blender bakes no heights between two meshes; it bakes the positions of the hits."""
-    save(*bake(job, "POSITION", job["samples"]), job["out"])
+    scene, image = prepare_bake(job)
+    bpy.ops.object.bake(type="POSITION")
+    save(scene, image, job["out"])
 
 
 def bake_ao(job):
     """Bake ambient occlusion."""
-    bpy.context.scene.world = bpy.data.worlds.new("world")
-    bpy.context.scene.world.light_settings.distance = 1000.0  # farther than any mesh is wide
-    save(*bake(job, "AO", job["rays"]), job["out"])
+    scene, image = prepare_bake({**job, "samples": job["rays"]})
+    light_everywhere(scene)
+    bpy.ops.object.bake(type="AO")
+    save(scene, image, job["out"])
 
 
 def unwrap(job):
@@ -170,12 +179,6 @@ def version(job):
     print("VERSION", bpy.app.version_string)
 
 
-def main(text):
-    """Do a job."""
-    job = json.loads(text)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    globals()[job["task"].replace("-", "_")](job)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1])
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    do_job(globals())

@@ -1,11 +1,10 @@
 """Do one job with pymeshlab: `run_pymeshlab.py JOB`."""
 
-import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pymeshlab
+from runner_job import do_job
 
 
 def bake_normals(job):
@@ -50,11 +49,5 @@ def version(job):
     print("VERSION", version_of("pymeshlab"))
 
 
-def main(text):
-    """Do a job."""
-    job = json.loads(text)
-    globals()[job["task"].replace("-", "_")](job)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1])
+    do_job(globals())

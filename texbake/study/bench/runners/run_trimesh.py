@@ -1,11 +1,10 @@
 """Do one job with trimesh: `run_trimesh.py JOB`."""
 
-import json
-import sys
 from importlib.metadata import PackageNotFoundError, version as version_of
 
 import numpy as np
 import trimesh
+from runner_job import do_job
 
 
 def unwrap(job):
@@ -34,11 +33,5 @@ def version(job):
     print("VERSION", f"{version_of('trimesh')} ({', '.join(parts)})")
 
 
-def main(text):
-    """Do a job."""
-    job = json.loads(text)
-    globals()[job["task"].replace("-", "_")](job)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1])
+    do_job(globals())

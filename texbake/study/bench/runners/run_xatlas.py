@@ -1,12 +1,11 @@
 """Do one job with xatlas: `run_xatlas.py JOB`."""
 
-import json
-import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
 import numpy as np
 import xatlas
+from runner_job import do_job
 
 
 def read_ply(path):
@@ -40,11 +39,5 @@ def version(job):
     print("VERSION", version_of("xatlas"))
 
 
-def main(text):
-    """Do a job."""
-    job = json.loads(text)
-    globals()[job["task"].replace("-", "_")](job)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1])
+    do_job(globals())
