@@ -75,21 +75,29 @@ void write_children(
     }
 }
 
-/* Write the ids of the chosen texels, tile by tile. */
+/* Every other bit of a place along a Z-order curve. */
+static int64_t every_other_bit(int64_t place)
+{
+    int64_t packed = 0;
+    for (int bit = 0; 1 << bit < TILE; bit++)
+        packed |= place >> bit & 1 << bit;
+    return packed;
+}
+
+/* Write the ids of the chosen texels, tile by tile, and along a Z-order curve in each: so the cells of
+   every level that are cast in one bundle follow each other. */
 void list_in_tiles(
     int64_t height, int64_t width, int64_t n, const bool chosen[height][width], int32_t ids[n])
 {
     int64_t n_written = 0;
-    for (int64_t top = 0; top < height; top += TILE) {
-        const int64_t bottom = min_i64(top + TILE, height);
-        for (int64_t left = 0; left < width; left += TILE) {
-            const int64_t right = min_i64(left + TILE, width);
-            for (int64_t row = top; row < bottom; row++)
-                for (int64_t column = left; column < right; column++)
-                    if (chosen[row][column])
-                        ids[n_written++] = (int32_t)(row * width + column);
-        }
-    }
+    for (int64_t top = 0; top < height; top += TILE)
+        for (int64_t left = 0; left < width; left += TILE)
+            for (int64_t place = 0; place < TILE * TILE; place++) {
+                const int64_t row = top + every_other_bit(place >> 1);
+                const int64_t column = left + every_other_bit(place);
+                if (row < height && column < width && chosen[row][column])
+                    ids[n_written++] = (int32_t)(row * width + column);
+            }
 }
 
 /* Write the charts and values of samples to the places of their cells. */
