@@ -28,4 +28,5 @@ def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
     sheet = Image.new("L", room)
     ImageDraw.Draw(sheet).text((size - left, size - top), text, fill=255, font=font)
     box = sheet.getbbox() or (0, 0, 0, 0)
-    return np.asarray(sheet.crop(box), np.float32) / np.float32(255.0)
+    coverage = np.asarray(sheet.crop(box), np.float32) / np.float32(255.0)
+    return coverage.astype(np.float32, copy=False)

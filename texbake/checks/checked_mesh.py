@@ -199,7 +199,7 @@ class CheckedMesh:
 def make_finding(
     name: str,
     mesh: str,
-    count: int,
+    count: int | np.integer[Any],
     faces: npt.NDArray[Any] | None = None,
     badness: npt.NDArray[Any] | None = None,
     **figures: Any,

@@ -274,11 +274,14 @@ def _transfers(
     samples, their fastest wave alternates between +1 and -1 and has slope 0 at every sample.
     """
     frequencies = 2.0 * np.pi * (np.fft.rfftfreq(n) if axis == 1 else np.fft.fftfreq(n))
+    waves = (1.0j * frequencies).astype(np.complex128)
+    step: npt.NDArray[np.complex128]
+    mean: npt.NDArray[np.complex128]
     if method == "poisson":
-        turns = np.exp(1.0j * frequencies)
+        turns = np.exp(waves).astype(np.complex128)
         step, mean = turns - 1.0, (turns + 1.0) / 2.0
     else:
-        step, mean = 1.0j * frequencies, np.ones(len(frequencies), np.complex128)
+        step, mean = waves, np.ones(len(frequencies), np.complex128)
     if n % 2 == 0:
         if method == "poisson":
             mean[n // 2] = 0.0

@@ -78,7 +78,8 @@ def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
     # 2 / kappa, which is unbounded at r = 0.
     alpha_squared = 2 * (1 - r**2) / np.maximum(3 * r - r**3, np.finfo(np.float64).tiny)
-    return (np.minimum(alpha_squared, 1.0) ** 0.25).astype(np.float32)
+    roughness: npt.NDArray[np.float64] = np.minimum(alpha_squared, 1.0) ** 0.25
+    return roughness.astype(np.float32)
 
 
 def write_mip_levels(

@@ -98,7 +98,8 @@ def _chosen(candidates: IdArray) -> IdArray:
     # Several times faster than drawing without repetition; a few texels fewer are drawn.
     n = len(candidates)
     places = np.unique(generator().integers(0, max(n, 1), n_to_check(n)))
-    return candidates[places]
+    chosen: IdArray = candidates[places]
+    return chosen
 
 
 def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
