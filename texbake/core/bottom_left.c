@@ -8,40 +8,30 @@
    maps for automatic texture atlas generation", 2002 (charts packed by their shape, large ones
    first).
 
-   Called from texbake/mapping/atlas/packing/bins.py. */
+   Called from texbake/mapping/atlas/packing/bins.py and from order_search.c. */
 
-#include "arena.h"
-#include "chart_bitmaps.h"
+#include "bottom_left.h"
+
 #include "core.h"
 #include "numbers.h"
 
 /* Size classes of boxes along each side. */
 enum { N_CLASSES = 64 };
 
-/* The free cells of a grid. `runs` holds, for each cell, how many cells are free from it to the
-   right; or, as a negative number, how many at least are blocked. */
-struct free_cells {
-    int64_t n_rows, n_columns;
-    int32_t *runs;
-};
-
-/* A chart in one pose and quarter turn: its box, and the runs of its cells. */
-struct turned_chart {
-    int64_t width, height, n_spans;
-    const struct span *spans;
-};
-
-struct spot {
-    int64_t x, y;
-};
-
-/* A grid with nothing in it yet. */
-static struct free_cells all_free(struct arena *arena, int64_t n_rows, int64_t n_columns)
+void free_all(const struct free_cells *cells)
 {
-    struct free_cells cells = {n_rows, n_columns, TAKE(arena, int32_t, n_rows * n_columns)};
-    for (int64_t row = 0; row < n_rows; row++)
-        for (int64_t column = 0; column < n_columns; column++)
-            cells.runs[row * n_columns + column] = (int32_t)(n_columns - column);
+    for (int64_t row = 0; row < cells->n_rows; row++) {
+        cells->longest[row] = (int32_t)cells->n_columns;
+        for (int64_t column = 0; column < cells->n_columns; column++)
+            cells->runs[row * cells->n_columns + column] = (int32_t)(cells->n_columns - column);
+    }
+}
+
+struct free_cells take_cells(struct arena *arena, int64_t n_rows, int64_t n_columns)
+{
+    const struct free_cells cells = {
+        n_rows, n_columns, TAKE(arena, int32_t, n_rows * n_columns), TAKE(arena, int32_t, n_rows)};
+    free_all(&cells);
     return cells;
 }
 
@@ -57,16 +47,29 @@ static int64_t size_class(int64_t length, int64_t hurry)
     return min_i64(parts * octave + rest, N_CLASSES - 1);
 }
 
-/* Find the lowest, then leftmost free place from `first` on, with the top below the row `below`;
-   x and y are -1 where there is none. */
-static struct spot lowest_place(
+/* The longest span of a chart: the one that most rows have no room for. */
+static int64_t longest_span(const struct turned_chart *chart)
+{
+    int64_t longest = 0;
+    for (int64_t i = 1; i < chart->n_spans; i++)
+        if (chart->spans[i].end - chart->spans[i].begin
+            > chart->spans[longest].end - chart->spans[longest].begin)
+            longest = i;
+    return longest;
+}
+
+struct spot lowest_place(
     const struct free_cells *cells, const struct turned_chart *chart, struct spot first,
     int64_t below, int64_t *steps)
 {
     const int64_t n_columns = cells->n_columns, n_spans = chart->n_spans;
     const int64_t stop = min_i64(cells->n_rows, below - 1) - chart->height + 1;
-    int64_t probe = 0; /* the span that failed last is the likeliest to fail again */
+    int64_t probe = longest_span(chart); /* the span that failed last is the likeliest to fail again */
+    const int64_t widest_row = chart->spans[probe].row;
+    const int64_t widest = chart->spans[probe].end - chart->spans[probe].begin;
     for (int64_t y = first.y; y < stop; y++) {
+        if (cells->longest[y + widest_row] < widest)
+            continue;
         const int32_t *runs = cells->runs + y * n_columns;
         int64_t x = y == first.y ? first.x : 0, passed = 0;
         while (passed < n_spans && x + chart->width <= n_columns) {
@@ -113,8 +116,22 @@ static int64_t block_row(int32_t *row, int64_t begin, int64_t end, int64_t n_col
     return end - begin;
 }
 
-/* Block the cells near a chart that was just placed; return the number of steps. */
-static int64_t block_chart(
+/* Measure the longest free run of each of some rows. */
+static void measure_longest(const struct free_cells *cells, int64_t first, int64_t last)
+{
+    for (int64_t row = max_i64(first, 0); row < min_i64(last, cells->n_rows); row++) {
+        const int32_t *runs = cells->runs + row * cells->n_columns;
+        int32_t longest = 0;
+        for (int64_t column = 0; column < cells->n_columns;) {
+            const int32_t run = runs[column];
+            longest = run > longest ? run : longest;
+            column += run > 0 ? run : -run;
+        }
+        cells->longest[row] = longest;
+    }
+}
+
+int64_t block_chart(
     const struct free_cells *cells, const struct turned_chart *chart, int64_t x, int64_t y,
     int64_t n_widths, const int32_t *half_widths)
 {
@@ -133,6 +150,7 @@ static int64_t block_chart(
                 cells->runs + row * cells->n_columns, begin, end, cells->n_columns);
         }
     }
+    measure_longest(cells, y - reach, y + chart->height + reach);
     return steps;
 }
 
@@ -144,6 +162,7 @@ struct placing {
     struct free_cells cells;
     struct spot (*firsts)[N_CLASSES];
     struct span *spans, *best_spans;
+    uint8_t *across; /* the transposed mask */
     int64_t work;
 };
 
@@ -155,6 +174,8 @@ static struct turned_chart find_place(struct placing *placing, int64_t chart, in
     const int64_t turns = hurry < 2 ? 4 : 2;
     int64_t least_top = placing->cells.n_rows + 1;
     struct turned_chart best = {0, 0, 0, NULL};
+    struct mask across = {0, 0, NULL};
+    int64_t across_pose = -1;
     for (int64_t item = 0; item < turns * placing->masks->n_poses; item++) {
         const struct mask mask = mask_of(placing->masks, chart, item / turns);
         const int64_t turn = item % turns;
@@ -162,7 +183,11 @@ static struct turned_chart find_place(struct placing *placing, int64_t chart, in
         const int64_t height = turn % 2 == 0 ? mask.height : mask.width;
         if (width > n_columns || height >= least_top)
             continue;
-        const int64_t n_spans = write_spans(mask, turn, placing->spans);
+        if (turn % 2 == 1 && across_pose != item / turns) {
+            across = transposed(mask, placing->across);
+            across_pose = item / turns;
+        }
+        const int64_t n_spans = write_spans(mask, across, turn, placing->spans);
         struct spot *first = &placing->firsts[size_class(width, hurry)][size_class(height, hurry)];
         const struct turned_chart turned = {width, height, n_spans, placing->spans};
         const struct spot found =
@@ -198,14 +223,11 @@ int64_t place_charts(
 {
     OPEN_ARENA(arena);
     const struct chart_masks all = {n_poses, masks, starts[0], boxes[0]};
-    int64_t most = 1;
-    for (int64_t chart = 0; chart < n_charts; chart++)
-        for (int64_t pose = 0; pose < n_poses; pose++)
-            most = max_i64(most, boxes[chart][pose][0] * boxes[chart][pose][1]);
+    const int64_t most = largest_mask(&all, n_charts);
     struct placing placing = {
-        &all, hurry, all_free(arena, n_rows, n_columns),
+        &all, hurry, take_cells(arena, n_rows, n_columns),
         take_zeros(arena, N_CLASSES, sizeof *placing.firsts), TAKE(arena, struct span, most),
-        TAKE(arena, struct span, most), n_rows * n_columns / 4,
+        TAKE(arena, struct span, most), TAKE(arena, uint8_t, most), n_rows * n_columns / 4,
     };
     int64_t n_missing = 0;
     for (int64_t i = 0; i < n_order; i++) {

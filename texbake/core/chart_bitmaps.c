@@ -81,41 +81,61 @@ void mark_faces(
     }
 }
 
-/* Write the runs of marked cells of a mask after some quarter turns; return how many. */
-int64_t write_spans(struct mask mask, int64_t turn, struct span *spans)
+int64_t largest_mask(const struct chart_masks *masks, int64_t n_charts)
 {
-    const int64_t width = mask.width, height = mask.height;
-    const int64_t n_rows = turn % 2 == 0 ? height : width;
-    const int64_t n_columns = turn % 2 == 0 ? width : height;
-    /* The cell at the beginning of the first row, and the steps to the next column and row. */
-    const uint8_t *origin = mask.cells;
-    int64_t across = 1, down = width;
-    if (turn == 1) {
-        origin += (height - 1) * width;
-        across = -width;
-        down = 1;
-    } else if (turn == 2) {
-        origin += height * width - 1;
-        across = -1;
-        down = -width;
-    } else if (turn == 3) {
-        origin += width - 1;
-        across = width;
-        down = -1;
-    }
-    int64_t count = 0;
-    for (int64_t row = 0; row < n_rows; row++) {
-        int64_t begin = -1;
-        for (int64_t column = 0; column <= n_columns; column++) {
-            const bool is_marked =
-                column < n_columns && origin[row * down + column * across] != 0;
-            if (is_marked && begin < 0) {
-                begin = column;
-            } else if (!is_marked && begin >= 0) {
-                spans[count++] = (struct span){(int32_t)row, (int32_t)begin, (int32_t)column};
-                begin = -1;
-            }
+    int64_t most = 1;
+    for (int64_t at = 0; at < n_charts * masks->n_poses; at++)
+        most = max_i64(most, masks->boxes[at][0] * masks->boxes[at][1]);
+    return most;
+}
+
+/* Side of the squares in which masks are transposed: their rows stay in the cache. */
+enum { TILE = 16 };
+
+struct mask transposed(struct mask mask, uint8_t *cells)
+{
+    for (int64_t y = 0; y < mask.height; y += TILE) {
+        for (int64_t x = 0; x < mask.width; x += TILE) {
+            const int64_t bottom = min_i64(y + TILE, mask.height);
+            const int64_t right = min_i64(x + TILE, mask.width);
+            for (int64_t column = x; column < right; column++)
+                for (int64_t row = y; row < bottom; row++)
+                    cells[column * mask.height + row] = mask.cells[row * mask.width + column];
         }
+    }
+    return (struct mask){mask.height, mask.width, cells};
+}
+
+/* Write the runs of marked cells of a row, `is_mirrored` or not; return how many. */
+static int64_t write_row(
+    const uint8_t *cells, int64_t width, int32_t row, bool is_mirrored, struct span *spans)
+{
+    int64_t count = 0;
+    const uint8_t *const end = cells + width;
+    const uint8_t *at = cells;
+    while (at < end && (at = memchr(at, 1, (size_t)(end - at)))) {
+        const uint8_t *after = memchr(at, 0, (size_t)(end - at));
+        after = after ? after : end;
+        spans[count++] = (struct span){row, (int32_t)(at - cells), (int32_t)(after - cells)};
+        at = after;
+    }
+    for (int64_t i = 0; is_mirrored && 2 * i < count; i++) {
+        const struct span one = spans[i], other = spans[count - 1 - i];
+        const int32_t last = (int32_t)width;
+        spans[i] = (struct span){row, last - other.end, last - other.begin};
+        spans[count - 1 - i] = (struct span){row, last - one.end, last - one.begin};
+    }
+    return count;
+}
+
+int64_t write_spans(struct mask mask, struct mask across, int64_t turn, struct span *spans)
+{
+    const struct mask lying = turn % 2 == 0 ? mask : across;
+    int64_t count = 0;
+    for (int64_t row = 0; row < lying.height; row++) {
+        const int64_t from = turn < 2 ? row : lying.height - 1 - row;
+        count += write_row(lying.cells + from * lying.width, lying.width, (int32_t)row,
+            turn == 1 || turn == 2, spans + count);
     }
     return count;
 }
@@ -128,16 +148,24 @@ int64_t list_spans(
     const int64_t mask_boxes[n_charts][n_poses][2], int64_t turns, int32_t spans[most][3],
     int64_t starts[n_charts][n_poses * turns][2])
 {
+    OPEN_ARENA(arena);
     const struct chart_masks all = {n_poses, masks, mask_starts[0], mask_boxes[0]};
     struct span *written = (struct span *)spans;
+    uint8_t *cells = TAKE(arena, uint8_t, largest_mask(&all, n_charts));
     int64_t count = 0;
     for (int64_t chart = 0; chart < n_charts; chart++) {
-        for (int64_t i = 0; i < n_poses * turns; i++) {
-            starts[chart][i][0] = count;
-            count += write_spans(mask_of(&all, chart, i / turns), i % turns, written + count);
-            starts[chart][i][1] = count;
+        for (int64_t pose = 0; pose < n_poses; pose++) {
+            const struct mask mask = mask_of(&all, chart, pose);
+            const struct mask across = turns > 1 ? transposed(mask, cells) : mask;
+            for (int64_t turn = 0; turn < turns; turn++) {
+                int64_t *range = starts[chart][pose * turns + turn];
+                range[0] = count;
+                count += write_spans(mask, across, turn, written + count);
+                range[1] = count;
+            }
         }
     }
+    close_arena(arena);
     return count;
 }
 
@@ -170,7 +198,8 @@ int64_t list_reach(
         }
         reach_start[at][0] = count;
         struct span *written = (struct span *)reach[count];
-        const int64_t n_written = write_spans((struct mask){width, height, cells}, 0, written);
+        const struct mask mask = {width, height, cells};
+        const int64_t n_written = write_spans(mask, mask, 0, written);
         for (int64_t i = 0; i < n_written; i++) {
             written[i].row -= margin;
             written[i].begin -= margin;

@@ -10,7 +10,7 @@ struct span {
     int32_t row, begin, end;
 };
 
-/* The cells of one chart in one pose, row by row; not 0 where the chart touches them. */
+/* The cells of one chart in one pose, row by row; 1 where the chart touches them. */
 struct mask {
     int64_t width, height;
     const uint8_t *cells;
@@ -30,6 +30,14 @@ static inline struct mask mask_of(const struct chart_masks *masks, int64_t chart
     return (struct mask){masks->boxes[at][0], masks->boxes[at][1], masks->cells + masks->starts[at]};
 }
 
-int64_t write_spans(struct mask mask, int64_t turn, struct span *spans);
+/* Cells of the largest mask, at least 1. */
+int64_t largest_mask(const struct chart_masks *masks, int64_t n_charts);
+
+/* A mask with rows and columns exchanged, in `cells`. */
+struct mask transposed(struct mask mask, uint8_t *cells);
+
+/* Write the runs of marked cells of a mask after some quarter turns; return how many. `across` is the
+   transposed mask, for odd turns. */
+int64_t write_spans(struct mask mask, struct mask across, int64_t turn, struct span *spans);
 
 #endif
