@@ -10,7 +10,10 @@ from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
 from texbake.mapping.areas import signed_areas
+from texbake.mapping.atlas.packing.bitmaps import Shapes
 from texbake.mapping.atlas.packing.pack import Packing, pack_charts
+from texbake.mapping.atlas.packing.poses import Outlines
+from texbake.mapping.atlas.packing.search import draft_layout
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
@@ -157,6 +160,29 @@ def test_more_effort_fills_more() -> None:
     ]
     # Measured: .655, .693, .752.
     assert (np.diff(fills) > 0.01).all()
+
+
+def placed_in_strip(seed: int) -> tuple[Array, Shapes, Ints, int]:
+    """Draft triangles on a coarse grid; return the cells that charts cover, and the layout."""
+    uvs, faces, ids = triangles(seed, 12)
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=12)
+    draft = draft_layout(charts, (256, 256), 2, most_work=3_000_000, seed=seed)
+    assert draft is not None
+    covered = np.zeros((draft.size[1], draft.size[0]), dtype=np.int64)
+    for chart, (x, y, orientation) in enumerate(draft.places):
+        first, last = draft.shapes.starts[chart, orientation]
+        for row, begin, end in draft.shapes.spans[first:last]:
+            covered[y + row, x + begin : x + end] += 1
+    return covered, draft.shapes, draft.places, int(draft.areas.sum())
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_drafts_cover_each_cell_once_and_stay_inside(seed: int) -> None:
+    covered, shapes, places, area = placed_in_strip(seed)
+    chosen = shapes.starts[np.arange(len(places)), places[:, 2]]
+    assert covered.max() == 1
+    lengths = shapes.spans[:, 2] - shapes.spans[:, 1]
+    assert covered.sum() == sum(lengths[first:last].sum() for first, last in chosen) >= area
 
 
 def squares(sides: list[float]) -> tuple[Array, Ints, Ints]:

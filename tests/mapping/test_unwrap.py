@@ -223,6 +223,16 @@ def test_every_quality_is_sound(quality: str) -> None:
     assert report.distortion.stretch.l2 < {"fast": 1.06, "good": 1.03, "best": 1.1}[quality]
 
 
+def test_best_fills_no_less_than_good() -> None:
+    # A sphere of few faces, whose large charts leave more empty than many small ones.
+    mesh = icosphere(1)
+    fills = [
+        distortion(unwrap(mesh, size=256, quality=quality), 256).fill
+        for quality in ("good", "best")
+    ]
+    assert fills[1] >= fills[0]
+
+
 def test_bytes_do_not_depend_on_threads() -> None:
     mesh = icosphere(4)
     first = unwrap(mesh, threads=1)

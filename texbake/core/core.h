@@ -567,6 +567,14 @@ void pore_depths(
     const double depths_of_pores[n_pores], int64_t n_cells, const int64_t cell_starts[n_starts],
     const int64_t cell_pores[n_entries], double depths[n]);
 
+/* order_search.c */
+int64_t search_orders(
+    int64_t n_spans, int64_t n_charts, int64_t n_orientations,
+    const int32_t boxes[n_charts][n_orientations][2], const int32_t spans[n_spans][3],
+    const int64_t starts[n_charts][n_orientations][2], const double shares[n_charts],
+    int64_t n_rows, int64_t n_columns, int64_t height, int64_t most_work, int64_t seed,
+    int32_t order[n_charts], int32_t places[n_charts][3], int64_t work[1]);
+
 /* orientation.c */
 void join_orientations(
     int64_t n, int64_t n_pairs, int64_t parents[n], bool flips[n], const int64_t one[n_pairs],

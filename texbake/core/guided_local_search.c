@@ -22,6 +22,7 @@
 
 #include "arena.h"
 #include "chart_bitmaps.h"
+#include "congruential.h"
 #include "core.h"
 #include "numbers.h"
 
@@ -62,13 +63,6 @@ struct search {
 static int64_t index_of(const struct shapes *shapes, int64_t chart, int64_t orientation)
 {
     return chart * shapes->n_orientations + orientation;
-}
-
-/* Step to the next state of a linear congruential generator; return its bits from 8 up. */
-static int64_t next_random(uint64_t *state)
-{
-    *state = (*state * 1103515245 + 12345) & 0x7FFFFFFF;
-    return (int64_t)(*state >> 8);
 }
 
 /* Whether a window may come within the margin of a chart. */

@@ -14,7 +14,7 @@ from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.flattening.relax import relax_charts
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
-from texbake.mapping.atlas.packing.pack import check_tiles, pack_charts
+from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
@@ -70,6 +70,30 @@ def make_atlas(
     UvError
         Charts are to be kept, and there are none.
     """
+    found = _packed_charts(meshes, options, stages, threads)
+    if options.quality == "best" and not options.keep:
+        # Larger charts now and then pack worse, above all if they are few.
+        others = _packed_charts(meshes, replace(options, quality="good"), stages, threads)
+        found = max(found, others, key=lambda atlas: atlas.packing.fill)
+    parts = np.split(found.packing.uvs, np.cumsum([len(each.uvs) for each in found.charts])[:-1])
+    return [
+        Atlas(corners=uvs[charts.faces], charts=charts)
+        for uvs, charts in zip(parts, found.charts, strict=True)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _PackedCharts:
+    """The charts of all meshes, and where they lie."""
+
+    charts: list[Charts]
+    packing: Packing
+
+
+def _packed_charts(
+    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+) -> _PackedCharts:
+    """Make the charts of meshes and pack them."""
     name = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
     if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
@@ -88,11 +112,7 @@ def make_atlas(
             density=options.texel_density,
             threads=threads,
         )
-    parts = np.split(packing.uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
-    return [
-        Atlas(corners=uvs[charts.faces], charts=charts)
-        for uvs, charts in zip(parts, all_charts, strict=True)
-    ]
+    return _PackedCharts(charts=all_charts, packing=packing)
 
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:

@@ -13,7 +13,9 @@ much and gain little. Distances are exact in texels either way, and never less t
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -22,7 +24,7 @@ from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
 from texbake.mapping.atlas.packing.bitmaps import PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines, least_box_angles
-from texbake.mapping.atlas.packing.search import search_layout
+from texbake.mapping.atlas.packing.search import draft_layout, squeezed_layout
 from texbake.mapping.atlas.packing.settle import RoughLayout, Settled, settle_layout
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
@@ -41,22 +43,37 @@ _MOST_SQUARES = 100
 
 @dataclass(frozen=True, kw_only=True)
 class _Budget:
-    """Steps of work for each stage of each trial of a search, at about 2 ns each."""
+    """Trials of each stage of a search, and steps of work for each of them.
 
-    trials: int
-    orders: int
-    squeeze: int
-    settle: int
+    Only the best trials of a stage go on to the next one.
+    """
+
+    drafts: int
+    squeezed: int
+    settled: int
+    draft_work: int
+    squeeze_work: int
+    settle_work: int
 
 
 _BUDGETS = {
-    "good": _Budget(trials=1, orders=150_000_000, squeeze=120_000_000, settle=120_000_000),
-    "best": _Budget(trials=8, orders=1_200_000_000, squeeze=800_000_000, settle=800_000_000),
-}
-# The whole budget is spent from this many texels, and this many charts besides the first, on; with
-# fewer there is less to gain.
+    "good": _Budget(
+        drafts=2, squeezed=2, settled=1,
+        draft_work=20_000_000, squeeze_work=40_000_000, settle_work=50_000_000,
+    ),
+    "best": _Budget(
+        drafts=8, squeezed=5, settled=4,
+        draft_work=150_000_000, squeeze_work=250_000_000, settle_work=200_000_000,
+    ),
+}  # fmt: skip
+# Steps of work per face besides, for the bitmaps of the scales that are tried.
+_STEPS_TO_SCALE = 2000
+# The whole budget is spent from this many texels, faces, and charts besides the first, on; with
+# fewer there is less to gain, and who has a small mesh expects no wait.
 _WHOLE_BUDGET = 1024 * 1024
 _LEAST_SHARE = 0.5  # of the budget, however few the texels
+_MANY_FACES = 4000
+_LEAST_SHARE_OF_FACES = 0.4
 _MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
@@ -124,8 +141,8 @@ def pack_charts(
         Name of the mesh in error messages.
     effort : str
         `fast`: charts are placed one after another. `good` and `best` then search for denser
-        packings, for seconds or tens of seconds, if there are at most some hundred charts on one
-        tile.
+        packings, for tenths of a second or some seconds, if there are at most some hundred charts
+        on one tile.
     tiles : int
         Number of textures that charts may be spread over; with groups, for each group.
     tile_groups : (C,) int32, optional
@@ -163,15 +180,17 @@ def pack_charts(
     )
     if grid.width <= 0 or grid.height <= 0:
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
+    if searched and density is None and effort != "fast" and _squares(bins) <= _MOST_SQUARES:
+        found = _searched(bins, size, padding, effort, threads)
+        if found is not None:
+            bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
+            return _packed(bins, size, padding)
     if density is not None:
         if not place_at_scale(bins, density / grid.cell, n_orders):
             raise UnwrapError(_does_not_fit_at(bins, density, size, padding, name))
-    elif not place_at_largest_scale(bins, 0 if searched else n_orders):
+    elif not place_at_largest_scale(bins, n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
-    found = bins.found
-    if searched and density is None and effort != "fast" and _squares(bins) <= _MOST_SQUARES:
-        found = _searched(bins, size, padding, effort, threads)
-    return _packed(found, bins, size, padding)
+    return _packed(bins, size, padding)
 
 
 def check_tiles(n_groups: int, tiles: int, name: str) -> None:
@@ -184,9 +203,9 @@ def check_tiles(n_groups: int, tiles: int, name: str) -> None:
         )
 
 
-def _packed(found: Settled, bins: Bins, size: tuple[int, int], padding: int) -> Packing:
+def _packed(bins: Bins, size: tuple[int, int], padding: int) -> Packing:
     """Turn cells into texture coordinates."""
-    charts, cell = bins.charts, bins.grid.cell
+    charts, found, cell = bins.charts, bins.found, bins.grid.cell
     uvs = (found.uvs() * cell + padding) / np.array(size, dtype=np.float64)
     area = float(np.abs(signed_areas(uvs[charts.faces])).sum())
     n_tiles = len(np.unique(bins.tiles))
@@ -202,38 +221,70 @@ def _packed(found: Settled, bins: Bins, size: tuple[int, int], padding: int) -> 
 
 def _searched(
     bins: Bins, size: tuple[int, int], padding: int, effort: str, threads: int | None
-) -> Settled:
-    """Return the densest packing of the one found so far and the results of searches."""
-    budget, charts, found = _BUDGETS[effort], bins.charts, bins.found
+) -> Settled | None:
+    """Return the densest packing that a search finds; None if it finds none."""
+    budget, charts = _BUDGETS[effort], bins.charts
     texels, others = size[0] * size[1], charts.n_charts - 1
     share = min(max(texels / _WHOLE_BUDGET, _LEAST_SHARE), 1.0)
     share *= min(others / _MANY_TO_ARRANGE, 1.0)
-    results: list[Settled | None] = [None] * budget.trials
+    share *= min(max(len(charts.faces) / _MANY_FACES, _LEAST_SHARE_OF_FACES), 1.0)
+    scaling_work = _STEPS_TO_SCALE * len(charts.faces)
+    layouts: list[RoughLayout]
+    if charts.n_charts <= _MOST_COARSE:
+        work = int(budget.draft_work * share) + scaling_work
+        drafts = _best(
+            lambda seed: draft_layout(charts, size, padding, most_work=work, seed=seed),
+            range(budget.drafts),
+            threads,
+        )[: budget.squeezed]
+        work = int(budget.squeeze_work * share)
+        layouts = _best(
+            lambda draft: squeezed_layout(draft, most_work=work, seed=0), drafts, threads
+        )
+    elif place_at_largest_scale(bins, 0):
+        layouts = [bins.found.layout(bins.grid, bins.angles)]
+    else:
+        return None
+    work = int(budget.settle_work * share) + scaling_work
+    settled = _best(
+        lambda layout: settle_layout(charts, layout, bins.grid, most_work=work, seed=0),
+        layouts[: budget.settled],
+        threads,
+    )
+    return settled[0] if settled else None
 
-    def search(trial: int, _: int) -> None:
-        layout: RoughLayout | None = found.layout(bins.grid, bins.angles)
-        if charts.n_charts <= _MOST_COARSE:
-            layout = search_layout(
-                charts,
-                size,
-                padding,
-                orders_work=int(budget.orders * share),
-                squeeze_work=int(budget.squeeze * share),
-                seed=trial,
-            )
-        if layout is not None:
-            work = int(budget.settle * share)
-            results[trial] = settle_layout(charts, layout, bins.grid, most_work=work, seed=trial)
 
-    run_bands(search, budget.trials, band=1, threads=threads)
-    # The first of equally dense packings, in whatever order they were finished.
-    return max([found, *filter(None, results)], key=lambda result: result.scale)
+class _Scaled(Protocol):
+    """A result of a stage."""
+
+    @property
+    def scale(self) -> float: ...
+
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result", bound=_Scaled)
+
+
+def _best(
+    find: Callable[[_Item], _Result | None], items: Sequence[_Item], threads: int | None
+) -> list[_Result]:
+    """Results for all items, those of the largest scale first; without None."""
+    results: list[_Result | None] = [None] * len(items)
+
+    def run(index: int, _: int) -> None:
+        results[index] = find(items[index])
+
+    run_bands(run, len(items), band=1, threads=threads)
+    # Equally good ones stay in order, whichever was finished first.
+    return sorted(filter(None, results), key=lambda result: -result.scale)
 
 
 def _squares(bins: Bins) -> float:
-    """Area of squares as wide as the charts are long, in areas of the grid."""
-    areas = (bins.lengths * bins.found.scale) ** 2
-    return float(areas.sum()) / (bins.grid.width * bins.grid.height)
+    """Most area of squares as wide as the charts are long, in areas of the grid."""
+    cells = bins.grid.width * bins.grid.height
+    longest = max(bins.grid.width, bins.grid.height)
+    scale = min(math.sqrt(cells / bins.areas.sum()), longest / bins.lengths.max())
+    return float(((bins.lengths * scale) ** 2).sum()) / cells
 
 
 def _most_cells(size: tuple[int, int], n_charts: int) -> int:

@@ -14,17 +14,13 @@ Journal of Operational Research 258, 2017 (which changes of the order are kept).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.atlas.packing.bins import Placed, place_charts
-from texbake.mapping.atlas.packing.bitmaps import (
-    Bitmaps,
-    PackingGrid,
-    Shapes,
-    shapes_of,
-)
+from texbake.core import core
+from texbake.mapping.atlas.packing.bitmaps import Shapes, shapes_of
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
 from texbake.mapping.atlas.packing.settle import (
     RoughLayout,
@@ -37,127 +33,139 @@ from texbake.mesh.mesh import FloatArray, IntArray
 _COARSE_CELLS = 256  # along each side of a square coarse grid
 _N_POSES = 8  # per quarter turn, on the coarse grid
 _TURNS = 4
-_HISTORY = 20  # number of changes after which a score is compared again
-_FIRST_FILL = 0.45
+_ANGLES = np.arange(_N_POSES) * (math.pi / 2.0 / _N_POSES)
+_FIRST_FILL = 0.5
+_SHRINK = 0.9  # factor of the scale until the charts fit
 _NOISE = 0.15
-# Fixed cost of placing all charts, in steps: for few charts it is nearly all of the cost.
-_PLACING_STEPS = 50_000
-_LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.03  # factors of the area when charts fit
+_LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.08  # factors of the area when charts fit
 
 _SQUEEZE = SearchLimits(samples=40, radius=24, step=8, patience=300, work=400_000_000)
 
 
-def search_layout(
-    charts: Outlines,
-    size: tuple[int, int],
-    padding: int,
-    *,
-    orders_work: int,
-    squeeze_work: int,
-    seed: int,
-) -> RoughLayout | None:
-    """Search for a dense layout on a coarse grid; None if there is none."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Draft:
+    """Charts placed one after another on the coarse grid.
+
+    Attributes
+    ----------
+    shapes : Shapes
+        The charts in `_N_POSES` poses and four quarter turns.
+    places : (C, 3) int32
+        Column, row and orientation.
+    areas : (C,) float64
+        Area of each chart in cells.
+    size : (int, int)
+        Columns and rows of the grid.
+    scale : float
+        Texels per unit.
+    """
+
+    shapes: Shapes
+    places: IntArray
+    areas: FloatArray
+    size: tuple[int, int]
+    scale: float
+
+
+def draft_layout(
+    charts: Outlines, size: tuple[int, int], padding: int, *, most_work: int, seed: int
+) -> Draft | None:
+    """Search for an order in which charts can be placed at a large scale; None if none fits."""
     cell = math.sqrt(size[0] * size[1]) / _COARSE_CELLS
     # Charts are enlarged by half the distance that two of them must keep, so that they may touch:
     # on average 2 padding + 1 texels from outline to outline. They need not keep that half from
     # the border, so that the grid is enlarged as well.
     width, height = (max(int((length + 1) / cell), 1) for length in size)
-    turns = np.arange(_N_POSES) * (math.pi / 2.0 / _N_POSES)
-    poses = charts.turned(np.repeat(turns[None], charts.n_charts, axis=0))
-    strip = _Strip(poses, charts.areas(), (width, height), (padding + 0.5) / cell - 0.5)
-    found = _searched_order(strip, orders_work, seed)
+    poses = charts.turned(np.repeat(_ANGLES[None], charts.n_charts, axis=0))
+    areas = charts.areas()
+    strip = _Strip(poses, areas, (width, height), (padding + 0.5) / cell - 0.5, seed)
+    first_scale = math.sqrt(_FIRST_FILL * width * height / areas.sum())
+    found = _searched_order(strip, most_work, first_scale)
     if found is None:
         return None
-    scale, bitmaps, placed = found
-    shapes = shapes_of(bitmaps, np.zeros(1, dtype=np.int32), turns=_TURNS)
-    orientations = placed.places[:, 2] * _TURNS + placed.places[:, 3]
-    places = np.concatenate([placed.places[:, :2], orientations[:, None]], axis=1)
-    weights = pair_weights(strip.areas * scale**2)
-    places, across, up = _squeezed(shapes, places, weights, (width, height), squeeze_work, seed)
-    boxes = shapes.boxes[np.arange(charts.n_charts), places[:, 2]]
-    return RoughLayout(
-        angles=turns[places[:, 2] // _TURNS] + places[:, 2] % _TURNS * (math.pi / 2.0),
-        centers=(places[:, :2] + boxes / 2.0) / [across, up],
-        scale=scale * min(width / across, height / up) * cell,
+    return Draft(
+        shapes=found.shapes,
+        places=found.places,
+        areas=areas * found.scale**2,
+        size=(width, height),
+        scale=found.scale * cell,
     )
+
+
+def squeezed_layout(draft: Draft, *, most_work: int, seed: int) -> RoughLayout:
+    """Squeeze a draft into the smallest grid of about the same proportions that it fits into."""
+    weights = pair_weights(draft.areas)
+    places, across, up = _squeezed(draft.shapes, draft.places, weights, draft.size, most_work, seed)
+    boxes = draft.shapes.boxes[np.arange(len(places)), places[:, 2]]
+    return RoughLayout(
+        angles=_ANGLES[places[:, 2] // _TURNS] + places[:, 2] % _TURNS * (math.pi / 2.0),
+        centers=(places[:, :2] + boxes / 2.0) / [across, up],
+        scale=draft.scale * min(draft.size[0] / across, draft.size[1] / up),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ordered:
+    """Charts placed one after another, at a scale in cells per unit."""
+
+    shapes: Shapes
+    places: IntArray
+    scale: float
+    top: int
 
 
 class _Strip:
     """Charts placed in a strip as wide as the grid but higher, at any number of scales."""
 
     def __init__(
-        self, poses: Poses, areas: FloatArray, size: tuple[int, int], margin: float
+        self, poses: Poses, areas: FloatArray, size: tuple[int, int], margin: float, seed: int
     ) -> None:
-        self.poses, self.areas, self.margin = poses, areas, margin
+        self.poses, self.areas, self.margin, self.seed = poses, areas, margin, seed
         self.width, self.height = size
         self.work = 0
-        self._grid = PackingGrid(
-            width=size[0], height=2 * size[1], cell=1, half_widths=np.zeros(1, dtype=np.int32)
-        )
         self._shares = areas / areas.sum() / size[1]
-        first_scale = math.sqrt(_FIRST_FILL * size[0] * size[1] / areas.sum())
+        self.sizes = poses.extents[:, 0].sum(axis=1)
+        random = np.random.default_rng(seed)
+        noise = random.uniform(-_NOISE, _NOISE, len(areas)) if seed > 0 else 0.0
+        self._order = np.argsort(-self.sizes * np.exp(noise), kind="stable").astype(np.int32)
+        self._places = np.zeros((len(areas), 3), dtype=np.int32)
         # A longer chart fits in no pose, and its bitmap could be of any size.
-        self.rescale(min(first_scale, max(size[0], 2 * size[1]) / poses.lengths().max()))
+        self.longest_scale = max(size[0], 2 * size[1]) / poses.lengths().max()
 
-    def rescale(self, scale: float) -> None:
-        """Make bitmaps of the charts at a scale, in cells per unit."""
-        self.scale = scale
-        self.bitmaps = self.poses.bitmaps(scale, self.margin)
-        self.work += self.poses.work
+    def placed(self, scale: float, most_work: int) -> _Ordered:
+        """Place charts at a scale, in orders that change until they fit or the work is done.
 
-    def place(self, order: IntArray) -> tuple[float, float, Placed]:
-        """Place all charts; return the score (lower is better), the height and the places."""
-        placed = place_charts(self.bitmaps, order, self._grid)
-        self.work += placed.work + _PLACING_STEPS
-        if placed.n_missing:
-            return math.inf, math.inf, placed
-        top = float(placed.tops.max())
-        # Of two equally high layouts, the one with less area far up is likelier to become lower.
-        return top + float(self._shares @ placed.tops), top, placed
+        Kernel: `core/order_search.c`.
+        """
+        shapes = shapes_of(
+            self.poses.bitmaps(scale, self.margin), np.zeros(1, dtype=np.int32), turns=_TURNS
+        )
+        work = np.empty(1, dtype=np.int64)
+        top = core.search_orders(
+            shapes.boxes, shapes.spans, shapes.starts, self._shares, 2 * self.height, self.width,
+            self.height, most_work, self.seed + self.work, self._order, self._places, work,
+        )  # fmt: skip
+        self.work += self.poses.work + int(work[0])
+        return _Ordered(shapes=shapes, places=self._places.copy(), scale=scale, top=top)
 
 
-def _searched_order(
-    strip: _Strip, most_work: int, seed: int
-) -> tuple[float, Bitmaps, Placed] | None:
-    """Scale, bitmaps and places at the largest scale that fits in some order; None if none does."""
-    random = np.random.default_rng(seed)
-    sizes = strip.poses.extents[:, 0].sum(axis=1)
-    noise = random.uniform(-_NOISE, _NOISE, len(sizes)) if seed > 0 else 0.0
-    order = np.argsort(-sizes * np.exp(noise), kind="stable").astype(np.int32)
-    score, top, placed = strip.place(order)
-    while top > strip.height:
-        if strip.scale * sizes.max() < 1.0:
-            return None
-        strip.rescale(strip.scale * 0.8)
-        score, top, placed = strip.place(order)
-    best, history, step = (strip.scale, strip.bitmaps, placed), [score] * _HISTORY, 0
-    while strip.work < most_work:
-        if top <= strip.height:
-            best = (strip.scale, strip.bitmaps, placed)
-            growth = min(max((strip.height / top) ** 0.9, _LEAST_GROWTH), _MOST_GROWTH)
-            strip.rescale(strip.scale * math.sqrt(growth))
-            score, top, placed = strip.place(order)
-            history = [score] * _HISTORY
-            continue
-        changed = _changed(order, random)
-        new_score, new_top, new_placed = strip.place(changed)
-        if new_score <= max(score, history[step % _HISTORY]):
-            order, score, top, placed = changed, new_score, new_top, new_placed
-        history[step % _HISTORY] = score
-        step += 1
+def _searched_order(strip: _Strip, most_work: int, first_scale: float) -> _Ordered | None:
+    """Charts placed at the largest scale that fits in some order; None if none does."""
+    best: _Ordered | None = None
+    scale = min(first_scale, strip.longest_scale)
+    while best is None or strip.work < most_work:
+        tried = strip.placed(scale, most_work - strip.work if best is not None else 0)
+        if tried.top <= strip.height:
+            best = tried
+            growth = min(max((strip.height / tried.top) ** 0.9, _LEAST_GROWTH), _MOST_GROWTH)
+            scale *= math.sqrt(growth)
+        elif best is not None:
+            break
+        else:
+            scale *= _SHRINK
+            if scale * strip.sizes.max() < 1.0:
+                return None
     return best
-
-
-def _changed(order: IntArray, random: np.random.Generator) -> IntArray:
-    """Swap two charts of an order, or move one, mostly a short way."""
-    n = len(order)
-    i = int(random.integers(n))
-    j = min(max(i + round(random.normal() * max(2.0, n / 6.0)), 0), n - 1)
-    if random.random() < 0.5:
-        changed = order.copy()
-        changed[[i, j]] = order[[j, i]]
-        return changed
-    return np.insert(np.delete(order, i), j, order[i])
 
 
 def _squeezed(
