@@ -105,6 +105,26 @@ def test_the_strips_of_a_tube_unroll_once() -> None:
     assert l2_of(points, faces, joined) == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.parametrize(("most_length", "n_charts"), [(math.inf, 1), (1.15, 3), (0.8, 4)])
+def test_a_strip_is_joined_up_to_the_length_that_is_allowed(
+    most_length: float, n_charts: int
+) -> None:
+    # 8 squares in a row: as long as 2.83 sides of a square with their area.
+    flat = plane(8, 1)
+    points = flat.positions * [8.0, 1.0, 0.0]
+    charts = charts_by(np.arange(16, dtype=np.int32) // 2, points, flat.faces)
+    joined = join_charts(
+        points, flat.faces, charts, most_l2=1.0001, most_share=1.0, most_length=most_length
+    )
+    check(points, flat.faces, joined)
+    longest = max(
+        np.ptp(joined.uvs[joined.chart_ids == k], axis=0).max() for k in range(joined.n_charts)
+    )
+    assert longest <= most_length * math.sqrt(8.0)
+    assert joined.n_charts >= n_charts
+    assert (joined.n_charts == 1) == (n_charts == 1)
+
+
 @pytest.mark.parametrize("most_l2", [1.0, 1.01, 1.03, 1.1])
 def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
     mesh = icosphere(3)

@@ -27,6 +27,9 @@ from texbake.progress import Stages
 _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
 _BEST_STRETCH = 1.09
+# Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
+# set the scale of all others: charts that fill three quarters of a square have one as long.
+_JOINED_SIDES = 1.15
 # Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
 # hundreds of charts reach it.
 _JOIN_WORK = {"good": 300, "best": 1000}
@@ -166,6 +169,7 @@ def _improved(
             charts,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
+            most_length=_JOINED_SIDES,
             regions=regions,
             threads=threads,
             most_work=_JOIN_WORK[options.quality],

@@ -50,6 +50,7 @@ def join_charts(
     most_chart_l2: float | None = None,
     most_share: float = 0.1,
     most_waste: float = 0.25,
+    most_length: float = math.inf,
     regions: IntArray | None = None,
     threads: int | None = None,
     most_work: int = 300,
@@ -77,6 +78,9 @@ def join_charts(
         Largest total area that charts may leave empty in their convex hulls, as a share of the
         mesh's area. Large charts that leave more on their own are cut first, so that better shapes
         can be joined from their parts; infinity prevents that.
+    most_length : float
+        Greatest extent of a joined chart, in sides of a square as large as all charts. It may also
+        be as long as one of the charts that were joined.
     regions : (F,) int32, optional
         Faces of different regions share no chart.
     threads
@@ -111,6 +115,7 @@ def join_charts(
         waste=area * most_waste,
         chart_l2=most_chart_l2,
         chart_area=area * most_share,
+        chart_length=most_length * math.sqrt(area),
     )
     joining = _Joining(pieces, opposite, allowed, threads)
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))

@@ -30,12 +30,15 @@ class Allowance:
         Largest stretch of a joined chart.
     chart_area : float
         Largest area of a joined chart; tiny charts may always join.
+    chart_length : float
+        Greatest extent of a joined chart; it may also be as long as the longer of the two.
     """
 
     excess: float
     waste: float
     chart_l2: float
     chart_area: float
+    chart_length: float
 
     def covers(self, merger: Merger) -> bool:
         """Whether a merger is allowed; one that makes nothing worse always is."""
@@ -103,6 +106,7 @@ def find_merger(
     if contact is None or not scale.has_place(one, other):
         return None
     shorter = min(float(one.border_lengths.sum()), float(other.border_lengths.sum()))
+    longest = max(scale.chart_length, one.length, other.length)
     best = None
     for way in gluing_choices(contact):
         union = glued(one, other, contact, way)
@@ -110,7 +114,7 @@ def find_merger(
         if length == 0.0 or not union.is_disk:
             continue
         sketch = _merger(union, one, other, length / shorter)
-        if sketch.waste > scale.waste:
+        if sketch.waste > scale.waste or sketch.piece.length > longest:
             continue
         merger = relaxed_merger(sketch, one, other, n_iterations=n_iterations)
         if merger is not None and (best is None or merger.cost(scale) < best.cost(scale)):

@@ -64,6 +64,12 @@ class ChartPiece:
         return self.hull_area - self.area
 
     @property
+    def length(self) -> float:
+        """Greatest extent of the coordinates, in any direction."""
+        extents = _extents(self.uvs)
+        return float((extents + np.roll(extents, len(extents) // 2)).max())
+
+    @property
     def border_lengths(self) -> FloatArray:
         """(k,) float64: lengths of the border's half-edges in space."""
         starts, ends = self.border_ends.T
@@ -113,7 +119,12 @@ def hull_area(uvs: FloatArray) -> float:
     >>> round(hull_area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])), 9)
     2.0
     """
-    extents = ((uvs - uvs[0]) @ _DIRECTIONS).max(axis=0)
+    extents = _extents(uvs)
     step = 2.0 * math.pi / len(extents)
     sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * math.cos(step)
     return float((extents * sides).sum() / (2.0 * math.sin(step)))
+
+
+def _extents(uvs: FloatArray) -> FloatArray:
+    """(32,) float64: how far points extend in each direction, from the first of them."""
+    return np.asarray(((uvs - uvs[0]) @ _DIRECTIONS).max(axis=0))
