@@ -239,7 +239,9 @@ def _samples_of_overlaps(options: BakeOptions) -> int:
 def _count_unseen(n_faces: int, texel_faces: IntArray) -> int:
     """Number of faces that own no texel."""
     seen = np.zeros(n_faces + 1, dtype=np.bool_)
-    seen[texel_faces] = True  # NO_FACE is -1, the last entry
+    texels = texel_faces.ravel()
+    seen[texels[:1]] = True  # NO_FACE is -1, the last entry
+    seen[texels[1:][texels[1:] != texels[:-1]]] = True
     return n_faces - int(np.count_nonzero(seen[:-1]))
 
 

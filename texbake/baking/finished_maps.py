@@ -13,13 +13,23 @@ from texbake.baking.padding import ChartPadding
 from texbake.baking.result import BakedMap
 from texbake.baking.texels import NO_FACE
 from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
 from texbake.progress import Stages
+
+_ROWS = 128
 
 
 def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
     """(H, W) int32: chart of the low-poly mesh that covers each texel, `NO_FACE` for none."""
     # NO_FACE is -1, the last entry, which has no chart.
-    return np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)[texel_faces]
+    charts = np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)
+    texel_charts = np.empty_like(texel_faces)
+
+    def look_up(start: int, stop: int) -> None:
+        np.take(charts, texel_faces[start:stop], mode="wrap", out=texel_charts[start:stop])
+
+    run_bands(look_up, len(texel_faces), band=_ROWS, threads=inputs.options.threads)
+    return texel_charts
 
 
 def finished_maps(

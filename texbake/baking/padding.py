@@ -45,8 +45,9 @@ class ChartPadding:
     def __init__(
         self, texel_charts: IntArray, has_data: npt.NDArray[np.bool_], options: BakeOptions
     ) -> None:
-        self._missed = (texel_charts >= 0) & ~has_data
-        self.n_missed = int(np.count_nonzero(self._missed))
+        missed = (texel_charts >= 0) & ~has_data
+        self._missed = np.flatnonzero(missed)
+        self.n_missed = len(self._missed)
         self._options = options
         self._valid = has_data
         # Texels of the padding, and the texel from which each one takes its value.
@@ -54,14 +55,14 @@ class ChartPadding:
         self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.n_meeting = 0
         if options.padding > 0:
-            sources = np.where(self._missed, np.int32(NO_FACE), texel_charts)
+            sources = np.where(missed, np.int32(NO_FACE), texel_charts)
             owners = nearest_owner(sources, options.padding, threads=options.threads)
             self.n_meeting = owners.n_meeting
             self._targets = np.flatnonzero((owners.indices >= 0) & (texel_charts < 0)).astype(
                 np.int64, copy=False
             )
             self._sources = owners.indices.ravel()[self._targets]
-            self._valid = (owners.indices >= 0) & ~self._missed
+            self._valid = (owners.indices >= 0) & ~missed
 
     def pad(
         self, values: Float32Array, neutral: tuple[float, ...], combine: str = "mean"
@@ -84,7 +85,7 @@ class ChartPadding:
             if combine == "unit mean":
                 _normalize(values, ~self._valid)
         if self.n_missed:
-            values[self._missed] = neutral
+            values.reshape(-1, values.shape[2])[self._missed] = neutral
         return values
 
 

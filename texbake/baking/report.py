@@ -13,12 +13,13 @@ import numpy.typing as npt
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.trace import TraceCounts
+from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
-from texbake.raycast.rays import NO_HIT
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 
+_BAND = 1 << 15
 _PERCENTILES = (1, 5, 50, 95, 99)
 _EVERY = 8  # all percentiles but the least and the greatest use one hit in this many
 
@@ -32,28 +33,32 @@ class DistanceSummary:
 
     def add(self, hits: Hits, *, threads: int | None = None) -> None:
         """Add the hits of a part of the trace."""
-        offsets = hits.offsets
-        squares = np.empty(len(offsets))
+        squares = np.empty(len(hits))
+        counts, leasts, greatests = {}, [np.inf], [0.0]
 
         def measure(start: int, stop: int) -> None:
-            # In float64 the squares of very small and very large lengths are in range.
-            band = offsets[start:stop].astype(np.float64)
-            np.einsum("ij,ij->i", band, band, out=squares[start:stop])
+            counts[start] = core.measure_lengths(
+                hits.offsets, hits.high_faces, start, stop, squares
+            )
+            measured = squares[start : start + counts[start]]
+            leasts.append(measured.min(initial=np.inf))
+            greatests.append(measured.max(initial=0.0))
 
-        run_bands(measure, len(offsets), band=1 << 18, threads=threads)
-        is_hit = hits.high_faces != NO_HIT
-        if not is_hit.all():
-            squares = squares[is_hit]
-        if len(squares):
-            self._least = min(self._least, float(np.sqrt(squares.min())))
-            self._greatest = max(self._greatest, float(np.sqrt(squares.max())))
-            self._some.append(np.sqrt(squares[::_EVERY]))
+        run_bands(measure, len(hits), band=_BAND, threads=threads)
+        self._least = min(self._least, float(np.sqrt(min(leasts))))
+        self._greatest = max(self._greatest, float(np.sqrt(max(greatests))))
+        n_before = 0
+        for start, count in sorted(counts.items()):
+            some = squares[start + -n_before % _EVERY : start + count : _EVERY]
+            self._some.append(np.sqrt(some))
+            n_before += count
 
     def percentiles(self) -> dict[int, float]:
         """Percent to distance in model units: 0 least, 100 greatest. Empty without hits."""
-        if not self._some:
+        some = np.concatenate([np.empty(0), *self._some])
+        if len(some) == 0:
             return {}
-        values = np.percentile(np.concatenate(self._some), _PERCENTILES)
+        values = np.percentile(some, _PERCENTILES)
         between = {
             percent: float(value) for percent, value in zip(_PERCENTILES, values, strict=True)
         }

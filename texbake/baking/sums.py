@@ -5,8 +5,6 @@ Kernel: `core/texel_sums.c`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -19,7 +17,9 @@ from texbake.raycast.rays import NO_HIT
 
 BoolArray = npt.NDArray[np.bool_]
 
-_BAND = 1 << 18
+# Hits whose values for a map stay in a processor's cache until they are added.
+_BAND = 1 << 15
+_SHARING_BAND = 1 << 18
 # As in `core/texel_sums.c`.
 _MODES = {"mean": 0, "unit mean": 1, "first": 2}
 
@@ -45,14 +45,25 @@ class TexelSums:
 
     def add(self, hits: Hits) -> None:
         """Add the hits of a trace, and its misses to maps that count them."""
-        if self._n_samples is not None:
-            self._add_values(hits, [kind for kind in self._sums if kind.of_misses])
-            self._count(hits, self._n_samples)
-        is_hit = hits.high_faces != NO_HIT
-        if not is_hit.all():
-            hits = hits.where(is_hit)
-        self._add_values(hits, [kind for kind in self._sums if not kind.of_misses])
-        self._count(hits, self.n_hits)
+        of_misses = [kind for kind in self._sums if kind.of_misses]
+        of_hits = [kind for kind in self._sums if not kind.of_misses]
+        for kind in self._sums:  # what the bands share is computed here, on all threads
+            kind.values(hits.where(slice(0)), self._inputs)
+
+        def add(start: int, stop: int) -> None:
+            band = hits.where(slice(start, stop))
+            if self._n_samples is not None:
+                self._add_values(band, of_misses, self._n_samples)
+            is_hit = band.high_faces != NO_HIT
+            if not is_hit.all():
+                band = band.where(is_hit)
+            self._add_values(band, of_hits, self.n_hits)
+
+        options = self._inputs.options
+        if options.samples == 1:
+            run_bands(add, len(hits), band=_BAND, threads=options.threads)
+        else:  # bands share texels, so that only the values of each are computed on all threads
+            run_bands(add, len(hits), band=_SHARING_BAND, threads=1)
 
     def place(self, means: dict[MapKind, npt.NDArray[np.float32]], has_data: BoolArray) -> None:
         """Set the means of texels (height * width, channels) instead of adding samples."""
@@ -80,33 +91,15 @@ class TexelSums:
         def divide(start: int, stop: int) -> None:
             core.combine_samples(sums[start:stop], counts[start:stop], neutral, mode)
 
-        run_bands(divide, len(sums), band=_BAND, threads=options.threads)
+        run_bands(divide, len(sums), band=_SHARING_BAND, threads=options.threads)
         return sums.reshape(shape)
 
-    def _add_values(self, hits: Hits, kinds: list[MapKind]) -> None:
-        texel_ids = hits.texel_ids
-        values = {kind: kind.values(hits, self._inputs) for kind in kinds}
-
-        def add(start: int, stop: int) -> None:
-            ids = texel_ids[start:stop]
-            for kind in kinds:
-                if kind.combine == "first":
-                    core.keep_first_samples(
-                        ids, values[kind][start:stop], self.n_hits, self._sums[kind]
-                    )
-                else:
-                    core.add_samples(ids, values[kind][start:stop], self._sums[kind])
-
-        self._run(add, len(hits))
-
-    def _count(self, hits: Hits, counts: npt.NDArray[np.uint8]) -> None:
-        def count(start: int, stop: int) -> None:
-            core.count_samples(hits.texel_ids[start:stop], counts)
-
-        self._run(count, len(hits))
-
-    def _run(self, work: Callable[[int, int], None], n_rows: int) -> None:
-        options = self._inputs.options
-        # Bands share no texel only if each texel has one sample.
-        band = _BAND if options.samples == 1 else max(n_rows, 1)
-        run_bands(work, n_rows, band=band, threads=options.threads)
+    def _add_values(self, hits: Hits, kinds: list[MapKind], counts: npt.NDArray[np.uint8]) -> None:
+        """Add samples to maps, then count them."""
+        for kind in kinds:
+            values = kind.values(hits, self._inputs)
+            if kind.combine == "first":
+                core.keep_first_samples(hits.texel_ids, values, counts, self._sums[kind])
+            else:
+                core.add_samples(hits.texel_ids, values, self._sums[kind])
+        core.count_samples(hits.texel_ids, counts)

@@ -1075,12 +1075,16 @@ void count_lower_halves(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
     int64_t counts[1 << 16], int64_t upper, int64_t start, int64_t stop);
 
+int64_t measure_lengths(
+    int64_t n, const float vectors[n][3], const int32_t faces[n], int64_t start, int64_t stop,
+    double squares[n]);
+
 /* vertex_normals.c */
 void face_normals(
     int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
     double normals[n_faces][3]);
-void vertex_normals(
+int64_t vertex_normals(
     int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
     double normals[n_vertices][3]);

@@ -7,7 +7,7 @@
    Based on: Knuth, "The Art of Computer Programming", volume 3, section 5.2.5 (radix sorting; here
    only the counts).
 
-   Called from texbake/texture/encoding.py and texbake/baking/codings.py. */
+   Called from texbake/texture/value_range.py and texbake/baking/report.py. */
 
 #include <math.h>
 #include <string.h>
@@ -50,6 +50,22 @@ int64_t count_outside(
         }
     }
     return count;
+}
+
+/* Write the squared lengths of vectors to those that have a face, not below 0, one after the other from
+   `start` on; return how many there are. */
+int64_t measure_lengths(
+    int64_t n, const float vectors[n][3], const int32_t faces[n], int64_t start, int64_t stop,
+    double squares[n])
+{
+    int64_t next = start;
+    for (int64_t i = start; i < stop; i++) {
+        /* The squares of very small and very large lengths are in the range of double. */
+        const double x = vectors[i][0], y = vectors[i][1], z = vectors[i][2];
+        squares[next] = x * x + y * y + z * z;
+        next += faces[i] >= 0;
+    }
+    return next - start;
 }
 
 static inline uint32_t bits_of_size(float value)

@@ -60,8 +60,9 @@ static inline void add_weighted(double normal[3], double angle, struct vector un
     normal[2] += angle * unit.z;
 }
 
-/* Add every face to those of its corners that lie in start to stop - 1; then normalize them. */
-void vertex_normals(
+/* Add every face to those of its corners that lie in start to stop - 1; then normalize them. Return how
+   many of these normals are zero. */
+int64_t vertex_normals(
     int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
     double normals[n_vertices][3])
@@ -88,6 +89,7 @@ void vertex_normals(
         if (owns_c)
             add_weighted(normals[c], max_f64(PI - angle_a - angle_b, 0.0), unit);
     }
+    int64_t n_zero = 0;
     for (int64_t vertex = start; vertex < stop; vertex++) {
         double *normal = normals[vertex];
         const double x = normal[0], y = normal[1], z = normal[2];
@@ -95,5 +97,7 @@ void vertex_normals(
         normal[0] = length > CANCELED ? x / length : 0.0;
         normal[1] = length > CANCELED ? y / length : 0.0;
         normal[2] = length > CANCELED ? z / length : 0.0;
+        n_zero += !(length > CANCELED);
     }
+    return n_zero;
 }

@@ -138,19 +138,22 @@ def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None)
     n_bands = resolve_threads(threads) if len(faces) > 1 << 14 else 1
     band = -(-len(positions) // n_bands)
 
+    n_zero = []
+
     def work(start: int, stop: int) -> None:
-        core.vertex_normals(positions, faces, scale, AREA_ROUNDING, start, stop, normals)
+        n_zero.append(
+            core.vertex_normals(positions, faces, scale, AREA_ROUNDING, start, stop, normals)
+        )
 
     run_bands(work, len(positions), band=band, threads=threads)
-    _fill_canceled(normals, positions, faces)
+    if any(n_zero):
+        _fill_canceled(normals, positions, faces)
     return normals
 
 
 def _fill_canceled(normals: FloatArray, positions: FloatArray, faces: IntArray) -> None:
     """Give zero normals, in place, the normal of their vertex's first face with area."""
     zero = (normals == 0.0).all(axis=1)
-    if not zero.any():
-        return
     touched = faces[zero[faces].any(axis=1)]
     if len(touched) == 0:
         return

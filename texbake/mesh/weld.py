@@ -40,18 +40,16 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     >>> weld_rows(np.array([[1.0, 0.0], [2.0, 0.0], [1.0, -0.0]]))
     array([0, 1, 0], dtype=int32)
     """
-    values = np.array(rows, order="C")
-    if values.dtype.kind == "f":
-        values += values.dtype.type(0)  # -0.0 + 0.0 is 0.0
+    values = np.empty(rows.shape, rows.dtype)
     words = values.view(np.uint32)
     hashes = np.empty(len(words), dtype=np.uint32)
     firsts = np.empty(len(words), dtype=np.int32)
-    run_bands(
-        lambda start, stop: core.hash_rows(words, start, stop, hashes),
-        len(words),
-        band=1 << 18,
-        threads=threads,
-    )
+
+    def work(start: int, stop: int) -> None:
+        np.add(rows[start:stop], rows.dtype.type(0), out=values[start:stop])  # -0.0 + 0.0 is 0.0
+        core.hash_rows(words, start, stop, hashes)
+
+    run_bands(work, len(words), band=1 << 15, threads=threads)
     run_bands(
         lambda part, _: core.weld_part(words, hashes, _PART_BITS, part, firsts),
         1 << _PART_BITS,
