@@ -13,6 +13,8 @@ from texbake.texture.encoding import (
     encode_heights,
     encode_normals,
     encode_srgb,
+    max_code,
+    quantize_srgb,
     quantize_unsigned,
 )
 from texbake.texture.value_range import count_clipped, height_range
@@ -201,6 +203,27 @@ def test_vectors_have_the_same_coding_in_every_channel():
     vectors = np.array([[[-1.0, 0.0, 1.0]]])
     codes = encode_heights(vectors, bits=8, mid=128 / 255, scale=255 / 127)
     assert codes.tolist() == [[[1, 128, 255]]]
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_srgb_codes_are_those_of_encoded_values(bits):
+    values = np.random.default_rng(5).uniform(-0.1, 1.1, (200_000, 4)).astype(np.float32) ** 3
+    colors = encode_srgb(values[:, :3])
+    codes = quantize_srgb(values, bits, n_colors=3)
+    assert np.array_equal(codes[:, :3], quantize_unsigned(colors, bits))
+    assert np.array_equal(codes[:, 3], quantize_unsigned(values, bits)[:, 3])
+    assert quantize_srgb(np.array([np.nan, np.inf, -np.inf]), bits).tolist() == [
+        0,
+        max_code(bits),
+        0,
+    ]
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_every_srgb_code_comes_back(bits):
+    codes = np.arange(max_code(bits) + 1)
+    linear = decode_srgb(codes / max_code(bits)).astype(np.float32)
+    assert np.array_equal(quantize_srgb(linear, bits), codes)
 
 
 def test_srgb_is_its_own_inverse_and_has_the_known_points():

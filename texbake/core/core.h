@@ -759,6 +759,16 @@ void quantize_u16(
     OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
     uint16_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop);
 
+void quantize_srgb_u8(
+    int64_t n, int64_t n_channels, int64_t n_codes, const float values[n][n_channels],
+    const float thresholds[n_codes], const uint16_t first_codes[16257],
+    uint8_t codes[n][n_channels], int64_t n_colors, int64_t start, int64_t stop);
+
+void quantize_srgb_u16(
+    int64_t n, int64_t n_channels, int64_t n_codes, const float values[n][n_channels],
+    const float thresholds[n_codes], const uint16_t first_codes[16257],
+    uint16_t codes[n][n_channels], int64_t n_colors, int64_t start, int64_t stop);
+
 void color_ids_u8(
     int64_t n, int64_t n_colors, const float ids[n], const uint8_t colors[n_colors][3],
     uint8_t codes[n][3], int64_t start, int64_t stop);

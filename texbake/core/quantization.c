@@ -7,6 +7,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "core.h"
 #include "numbers.h"
@@ -83,6 +84,51 @@ static inline int32_t code_of(
 
 QUANTIZE(quantize_u8, uint8_t)
 QUANTIZE(quantize_u16, uint16_t)
+
+/* sRGB code of a linear value: the number of thresholds that it reaches. The upper half of the value's
+   bits leaves few of them to search: `first_codes` has the code of the least value of each half. */
+static inline int64_t srgb_code_of(
+    float value, int64_t n_codes, const float thresholds[], const uint16_t first_codes[])
+{
+    if (!(value > 0.0f)) /* NaN too */
+        return 0;
+    if (value >= 1.0f)
+        return n_codes;
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    int64_t least = first_codes[bits >> 16], most = first_codes[(bits >> 16) + 1];
+    while (least < most) {
+        const int64_t middle = (least + most) / 2;
+        if (value >= thresholds[middle])
+            least = middle + 1;
+        else
+            most = middle;
+    }
+    return least;
+}
+
+/* Defines a function for codes of a type: the first `n_colors` channels become sRGB, the others are
+   rounded as they are. */
+#define QUANTIZE_SRGB(name, code_t)                                                           \
+    void name(                                                                                \
+        int64_t n, int64_t n_channels, int64_t n_codes, const float values[n][n_channels],    \
+        const float thresholds[n_codes], const uint16_t first_codes[16257],                  \
+        code_t codes[n][n_channels], int64_t n_colors, int64_t start, int64_t stop)           \
+    {                                                                                         \
+        const double factor = (double)n_codes, offset = 0.0;                                  \
+        const struct coding coding =                                                          \
+            repeat_coding(1, &factor, &offset, NULL, NULL, 0.0, factor);                      \
+        for (int64_t i = start; i < stop; i++) {                                              \
+            for (int64_t channel = 0; channel < n_colors; channel++)                          \
+                codes[i][channel] = (code_t)srgb_code_of(                                     \
+                    values[i][channel], n_codes, thresholds, first_codes);                    \
+            for (int64_t channel = n_colors; channel < n_channels; channel++)                 \
+                codes[i][channel] = (code_t)code_of(values[i][channel], 0, &coding, false);   \
+        }                                                                                     \
+    }
+
+QUANTIZE_SRGB(quantize_srgb_u8, uint8_t)
+QUANTIZE_SRGB(quantize_srgb_u16, uint16_t)
 
 /* Write the colors of ids; the first color is that of 0. */
 #define COLOR_IDS(name, code_t)                                                                   \

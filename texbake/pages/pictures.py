@@ -16,7 +16,7 @@ import numpy.typing as npt
 from texbake.baking.result import BakeResult
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
-from texbake.texture.encoding import encode_srgb, quantize_unsigned
+from texbake.texture.encoding import quantize_srgb, quantize_unsigned
 from texbake.texture.image import Image, read_image
 
 # Limit on the bytes of all maps of a page, before base64 makes them a third larger.
@@ -26,7 +26,7 @@ _SMALLEST = 256  # texels along a side; smaller maps are not scaled down
 
 def picture_codes(picture: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     """Return the sRGB codes (H, W, 3) uint8 of a linear picture, without alpha."""
-    return np.asarray(quantize_unsigned(encode_srgb(picture[..., :3]), 8), np.uint8)
+    return np.asarray(quantize_srgb(picture[..., :3], 8), np.uint8)
 
 
 def png_of(picture: npt.NDArray[np.float32]) -> bytes:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from texbake.errors import DependencyError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
-from texbake.texture.encoding import encode_normals, encode_srgb, quantize_unsigned
+from texbake.texture.encoding import encode_normals, quantize_srgb
 from texbake.texture.mipmaps import mip_chain, single_level
 
 
@@ -150,9 +150,7 @@ def _codes(
         codes = encode_normals(unit, bits=8, convention=convention, threads=threads)
     else:
         n_colors = min(level.shape[2], 3) if kind == "color" else 0
-        colors = encode_srgb(level[..., :n_colors])
-        shown = np.concatenate([colors, level[..., n_colors:]], axis=2)
-        codes = quantize_unsigned(shown, 8, threads=threads)
+        codes = quantize_srgb(level, 8, n_colors=n_colors, threads=threads)
     height, width, n_channels = codes.shape
     rgba = np.full((height, width, 4), 255, np.uint8)
     rgba[..., :n_channels] = codes

@@ -13,6 +13,7 @@ so no other code changes.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from texbake.parallel import run_bands
 
 _CONVENTIONS = ("opengl", "directx")
 _FLAT_NOISE = 4e-6
+# Floats between the least linear value of a code and the exact one, at most; a power of two.
+_SRGB_ERROR = 32
 
 # Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
@@ -92,6 +95,67 @@ def quantize_unsigned(
     """
     factors = np.full(1, float(max_code(bits)))
     return _quantized(np.atleast_1d(values), bits, factors, np.zeros(1), threads)
+
+
+def quantize_srgb(
+    linear: npt.NDArray[Any], bits: int, *, n_colors: int | None = None, threads: int | None = None
+) -> npt.NDArray[Any]:
+    """Quantize linear values as sRGB colors to the nearest codes; halves round up.
+
+    Parameters
+    ----------
+    linear : (..., C) float32
+        Clipped to [0, 1]; NaN becomes 0.
+    bits
+        8 or 16.
+    n_colors
+        Channels that are colors; those after them are quantized as `quantize_unsigned` does. None
+        for all.
+
+    Returns
+    -------
+    (..., C) uint8 or uint16
+
+    Examples
+    --------
+    >>> quantize_srgb(np.array([0.0, 0.5, 1.0, np.nan]), 8).tolist()
+    [0, 188, 255, 0]
+    """
+    n_channels = linear.shape[-1]
+    n_colors = n_channels if n_colors is None else n_colors
+    flat = np.require(linear, np.float32, ["C", "A"]).reshape(-1, n_channels)
+    codes = np.empty(flat.shape, code_type(bits))
+    quantize = core.quantize_srgb_u8 if bits == 8 else core.quantize_srgb_u16
+    tables = _srgb_thresholds(bits)
+
+    def work(start: int, stop: int) -> None:
+        quantize(flat, *tables, codes, n_colors, start, stop)
+
+    run_bands(work, len(flat), band=_BAND, threads=threads)
+    return codes.reshape(linear.shape)
+
+
+@cache
+def _srgb_thresholds(bits: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint16]]:
+    """Least linear value of each sRGB code from 1 on, and the code where each half word begins.
+
+    The codes are those of `encode_srgb`, so that the thresholds lie a few floats beside the exact
+    ones. The second table, (16257,), has a row for each upper half of the bits of floats up to 1.
+    """
+    top = max_code(bits)
+    middles = (np.arange(top) + 0.5) / top
+    exact = decode_srgb(middles).astype(np.float32).view(np.uint32)
+    below, reached = exact - np.uint32(_SRGB_ERROR), exact + np.uint32(_SRGB_ERROR)
+    for _ in range(_SRGB_ERROR.bit_length()):  # halve 2 * _SRGB_ERROR floats down to 1
+        between = below + (reached - below) // 2
+        levels = encode_srgb(between.view(np.float32)).astype(np.float64)
+        is_reached = levels * top >= middles * top
+        below[~is_reached] = between[~is_reached]
+        reached[is_reached] = between[is_reached]
+    thresholds = reached.view(np.float32)
+    halves = np.arange(1 + (np.float32(1.0).view(np.uint32) >> 16), dtype=np.uint32) << 16
+    first_codes = np.searchsorted(thresholds, halves.view(np.float32), side="right")
+    return thresholds, first_codes.astype(np.uint16)
 
 
 def quantize_points(

@@ -27,8 +27,8 @@ from texbake.png import is_png, png_description
 from texbake.texture.encoding import (
     code_type,
     decode_srgb,
-    encode_srgb,
     max_code,
+    quantize_srgb,
     quantize_unsigned,
 )
 from texbake.texture.image_formats import PNG, check_image_format, format_of, holds_floats
@@ -191,9 +191,10 @@ def _stored(
             pixels = np.clip(pixels, -_GREATEST_HALF, _GREATEST_HALF)
         return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)
     if pixels.dtype.kind == "f":
-        return quantize_unsigned(
-            _srgb_encoded(pixels, threads) if color else pixels, bits, threads=threads
-        )
+        if color:
+            n_colors = _n_color_channels(pixels.shape[2])
+            return quantize_srgb(pixels, bits, n_colors=n_colors, threads=threads)
+        return quantize_unsigned(pixels, bits, threads=threads)
     if pixels.dtype != code_type(bits):
         raise OptionError(f"{path}: {pixels.dtype} codes are not of {bits} bits; pass floats")
     return pixels
@@ -202,17 +203,6 @@ def _stored(
 def _n_color_channels(n_channels: int) -> int:
     """Return the number of channels without alpha, which is the last of two or four."""
     return n_channels - 1 if n_channels in (2, 4) else n_channels
-
-
-def _srgb_encoded(pixels: npt.NDArray[Any], threads: int | None) -> npt.NDArray[np.float32]:
-    flat = pixels.reshape(-1, pixels.shape[2]).astype(np.float32)
-    n_colors = _n_color_channels(pixels.shape[2])
-
-    def work(start: int, stop: int) -> None:
-        flat[start:stop, :n_colors] = encode_srgb(flat[start:stop, :n_colors])
-
-    run_bands(work, len(flat), band=_BAND, threads=threads)
-    return flat.reshape(pixels.shape)
 
 
 def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> npt.NDArray[np.float32]:
