@@ -19,45 +19,31 @@ from broken_meshes import broken_mesh
 
 from texbake.errors import UnwrapError
 from texbake.mapping.areas import signed_areas
-from texbake.mapping.atlas.atlas import _make_charts
-from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import QUALITIES
-from texbake.mapping.overlap import find_overlaps, overlap_layers
+from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.unwrap import unwrap
-from texbake.progress import Stages
 
 # All faces without area, or next to none beside a spike; and too many charts for the texels.
 EXCUSES = "has an area", "narrower than", "do not fit"
 
 
 def wrong_with(mesh, quality):
-    """What is wrong with the charts that a mesh gets; empty if nothing is.
+    """What is wrong with the coordinates that a mesh gets; empty if nothing is.
 
-    The packing searches are the same for all charts, so that only that of `fast` runs.
+    The texture has few texels, for which packing searches less long.
     """
     try:
-        if quality == "fast":
-            corners = unwrap(mesh, quality=quality, padding=0, threads=1).corner_uvs()
-            charts = None
-        else:
-            charts = _make_charts(mesh, UnwrapOptions(quality=quality), Stages(None), 1)
-            longest = (mesh.bounds[1] - mesh.bounds[0]).max()
-            corners = charts.uvs[charts.faces[charts.solid]] / longest
+        unwrapped = unwrap(mesh, quality=quality, size=512, padding=0, threads=1)
     except UnwrapError as error:
         return "" if any(words in str(error) for words in EXCUSES) else f"UnwrapError: {error}"
+    corners = unwrapped.corner_uvs()
     if not np.isfinite(corners).all():
         return "coordinates that are not finite"
     if (signed_areas(corners) < -1e-12).any():
         return "mirrored faces"
-    if charts is None:
-        overlapping = find_overlaps(corners).overlapping
-        outside = corners.min() < 0.0 or corners.max() > 1.0
-        return "coordinates outside the square" if outside else _count(overlapping)
-    ids = charts.chart_ids[charts.faces[charts.solid, 0]]
-    return _count(overlap_layers(corners, ids, depth=2.0**-20) > 0)
-
-
-def _count(overlapping):
+    if corners.min() < 0.0 or corners.max() > 1.0:
+        return "coordinates outside the square"
+    overlapping = find_overlaps(corners).overlapping
     return f"{int(overlapping.sum())} faces overlap" if overlapping.any() else ""
 
 

@@ -54,16 +54,17 @@ class _Budget:
     draft_work: int
     squeeze_work: int
     settle_work: int
+    least_share: float  # of the work, for meshes of few faces
 
 
 _BUDGETS = {
     "good": _Budget(
         drafts=2, squeezed=2, settled=1,
-        draft_work=20_000_000, squeeze_work=40_000_000, settle_work=50_000_000,
+        draft_work=20_000_000, squeeze_work=40_000_000, settle_work=50_000_000, least_share=0.4,
     ),
     "best": _Budget(
         drafts=8, squeezed=5, settled=4,
-        draft_work=150_000_000, squeeze_work=250_000_000, settle_work=200_000_000,
+        draft_work=150_000_000, squeeze_work=250_000_000, settle_work=200_000_000, least_share=0.2,
     ),
 }  # fmt: skip
 # Steps of work per face besides, for the bitmaps of the scales that are tried.
@@ -73,7 +74,6 @@ _STEPS_TO_SCALE = 2000
 _WHOLE_BUDGET = 1024 * 1024
 _LEAST_SHARE = 0.5  # of the budget, however few the texels
 _MANY_FACES = 4000
-_LEAST_SHARE_OF_FACES = 0.4
 _MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
@@ -227,7 +227,7 @@ def _searched(
     texels, others = size[0] * size[1], charts.n_charts - 1
     share = min(max(texels / _WHOLE_BUDGET, _LEAST_SHARE), 1.0)
     share *= min(others / _MANY_TO_ARRANGE, 1.0)
-    share *= min(max(len(charts.faces) / _MANY_FACES, _LEAST_SHARE_OF_FACES), 1.0)
+    share *= min(max(len(charts.faces) / _MANY_FACES, budget.least_share), 1.0)
     scaling_work = _STEPS_TO_SCALE * len(charts.faces)
     layouts: list[RoughLayout]
     if charts.n_charts <= _MOST_COARSE:
