@@ -90,6 +90,15 @@ def _gltf_seed(path: Path) -> None:
     path.write_text(json.dumps(document))
 
 
+def _fbx_seed(version: int, form: str) -> Maker:
+    def make(path: Path) -> None:
+        from fbx_writer import rich_scene, written
+
+        path.write_bytes(written(rich_scene(version), version, form))
+
+    return make
+
+
 def _image_seed(channels: int, bits: int) -> Maker:
     def make(path: Path) -> None:
         from texbake import write_image
@@ -252,6 +261,11 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "off": (".off", _mesh_seed, _read_mesh),
     "glb": (".glb", _mesh_seed, _read_mesh),
     "gltf": (".gltf", _gltf_seed, _read_mesh),
+    "fbx binary": (".fbx", _fbx_seed(7400, "binary"), _read_mesh),
+    "fbx binary 64": (".fbx", _fbx_seed(7700, "binary"), _read_mesh),
+    "fbx binary 6": (".fbx", _fbx_seed(6100, "binary"), _read_mesh),
+    "fbx ascii": (".fbx", _fbx_seed(7400, "ascii"), _read_mesh),
+    "fbx ascii 6": (".fbx", _fbx_seed(6100, "ascii"), _read_mesh),
     "glb scene": (".glb", _mesh_seed, _read_scene),
     "gltf scene": (".gltf", _gltf_seed, _read_scene),
     "png 8": (".png", _image_seed(3, 8), _read_image),

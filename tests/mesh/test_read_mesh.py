@@ -10,7 +10,7 @@ from texbake.errors import FileError, FileFormatError, MeshError, OptionError, T
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 
-SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx")
 OWN_SUFFIXES = SUFFIXES[:4]
 every_suffix = pytest.mark.parametrize("suffix", SUFFIXES)
 

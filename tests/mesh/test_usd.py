@@ -395,9 +395,3 @@ def test_a_file_written_again_is_read_again(path):
     assert read_usd(path).n_faces == plane().n_faces
     write_mesh(cube(), path)
     assert read_usd(path).n_faces == cube().n_faces
-
-
-def test_fbx_is_named_with_the_way_round_it(tmp_path):
-    (tmp_path / "a.fbx").write_bytes(b"Kaydara FBX Binary")
-    with pytest.raises(FileFormatError, match=r"FBX files cannot be read; export a \.glb"):
-        read_mesh(tmp_path / "a.fbx")

@@ -41,6 +41,7 @@ _FORMATS = {
         (*_MATERIAL, "levels", "coverages", "compress"),
     ),
     ".gltf": _Format(("gltf", "read_gltf")),
+    ".fbx": _Format(("fbx", "read_fbx")),
     ".usd": _USD,
     ".usda": _USD,
     ".usdc": _USD,
@@ -60,7 +61,7 @@ WRITABLE_MESH_SUFFIXES = tuple(
 
 
 def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
-    """Read a mesh from an OBJ, PLY, STL, OFF, GLB, glTF, USD, COLLADA, 3MF, 3DXML or XAML file.
+    """Read a mesh from an OBJ, PLY, STL, OFF, glTF, FBX, USD, COLLADA, 3MF, 3DXML or XAML file.
 
     Parameters
     ----------
@@ -140,10 +141,6 @@ def write_mesh(mesh: MeshLike, path: PathLike, **options: Any) -> None:
 
 def _format_of(path: PathLike) -> _Format:
     suffix = Path(path).suffix.lower()
-    if suffix == ".fbx":
-        raise FileFormatError(
-            f"{path}: FBX files cannot be read; export a .glb file, in Blender with File > Export"
-        )
     if suffix not in _FORMATS:
         raise FileFormatError(
             f"{path}: {suffix!r} is not the suffix of a mesh file; give one of "

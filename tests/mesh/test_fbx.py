@@ -1,0 +1,299 @@
+"""FBX files that the tests write themselves: every form and version, layers, transforms, damage."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from tests.hard_cases.fbx_writer import (
+    CM,
+    FACES,
+    POINTS,
+    POLYGONS,
+    binary,
+    layer,
+    rich_scene,
+    scene,
+    shape,
+    written,
+)
+from texbake.errors import FileFormatError, MeshError, TexbakeError
+from texbake.mesh.files import read_mesh
+
+FORMS = [(v, form) for v in (6100, 7100, 7400, 7500, 7700) for form in ("binary", "ascii")]
+every_form = pytest.mark.parametrize("version, form", FORMS)
+TINY = 1e-12  # of float64, for lengths of a few units
+CORNERS = np.where(POLYGONS < 0, ~POLYGONS, POLYGONS)
+SLOTS = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [8, 9, 10]])
+
+
+@pytest.fixture
+def read(tmp_path):
+    def write_and_read(nodes, version=7400, form="binary"):
+        path = tmp_path / "a.fbx"
+        path.write_bytes(nodes if isinstance(nodes, bytes) else written(nodes, version, form))
+        return read_mesh(path)
+
+    return write_and_read
+
+
+@every_form
+def test_every_form_gives_the_same_mesh(read, version, form):
+    mesh = read(rich_scene(version), version, form)
+    assert mesh.group_names == ("wall/red", "wall/blue", "door/red", "door/blue")
+    assert mesh.face_groups.tolist() == [0, 0, 1, 1, 0, 2, 2, 3, 3, 2]
+    np.testing.assert_array_equal(mesh.faces, np.concatenate([FACES, FACES + len(POINTS)]))
+    moved = POINTS + np.array([1, 2, 3])
+    turned = 2 * POINTS @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) + [1, 2, 3]
+    np.testing.assert_allclose(mesh.positions, CM * np.concatenate([moved, turned]), atol=TINY)
+    np.testing.assert_allclose(mesh.corner_uvs()[:5], POINTS[FACES][..., :2])
+    normals = mesh.normals[mesh.normal_faces]
+    np.testing.assert_allclose(normals[:5], np.broadcast_to([0, 0, 1.0], (5, 3, 3)), atol=TINY)
+    np.testing.assert_allclose(normals[5:], np.broadcast_to([0, -1.0, 0], (5, 3, 3)), atol=TINY)
+    colors = np.linspace(0, 1, 28).reshape(-1, 4)
+    np.testing.assert_allclose(mesh.colors[:7], colors, rtol=1e-6)
+
+
+def test_arrays_may_stand_unpacked(read):
+    nodes = rich_scene(7400)
+    plain = read(binary(nodes, 7400, packed=False))
+    np.testing.assert_array_equal(plain.positions, read(nodes).positions)
+
+
+@pytest.mark.parametrize(
+    "mapping, values, indices",
+    [
+        ("ByPolygonVertex", CORNERS, None),
+        ("ByVertice", np.arange(7), None),
+        ("ByVertex", np.arange(7)[::-1], np.arange(7)[::-1]),
+        ("ByPolygonVertex", np.arange(7), CORNERS),
+    ],
+)
+def test_values_by_corner_or_vertex_listed_or_by_index(read, mapping, values, indices):
+    """Normals and coordinates that follow from the vertex come out the same in every mapping."""
+    of_vertex = np.stack([np.cos(values), np.sin(values), 0.0 * values], axis=1)
+    table = None if indices is None else indices.astype(np.int32)
+    layers = [
+        layer(
+            "LayerElementNormal",
+            ("Normals", of_vertex.ravel()),
+            mapping,
+            None if table is None else ("NormalsIndex", table),
+        ),
+        layer(
+            "LayerElementUV",
+            ("UV", of_vertex[:, :2].ravel()),
+            mapping,
+            None if table is None else ("UVIndex", table),
+        ),
+    ]
+    mesh = read(scene(layers=layers))
+    expected = np.stack([np.cos(FACES), np.sin(FACES), 0.0 * FACES], axis=2)
+    np.testing.assert_allclose(mesh.normals[mesh.normal_faces], expected, atol=TINY)
+    np.testing.assert_allclose(mesh.corner_uvs(), expected[..., :2], atol=TINY)
+    # Corners of one vertex with one value share it.
+    np.testing.assert_array_equal(np.unique(mesh.uv_faces).size, 7)
+
+
+def test_values_by_polygon_and_of_the_whole(read):
+    normals = np.array([0, 0, 1, 0, 1, 0, 1, 0, 0.0])
+    mesh = read(scene(layers=[layer("LayerElementNormal", ("Normals", normals), "ByPolygon")]))
+    rows = normals.reshape(3, 3)[[0, 0, 1, 1, 2]]
+    found = mesh.normals[mesh.normal_faces]
+    np.testing.assert_allclose(found, np.repeat(rows[:, None], 3, axis=1))
+    same = layer("LayerElementNormal", ("Normals", normals[:3]), "AllSame")
+    assert read(scene(layers=[same])).normals.tolist() == [[0, 0, 1]]
+
+
+def test_the_first_set_of_coordinates_counts(read):
+    sets = [
+        layer("LayerElementUV", ("UV", np.full(14, float(i))), "ByVertice", index=i)
+        for i in (1, 0, 2)
+    ]
+    assert (read(scene(layers=sets)).uvs == 0.0).all()
+
+
+def test_corners_without_a_coordinate_get_zeros(read):
+    indices = CORNERS.copy()
+    indices[[0, 5]] = [-1, 99]
+    uvs = layer("LayerElementUV", ("UV", np.ones(14)), indices=("UVIndex", indices))
+    flat = np.ones((11, 2))
+    flat[[0, 5]] = 0.0
+    np.testing.assert_array_equal(read(scene(layers=[uvs])).corner_uvs(), flat[SLOTS])
+
+
+def test_holes_and_bad_polygons_are_left_out(read):
+    polygons = np.array([0, 1, 4, -4, 0, -2, -7, 0, 1, -100, 1, 2, 5, -5, 3, 4], np.int32)
+    mesh = read(scene(geometry=shape(polygons=polygons)))
+    np.testing.assert_array_equal(mesh.faces, FACES[:4])
+    holes = layer("LayerElementHole", ("Hole", np.array([0, 1, 0], np.int32)), "ByPolygon")
+    np.testing.assert_array_equal(read(scene(layers=[holes])).faces, FACES[[0, 1, 4]])
+
+
+def test_axes_and_unit_become_the_houses(read):
+    points = POINTS + np.array([0, 0, 1])
+    x, y, z = points.T
+    lifted = shape(points=points)
+    z_up = {"UpAxis": [2], "UpAxisSign": [1], "FrontAxis": [1], "FrontAxisSign": [-1],
+            "CoordAxis": [0], "CoordAxisSign": [1], "UnitScaleFactor": [100.0]}  # fmt: skip
+    mesh = read(scene(settings=z_up, geometry=lifted))
+    np.testing.assert_allclose(mesh.positions, np.stack([x, z, -y], axis=1), atol=TINY)
+    # Axes that are no axes count as not given.
+    mesh = read(scene(settings={"UpAxis": [0], "UnitScaleFactor": [-1.0]}, geometry=lifted))
+    np.testing.assert_allclose(mesh.positions, CM * np.stack([x, y, z], axis=1), atol=TINY)
+
+
+def position_of(read, properties, point=(1.0, 2.0, 3.0), parent=None):
+    """Where a model takes a point, in its units."""
+    points = np.array([point, [0, 0, 0], [1, 0, 0]])
+    models = {"a": (properties, None)}
+    if parent is not None:
+        models = {"p": (parent, None), "a": (properties, "p")}
+    polygons = np.array([0, 1, -3], np.int32)
+    mesh = read(scene(models=models, geometry=shape(points=points, polygons=polygons)))
+    return mesh.positions[-3] / CM
+
+
+def test_pivots_stay_where_they_are(read):
+    pivot = [1.0, 2.0, 3.0]
+    turned = {"Lcl Rotation": [10.0, 20.0, 30.0], "RotationPivot": pivot}
+    np.testing.assert_allclose(position_of(read, turned), pivot)
+    scaled = {"Lcl Scaling": [2.0, 3.0, 4.0], "ScalingPivot": pivot}
+    np.testing.assert_allclose(position_of(read, scaled), pivot)
+    offset = {**turned, "RotationOffset": [1.0, 0.0, 0.0], "Lcl Translation": [0.0, 1.0, 0.0]}
+    np.testing.assert_allclose(position_of(read, offset), [2, 3, 3])
+    np.testing.assert_allclose(position_of(read, {"ScalingOffset": [0.0, 5.0, 0.0]}), [1, 7, 3])
+
+
+def test_rotations_in_order_before_and_after(read):
+    quarter = [90.0, 90.0, 0.0]
+    # (x, y, z) about x is (x, -z, y), about y is (z, y, -x).
+    np.testing.assert_allclose(position_of(read, {"Lcl Rotation": quarter}), [2, -3, -1])
+    yx = {"Lcl Rotation": quarter, "RotationOrder": [3], "RotationActive": [1]}
+    np.testing.assert_allclose(position_of(read, yx), [3, 1, 2])
+    passive = {**yx, "RotationActive": [0], "PreRotation": [0.0, 0.0, 90.0]}
+    np.testing.assert_allclose(position_of(read, passive), [2, -3, -1])
+    pre = {"PreRotation": [90.0, 0.0, 0.0], "PostRotation": [0.0, 90.0, 0.0], "RotationActive": [1]}
+    # Backwards about y: (-z, y, x); then about x.
+    np.testing.assert_allclose(position_of(read, pre), [-3, -1, 2])
+
+
+def test_geometric_transforms_do_not_reach_children(read):
+    parent = {"GeometricTranslation": [100.0, 0.0, 0.0], "Lcl Translation": [1.0, 0.0, 0.0]}
+    own = {"GeometricScaling": [2.0, 2.0, 2.0], "GeometricTranslation": [0.0, 1.0, 0.0]}
+    np.testing.assert_allclose(position_of(read, own, parent=parent), [3, 5, 6])
+
+
+@pytest.mark.parametrize(
+    "kind, expected",
+    [
+        (1, [-4, 1, 3]),  # the parent's scaling along its own x
+        (0, [-2, 2, 3]),  # along the child's x, which is turned to y
+        (2, [-2, 1, 3]),  # none
+    ],
+)
+def test_ways_to_inherit_scaling(read, kind, expected):
+    parent = {"Lcl Scaling": [2.0, 1.0, 1.0]}
+    child = {"Lcl Rotation": [0.0, 0.0, 90.0], "InheritType": [kind]}
+    np.testing.assert_allclose(position_of(read, child, parent=parent), expected, atol=TINY)
+
+
+def test_mirrored_models_keep_their_outside(read):
+    models = {"a": ({}, None), "b": ({"Lcl Scaling": [-1.0, 1.0, 1.0]}, None)}
+    mesh = read(scene(models=models))
+    corners = mesh.positions[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()
+
+
+def test_hidden_models_are_left_out(read):
+    models = {"a": ({"Show": [0]}, None), "b": ({"Lcl Translation": [0.0, 0.0, 7.0]}, None)}
+    mesh = read(scene(models=models))
+    assert mesh.group_names == ("b",)
+    with pytest.raises(MeshError, match=r"meshes are hidden or empty"):
+        read(scene(models={"a": ({"Visibility": [0.0]}, None)}))
+
+
+def test_zero_scale_is_read(read):
+    mesh = read(scene(models={"a": ({"Lcl Scaling": [0.0, 0.0, 0.0]}, None)}))
+    assert (mesh.positions == 0.0).all()
+
+
+def test_a_transform_that_is_not_finite_names_the_model(read):
+    bad = {"Lcl Translation": [np.nan, 0.0, 0.0]}
+    with pytest.raises(MeshError, match=r"model 'a': its transform is not finite"):
+        read(scene(models={"a": (bad, None)}))
+    with pytest.raises(MeshError, match="geometry 'wall mesh': a number of Vertices"):
+        read(scene(geometry=shape(points=POINTS + np.nan)))
+
+
+@every_form
+def test_models_in_a_cycle(read, version, form):
+    models = {"a": ({}, "b"), "b": ({}, "a"), "c": ({}, None)}
+    with pytest.raises(FileFormatError, match="its models stand in a cycle"):
+        read(scene(version, models=models), version, form)
+
+
+def test_instances_are_bounded_by_the_size_of_the_file(read):
+    n = 40_000
+    polygons = np.tile(np.array([0, 1, -5], np.int32), n)
+    models = {f"m{i}": ({}, None) for i in range(200)}
+    with pytest.raises(FileFormatError, match="far more triangles than it holds"):
+        read(scene(models=models, geometry=shape(polygons=polygons)))
+
+
+def bomb(count, content):
+    """A file whose Vertices say a count and pack the content."""
+    packed = zlib.compress(content)
+    value = bytearray(b"d" + struct.pack("<III", count, 1, len(packed)) + packed)
+    vertices = ("Vertices", [value], [])
+    return binary(scene(geometry=[vertices, ("PolygonVertexIndex", [POLYGONS], [])]))
+
+
+def test_arrays_that_unpack_to_other_than_they_say(read):
+    with pytest.raises(FileFormatError, match="an array of 30 numbers is damaged"):
+        read(bomb(30, bytes(8 * 29)))
+    with pytest.raises(FileFormatError, match="an array of 30 numbers is damaged"):
+        read(bomb(30, bytes(80_000_000)))
+    with pytest.raises(FileFormatError, match="bytes cannot hold them"):
+        read(bomb(400_000_000, bytes(240)))
+    with pytest.raises(FileFormatError, match="unpack to far more than its size"):
+        read(bomb(50_000_000, bytes(400_000_000)))
+
+
+def test_nodes_too_deep(read):
+    node = ("x", [], [])
+    for _ in range(100):
+        node = ("x", [], [node])
+    for form in ("binary", "ascii"):
+        with pytest.raises(FileFormatError, match="more than 64 levels deep"):
+            read([node], 7400, form)
+
+
+@pytest.mark.parametrize("length", [24, 100, 1000])
+def test_truncated_files_name_the_byte(read, length):
+    with pytest.raises(FileFormatError, match=r"a\.fbx: byte \d+: "):
+        read(binary(rich_scene(7400))[:length])
+
+
+def test_damaged_text_names_the_line(read):
+    text = written(scene(), 7400, "ascii")
+    with pytest.raises(FileFormatError, match=r"line \d+: it ends within 'Objects'"):
+        read(text[: text.index(b"Geometry")])
+    with pytest.raises(FileFormatError, match=r"line 4: '!!' stands where a node belongs"):
+        read(text.replace(b"GlobalSettings", b"!!\nGlobalSettings"))
+    with pytest.raises(FileFormatError, match="not an FBX file"):
+        read(b"solid cube\n")
+
+
+def test_no_length_makes_the_reader_fail_in_another_way(read):
+    """Each 32-bit word of the file at its largest."""
+    data = binary(rich_scene(7500), 7500)
+    n_refused = 0
+    for at in range(23, len(data) - 4, 5):
+        try:
+            read(data[:at] + b"\xff\xff\xff\x7f" + data[at + 4 :])
+        except TexbakeError:
+            n_refused += 1
+    assert n_refused > 100

@@ -1,0 +1,118 @@
+"""Reading FBX, binary and text, versions 6 and 7.
+
+All geometry of the file is joined into one mesh, in the world, a geometry that two models show
+twice. Differences between files are removed, as the reader of USD does:
+
+- The axes of the file are turned to Y up, with Z to the front.
+- Lengths become meters; a unit is a centimeter where the file does not say.
+
+Each model is a group of its name, and where its polygons are of several materials, each of those,
+named ``model/material``. Polygons are fanned out; a subdivision surface is read as its control
+mesh, a mesh with bones or shapes in the pose it is stored in, without animation. Models that are
+hidden, curves, lights, cameras and smoothing groups are left out. Of several sets of texture
+coordinates or colors the first is read. Corners without one get zeros.
+
+Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
+format specification", Blender developers' blog, 2013.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from texbake.errors import FileFormatError, MeshError
+from texbake.files import PathLike
+from texbake.mesh.compose import join_parts, transformed
+from texbake.mesh.files.fbx_geometry import FbxGeometry, read_geometry
+from texbake.mesh.files.fbx_scene import (
+    FbxObject,
+    FbxScene,
+    Id,
+    model_geometry,
+    placed_models,
+    read_scene,
+)
+from texbake.mesh.mesh import FloatArray, Mesh
+
+# Corners that a file may place: instances can ask for far more than it has.
+_LEAST_CORNERS, _CORNERS_PER_BYTE = 1 << 24, 4
+
+
+def read_fbx(path: PathLike) -> Mesh:
+    """Read an FBX file; see the module for what becomes of a scene.
+
+    Positions, normals, the first set of texture coordinates, vertex colors (of several at one
+    vertex the first), and materials as groups.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is not FBX, or it is damaged.
+    MeshError
+        There are no faces, or a number is not finite.
+    """
+    scene = read_scene(path)
+    parts = [part.mesh(path) for part in read_parts(scene)]
+    if not parts:
+        is_there = any(model_geometry(scene, item) for item in scene.objects.values())
+        found = (
+            "it shows no faces; its meshes are hidden or empty" if is_there else "it has no faces"
+        )
+        raise MeshError(f"{path}: {found}; a mesh needs at least one triangle")
+    return join_parts(parts, Path(path).name)
+
+
+@dataclass(frozen=True, eq=False)
+class FbxPart:
+    """Geometry that a model shows: where, and with which materials."""
+
+    model: FbxObject
+    matrix: FloatArray
+    geometry: FbxGeometry
+    materials: list[FbxObject]
+
+    def mesh(self, path: PathLike) -> Mesh:
+        """Return it in the world, with its groups."""
+        used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
+        names = [self._group_name(int(index)) for index in used]
+        mesh = Mesh(
+            **self.geometry.fields,
+            face_groups=groups.astype(np.int32),
+            group_names=(self.model.name,) if len(used) == 1 else tuple(names),
+            name=Path(path).name,
+        )
+        with np.errstate(over="ignore", invalid="ignore"):  # `Mesh` refuses what is not finite
+            return transformed(mesh, self.matrix)
+
+    def _group_name(self, index: int) -> str:
+        is_known = 0 <= index < len(self.materials)
+        material = self.materials[index].name if is_known else f"{index}"
+        return f"{self.model.name}/{material}"
+
+
+def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
+    """Geometry of a scene as its models show it, in the order of the tree."""
+    read: dict[Id, FbxGeometry | None] = {}
+    most = max(_LEAST_CORNERS, _CORNERS_PER_BYTE * scene.n_bytes)
+    for placed in placed_models(scene):
+        for item in model_geometry(scene, placed.model):
+            if item.key not in read:
+                name = item.name or placed.model.name
+                read[item.key] = read_geometry(scene.path, name, item.node)
+            geometry = read[item.key]
+            if geometry is None:
+                continue
+            fields = geometry.fields
+            most -= max(fields["faces"].size, fields["positions"].size)
+            if most < 0:
+                raise FileFormatError(
+                    f"{scene.path}: it places far more triangles than it holds; export it again"
+                )
+            materials = scene.members_of(placed.model.key, "Material")
+            yield FbxPart(placed.model, placed.matrix, geometry, materials)

@@ -1,0 +1,187 @@
+"""FBX text to nodes: `Name: value, value {` children `}`, with comments from `;` to the line's end.
+
+Values are numbers, texts in quotation marks (with `&quot;` for one within), words without (T, Y,
+W), and from version 7 on arrays, `*count { a: 1,2,3 }`. Long lists of numbers are kept as text
+until they are asked for.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+
+from texbake.errors import FileFormatError
+from texbake.files import PathLike
+from texbake.mesh.files.fbx_nodes import MAX_DEPTH, MAX_NODES, PASSED_OVER, Budget, Node
+from texbake.mesh.files.source import ByteArray, line_number, require_text
+from texbake.mesh.mesh import FloatArray
+
+_BLANK = re.compile(rb"(?:[\s,]|;[^\n]*)*+")
+_NAME = re.compile(rb"([A-Za-z_][\w| .\-]*?)[ \t]*:(?!:)")
+_NUMBERS = re.compile(rb"[-+.\d][-+.,\d\seE]*+")
+_VALUE = re.compile(rb'"([^"]*+)"|\*[ \t]*(\d+)|([A-Za-z_#][\w#.+\-]*)')
+_BETWEEN = re.compile(rb"[^{}\";]*+")
+_INT64 = 1 << 63
+_LONG = 256  # bytes from which on numbers are kept as text
+
+
+def read_ascii(path: PathLike, data: ByteArray) -> Node:
+    """Nodes of an FBX text file, as children of a node without a name.
+
+    Raises
+    ------
+    FileFormatError
+        It is not FBX, or breaks its rules; the message names the line.
+    """
+    require_text(path, data, "an FBX file")
+    if b"FBX" not in data[:4096].tobytes().upper():
+        raise FileFormatError(f"{path}: it is not an FBX file; neither binary nor text")
+    return _Reader(path, data).read()
+
+
+class _Reader:
+    """Text of a file and how far it is read."""
+
+    def __init__(self, path: PathLike, data: ByteArray) -> None:
+        self.path, self.data = path, data
+        self.text = data.tobytes()
+        self.at = 0
+        self.budget = Budget(path, len(data))
+
+    def fail(self, what: str) -> NoReturn:
+        """Raise `FileFormatError`."""
+        line = line_number(self.data, self.at)
+        raise FileFormatError(f"{self.path}: line {line}: {what}; export it again")
+
+    def read(self) -> Node:
+        """Find all nodes."""
+        root = Node("")
+        open_nodes = [root]
+        n_nodes = 0
+        while self._skip_blank():
+            if self.text[self.at] == ord("}"):
+                self.at += 1
+                if len(open_nodes) == 1:
+                    self.fail("a } closes no node")
+                open_nodes.pop()
+                continue
+            node = self._node()
+            n_nodes += 1
+            if n_nodes > MAX_NODES:
+                self.fail(f"it has more than {MAX_NODES} nodes")
+            open_nodes[-1].children.append(node)
+            if not self._skip_blank() or self.text[self.at] != ord("{"):
+                continue
+            self.at += 1
+            if node.name in PASSED_OVER:
+                self._pass_over()
+                continue
+            if len(open_nodes) > MAX_DEPTH:
+                self.fail(f"its nodes are more than {MAX_DEPTH} levels deep")
+            open_nodes.append(node)
+        if len(open_nodes) > 1:
+            self.fail(f"it ends within {open_nodes[-1].name!r}")
+        return root
+
+    def _skip_blank(self) -> bool:
+        """Skip what says nothing; return whether anything follows."""
+        match = _BLANK.match(self.text, self.at)
+        assert match is not None
+        self.at = match.end()
+        return self.at < len(self.text)
+
+    def _node(self) -> Node:
+        """Return a node with its values."""
+        match = _NAME.match(self.text, self.at)
+        if match is None:
+            found = self.text[self.at : self.at + 20].decode("latin-1")
+            self.fail(f"{found.splitlines()[0]!r} stands where a node belongs")
+        self.at = match.end()
+        node = Node(match[1].decode("latin-1"))
+        while (value := self._value()) is not None:
+            node.values += value
+        return node
+
+    def _value(self) -> list[Any] | None:
+        """Return the next value or values, or None where the list ends."""
+        self._skip_blank()
+        numbers = _NUMBERS.match(self.text, self.at)
+        if numbers is not None:
+            # An E behind a blank begins the name of the next node.
+            words = numbers[0].rstrip(b"eE")
+            self.at += len(words)
+            return self._numbers(words)
+        if _NAME.match(self.text, self.at):
+            return None
+        match = _VALUE.match(self.text, self.at)
+        if match is None:
+            return None
+        self.at = match.end()
+        if match[1] is not None:
+            return [match[1].replace(b"&quot;", b'"')]
+        if match[2] is not None:
+            return []  # the array itself follows in braces
+        word = match[3]
+        lowered = word.lower()
+        # As C libraries write numbers that are none.
+        return [float("nan")] if lowered.startswith((b"nan", b"inf", b"#")) else [word]
+
+    def _numbers(self, words: bytes) -> list[Any]:
+        """Numbers of a text with commas and blanks."""
+        if len(words) > _LONG:
+            return [_Text(self, words, self.at)]
+        try:
+            return [_number(word) for word in words.replace(b",", b" ").split()]
+        except ValueError:
+            self.fail(f"{words[:20].decode('latin-1').splitlines()[0]!r} is not a number")
+
+    def _pass_over(self) -> None:
+        """Skip to behind the brace that closes the one before."""
+        depth = 1
+        while depth:
+            match = _BETWEEN.match(self.text, self.at)
+            assert match is not None
+            self.at = match.end() + 1
+            mark = self.text[match.end() : self.at]
+            if not mark:
+                self.fail("it ends within a node")
+            if mark in b'";':
+                end = self.text.find(b'"' if mark == b'"' else b"\n", self.at)
+                self.at = len(self.text) if end < 0 else end + 1
+            else:
+                depth += 1 if mark == b"{" else -1
+
+
+def _number(word: bytes) -> int | float:
+    try:
+        whole = int(word)
+    except ValueError:
+        return float(word)
+    return whole if -_INT64 <= whole < _INT64 else float(word)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Text:
+    """Numbers as text, up to a place of the file."""
+
+    reader: _Reader
+    words: bytes
+    end: int
+
+    def load(self) -> FloatArray:
+        """(n,) numbers."""
+        self.reader.budget.take(4 * len(self.words))
+        words = self.words.decode("ascii").rstrip(", \t\r\n")
+        with warnings.catch_warnings():
+            # What numpy cannot read to its end it warns of.
+            warnings.simplefilter("error")
+            try:
+                values: FloatArray = np.fromstring(words, dtype=np.float64, sep=",")
+            except (DeprecationWarning, ValueError):
+                self.reader.at = self.end - len(self.words)
+                self.reader.fail("a list of numbers holds what is none")
+        return values
