@@ -99,14 +99,15 @@ class Materials:
 
 
 _READERS = {
-    ".obj": "read_obj_materials",
-    ".glb": "read_gltf_materials",
-    ".gltf": "read_gltf_materials",
+    ".obj": ("materials", "read_obj_materials"),
+    ".glb": ("materials", "read_gltf_materials"),
+    ".gltf": ("materials", "read_gltf_materials"),
+    ".fbx": ("fbx_materials", "read_fbx_materials"),
 }
 
 
 def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
-    """Read the materials of a mesh file: of OBJ with its .mtl files, and of glTF.
+    """Read the materials of a mesh file: of OBJ with its .mtl files, glTF and FBX.
 
     Parameters
     ----------
@@ -132,5 +133,6 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     if reader is None:
         return None
     read: Callable[[PathLike, Mesh], Materials | None]
-    read = getattr(import_module("texbake.mesh.files.materials"), reader)
+    module, name = reader
+    read = getattr(import_module(f"texbake.mesh.files.{module}"), name)
     return read(path, mesh)

@@ -1,0 +1,103 @@
+"""Base colors of FBX materials: factors, and images in the file or in its folder.
+
+Paths in such files are mostly those of the machine that wrote them. An image is looked for by its
+relative path, where that stays within the folder of the file, then by its name in that folder;
+where it is not there either, the material keeps its factor.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from texbake.files import PathLike
+from texbake.mesh.files.fbx import read_parts
+from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
+from texbake.mesh.files.source import map_file
+from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.mesh import Mesh
+
+_COLORS = ("DiffuseColor", "Diffuse")
+_FILES = ("RelativeFilename", "FileName", "Filename")
+
+
+def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+    """Read the materials of an FBX file; None where no face has one.
+
+    Raises
+    ------
+    FileError
+        An image that is there cannot be read.
+    FileFormatError
+        The file is damaged.
+    """
+    scene = read_scene(path)
+    numbers: dict[Id | None, int] = {}
+    found: list[FbxObject | None] = []
+    of_faces = []
+    for part in read_parts(scene):
+        ids = part.geometry.face_materials
+        used, faces = np.unique(ids, return_inverse=True)
+        of_used = []
+        for index in used.tolist():
+            material = part.materials[index] if 0 <= index < len(part.materials) else None
+            key = None if material is None else material.key
+            if key not in numbers:
+                numbers[key] = len(found)
+                found.append(material)
+            of_used.append(numbers[key])
+        of_faces.append(np.array(of_used, np.int32)[faces])
+    if not any(found) or sum(map(len, of_faces)) != mesh.n_faces:
+        return None
+    return Materials(
+        face_materials=np.concatenate(of_faces),
+        names=tuple("default" if item is None else item.name for item in found),
+        base_colors=tuple(None if item is None else _base_color(scene, item) for item in found),
+    )
+
+
+def _base_color(scene: FbxScene, material: FbxObject) -> BaseColor:
+    texture = scene.property_members(material.key).get("DiffuseColor")
+    if texture is not None:
+        for image, name in _images(scene, texture):
+            return BaseColor(image=image, image_name=name)
+    properties = material.properties()
+    values = next((properties[name] for name in _COLORS if name in properties), [])
+    if len(values) < 3 or not all(isinstance(v, int | float) for v in values[:3]):
+        return BaseColor()
+    red, green, blue = (float(value) for value in values[:3])
+    finite = all(math.isfinite(value) for value in (red, green, blue))
+    return BaseColor(factor=(red, green, blue)) if finite else BaseColor()
+
+
+def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
+    """Contents and names of the images of a texture, those in the file first."""
+    holders = [*scene.members_of(texture.key, "Video"), texture]
+    for holder in holders:
+        content = holder.node.child("Content")
+        value = content.values[0] if content is not None and content.values else None
+        if isinstance(value, bytes) and value:
+            yield _unwrapped(value), f"{scene.path}: {holder.name}"
+    folder = Path(scene.path).resolve().parent
+    for holder in holders:
+        for field in _FILES:
+            words = PurePosixPath(holder.node.child_text(field).replace("\\", "/"))
+            for place in (folder / words, folder / words.name):
+                try:
+                    is_there = place.resolve().is_relative_to(folder) and place.is_file()
+                except (OSError, ValueError):
+                    continue
+                if is_there:
+                    yield map_file(place).tobytes(), str(place)
+
+
+def _unwrapped(content: bytes) -> bytes:
+    """Return the bytes of an image, which text files hold in base64."""
+    try:
+        return base64.b64decode(content, validate=True)
+    except ValueError:  # no image is made of letters and digits alone
+        return content
