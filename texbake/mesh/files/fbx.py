@@ -104,7 +104,7 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
         for item in model_geometry(scene, placed.model):
             if item.key not in read:
                 name = item.name or placed.model.name
-                read[item.key] = read_geometry(scene.path, name, item.node)
+                read[item.key] = read_geometry(scene.path, name, item.node, most)
             geometry = read[item.key]
             if geometry is None:
                 continue

@@ -40,8 +40,10 @@ class FbxGeometry:
     face_materials: Indices
 
 
-def read_geometry(path: PathLike, name: str, node: Node) -> FbxGeometry | None:
+def read_geometry(path: PathLike, name: str, node: Node, most: int) -> FbxGeometry | None:
     """Triangles of a node with `Vertices` and `PolygonVertexIndex`; None where there are none.
+
+    `most` corners are read at most, so that an array that packs well cannot fill the memory.
 
     Raises
     ------
@@ -50,17 +52,20 @@ def read_geometry(path: PathLike, name: str, node: Node) -> FbxGeometry | None:
     MeshError
         A number is not finite.
     """
-    return _Reader(path, name, node).read()
+    return _Reader(path, name, node, most).read()
 
 
 class _Reader:
     """A geometry, its corners and polygons."""
 
-    def __init__(self, path: PathLike, name: str, node: Node) -> None:
+    def __init__(self, path: PathLike, name: str, node: Node, most: int) -> None:
         self.path, self.name, self.node = path, name, node
         positions = self.floats(node, "Vertices")
         self.positions = positions[: len(positions) // 3 * 3].reshape(-1, 3)
-        corners = _integers(node.numbers("PolygonVertexIndex"))
+        indices = node.numbers("PolygonVertexIndex")
+        if len(indices) > most:
+            self.fail("it has far more corners than its file has bytes for")
+        corners = _integers(indices)
         ends = np.flatnonzero(corners < 0)
         # A last polygon that does not end is dropped.
         corners = corners[: ends[-1] + 1 if len(ends) else 0]
