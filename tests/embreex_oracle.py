@@ -70,7 +70,8 @@ class EmbreexScene:
     in_chunks = False
 
     def __init__(self, mesh, frame):
-        self.mesh, self.frame = mesh, frame
+        self.mesh = self.source = mesh
+        self.frame = frame
         self.positions = frame.to_local(mesh.positions).astype(np.float32)
         self.scene = EmbreeScene(robust=True)
         self.triangles = TriangleMesh(self.scene, self.positions, mesh.faces)

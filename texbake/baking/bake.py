@@ -25,13 +25,14 @@ from texbake.errors import MissError, OptionError, UvError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
 
 
 def bake(
-    high: MeshLike,
+    high: MeshLike | StreamedMesh,
     low: MeshLike,
     options: BakeOptions | None = None,
     *,
@@ -47,7 +48,7 @@ def bake(
     Parameters
     ----------
     high
-        The high-poly mesh.
+        The high-poly mesh; one from `texbake.mesh.streamed.mesh.open_streamed` stays in its file.
     low
         The low-poly mesh, with texture coordinates.
     options
@@ -95,7 +96,8 @@ def bake(
     [0.0, 0.0, 1.0]
     """
     clock = clock or BudgetClock()
-    high, low = as_mesh(high), as_mesh(low)
+    high = high if isinstance(high, StreamedMesh) else as_mesh(high)
+    low = as_mesh(low)
     cage = None if cage is None else as_mesh(cage)
     options = options or BakeOptions()
     kinds = map_kinds(options.maps)
@@ -111,6 +113,8 @@ def bake(
 
 def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
     """Raise if a map cannot be made from the inputs."""
+    if inputs.stream is not None and (reason := why_not_streamed(kinds, inputs.options)):
+        raise OptionError(f"max_memory: {inputs.stream.name} would be read in chunks, {reason}")
     for kind in kinds:
         if kind.require is not None:
             kind.require(inputs)
@@ -119,6 +123,18 @@ def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
                 f"maps, samples: {kind.name} counts misses among a fixed number of samples; use "
                 "1, 4, 16 or 64 `samples`, or bake it separately"
             )
+
+
+def why_not_streamed(kinds: list[MapKind], options: BakeOptions) -> str | None:
+    """Return why maps cannot be baked of a mesh that is read in chunks; None if they can."""
+    whole = [kind.name for kind in kinds if kind.of_neighbors or kind.needs != "hits"]
+    if whole:
+        return f"and {', '.join(whole)} need all of it at once; bake them without `max_memory`"
+    if options.is_adaptive or options.time_budget is not None:
+        return "once for each round of samples; use 1, 4, 16 or 64 `samples`"
+    if options.keep_hits:
+        return "and its hits cannot be kept; bake all maps at once"
+    return None
 
 
 def bake_inputs(
@@ -147,7 +163,7 @@ def bake_inputs(
     if ray_maps is not None and cage is None:
         ray_maps.check(options.rays)
     secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
-    trace = Trace(inputs.high, inputs.low, options, cage, stages, secondary, ray_maps, scenes)
+    trace = Trace(inputs.source, inputs.low, options, cage, stages, secondary, ray_maps, scenes)
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
     distances = distances or DistanceSummary()
@@ -195,10 +211,10 @@ def _result(
     charts = texel_charts_of(inputs, trace.texel_faces)
     maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
     report = BakeReport(
-        high=inputs.high.name,
+        high=inputs.source.name,
         low=inputs.low.name,
         cage=trace.cage.name if trace.cage is not None else None,
-        n_high_faces=inputs.high.n_faces,
+        n_high_faces=inputs.source.n_faces,
         n_low_faces=inputs.low.n_faces,
         options=options,
         front=trace.front,
@@ -251,6 +267,6 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
     if limit is not None and percent > limit:
         raise MissError(
             f"{inputs.low.name}: the rays of {n_missed} texels ({percent:.3f} %) missed "
-            f"{inputs.high.name}, more than the {limit:g} % allowed; raise `front` and "
+            f"{inputs.source.name}, more than the {limit:g} % allowed; raise `front` and "
             "`back`, or bake without `fail_on_miss` and see the misses with `miss_map`"
         )

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from texbake.baking.texels import Samples
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
-from texbake.parallel import run_bands
 from texbake.raycast.rays import RayHits, Rays, Rows
 
 
@@ -57,28 +56,6 @@ class Hits(Rows):
             np.empty((n, 2), dtype=np.float32),
             np.empty((n, 3), dtype=np.float32),
         )
-
-    @classmethod
-    def of(
-        cls,
-        samples: Samples,
-        rays: Rays,
-        ray_hits: RayHits,
-        frame: LocalFrame,
-        *,
-        threads: int | None = None,
-    ) -> Hits:
-        """Combine samples with what their rays hit; lengths become model units."""
-        hits = cls.empty(samples)
-
-        def fill(start: int, stop: int) -> None:
-            band = slice(start, stop)
-            hits.where(band).fill(
-                samples.where(band), rays.where(band), ray_hits.where(band), frame
-            )
-
-        run_bands(fill, len(samples), band=1 << 16, threads=threads)
-        return hits
 
     def fill(self, samples: Samples, rays: Rays, ray_hits: RayHits, frame: LocalFrame) -> None:
         """Fill in the rows of samples, in place, from what their rays hit.

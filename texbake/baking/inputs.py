@@ -6,19 +6,23 @@ normals and curvatures. So the faces that were hit are enough to make maps again
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import ray_normals
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, vertex_curvatures
+from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.tangents import corner_tangents
+from texbake.raycast.rays import NO_HIT
 from texbake.texture.encoding import decode_srgb
 
 Float32Array = npt.NDArray[np.float32]
@@ -38,6 +42,8 @@ class HighSurface:
         Whether its vertex colors are sRGB-coded.
     known_curvatures : (V, 1) float32, optional
         Its curvatures, where the mesh is only a part of the one they were computed for.
+    known_normals : callable, optional
+        Returns its smooth normals, (V, 3) float64, where the mesh is only a part of another.
     threads : int, optional
     """
 
@@ -46,6 +52,7 @@ class HighSurface:
     shading: str
     colors_are_srgb: bool
     known_curvatures: Float32Array | None = None
+    known_normals: Callable[[], FloatArray] | None = None
     threads: int | None = None
 
     @cached_property
@@ -62,6 +69,8 @@ class HighSurface:
 
     @cached_property
     def _smooth_normals(self) -> FloatArray:
+        if self.known_normals is not None:
+            return self.known_normals()
         return smooth_normals(self.mesh, threads=self.threads)
 
     @cached_property
@@ -144,17 +153,21 @@ class BakeInputs:
     options : BakeOptions
     known_bounds : (2, 3) float64, optional
         The box that positions are encoded in, where it is not that around both meshes.
+    stream : StreamedMesh, optional
+        The high-poly mesh, if it stays in its file. Then the surface has only some faces of it:
+        `of_hits` returns inputs with those that were hit.
     """
 
     high_surface: HighSurface
     low_surface: LowSurface
     options: BakeOptions
     known_bounds: FloatArray | None = None
+    stream: StreamedMesh | None = None
 
     @classmethod
     def of(
         cls,
-        high: Mesh,
+        high: Mesh | StreamedMesh,
         low: Mesh,
         options: BakeOptions,
         materials: Materials | None = None,
@@ -163,19 +176,49 @@ class BakeInputs:
         known_bounds: FloatArray | None = None,
     ) -> BakeInputs:
         """Return the inputs of a bake; nothing is computed yet."""
+        stream = None
+        if isinstance(high, StreamedMesh):
+            stream, known_bounds = high, joint_bounds(low, high)
+            high = high.part(np.zeros(1, dtype=np.int32)).mesh
         surface = HighSurface(
             high,
             materials,
             options.high_shading,
             options.colors_are_srgb(high.name),
             known_curvatures,
-            options.threads,
+            threads=options.threads,
         )
-        return cls(surface, LowSurface(low, options.threads), options, known_bounds)
+        return cls(surface, LowSurface(low, options.threads), options, known_bounds, stream)
+
+    def of_hits(self, hits: Hits) -> tuple[BakeInputs, Hits]:
+        """Return the inputs that maps of some hits are made from, and the hits with their faces.
+
+        They are the same, unless the high-poly mesh is streamed: then its faces are those hit.
+        """
+        stream = self.stream
+        if stream is None:
+            return self, hits
+        is_hit = hits.high_faces != NO_HIT
+        # One face, if none was hit.
+        face_ids = np.unique(hits.high_faces[is_hit] if is_hit.any() else np.zeros(1, np.int32))
+        faces = np.where(is_hit, np.searchsorted(face_ids, hits.high_faces), NO_HIT)
+        part = stream.part(face_ids)
+        surface = replace(
+            self.high_surface,
+            mesh=part.mesh,
+            known_normals=lambda: stream.smooth_normals(part.vertices),
+        )
+        hits = replace(hits, high_faces=faces.astype(np.int32))
+        return replace(self, high_surface=surface), hits
+
+    @property
+    def source(self) -> Mesh | StreamedMesh:
+        """The whole high-poly mesh."""
+        return self.high if self.stream is None else self.stream
 
     @property
     def high(self) -> Mesh:
-        """The high-poly mesh."""
+        """The high-poly mesh, or a part of one that is streamed."""
         return self.high_surface.mesh
 
     @property
@@ -205,8 +248,13 @@ class BakeInputs:
         """(2, 3) float64: the box around both meshes."""
         if self.known_bounds is not None:
             return frozen(self.known_bounds)
-        low, high = self.low.bounds, self.high.bounds
-        return frozen(np.stack([np.minimum(low[0], high[0]), np.maximum(low[1], high[1])]))
+        return joint_bounds(self.low, self.high)
+
+
+def joint_bounds(low: Mesh, high: Mesh | StreamedMesh) -> FloatArray:
+    """(2, 3) float64: the box around both meshes."""
+    (first, last), (other_first, other_last) = low.bounds, high.bounds
+    return frozen(np.stack([np.minimum(first, other_first), np.maximum(last, other_last)]))
 
 
 def _decode(data: bytes, name: str) -> Float32Array:

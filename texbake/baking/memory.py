@@ -21,6 +21,10 @@ TREE_FACE = 90
 SECONDARY_FACE = 140
 # Per texel of a map, padding included.
 TEXEL = 100
+# Per triangle of a chunk that is read from the file: its corners, and the tree over them; and how
+# many triangles such a chunk has. Smaller or larger ones only take longer.
+STREAMED_FACE = 220
+STREAMED_CHUNKS = (1 << 17, 1 << 21)
 # More chunks only take longer: their trees are already small compared with the mesh.
 MOST_CHUNKS = 8
 
@@ -61,6 +65,26 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
         high_face += SECONDARY_FACE
     faces = high_face * n_high_faces + HELD_FACE * n_low_faces
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
+
+
+def must_stream(most: int, whole: int, n_high_faces: int) -> bool:
+    """Whether the high-poly mesh must stay in its file: `MOST_CHUNKS` chunks of it are too large.
+
+    Parameters are those of `chunk_faces`.
+    """
+    return whole - TREE_FACE * (n_high_faces - n_high_faces // MOST_CHUNKS) > most
+
+
+def streamed_chunk_faces(most: int, without: int) -> int:
+    """Faces that are read at a time of a high-poly mesh that stays in its file.
+
+    Parameters
+    ----------
+    most, without
+        Bytes that the bake may take, and that it takes without any faces.
+    """
+    least, greatest = STREAMED_CHUNKS
+    return min(max((most - without) // STREAMED_FACE, least), greatest)
 
 
 def chunk_faces(most: int, whole: int, n_high_faces: int) -> int | None:

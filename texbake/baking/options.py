@@ -7,7 +7,14 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.baking.map_names import MAP_NAMES
-from texbake.baking.memory import bake_memory, chunk_faces, parse_bytes
+from texbake.baking.memory import (
+    STREAMED_CHUNKS,
+    bake_memory,
+    chunk_faces,
+    must_stream,
+    parse_bytes,
+    streamed_chunk_faces,
+)
 from texbake.baking.secondary.options import SecondaryOptions
 from texbake.durations import parse_seconds
 from texbake.errors import OptionError
@@ -188,7 +195,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         str | int | None,
         Option(
             "Limit on the estimated memory of the bake, such as 2G; a larger high-poly mesh is "
-            "processed in chunks.",
+            "processed in chunks, if need be straight from its binary PLY or STL file.",
             metavar="SIZE",
             default="no limit",
         ),
@@ -239,9 +246,25 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         """Faces of a high-poly mesh in one chunk for the rays; None for all of them."""
         if self.max_memory is None:
             return None
-        n_texels = self.width_px * self.height_px
-        whole = bake_memory(n_high_faces, n_low_faces, n_texels, self.maps)
+        whole = self._memory(n_high_faces, n_low_faces)
         return chunk_faces(parse_bytes(self.max_memory), whole, n_high_faces)
+
+    def must_stream(self, n_high_faces: int, n_low_faces: int) -> bool:
+        """Whether a high-poly mesh is too large to be held in memory."""
+        if self.max_memory is None:
+            return False
+        whole = self._memory(n_high_faces, n_low_faces)
+        return must_stream(parse_bytes(self.max_memory), whole, n_high_faces)
+
+    def streamed_chunk_faces(self, n_low_faces: int) -> int:
+        """Faces that are read at a time of a high-poly mesh that stays in its file."""
+        if self.max_memory is None:
+            return STREAMED_CHUNKS[1]
+        return streamed_chunk_faces(parse_bytes(self.max_memory), self._memory(0, n_low_faces))
+
+    def _memory(self, n_high_faces: int, n_low_faces: int) -> int:
+        n_texels = self.width_px * self.height_px
+        return bake_memory(n_high_faces, n_low_faces, n_texels, self.maps)
 
     def colors_are_srgb(self, mesh_name: str) -> bool:
         """Whether the vertex colors of a mesh, which is called as its file, are sRGB."""

@@ -25,11 +25,15 @@ _EVERY = 8  # all percentiles but the least and the greatest use one hit in this
 
 
 class DistanceSummary:
-    """Distances between the two surfaces, collected one part of the trace after another."""
+    """Distances between the two surfaces, collected one part of the trace after another.
+
+    They do not depend on how the trace is divided into parts.
+    """
 
     def __init__(self) -> None:
         self._some: list[npt.NDArray[np.float64]] = []
         self._least, self._greatest = np.inf, 0.0
+        self._n_hits = 0
 
     def add(self, hits: Hits, *, threads: int | None = None) -> None:
         """Add the hits of a part of the trace."""
@@ -47,11 +51,10 @@ class DistanceSummary:
         run_bands(measure, len(hits), band=_BAND, threads=threads)
         self._least = min(self._least, float(np.sqrt(min(leasts))))
         self._greatest = max(self._greatest, float(np.sqrt(max(greatests))))
-        n_before = 0
         for start, count in sorted(counts.items()):
-            some = squares[start + -n_before % _EVERY : start + count : _EVERY]
+            some = squares[start + -self._n_hits % _EVERY : start + count : _EVERY]
             self._some.append(np.sqrt(some))
-            n_before += count
+            self._n_hits += count
 
     def percentiles(self) -> dict[int, float]:
         """Percent to distance in model units: 0 least, 100 greatest. Empty without hits."""

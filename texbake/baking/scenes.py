@@ -21,6 +21,7 @@ from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT, Rays
@@ -69,7 +70,7 @@ class BakeScenes:
     @classmethod
     def build(
         cls,
-        high: Mesh,
+        high: Mesh | StreamedMesh,
         low: Mesh,
         stages: Stages,
         *,
@@ -149,19 +150,25 @@ def measure_extent(
 
 def _from_high(scene: RayScene, low: Mesh, threads: int | None) -> tuple[float, float]:
     """Greatest local distance of high-poly vertices outside and inside the low-poly surface."""
-    high, frame = scene.mesh, scene.frame
+    frame = scene.frame
     positions = frame.to_local(low.positions)
     tree = TriangleTree.build(positions, low.faces, threads=threads)
-    step = max(1, high.n_faces // _HIGH_POINTS)
-    # All vertices, or in a large mesh one for each of evenly spread faces.
-    vertices = used_rows(high.faces, high.n_vertices)[0] if step == 1 else high.faces[::step, 0]
-    points = frame.to_local(high.positions[vertices])
+    points = frame.to_local(_spread_points(scene.source))
     distances, faces, weights = tree.closest_points(points, threads=threads)
     corners = positions[low.faces[faces]]
     closest = np.einsum("ni,nij->nj", weights, corners)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outside = np.einsum("ij,ij->i", points - closest, normals) >= 0.0
     return _greatest(distances[outside]), _greatest(distances[~outside])
+
+
+def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
+    """All vertices, or in a large mesh one for each of evenly spread faces: (n, 3) float64."""
+    step = max(1, high.n_faces // _HIGH_POINTS)
+    if isinstance(high, StreamedMesh):
+        return high.spread_points(step)
+    vertices = used_rows(high.faces, high.n_vertices)[0] if step == 1 else high.faces[::step, 0]
+    return high.positions[vertices]
 
 
 def _from_low(

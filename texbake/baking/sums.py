@@ -20,6 +20,9 @@ BoolArray = npt.NDArray[np.bool_]
 # Hits whose values for a map stay in a processor's cache until they are added.
 _BAND = 1 << 15
 _SHARING_BAND = 1 << 18
+# Hits that are made into maps at once, if the high-poly mesh is streamed: the faces that they hit
+# are in memory.
+_HITS_OF_STREAM = 1 << 21
 # As in `core/texel_sums.c`.
 _MODES = {"mean": 0, "unit mean": 1, "first": 2}
 
@@ -45,19 +48,27 @@ class TexelSums:
 
     def add(self, hits: Hits) -> None:
         """Add the hits of a trace, and its misses to maps that count them."""
+        if self._inputs.stream is None:
+            self._add(hits, self._inputs)
+            return
+        for start in range(0, len(hits), _HITS_OF_STREAM):
+            inputs, some = self._inputs.of_hits(hits.where(slice(start, start + _HITS_OF_STREAM)))
+            self._add(some, inputs)
+
+    def _add(self, hits: Hits, inputs: BakeInputs) -> None:
         of_misses = [kind for kind in self._sums if kind.of_misses]
         of_hits = [kind for kind in self._sums if not kind.of_misses]
         for kind in self._sums:  # what the bands share is computed here, on all threads
-            kind.values(hits.where(slice(0)), self._inputs)
+            kind.values(hits.where(slice(0)), inputs)
 
         def add(start: int, stop: int) -> None:
             band = hits.where(slice(start, stop))
             if self._n_samples is not None:
-                self._add_values(band, of_misses, self._n_samples)
+                self._add_values(band, of_misses, self._n_samples, inputs)
             is_hit = band.high_faces != NO_HIT
             if not is_hit.all():
                 band = band.where(is_hit)
-            self._add_values(band, of_hits, self.n_hits)
+            self._add_values(band, of_hits, self.n_hits, inputs)
 
         options = self._inputs.options
         if options.samples == 1:
@@ -94,10 +105,16 @@ class TexelSums:
         run_bands(divide, len(sums), band=_SHARING_BAND, threads=options.threads)
         return sums.reshape(shape)
 
-    def _add_values(self, hits: Hits, kinds: list[MapKind], counts: npt.NDArray[np.uint8]) -> None:
+    def _add_values(
+        self,
+        hits: Hits,
+        kinds: list[MapKind],
+        counts: npt.NDArray[np.uint8],
+        inputs: BakeInputs,
+    ) -> None:
         """Add samples to maps, then count them."""
         for kind in kinds:
-            values = kind.values(hits, self._inputs)
+            values = kind.values(hits, inputs)
             if kind.combine == "first":
                 core.keep_first_samples(hits.texel_ids, values, counts, self._sums[kind])
             else:

@@ -23,10 +23,12 @@ from texbake.baking.texels import (
 )
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.raycast.fans import OcclusionRange
-from texbake.raycast.rays import NO_HIT, RayHits
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.scene import RayPlaces
 
 
 @dataclass
@@ -65,7 +67,7 @@ class Trace:
         Face of the low-poly mesh that owns the texel (its first owned sample), `NO_FACE` for none.
     """
 
-    high: Mesh
+    high: Mesh | StreamedMesh
     low: Mesh
     options: BakeOptions
     cage: Mesh | None
@@ -96,7 +98,11 @@ class Trace:
         grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
         faces = self.snap(grid)
         with self.casting() as rays:
-            for band in owned_bands(faces, grid, self.stages, threads=options.threads):
+            in_chunks = rays.scenes.high.in_chunks
+            at_once = _SAMPLES_IN_CHUNKS if in_chunks else _SAMPLES_AT_ONCE
+            for band in owned_bands(
+                faces, grid, self.stages, samples_at_once=at_once, threads=options.threads
+            ):
                 with self.stages.part("rasterize"):
                     band.note_faces(self.texel_faces)
                 self.counts.samples_overlapping += band.n_overlaps
@@ -135,7 +141,10 @@ class Trace:
     def own_scenes(self) -> BakeScenes:
         """Build the scenes that the trace needs; the caller closes them."""
         n_low = self.low.n_faces * (1 if self.cage is None else 2)
-        chunk = self.options.chunk_faces(self.high.n_faces, n_low)
+        if isinstance(self.high, StreamedMesh):
+            chunk: int | None = self.options.streamed_chunk_faces(n_low)
+        else:
+            chunk = self.options.chunk_faces(self.high.n_faces, n_low)
         if chunk is not None and self.secondary is not None:
             raise OptionError(
                 f"max_memory: {self.high.name} would be traced in chunks, and ambient occlusion, "
@@ -171,6 +180,10 @@ class Trace:
             )
 
 
+# About as many samples are cast before their hits become maps; in chunks more of them, because all
+# trees are built each time.
+_SAMPLES_AT_ONCE = 1 << 20
+_SAMPLES_IN_CHUNKS = 1 << 22
 # Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
 _SAMPLES_PER_BAND = 1 << 14
 
@@ -198,14 +211,10 @@ class SampleCaster:
         grid
             Of which each sample is the only one in its cell, more or less.
         """
-        scene, options = self.scenes.high, self.trace.options
+        scene = self.scenes.high
         with self.trace.stages.part("cast rays"):
             if scene.in_chunks:
-                rays = self.field.rays(samples)
-                places = self.field.places(samples, grid)
-                found = scene.cast(rays, cull_back_faces=options.cull_back_faces, places=places)
-                hits = Hits.of(samples, rays, found, scene.frame, threads=options.threads)
-                counted = [_counts(found)]
+                hits, counted = self._cast_by_chunks(samples, grid)
             else:
                 hits, counted = self._cast_by_bands(samples, grid)
             counts = self.trace.counts
@@ -213,6 +222,28 @@ class SampleCaster:
             counts.rays_missed += sum(n for n, _ in counted)
             counts.rays_past_back_faces += sum(n for _, n in counted)
         return self._cast_secondary(hits)
+
+    def _cast_by_chunks(
+        self, samples: Samples, grid: SampleGrid
+    ) -> tuple[Hits, list[tuple[int, int]]]:
+        """Cast all samples into one chunk of the high-poly mesh after another."""
+        scene, options = self.scenes.high, self.trace.options
+
+        def make(band: slice) -> tuple[Rays, RayPlaces]:
+            some = samples.where(band)
+            return self.field.rays(some, threads=1), self.field.places(some, grid)
+
+        found = scene.cast_made(len(samples), make, cull_back_faces=options.cull_back_faces)
+        hits = Hits.empty(samples)
+
+        def fill(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            some = samples.where(band)
+            rays = self.field.rays(some, threads=1)
+            hits.where(band).fill(some, rays, found.where(band), scene.frame)
+
+        run_bands(fill, len(samples), band=_SAMPLES_PER_BAND, threads=options.threads)
+        return hits, [_counts(found)]
 
     def _cast_by_bands(
         self, samples: Samples, grid: SampleGrid

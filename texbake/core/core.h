@@ -664,6 +664,9 @@ int64_t walk_text_rows(
     int64_t n, int64_t n_columns, int64_t n_rows, const double numbers[n], int64_t start,
     const int64_t layout[n_columns][3], int64_t offsets[n_columns][n_rows],
     int64_t sizes[n_columns][n_rows], int64_t end[1]);
+bool read_triangle_rows(
+    int64_t n_bytes, int64_t n, const uint8_t rows[n_bytes], int64_t row_size, int64_t skipped,
+    int64_t count_size, bool big_endian, int64_t n_vertices, int32_t faces[n][3]);
 void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered]);
@@ -953,6 +956,32 @@ void fill_granite(
     bool quintic, int64_t n_octaves, double frequency, double lacunarity, double gain,
     double squares, double variance, int64_t start, int64_t stop);
 
+/* streamed_vertices.c */
+void read_vertices(
+    int64_t n_bytes, int64_t n, const uint8_t bytes[n_bytes], const int64_t layout[9],
+    const int32_t vertices[n], double positions[n][3]);
+void read_run(
+    int64_t n_bytes, int64_t n, const uint8_t bytes[n_bytes], const int64_t layout[9],
+    int64_t first, double positions[n][3]);
+void bound_points(int64_t n, const double points[n][3], double box[6]);
+void bound_corners(
+    int64_t n_vertices, int64_t n, const double positions[n_vertices][3], const int32_t faces[n][3],
+    double box[6]);
+int64_t find_not_finite(
+    int64_t n_bytes, const uint8_t bytes[n_bytes], const int64_t layout[9], int64_t start,
+    int64_t stop);
+void set_bits(int64_t n, int64_t n_words, const int32_t numbers[n], uint64_t bits[n_words]);
+void set_hashes(int64_t n, int64_t n_words, const double points[n][3], uint64_t table[n_words]);
+void mark_by_hash(
+    int64_t n_bytes, int64_t n_table, int64_t n_words, const uint8_t bytes[n_bytes],
+    const int64_t layout[9], const uint64_t table[n_table], int64_t start, int64_t stop,
+    uint64_t bits[n_words]);
+int64_t rank_bits(int64_t n_words, const uint64_t bits[n_words], int32_t ranks[n_words]);
+void list_bits(int64_t n_words, int64_t n, const uint64_t bits[n_words], int32_t places[n]);
+int64_t keep_marked_faces(
+    int64_t n, int64_t n_words, const int32_t faces[n][3], const uint64_t bits[n_words],
+    const int32_t ranks[n_words], int32_t kept[n][3], int32_t numbers[n][3]);
+
 /* supersampling.c */
 int64_t sample_supersampled(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_samples,
@@ -1094,10 +1123,11 @@ void face_normals(
     int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
     double normals[n_faces][3]);
-int64_t vertex_normals(
-    int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
-    const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
-    double normals[n_vertices][3]);
+void add_vertex_normals(
+    int64_t n_vertices, int64_t n_faces, int64_t n_normals, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const int32_t rows[n_faces][3], double scale, double rounding,
+    int64_t start, int64_t stop, double normals[n_normals][3]);
+int64_t normalize_sums(int64_t n, double normals[n][3]);
 
 /* visibility_buffer.c */
 int64_t sort_triangles(

@@ -93,3 +93,34 @@ void gather_pieces(
         gathered += size;
     }
 }
+
+static int64_t read_integer(const uint8_t *at, int64_t size, bool big_endian)
+{
+    int64_t value = 0;
+    for (int64_t i = 0; i < size; i++)
+        value = value * 256 + at[big_endian ? i : size - 1 - i];
+    return value;
+}
+
+/* Read rows of triangles of one size: the count of each is `count_size` bytes after `skipped` ones, and
+   is followed by three indices of four bytes. False where a row is no triangle, or an index is out of
+   range. */
+bool read_triangle_rows(
+    int64_t n_bytes, int64_t n, const uint8_t rows[n_bytes], int64_t row_size, int64_t skipped,
+    int64_t count_size, bool big_endian, int64_t n_vertices, int32_t faces[n][3])
+{
+    bool fits = true;
+    for (int64_t row = 0; row < n; row++) {
+        const uint8_t *at = rows + row * row_size + skipped;
+        fits &= read_integer(at, count_size, big_endian) == 3;
+        uint32_t indices[3];
+        memcpy(indices, at + count_size, sizeof indices);
+        for (int corner = 0; corner < 3; corner++) {
+            if (big_endian)
+                indices[corner] = (uint32_t)read_integer(at + count_size + 4 * corner, 4, true);
+            fits &= indices[corner] < n_vertices;
+            faces[row][corner] = (int32_t)indices[corner];
+        }
+    }
+    return fits;
+}

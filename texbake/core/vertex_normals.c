@@ -60,19 +60,20 @@ static inline void add_weighted(double normal[3], double angle, struct vector un
     normal[2] += angle * unit.z;
 }
 
-/* Add every face to those of its corners that lie in start to stop - 1; then normalize them. Return how
-   many of these normals are zero. */
-int64_t vertex_normals(
-    int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
-    const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
-    double normals[n_vertices][3])
+/* Add every face to the normals of its corners that lie in start to stop - 1. `rows` are the normals
+   of the corners, -1 for none; they are not normalized. */
+void add_vertex_normals(
+    int64_t n_vertices, int64_t n_faces, int64_t n_normals, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const int32_t rows[n_faces][3], double scale, double rounding,
+    int64_t start, int64_t stop, double normals[n_normals][3])
 {
     for (int64_t face = 0; face < n_faces; face++) {
-        const int32_t a = faces[face][0], b = faces[face][1], c = faces[face][2];
-        const bool owns_a = start <= a && a < stop, owns_b = start <= b && b < stop;
-        const bool owns_c = start <= c && c < stop;
+        const int32_t row_a = rows[face][0], row_b = rows[face][1], row_c = rows[face][2];
+        const bool owns_a = start <= row_a && row_a < stop, owns_b = start <= row_b && row_b < stop;
+        const bool owns_c = start <= row_c && row_c < stop;
         if (!(owns_a || owns_b || owns_c))
             continue;
+        const int32_t a = faces[face][0], b = faces[face][1], c = faces[face][2];
         const struct vector ab = scaled_edge(positions, scale, a, b);
         const struct vector ac = scaled_edge(positions, scale, a, c);
         const struct vector across = cross(ab, ac);
@@ -83,15 +84,20 @@ int64_t vertex_normals(
         const double angle_b = atan2(length, -dot(ab, minus(ac, ab)));
         const struct vector unit = {across.x / length, across.y / length, across.z / length};
         if (owns_a)
-            add_weighted(normals[a], angle_a, unit);
+            add_weighted(normals[row_a], angle_a, unit);
         if (owns_b)
-            add_weighted(normals[b], angle_b, unit);
+            add_weighted(normals[row_b], angle_b, unit);
         if (owns_c)
-            add_weighted(normals[c], max_f64(PI - angle_a - angle_b, 0.0), unit);
+            add_weighted(normals[row_c], max_f64(PI - angle_a - angle_b, 0.0), unit);
     }
+}
+
+/* Give sums of normals unit length, or 0 where they cancel. Return how many are zero. */
+int64_t normalize_sums(int64_t n, double normals[n][3])
+{
     int64_t n_zero = 0;
-    for (int64_t vertex = start; vertex < stop; vertex++) {
-        double *normal = normals[vertex];
+    for (int64_t row = 0; row < n; row++) {
+        double *normal = normals[row];
         const double x = normal[0], y = normal[1], z = normal[2];
         const double length = sqrt(x * x + y * y + z * z);
         normal[0] = length > CANCELED ? x / length : 0.0;

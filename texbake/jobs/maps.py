@@ -17,6 +17,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
+from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable, make_folder
 from texbake.jobs.outputs import (
     JobResult,
@@ -30,6 +31,8 @@ from texbake.jobs.outputs import (
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
+from texbake.mesh.streamed.source import open_source
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import read_image, write_image
@@ -130,10 +133,14 @@ def bake_files(
     _check_outputs(files, folder, options, miss_map, html, (report, hits))
     stages = Stages(progress)
     with stages.part("read meshes"):
-        high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
+        low_mesh = read_mesh(low, progress=progress)
         cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+        n_low = low_mesh.n_faces * (1 if cage is None else 2)
+        high_mesh = _read_high(high, n_low, options, progress)
         materials = None
-        if hits is not None or not _OF_MATERIALS.isdisjoint(files):
+        if isinstance(high_mesh, StreamedMesh):
+            _check_streamed(high_mesh, high_texture, html)
+        elif hits is not None or not _OF_MATERIALS.isdisjoint(files):
             materials = materials_of(high, high_mesh, high_texture)
     baked = bake(
         high_mesh,
@@ -159,9 +166,32 @@ def bake_files(
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     if report is not None:
         write_report(report, done.to_json())
-    if html is not None:
+    if html is not None and isinstance(high_mesh, Mesh):
         _write_page(html, (high_mesh, low_mesh), baked, options, done, command, progress)
     return done
+
+
+def _read_high(
+    path: PathLike, n_low_faces: int, options: BakeOptions, progress: ProgressSink | None
+) -> Mesh | StreamedMesh:
+    """Read the high-poly mesh; one that is too large for `max_memory` stays in its file."""
+    source = None if options.max_memory is None else open_source(path)
+    if source is None or not options.must_stream(source.n_rows, n_low_faces):
+        return read_mesh(path, progress=progress)
+    with Stages(progress).stage(f"read {Path(path).name}"):
+        return StreamedMesh.open(source, threads=options.threads)
+
+
+def _check_streamed(
+    high: StreamedMesh, high_texture: PathLike | None, html: PathLike | None
+) -> None:
+    """Raise if what is asked for needs a mesh in memory that is read in chunks."""
+    for name, given_path in (("high_texture", high_texture), ("html", html)):
+        if given_path is not None:
+            raise OptionError(
+                f"max_memory, {name}: {high.name} would be read in chunks, and `{name}` needs all "
+                "of it at once; leave one of the two out"
+            )
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.mesh.mesh import FloatArray, Mesh
+
+if TYPE_CHECKING:
+    from texbake.mesh.streamed.mesh import StreamedMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +40,7 @@ class LocalFrame:
     scale: float
 
     @classmethod
-    def around(cls, *meshes: Mesh) -> LocalFrame:
+    def around(cls, *meshes: Mesh | StreamedMesh) -> LocalFrame:
         """Frame in which the joint bounding box of meshes is centered and has unit size.
 
         The longest side of the box is more than 0.5 and at most 1 local unit long, so that all

@@ -128,41 +128,80 @@ def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray,
 
 
 def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None) -> FloatArray:
-    """Sum over faces in their order, in bands of vertices.
-
-    Each band walks all faces and adds to its own vertices only: the order of a vertex's terms, and
-    so every bit of their sum, is the order of the faces however many bands there are.
-    """
+    """Sum over faces in their order, in bands of vertices."""
     normals = np.zeros((len(positions), 3))
     scale = _position_scale(positions)
-    n_bands = resolve_threads(threads) if len(faces) > 1 << 14 else 1
-    band = -(-len(positions) // n_bands)
-
-    n_zero = []
-
-    def work(start: int, stop: int) -> None:
-        n_zero.append(
-            core.vertex_normals(positions, faces, scale, AREA_ROUNDING, start, stop, normals)
-        )
-
-    run_bands(work, len(positions), band=band, threads=threads)
-    if any(n_zero):
-        _fill_canceled(normals, positions, faces)
+    add_angle_weighted(normals, positions, faces, faces, scale, threads)
+    if normalize_sums(normals, threads):
+        fill_canceled(normals, positions, faces, faces)
     return normals
 
 
-def _fill_canceled(normals: FloatArray, positions: FloatArray, faces: IntArray) -> None:
-    """Give zero normals, in place, the normal of their vertex's first face with area."""
-    zero = (normals == 0.0).all(axis=1)
-    touched = faces[zero[faces].any(axis=1)]
+def add_angle_weighted(
+    normals: FloatArray,
+    positions: FloatArray,
+    faces: IntArray,
+    rows: IntArray,
+    scale: float,
+    threads: int | None,
+) -> None:
+    """Add the weighted normals of faces, in their order, to those of their corners, in place.
+
+    Each band of normals walks all faces and adds to its own normals only: the order of a normal's
+    terms, and so every bit of their sum, is the order of the faces however many bands there are.
+
+    Parameters
+    ----------
+    rows : (F, 3) int32
+        Normal of each corner; -1 for a corner that adds to none.
+    scale
+        Power of two by which positions are multiplied.
+    """
+    n_bands = resolve_threads(threads) if len(faces) > 1 << 14 else 1
+    band = max(-(-len(normals) // n_bands), 1)
+
+    def work(start: int, stop: int) -> None:
+        core.add_vertex_normals(positions, faces, rows, scale, AREA_ROUNDING, start, stop, normals)
+
+    run_bands(work, len(normals), band=band, threads=threads)
+
+
+def normalize_sums(normals: FloatArray, threads: int | None) -> int:
+    """Give sums of weighted normals unit length, in place, or 0 where they cancel.
+
+    Returns how many are zero.
+    """
+    n_zero: list[int] = []
+    run_bands(
+        lambda start, stop: n_zero.append(core.normalize_sums(normals[start:stop])),
+        len(normals),
+        band=1 << 17,
+        threads=threads,
+    )
+    return sum(n_zero)
+
+
+def fill_canceled(
+    normals: FloatArray, positions: FloatArray, faces: IntArray, rows: IntArray
+) -> None:
+    """Give zero normals, in place, the normal of their first face with area.
+
+    Parameters
+    ----------
+    rows : (F, 3) int32
+        Normal of each corner; -1 for none.
+    """
+    zero = np.append((normals == 0.0).all(axis=1), False)  # -1 is the last
+    chosen = zero[rows].any(axis=1)
+    touched, rows = faces[chosen], rows[chosen]
     if len(touched) == 0:
         return
     of_faces = face_normals(Mesh(positions=positions, faces=touched), threads=1)
     with_area = (of_faces != 0.0).any(axis=1)
-    touched, of_faces = touched[with_area], of_faces[with_area]
-    vertices, firsts = np.unique(touched, return_index=True)
-    chosen = zero[vertices]
-    normals[vertices[chosen]] = of_faces[firsts[chosen] // 3]
+    of_faces, rows = of_faces[with_area], rows[with_area]
+    found, firsts = np.unique(rows, return_index=True)
+    is_zero = zero[found]
+    normals[found[is_zero]] = of_faces[firsts[is_zero] // 3]
 
 
 def _position_scale(positions: FloatArray) -> float:

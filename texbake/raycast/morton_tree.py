@@ -13,6 +13,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.streamed.mesh import Chunk
 from texbake.parallel import run_bands
 
 WIDTH = 8  # triangles of a leaf, and boxes of a node
@@ -49,10 +50,18 @@ class MortonTree:
 
     @classmethod
     def build(
-        cls, mesh: Mesh, frame: LocalFrame, faces: range | None = None, *, threads: int | None
+        cls,
+        mesh: Mesh | Chunk,
+        frame: LocalFrame,
+        faces: range | None = None,
+        *,
+        threads: int | None,
     ) -> MortonTree:
-        """Build the tree over some faces of a mesh, one after another; None: over all of them."""
-        faces = range(mesh.n_faces) if faces is None else faces
+        """Build the tree over some faces of a mesh, one after another; None: over all of them.
+
+        The ids of a chunk are those that its triangles have in the whole mesh.
+        """
+        faces = range(len(mesh.faces)) if faces is None else faces
         places = _sorted_places(mesh, faces, threads)
         n_leaves = -(-len(faces) // WIDTH)
         sizes = [-(-n_leaves // WIDTH)]
@@ -78,12 +87,14 @@ class MortonTree:
         run_bands(fill, n_leaves, band=_LEAVES_PER_BAND, threads=threads)
         for below, start, end in zip(starts, starts[1:-1], starts[2:], strict=False):
             core.join_boxes(nodes[below:start], nodes[start:end])
+        if isinstance(mesh, Chunk) and mesh.first:
+            np.add(ids, np.int32(mesh.first), out=ids, where=ids >= 0)
         root = nodes[-1].astype(np.float64)
         box = np.concatenate([root[:3].min(axis=1), root[3:].max(axis=1)])
         return cls(leaves, ids, nodes, starts[:-1], box)
 
 
-def _sorted_places(mesh: Mesh, faces: range, threads: int | None) -> npt.NDArray[np.uint64]:
+def _sorted_places(mesh: Mesh | Chunk, faces: range, threads: int | None) -> npt.NDArray[np.uint64]:
     """Faces in the order of the curve, each in the lower half of a number."""
     low, high = mesh.bounds
     size = float((high - low).max())

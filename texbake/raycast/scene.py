@@ -11,9 +11,9 @@ Kernel: `core/tile_bundles.c`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
 from texbake.raycast.embree import EmbreeScene, pair_faces
 from texbake.raycast.fans import N_COLUMNS, Fans, OcclusionRange
@@ -38,6 +39,8 @@ _FANS_PER_BAND = 1 << 10  # a multiple of the packets of Embree
 _MOST_TOGETHER = 64
 _KEY_LEVELS = 10  # of the Morton curve in the keys that rays are sorted by
 _TRIANGLES_PER_BUNDLE = 256
+# Of the boxes of rays, in local units: far more than rounding.
+_BOX_SLACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,21 @@ class RayPlaces:
         return RayPlaces(self.cells[chosen], self.charts[chosen])
 
 
+class RayBands(NamedTuple):
+    """Rays that are made band by band.
+
+    Attributes
+    ----------
+    n : int
+        Number of rays.
+    make : callable
+        Returns some of them, and their places, or (n,) int32 groups of neighbors.
+    """
+
+    n: int
+    make: Callable[[slice], tuple[Rays, RayPlaces | IntArray]]
+
+
 class RayScene:
     """A mesh to cast rays into, as a context manager: leaving it frees the memory of Embree.
 
@@ -74,7 +92,7 @@ class RayScene:
 
     Attributes
     ----------
-    mesh : Mesh
+    source : Mesh or StreamedMesh
     frame : LocalFrame
         Rays, and distances of hits, are in this frame.
     in_chunks : bool
@@ -86,20 +104,24 @@ class RayScene:
     caster = "tile bundles"
 
     def __init__(
-        self, mesh: Mesh, frame: LocalFrame, chunk_faces: int | None, threads: int
+        self,
+        source: Mesh | StreamedMesh,
+        frame: LocalFrame,
+        chunk_faces: int | None,
+        threads: int,
     ) -> None:
-        self.mesh = mesh
+        self.source = source
         self.frame = frame
-        self.in_chunks = chunk_faces is not None
-        self._chunk_faces = chunk_faces or max(mesh.n_faces, 1)
+        self.in_chunks = chunk_faces is not None or isinstance(source, StreamedMesh)
+        self._chunk_faces = chunk_faces or max(source.n_faces, 1)
         self._threads = threads
-        self._tree = None if self.in_chunks else MortonTree.build(mesh, frame, threads=threads)
+        self._tree = None if self.in_chunks else MortonTree.build(self.mesh, frame, threads=threads)
         self._embree: EmbreeScene | None = None
 
     @classmethod
     def build(
         cls,
-        mesh: Mesh,
+        mesh: Mesh | StreamedMesh,
         frame: LocalFrame,
         *,
         chunk_faces: int | None = None,
@@ -117,6 +139,12 @@ class RayScene:
             None: every processor.
         """
         return cls(mesh, frame, chunk_faces, resolve_threads(threads))
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh, which is not streamed."""
+        assert isinstance(self.source, Mesh)
+        return self.source
 
     def __enter__(self) -> Self:
         return self
@@ -143,14 +171,15 @@ class RayScene:
             rays are sorted first. The hits are the same.
         """
         if places is not None:
-            return self._cast_in_order(rays, places, cull_back_faces, self._threads)
+            return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self._threads)
         if len(rays) == 0:
             return RayHits.misses(0)
         keys = np.empty(len(rays), dtype=np.uint64)
         core.sort_keys_of_rays(rays.origins, rays.directions, rays.lengths, keys)
         order = np.argsort(keys, kind="stable")
         groups = _groups(keys[order])
-        found = self._cast_in_order(rays.where(order), groups, cull_back_faces, self._threads)
+        bands = _bands_of(rays.where(order), groups)
+        found = self._cast_in_order(bands, cull_back_faces, self._threads)
         hits = RayHits.misses(len(rays))
         for mine, theirs in zip(hits.arrays(), found.arrays(), strict=True):
             mine[order] = theirs
@@ -158,34 +187,51 @@ class RayScene:
 
     def cast_band(self, rays: Rays, places: RayPlaces, *, cull_back_faces: bool) -> RayHits:
         """As `cast`, in this thread alone."""
-        return self._cast_in_order(rays, places, cull_back_faces, 1)
+        return self._cast_in_order(_bands_of(rays, places), cull_back_faces, 1)
 
-    def _cast_in_order(
-        self, rays: Rays, places: RayPlaces | IntArray, cull: bool, threads: int
+    def cast_made(
+        self,
+        n: int,
+        make: Callable[[slice], tuple[Rays, RayPlaces]],
+        *,
+        cull_back_faces: bool,
     ) -> RayHits:
+        """As `cast`, of `n` rays that are made band by band, anew for each tree.
+
+        So the rays need no memory.
+        """
+        return self._cast_in_order(RayBands(n, make), cull_back_faces, self._threads)
+
+    def _cast_in_order(self, bands: RayBands, cull: bool, threads: int) -> RayHits:
         """Cast rays that stand in a texture, or that belong to groups."""
-        cells = places.cells if isinstance(places, RayPlaces) else None
-        groups = places.charts if isinstance(places, RayPlaces) else places
-        hits = RayHits.misses(len(rays))
+        n = bands.n
+        hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
-        nearest, backs = np.full(len(rays), np.inf), np.full(len(rays), np.inf)
-        together = _TRIANGLES_PER_BUNDLE * len(rays) // max(self.mesh.n_faces, 1)
+        nearest, backs = np.full(n, np.inf), np.full(n, np.inf)
+        together = _TRIANGLES_PER_BUNDLE * n // max(self.source.n_faces, 1)
         together = min(max(together, 1), _MOST_TOGETHER)
+        boxes = np.full((-(-n // _RAYS_PER_BAND), 6), np.nan)
         for tree in self.trees():
 
             def cast(start: int, stop: int, tree: MortonTree = tree) -> None:
-                band = slice(start, stop)
+                band, box = slice(start, stop), boxes[start // _RAYS_PER_BAND]
+                if _are_apart(box, tree.box):
+                    return
+                rays, places = bands.make(band)
+                if self.in_chunks and np.isnan(box[0]):
+                    core.bound_points(_ends(rays), box)
+                cells = places.cells if isinstance(places, RayPlaces) else None
                 core.cast_bundles(
                     tree.leaves,
                     tree.ids,
                     tree.nodes,
                     tree.starts,
                     tree.box,
-                    rays.origins[band],
-                    rays.directions[band],
-                    rays.lengths[band],
-                    None if cells is None else cells[band],
-                    groups[band],
+                    rays.origins,
+                    rays.directions,
+                    rays.lengths,
+                    cells,
+                    places.charts if isinstance(places, RayPlaces) else places,
                     together,
                     cull,
                     nearest[band],
@@ -196,13 +242,17 @@ class RayScene:
                     hits.passed_back[band],
                 )
 
-            run_bands(cast, len(rays), band=_RAYS_PER_BAND, threads=threads)
+            run_bands(cast, n, band=_RAYS_PER_BAND, threads=threads)
         return hits
 
     def trees(self) -> Iterator[MortonTree]:
         """Yield the tree over the mesh, or those over its chunks, one at a time."""
         if self._tree is not None:
             yield self._tree
+            return
+        if isinstance(self.source, StreamedMesh):
+            for chunk in self.source.chunks(self._chunk_faces):
+                yield MortonTree.build(chunk, self.frame, threads=self._threads)
             return
         n = self.mesh.n_faces
         for first in range(0, n, self._chunk_faces):
@@ -235,7 +285,7 @@ class RayScene:
         """
         if self.in_chunks:
             raise OptionError(
-                f"max_memory: {self.mesh.name} is traced in chunks, and ambient occlusion, bent "
+                f"max_memory: {self.source.name} is traced in chunks, and ambient occlusion, bent "
                 "normals and thickness need all of it at once; bake them without max_memory"
             )
         scene = self.prepare_fans()
@@ -268,6 +318,29 @@ class RayScene:
             positions: FloatArray = self.frame.to_local(self.mesh.positions)
             self._embree = EmbreeScene(positions.astype(np.float32), quads, self._threads)
         return self._embree
+
+
+def _bands_of(rays: Rays, places: RayPlaces | IntArray) -> RayBands:
+    """Return the bands of rays in memory."""
+
+    def some(band: slice) -> tuple[Rays, RayPlaces | IntArray]:
+        chosen = places.where(band) if isinstance(places, RayPlaces) else places[band]
+        return rays.where(band), chosen
+
+    return RayBands(len(rays), some)
+
+
+def _ends(rays: Rays) -> FloatArray:
+    """(2 n, 3) float64: where rays begin and end."""
+    with np.errstate(invalid="ignore"):  # 0 times infinity: the ray stays where it begins
+        ends = rays.origins + rays.directions * rays.lengths[:, np.newaxis]
+    return np.concatenate([rays.origins, ends])
+
+
+def _are_apart(rays: FloatArray, triangles: FloatArray) -> bool:
+    """Whether two boxes, least and greatest coordinates, are apart; not if one is unknown."""
+    first, second = rays[:3] - _BOX_SLACK, rays[3:] + _BOX_SLACK
+    return bool((second < triangles[:3]).any() or (first > triangles[3:]).any())
 
 
 def _groups(keys: npt.NDArray[np.uint64]) -> IntArray:

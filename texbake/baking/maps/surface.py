@@ -220,7 +220,11 @@ VERTEX_COLOR = MapKind(
     "vertex-color", 3, "color", vertex_color_values, _black, require=_require_colors
 )
 TEXTURE = MapKind("texture", 3, "color", texture_values, _black, require=_require_materials)
-CURVATURE = MapKind("curvature", 1, "curvature", curvature_values, _zero)
-CONVEXITY = MapKind("convexity", 1, "curvature", convexity_values, _zero, mid=0.0)
-CONCAVITY = MapKind("concavity", 1, "curvature", concavity_values, _zero, mid=0.0)
+CURVATURE = MapKind("curvature", 1, "curvature", curvature_values, _zero, of_neighbors=True)
+CONVEXITY = MapKind(
+    "convexity", 1, "curvature", convexity_values, _zero, of_neighbors=True, mid=0.0
+)
+CONCAVITY = MapKind(
+    "concavity", 1, "curvature", concavity_values, _zero, of_neighbors=True, mid=0.0
+)
 OPACITY = MapKind("opacity", 1, "mask", opacity_values, _zero, of_misses=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from texbake.baking.options import BITS_OPTION, BakeOptions
@@ -50,18 +50,20 @@ class BakeStep(BakeOptions):
 
 
 def _bake(job: Job) -> dict[str, Any]:
+    from texbake.baking.bake import why_not_streamed
     from texbake.baking.maps import map_kinds
     from texbake.jobs.maps import bake_files
     from texbake.jobs.outputs import write_report
 
+    options = BAKE.made(job.settings, threads=job.threads)
     # A limit changes no byte; some maps need the high-poly mesh as a whole.
-    whole = any(kind.needs != "hits" for kind in map_kinds(job.settings["maps"]))
-    limit = None if whole else job.most_memory
+    whole = why_not_streamed(map_kinds(options.maps), options) or job.input("high_texture")
+    options = replace(options, max_memory=None if whole else job.most_memory)
     done = bake_files(
         job.file("high"),
         job.file("low"),
         {name: job.outputs[name] for name in job.settings["maps"]},
-        BAKE.made(job.settings, threads=job.threads, max_memory=limit),
+        options,
         cage=job.input("cage"),
         high_texture=job.input("high_texture"),
         miss_map=job.outputs["misses"],

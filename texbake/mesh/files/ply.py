@@ -34,10 +34,12 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
-_NORMAL_NAMES = ("nx", "ny", "nz")
-_COLOR_NAMES = ("red", "green", "blue", "alpha")
-_POLYGON_NAMES = ("vertex_indices", "vertex_index")
+NORMAL_NAMES = ("nx", "ny", "nz")
+COLOR_NAMES = ("red", "green", "blue", "alpha")
+POLYGON_NAMES = ("vertex_indices", "vertex_index")
 _STRIPS = "tristrips"
+# What corners of faces may have of their own.
+CORNER_LISTS = ("texcoord", "normals")
 
 
 def read_ply(path: PathLike) -> Mesh:
@@ -64,10 +66,10 @@ def read_ply(path: PathLike) -> Mesh:
             break  # what follows is not used
         tables[element.name], start = read_element(path, body, start, element, header.order)
     vertices, polygons = tables.get("vertex", {}), tables.get("face", tables.get(_STRIPS, {}))
-    positions = _stacked(vertices, ("x", "y", "z"))
+    positions = stack_columns(vertices, ("x", "y", "z"))
     if positions is None:
         raise FileFormatError(f"{path}: its vertices have no x, y and z")
-    name = next((name for name in _POLYGON_NAMES if name in polygons), None)
+    name = next((name for name in POLYGON_NAMES if name in polygons), None)
     if name is None:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     types = {
@@ -83,19 +85,19 @@ def read_ply(path: PathLike) -> Mesh:
     faces = fields["faces"]
     for values, corners, names in (
         *(("uvs", "uv_faces", names) for names in _UV_NAMES),
-        ("normals", "normal_faces", _NORMAL_NAMES),
+        ("normals", "normal_faces", NORMAL_NAMES),
     ):
-        if values not in fields and (stacked := _stacked(vertices, names)) is not None:
+        if values not in fields and (stacked := stack_columns(vertices, names)) is not None:
             fields |= {values: stacked, corners: faces}
     return Mesh(
         positions=positions,
-        colors=_colors(path, vertices, types),
+        colors=read_colors(path, vertices, types),
         name=Path(path).name,
         **fields,
     )
 
 
-def _stacked(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
+def stack_columns(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
     """(n, len(names)) float64: columns side by side, or None where one is missing."""
     found = [
         column
@@ -110,12 +112,12 @@ def _stacked(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
     return stacked
 
 
-def _colors(
+def read_colors(
     path: PathLike, vertices: Columns, types: dict[str, str]
 ) -> npt.NDArray[np.float32] | None:
     """Vertex colors; those of an integer type are divided by 255, or for 16 bits by 65535."""
-    names = _COLOR_NAMES if "alpha" in vertices else _COLOR_NAMES[:3]
-    colors = _stacked(vertices, names)
+    names = COLOR_NAMES if "alpha" in vertices else COLOR_NAMES[:3]
+    colors = stack_columns(vertices, names)
     if colors is None:
         return None
     if not np.isfinite(colors).all():
@@ -130,17 +132,9 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
     """Faces, and the texture coordinates and normals that corners have by themselves."""
     sizes, indices = _flattened(polygons[name])
     indices = _as_indices(path, indices)
-    slots: npt.NDArray[np.int64] | None = None
-    if (sizes != 3).any():
-        slots = fan_corners(sizes)[0]
-
-    def triangles(corners: IntArray) -> IntArray:
-        return corners.reshape(-1, 3) if slots is None else corners[slots]
-
-    fields: dict[str, Any] = {"faces": triangles(indices)}
-    for column, values, corners, width in (
-        ("texcoord", "uvs", "uv_faces", 2),
-        ("normals", "normals", "normal_faces", 3),
+    fields: dict[str, Any] = {"faces": _triangles(sizes, indices)}
+    for column, values, corners, width in zip(
+        CORNER_LISTS, ("uvs", "normals"), ("uv_faces", "normal_faces"), (2, 3), strict=True
     ):
         if column not in polygons:
             continue
@@ -148,8 +142,22 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
         if (lengths != width * sizes).any():
             raise FileFormatError(f"{path}: a list '{column}' has not {width} numbers a corner")
         rows, ids = _joined(indices, numbers.reshape(-1, width))
-        fields |= {values: rows, corners: triangles(ids)}
+        fields |= {values: rows, corners: _triangles(sizes, ids)}
     return fields
+
+
+def read_triangles(path: PathLike, polygons: Columns, name: str) -> IntArray:
+    """(F, 3) int32 triangles of polygons, a column of which has the vertices of their corners."""
+    sizes, indices = _flattened(polygons[name])
+    return _triangles(sizes, _as_indices(path, indices))
+
+
+def _triangles(sizes: npt.NDArray[np.int64], corners: IntArray) -> IntArray:
+    """Fan out polygons of some numbers of corners; (F, 3) of what they have at these."""
+    if (sizes == 3).all():
+        return corners.reshape(-1, 3)
+    triangles: IntArray = corners[fan_corners(sizes)[0]]
+    return triangles
 
 
 def _strip_faces(path: PathLike, column: npt.NDArray[Any] | Ragged) -> IntArray:

@@ -139,29 +139,41 @@ Columns = dict[str, npt.NDArray[Any] | Ragged]
 
 
 def read_element(
-    path: PathLike, body: npt.NDArray[Any], start: int, element: Element, order: str
+    path: PathLike,
+    body: npt.NDArray[Any],
+    start: int,
+    element: Element,
+    order: str,
+    *,
+    first_row: int = 0,
 ) -> tuple[Columns, int]:
     """Columns of the element whose rows begin at a unit of the body, and where they end.
 
-    Where all rows have one size the columns are views of the body, else copies.
+    Where all rows have one size the columns are views of the body, else copies. Messages count rows
+    from `first_row`.
 
     Raises
     ------
     FileFormatError
         The body is shorter than the element, or a list has a negative length.
     """
+    require_rows(path, body, start, element)  # before anything is allocated
+    if not element.properties:
+        return {}, start
+    return _uniform_columns(body, start, element, order) or _ragged_columns(
+        path, body, start, element, order, first_row
+    )
+
+
+def require_rows(path: PathLike, body: npt.NDArray[Any], start: int, element: Element) -> None:
+    """Raise `FileFormatError` if the body is too short for the rows of an element."""
     text = body.dtype.kind == "f"
     least = element.n_rows * (len(element.properties) if text else element.least_row_size)
-    if least > len(body) - start:  # checked before anything is allocated
+    if least > len(body) - start:
         raise FileFormatError(
             f"{path}: its header promises {element.n_rows} rows of '{element.name}', for which "
             f"the file is too short; it is truncated or damaged"
         )
-    if not element.properties:
-        return {}, start
-    return _uniform_columns(body, start, element, order) or _ragged_columns(
-        path, body, start, element, order
-    )
 
 
 def _units(code: str, body: npt.NDArray[Any]) -> int:
@@ -220,7 +232,12 @@ def _view(
 
 
 def _ragged_columns(
-    path: PathLike, body: npt.NDArray[Any], start: int, element: Element, order: str
+    path: PathLike,
+    body: npt.NDArray[Any],
+    start: int,
+    element: Element,
+    order: str,
+    first_row: int,
 ) -> tuple[Columns, int]:
     """Copies, made by walking the rows one after the other."""
     text = body.dtype.kind == "f"
@@ -244,7 +261,7 @@ def _ragged_columns(
         failed = core.walk_binary_rows(body, start, layout, order == ">", offsets, sizes, end)
     if failed >= 0:
         raise FileFormatError(
-            f"{path}: row {failed} of '{element.name}' does not end within the file; "
+            f"{path}: row {first_row + failed} of '{element.name}' does not end within the file; "
             f"it is truncated or damaged"
         )
     columns: Columns = {}

@@ -23,8 +23,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows
 
-_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-_HEADER_SIZE = 80
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+HEADER_SIZE = 80
 
 
 def read_stl(path: PathLike) -> Mesh:
@@ -42,11 +42,11 @@ def read_stl(path: PathLike) -> Mesh:
     data = map_file(path)
     groups: npt.NDArray[np.int32] | None = None
     names: tuple[str, ...] = ()
-    n_triangles = _binary_count(data)
-    body = data[_HEADER_SIZE + 4 :]
-    if n_triangles is not None and len(body) == n_triangles * _RECORD.itemsize:
+    n_triangles = binary_count(data)
+    body = data[HEADER_SIZE + 4 :]
+    if n_triangles is not None and len(body) == n_triangles * RECORD.itemsize:
         # Tested first, because many binary files begin with the word solid too.
-        records = np.ndarray(n_triangles, _RECORD, buffer=body.data)
+        records = np.ndarray(n_triangles, RECORD, buffer=body.data)
         corners: npt.NDArray[np.floating] = records["corners"].reshape(-1, 3)
     elif data[:512].tobytes().lstrip()[:5].lower() == b"solid":
         corners, groups, names = _read_ascii(path, data)
@@ -71,9 +71,9 @@ def read_stl(path: PathLike) -> Mesh:
     )
 
 
-def _binary_count(data: ByteArray) -> int | None:
+def binary_count(data: ByteArray) -> int | None:
     """Number of triangles that a binary file says it has; None for a file too short to say."""
-    count = data[_HEADER_SIZE : _HEADER_SIZE + 4].tobytes()
+    count = data[HEADER_SIZE : HEADER_SIZE + 4].tobytes()
     return int.from_bytes(count, "little") if len(count) == 4 else None
 
 
@@ -129,11 +129,11 @@ def write_stl(mesh: Mesh, path: PathLike) -> None:
         points = mesh.positions.astype(np.float32)
     if not np.isfinite(points).all():
         raise MeshError(f"{path}: a position is too large for the float32 of STL; write a PLY file")
-    records = np.zeros(mesh.n_faces, dtype=_RECORD)
+    records = np.zeros(mesh.n_faces, dtype=RECORD)
     records["normal"] = face_normals(mesh)
     records["corners"] = points[mesh.faces]
     with replacing(path) as temporary, temporary.open("wb") as file:
         # The first word must not be solid, for many readers take that for the ASCII form.
-        file.write(b"binary STL".ljust(_HEADER_SIZE))
+        file.write(b"binary STL".ljust(HEADER_SIZE))
         file.write(mesh.n_faces.to_bytes(4, "little"))
         file.write(records.tobytes())

@@ -1,0 +1,1 @@
+"""A mesh that stays in its file and is read in chunks, as often as it is needed."""

@@ -1,0 +1,262 @@
+"""A mesh in a file that is read in chunks: its triangles in their order, and parts of it.
+
+The memory that it takes depends on the size of a chunk or of a part, not on the number of its
+triangles, but for one bit for each vertex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from texbake.core import core
+from texbake.errors import MeshError
+from texbake.files import PathLike
+from texbake.mesh.frame import unit_scale
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.normals import add_angle_weighted, fill_canceled, normalize_sums
+from texbake.mesh.streamed.source import MeshSource, open_source
+from texbake.mesh.streamed.vertices import VertexMarks
+from texbake.mesh.weld import weld_rows
+from texbake.parallel import run_bands
+
+_FACES_PER_BAND = 1 << 15
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some triangles of a mesh, one after another.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first triangle in the mesh.
+    positions : (V, 3) float64
+    faces : (F, 3) int32
+        Indices into `positions`.
+    bounds : (2, 3) float64
+        Least and greatest coordinates of the triangles.
+    """
+
+    first: int
+    positions: FloatArray
+    faces: IntArray
+    bounds: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """Some triangles of a mesh by themselves.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        With normals and colors, where the file has them.
+    vertices : (V,) int32
+        Which vertices of the file its positions are, in ascending order.
+    """
+
+    mesh: Mesh
+    vertices: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class StreamedMesh:
+    """A mesh that stays in its file. Made by `StreamedMesh.open`.
+
+    Attributes
+    ----------
+    name : str
+        The file's, without the folder.
+    n_faces : int
+        Number of triangles.
+    bounds : (2, 3) float64
+        Least and greatest coordinates of the triangles.
+    """
+
+    name: str
+    n_faces: int
+    bounds: FloatArray
+    _source: MeshSource
+    _threads: int | None
+
+    @classmethod
+    def open(cls, source: MeshSource, *, threads: int | None = None) -> StreamedMesh:
+        """Check all of a mesh, and measure it.
+
+        Raises
+        ------
+        FileFormatError
+            The file is truncated or damaged.
+        MeshError
+            There are no faces, a position is not finite, or an index is out of range.
+        """
+        source.vertices.check(threads)
+        n_faces, boxes = 0, []
+        for faces in source.blocks(threads):
+            n_faces += len(faces)
+            boxes.append(_bounds(*source.vertices.of_faces(faces, threads), threads))
+            source.vertices.release()
+        if n_faces == 0:
+            raise MeshError(f"{source.path}: it has no faces; a mesh needs at least one triangle")
+        if n_faces > np.iinfo(np.int32).max:
+            raise MeshError(f"{source.path}: it has {n_faces} triangles, more than can be numbered")
+        low, high = np.stack(boxes).transpose(1, 0, 2)
+        bounds = frozen(np.stack([low.min(axis=0), high.max(axis=0)]))
+        return cls(source.path.name, n_faces, bounds, source, threads)
+
+    def chunks(self, n_faces: int) -> Iterator[Chunk]:
+        """Yield all triangles, in chunks of `n_faces`."""
+        vertices, first = self._source.vertices, 0
+        threads = self._threads
+        for faces in _regrouped(self._source.blocks(threads), n_faces):
+            positions, faces = vertices.of_faces(faces, threads)
+            vertices.release()
+            yield Chunk(first, positions, faces, _bounds(positions, faces, threads))
+            first += len(faces)
+
+    def spread_points(self, step: int) -> FloatArray:
+        """(n, 3) float64: the first corner of every `step`-th triangle; for 1, all corners."""
+        points, first = [], 0
+        for faces in self._source.blocks(self._threads):
+            chosen = faces.reshape(-1) if step == 1 else faces[-first % step :: step, 0].copy()
+            points.append(self._source.vertices.read(chosen))
+            first += len(faces)
+            self._source.vertices.release()
+        return np.concatenate(points)
+
+    def part(self, face_ids: IntArray) -> MeshPart:
+        """Return some triangles by themselves, in their order.
+
+        Parameters
+        ----------
+        face_ids : (n,) int32
+            In ascending order, none of them twice.
+        """
+        vertices = self._source.vertices
+        faces = self._chosen(face_ids)
+        marks = VertexMarks.of_corners(faces, vertices.n)
+        chosen = marks.vertices
+        fields: dict[str, Any] = self._source.attributes(chosen)
+        _, faces = marks.touching(faces)
+        if "normals" in fields:
+            fields["normal_faces"] = faces
+            missing = (fields["normals"] == 0.0).all(axis=1)
+            if missing.any():
+                fields["normals"][missing] = self.smooth_normals(chosen[missing])
+        positions = vertices.read(chosen, self._threads)
+        vertices.release()
+        return MeshPart(Mesh(positions=positions, faces=faces, name=self.name, **fields), chosen)
+
+    def _chosen(self, face_ids: IntArray) -> IntArray:
+        """(n, 3) int32 vertices of some triangles."""
+        pieces, first = [np.empty((0, 3), dtype=np.int32)], 0
+        for faces in self._source.blocks(self._threads):
+            start, stop = np.searchsorted(face_ids, (first, first + len(faces)))
+            pieces.append(faces[face_ids[start:stop] - first])
+            first += len(faces)
+            self._source.vertices.release()
+            if len(face_ids) == 0 or first > face_ids[-1]:
+                break
+        return np.concatenate(pieces)
+
+    def smooth_normals(self, vertices: IntArray) -> FloatArray:
+        """Angle-weighted unit normals of some vertices, as `texbake.mesh.normals.smooth_normals`.
+
+        The file is read once for them, and once more if some cancel.
+
+        Parameters
+        ----------
+        vertices : (n,) int32
+            In ascending order.
+
+        Returns
+        -------
+        (n, 3) float64
+        """
+        source, threads = self._source, self._threads
+        marks = source.vertices.at(source.vertices.read(vertices, threads), threads)
+        positions = source.vertices.read(marks.vertices, threads)
+        source.vertices.release()
+        firsts = weld_rows(positions, threads=threads)
+        del positions
+        normals = np.zeros((len(firsts), 3))
+        scale = unit_scale(float(np.abs(self.bounds).max()))
+        for around in self._around(marks, firsts):
+            add_angle_weighted(normals, *around, scale, threads)
+        normalize_sums(normals, threads)
+        wanted = firsts[np.searchsorted(marks.vertices, vertices)]
+        if (normals[wanted] == 0.0).all(axis=1).any():
+            for around in self._around(marks, firsts):
+                fill_canceled(normals, *around)
+        return np.asarray(normals[wanted])
+
+    def _around(
+        self, marks: VertexMarks, firsts: IntArray
+    ) -> Iterator[tuple[FloatArray, IntArray, IntArray]]:
+        """Yield the triangles with marked corners: positions, faces, and the mark of each corner.
+
+        `firsts` is the first mark at the position of each.
+        """
+        vertices, threads = self._source.vertices, self._threads
+        marks_of = np.append(firsts, np.int32(-1))  # -1 is the last
+        for faces in self._source.blocks(self._threads):
+            found: dict[int, tuple[IntArray, IntArray]] = {}
+
+            def keep(
+                start: int,
+                stop: int,
+                faces: IntArray = faces,
+                found: dict[int, tuple[IntArray, IntArray]] = found,
+            ) -> None:
+                found[start] = marks.touching(faces[start:stop])
+
+            run_bands(keep, len(faces), band=_FACES_PER_BAND, threads=threads)
+            kept = [found[start] for start in sorted(found)]
+            if any(len(some) for some, _ in kept):
+                rows = marks_of[np.concatenate([rows for _, rows in kept])]
+                some = np.concatenate([some for some, _ in kept])
+                yield *vertices.of_faces(some, threads), rows
+            vertices.release()
+
+
+def open_streamed(path: PathLike, *, threads: int | None = None) -> StreamedMesh | None:
+    """Open a mesh file to be read in chunks; None for one that must be read as a whole.
+
+    Raises
+    ------
+    FileError, FileFormatError, MeshError
+        As `read_mesh` does.
+    """
+    source = open_source(path)
+    return None if source is None else StreamedMesh.open(source, threads=threads)
+
+
+def _regrouped(blocks: Iterator[IntArray], n_faces: int) -> Iterator[IntArray]:
+    """Yield the rows of blocks in groups of `n_faces`, of which the last may have fewer."""
+    waiting: list[IntArray] = []
+    n_waiting = 0
+    for block in blocks:
+        while n_waiting + len(block) >= n_faces:
+            n_taken = n_faces - n_waiting
+            yield np.concatenate([*waiting, block[:n_taken]])
+            block, waiting, n_waiting = block[n_taken:], [], 0
+        waiting.append(block)
+        n_waiting += len(block)
+    if n_waiting:
+        yield np.concatenate(waiting)
+
+
+def _bounds(positions: FloatArray, faces: IntArray, threads: int | None) -> FloatArray:
+    """(2, 3) float64: least and greatest coordinates of the corners of faces."""
+    boxes = np.empty((-(-len(faces) // _FACES_PER_BAND), 6))
+
+    def bound(start: int, stop: int) -> None:
+        core.bound_corners(positions, faces[start:stop], boxes[start // _FACES_PER_BAND])
+
+    run_bands(bound, len(faces), band=_FACES_PER_BAND, threads=threads)
+    low, high = boxes[:, :3].min(axis=0, initial=np.inf), boxes[:, 3:].max(axis=0, initial=-np.inf)
+    return np.stack([low, high])

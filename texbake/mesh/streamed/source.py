@@ -1,0 +1,248 @@
+"""Mesh files that can be read in chunks: binary PLY and binary STL.
+
+A PLY file can if its vertices have rows of one size and stand before its faces, and if the corners
+of its faces have nothing of their own. Whatever else is read as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.errors import FileFormatError, MeshError
+from texbake.files import PathLike
+from texbake.mesh.files import ply, stl
+from texbake.mesh.files.ply_tables import (
+    Columns,
+    Element,
+    Header,
+    read_element,
+    read_header,
+    require_rows,
+)
+from texbake.mesh.files.source import ByteArray, map_file
+from texbake.mesh.mesh import IntArray
+from texbake.mesh.streamed.vertices import FileVertices
+from texbake.parallel import run_bands
+
+# Rows that are read at once.
+ROWS_PER_BLOCK = 1 << 19
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSource:
+    """A mesh in a file that can be read in chunks.
+
+    Attributes
+    ----------
+    path
+    vertices : FileVertices
+    n_rows : int
+        Polygons, at least.
+    blocks : callable
+        Returns an iterator over all triangles in blocks of (n, 3) int32 vertices, checked; takes
+        the number of threads.
+    attributes : callable
+        Returns the normals and colors, (n, 3), of some vertices, by name; empty without any.
+    """
+
+    path: Path
+    vertices: FileVertices
+    n_rows: int
+    blocks: Callable[[int | None], Iterator[IntArray]]
+    attributes: Callable[[IntArray], dict[str, npt.NDArray[Any]]]
+
+
+def open_source(path: PathLike) -> MeshSource | None:
+    """Open a mesh file for reading in chunks; None for one that must be read as a whole.
+
+    Raises
+    ------
+    FileError, FileFormatError
+        As `read_mesh` does.
+    """
+    opened = {".ply": _open_ply, ".stl": _open_stl}.get(Path(path).suffix.lower())
+    return None if opened is None else opened(Path(path))
+
+
+def _open_ply(path: Path) -> MeshSource | None:
+    data = map_file(path)
+    header = read_header(path, data)
+    if header.order == "":
+        return None
+    start = header.end
+    for element in header.elements:
+        if element.name == "vertex":
+            break
+        if element.name in ("face", "tristrips"):
+            return None
+        start = read_element(path, data, start, element, header.order)[1]
+    else:
+        return None
+    offsets = _coordinate_offsets(element)
+    faces = header.elements[header.elements.index(element) + 1 :][:1]
+    if offsets is None or not faces or not _has_plain_faces(faces[0]):
+        return None
+    columns, end = read_element(path, data, start, element, header.order)
+    layout = [start, element.least_row_size, 1, 0, *offsets, header.order == ">"]
+    vertices = FileVertices(path, data, element.n_rows, np.array(layout, dtype=np.int64))
+    require_rows(path, data, end, faces[0])
+    return MeshSource(
+        path,
+        vertices,
+        faces[0].n_rows,
+        lambda threads: _ply_blocks(vertices, end, faces[0], header, threads),
+        lambda chosen: _ply_attributes(path, columns, element, chosen),
+    )
+
+
+def _coordinate_offsets(vertex: Element) -> tuple[int, ...] | None:
+    """Bytes of x, y and z in a row, and of each of them; None where they are not there alike."""
+    offsets: dict[str, tuple[int, str]] = {}
+    at = 0
+    for prop in vertex.properties:
+        if prop.count_type is not None:
+            return None
+        offsets[prop.name] = at, prop.type
+        at += int(prop.type[1])
+    places = [offsets.get(name, (0, "")) for name in "xyz"]
+    types = {code for _, code in places}
+    if len(types) != 1 or not types <= {"f4", "f8"}:
+        return None
+    return (*(place for place, _ in places), int(types.pop()[1]))
+
+
+def _has_plain_faces(element: Element) -> bool:
+    """Whether these are polygons whose corners are vertices and nothing else."""
+    names = {prop.name for prop in element.properties}
+    lists = {prop.name for prop in element.properties if prop.count_type is not None}
+    return (
+        element.name == "face"
+        and len(lists & set(ply.POLYGON_NAMES)) == 1
+        and not names & set(ply.CORNER_LISTS)
+    )
+
+
+def _ply_blocks(
+    vertices: FileVertices, start: int, element: Element, header: Header, threads: int | None
+) -> Iterator[IntArray]:
+    path, n_before = vertices.path, 0
+    name = next(prop.name for prop in element.properties if prop.name in ply.POLYGON_NAMES)
+    layout = _triangle_layout(element)
+    for first in range(0, element.n_rows, ROWS_PER_BLOCK):
+        n_rows = min(ROWS_PER_BLOCK, element.n_rows - first)
+        faces = None
+        if layout is not None:
+            faces = _read_triangles(vertices, start, n_rows, layout, header.order, threads)
+        if layout is not None and faces is not None:
+            start += n_rows * layout.row_size
+        else:
+            rows = Element("face", n_rows, element.properties)
+            polygons, start = read_element(
+                path, vertices.data, start, rows, header.order, first_row=first
+            )
+            faces = np.ascontiguousarray(ply.read_triangles(path, polygons, name))
+            _check_indices(path, faces, n_before, vertices.n)
+        n_before += len(faces)
+        yield faces
+
+
+class _TriangleLayout(NamedTuple):
+    """Bytes of a row that is a triangle, those before its count, and those of its count."""
+
+    row_size: int
+    skipped: int
+    count_size: int
+
+
+def _triangle_layout(element: Element) -> _TriangleLayout | None:
+    """Layout of rows with one list, of indices of four bytes; None for others."""
+    lists = [prop for prop in element.properties if prop.count_type is not None]
+    if len(lists) != 1 or lists[0].type not in ("i4", "u4"):
+        return None
+    at = element.properties.index(lists[0])
+    skipped = sum(prop.least_size for prop in element.properties[:at])
+    return _TriangleLayout(element.least_row_size + 12, skipped, lists[0].least_size)
+
+
+def _read_triangles(
+    vertices: FileVertices,
+    start: int,
+    n_rows: int,
+    layout: _TriangleLayout,
+    order: str,
+    threads: int | None,
+) -> IntArray | None:
+    """(n_rows, 3) int32 vertices of rows that all are triangles; None where one is not."""
+    data = vertices.data[start : start + n_rows * layout.row_size]
+    if len(data) < n_rows * layout.row_size:
+        return None
+    faces = np.empty((n_rows, 3), dtype=np.int32)
+    fits: list[bool] = []
+
+    def read(first: int, stop: int) -> None:
+        rows = data[first * layout.row_size : stop * layout.row_size]
+        fits.append(
+            core.read_triangle_rows(rows, *layout, order == ">", vertices.n, faces[first:stop])
+        )
+
+    run_bands(read, n_rows, band=1 << 16, threads=threads)
+    return faces if all(fits) else None
+
+
+def _check_indices(path: PathLike, faces: IntArray, first: int, n_vertices: int) -> None:
+    if len(faces) and (faces.min() < 0 or faces.max() >= n_vertices):
+        bad = ((faces < 0) | (faces >= n_vertices)).any(axis=1)
+        raise MeshError(
+            f"{path}: a position index is out of range "
+            f"(face {first + int(bad.argmax())}; there are {n_vertices})"
+        )
+
+
+def _ply_attributes(
+    path: Path, columns: Columns, element: Element, chosen: IntArray
+) -> dict[str, npt.NDArray[Any]]:
+    names = {*ply.NORMAL_NAMES, *ply.COLOR_NAMES} & columns.keys()
+    rows: Columns = {
+        name: column[chosen] for name in names if isinstance(column := columns[name], np.ndarray)
+    }
+    types = {prop.name: prop.type for prop in element.properties}
+    found = {
+        "normals": ply.stack_columns(rows, ply.NORMAL_NAMES),
+        "colors": ply.read_colors(path, rows, types),
+    }
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def _open_stl(path: Path) -> MeshSource | None:
+    data = map_file(path)
+    n_triangles = stl.binary_count(data)
+    if n_triangles is None or n_triangles == 0:
+        return None
+    size = stl.RECORD.itemsize
+    if len(data) != stl.HEADER_SIZE + 4 + n_triangles * size:
+        return None
+    return _stl_source(path, data, n_triangles)
+
+
+def _stl_source(path: Path, data: ByteArray, n_triangles: int) -> MeshSource | None:
+    if 3 * n_triangles > np.iinfo(np.int32).max:
+        raise FileFormatError(f"{path}: it has {n_triangles} triangles, more than can be numbered")
+    fields = stl.RECORD.fields
+    assert fields is not None
+    first = stl.HEADER_SIZE + 4 + fields["corners"][1]
+    layout = np.array([first, stl.RECORD.itemsize, 3, 12, 0, 4, 8, 4, 0], dtype=np.int64)
+
+    def blocks(_: int | None) -> Iterator[IntArray]:
+        for start in range(0, n_triangles, ROWS_PER_BLOCK):
+            stop = min(start + ROWS_PER_BLOCK, n_triangles)
+            yield np.arange(3 * start, 3 * stop, dtype=np.int32).reshape(-1, 3)
+
+    vertices = FileVertices(path, data, 3 * n_triangles, layout)
+    return MeshSource(path, vertices, n_triangles, blocks, lambda _: {})
