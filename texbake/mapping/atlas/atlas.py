@@ -75,9 +75,10 @@ def make_atlas(
     """
     found = _packed_charts(meshes, options, stages, threads)
     if options.quality == "best" and not options.keep:
-        # Larger charts now and then pack worse, above all if they are few.
+        # On meshes of few faces, allowing more stretch may lead to nothing.
         others = _packed_charts(meshes, replace(options, quality="good"), stages, threads)
-        found = max(found, others, key=lambda atlas: atlas.packing.fill)
+        if others.packing.fill > found.packing.fill and others.n_charts <= found.n_charts:
+            found = others
     parts = np.split(found.packing.uvs, np.cumsum([len(each.uvs) for each in found.charts])[:-1])
     return [
         Atlas(corners=uvs[charts.faces], charts=charts)
@@ -91,6 +92,11 @@ class _PackedCharts:
 
     charts: list[Charts]
     packing: Packing
+
+    @property
+    def n_charts(self) -> int:
+        """Charts of all meshes together."""
+        return sum(charts.n_charts for charts in self.charts)
 
 
 def _packed_charts(
