@@ -54,10 +54,10 @@ def bench(
 ) -> None:
     """Compare texbake with other programs.
 
-    Runs texbake, Blender, pymeshlab, xatlas and trimesh, those that are installed, on made meshes
-    of known shape, or on the meshes HIGH and LOW. Times whole processes and measures errors and
-    memory. Writes a page that opens without a network, its plots, Markdown tables, and all figures
-    as JSON and CSV.
+    Runs texbake, Blender, pymeshlab, xatlas and trimesh, those that are installed, on generated
+    meshes of known shape, or on the meshes HIGH and LOW. Times whole processes and measures errors
+    and memory. Writes a page that opens without a network, its plots, Markdown tables, and all
+    figures as JSON and CSV.
     """
     options = BenchOptions(
         tasks=tasks or BenchOptions.tasks,

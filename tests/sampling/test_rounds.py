@@ -148,8 +148,8 @@ def test_too_short_a_time_is_said_once_and_at_once():
     work.rounds.expect_at_least(0.8)
     work.rounds.expect_at_least(0.9)
     assert work.warnings == [
-        "time_budget: 0.6 s is too short: the work takes about 0.8 s with the fewest samples, and "
-        "is made with these"
+        "time_budget: 0.6 s is too short: the work takes about 0.8 s even with the fewest "
+        "samples, which it now uses"
     ]
 
 

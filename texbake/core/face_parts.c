@@ -31,7 +31,7 @@ static const double UNITS_A_STEP = 4.236;
 /* How many times longer a step across a right angle is than one on a plane. */
 static const double CREASE = 30.0;
 
-/* Parts of fewer faces than `LEAST_TRIMMED` would lose too much with their teeth. */
+/* Parts of fewer faces than `LEAST_TRIMMED` would lose too much if their teeth were cut off. */
 enum { N_ITERATIONS = 3, N_TRIMS = 2, LEAST_TRIMMED = 24 };
 
 /* Parts stop growing at this multiple of their intended size, and parts below this share of it go to

@@ -21,7 +21,7 @@ static const double PI = 3.14159265358979323846;
 static const double MOST_WASTE = 0.35;
 static const double SMALL_WASTE = 0.1;
 
-/* A part more counts as much as this share of the largest area, left empty. */
+/* One more part counts as much as leaving this share of the largest area empty. */
 static const double COST_OF_PART = 0.01;
 
 /* A line helps if it leaves at most this share of the length, or of the area of the largest part; or

@@ -114,8 +114,8 @@ int64_t count_fragments(
     return 0;
 }
 
-/* Where fragments are written; those of object k from nexts[k] on. Places are those in the whole
-   picture, which has `fine` x `fine` of these pixels in each of its own. */
+/* Where fragments are written: those of object k go to nexts[k] and after. Places are those in the
+   whole picture, which has `fine` x `fine` of these pixels in each of its own. */
 struct fragments {
     int64_t left, top; /* of the first pixel, in pixels */
     double fine;
@@ -198,8 +198,9 @@ static void list_mixed(
         note_samples(samples, row, column, first_row, pixel, made->of_samples);
 }
 
-/* List the fragments of some rows of pixels; those of object k from nexts[k] on. The pixels may be
-   a part of a picture that begins at a column and a row, and fine x fine cells of each of its. */
+/* List the fragments of some rows of pixels: those of object k go to nexts[k] and after. The pixels
+   may be cells, fine x fine of each pixel of a picture, and a part of it that begins at a column and
+   a row. */
 int64_t list_fragments(
     int64_t height, int64_t width, int64_t n_objects, int64_t n, int64_t n_rows,
     const int32_t face_ids[height][width], const int64_t starts[n_objects + 1], int64_t side,

@@ -249,7 +249,7 @@ static double choose_any_target(struct simplification *s, int32_t u)
     return choose_target(s, u, -1.0, -1);
 }
 
-/* Let a vertex that may have a collapse again wait for it. */
+/* Put a vertex that may be collapsed again back into the queue. */
 static void wait_again(struct simplification *s, int32_t u)
 {
     s->is_stale[u] = true;

@@ -134,7 +134,7 @@ class Rounds:
             self._is_warned = True
             self.clock.warn(
                 f"time_budget: {self.seconds:.4g} s is too short: {self.work} takes about "
-                f"{seconds:.3g} s with the fewest samples, and is made with these"
+                f"{seconds:.3g} s even with the fewest samples, which it now uses"
             )
 
     def check(self, seconds: float = 0.0) -> None:

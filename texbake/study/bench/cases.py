@@ -1,4 +1,4 @@
-"""Made meshes whose surface has a closed form, as high-poly meshes of any size and low-poly ones.
+"""Generated meshes whose surface has a closed form: high-poly ones of any size, and low-poly ones.
 
 The low-poly meshes have texture coordinates by construction, so that no program's own unwrapping or
 simplification comes between. No mesh stores normals: every program computes them itself.

@@ -1,4 +1,4 @@
-"""The bench of files: texbake and other programs on made meshes, and on a pair of mesh files."""
+"""The bench of files: texbake and other programs on generated meshes and on a pair of files."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class BenchOptions(CheckedOptions):
     cases: Annotated[
         tuple[str, ...],
         Option(
-            "Made mesh to run them on; repeatable.",
+            "Generated mesh to run them on; repeatable.",
             choices=CASE_NAMES,
             metavar="NAME",
             default="all, or none with meshes of your own",
@@ -84,7 +84,9 @@ class BenchOptions(CheckedOptions):
     ] = (512, 1024, 2048, 4096)
     triangles: Annotated[
         int,
-        Option("Triangles of a made high-poly mesh, about.", metavar="N", low=1000, high=100000000),
+        Option(
+            "Triangles of a generated high-poly mesh, about.", metavar="N", low=1000, high=100000000
+        ),
     ] = 1_000_000
     blender: Annotated[
         str | None,
@@ -183,7 +185,7 @@ class BenchOptions(CheckedOptions):
 
     @property
     def unwrapped_triangles(self) -> int:
-        """Triangles of a made mesh that is unwrapped."""
+        """Triangles of a generated mesh that is unwrapped."""
         return 500 if self.quick else 10_000
 
     @property
