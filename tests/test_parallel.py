@@ -43,6 +43,27 @@ def test_an_error_is_raised_and_stops_pending_calls(threads, error):
     assert len(begun) < 1000
 
 
+def test_an_interrupt_while_threads_are_started_stops_those_that_run(monkeypatch):
+    start, calls, begun = threading.Thread.start, [], []
+
+    def interrupted(thread):
+        calls.append(thread)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        start(thread)
+
+    def work(start, stop):
+        begun.append(start)
+        gate.wait(0.02)
+
+    gate = threading.Event()
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_bands(work, 1000, band=1, threads=6)
+    assert not any(thread.is_alive() for thread in calls)
+    assert len(begun) < 1000
+
+
 def test_progress_is_reported_in_the_calling_thread():
     callers = set()
     run_bands(

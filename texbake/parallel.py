@@ -72,16 +72,18 @@ def run_bands(
     helpers = [
         threading.Thread(target=help_out, name=f"texbake {i}") for i in range(1, n_helpers + 1)
     ]
-    for helper in helpers:
-        helper.start()
-    try:  # the calling thread works like the others
+    try:  # an interrupt may come at any line, also before all helpers have started
+        for helper in helpers:
+            helper.start()
+        # The calling thread works like the others.
         while waiting:
             finished.append(_run_next(work, waiting, band, n_items))
             report()
     finally:
         waiting.clear()
         for helper in helpers:
-            helper.join()
+            if helper.ident is not None:
+                helper.join()
     if errors:
         raise errors[0]
     report()
