@@ -1,5 +1,6 @@
 """The library that is loaded: which build, and what happens without one."""
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -58,6 +59,17 @@ def test_a_broken_library_is_an_error_of_one_line(monkeypatch, tmp_path):
     monkeypatch.setenv("TEXBAKE_CORE", str(broken))
     with pytest.raises(DependencyError, match="the compiled core does not load"):
         load_library()
+
+
+def test_a_library_compiled_with_another_table_is_an_error():
+    library.check_header(core._library, core._header)
+    with pytest.raises(DependencyError, match="was not compiled from these sources"):
+        library.check_header(core._library, core._header + "void more(void);\n")
+
+
+def test_a_library_of_something_else_is_an_error():
+    with pytest.raises(DependencyError, match="was not compiled from these sources"):
+        library.check_header(ctypes.CDLL(None), core._header)
 
 
 def test_too_much_memory_is_an_error_and_no_crash():

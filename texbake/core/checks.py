@@ -11,6 +11,7 @@ Nothing is imported, since this runs before anything is installed.
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,11 @@ _HEAD = """\
 
 #pragma GCC visibility push(default)
 
+int64_t header_checksum(void)
+{
+    return CHECKSUM;
+}
+
 bool set_array_layout(const struct layout *given, const void *probe, const void *data)
 {
     layout = *given;
@@ -33,12 +39,18 @@ bool set_array_layout(const struct layout *given, const void *probe, const void 
 """
 
 
-def checked_source(declarations: Iterable[Declaration]) -> str:
-    """Return the source of the checked functions."""
+def checksum(header: str) -> int:
+    """Return a number that tells one text of `core.h` from another."""
+    return zlib.crc32(header.encode())
+
+
+def checked_source(declarations: Iterable[Declaration], header: str) -> str:
+    """Return the source of the checked functions, and of the one that tells their `core.h`."""
+    head = _HEAD.replace("CHECKSUM", str(checksum(header)))
     functions = (
         "\n".join(_function(declaration)) for declaration in declarations if declaration.has_check
     )
-    return "\n".join([_HEAD, *functions])
+    return "\n".join([head, *functions])
 
 
 def _function(declaration: Declaration) -> Iterator[str]:

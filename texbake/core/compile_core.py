@@ -166,9 +166,10 @@ def _build_level(
 
 def _write_checks(folder: Path) -> Path:
     """Write the functions that check their arguments into a folder; return the file."""
-    prototypes = split_prototypes((FOLDER / "core.h").read_text(encoding="utf-8")).values()
+    header = (FOLDER / "core.h").read_text(encoding="utf-8")
+    prototypes = split_prototypes(header).values()
     source = folder / "checks.c"
-    source.write_text(checked_source(map(read_prototype, prototypes)), encoding="utf-8")
+    source.write_text(checked_source(map(read_prototype, prototypes), header), encoding="utf-8")
     return source
 
 

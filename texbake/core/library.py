@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from texbake.core.binding import bind, tell_array_layout
+from texbake.core.checks import checksum
 from texbake.core.declarations import read_prototype, split_prototypes
 from texbake.errors import DependencyError
 
@@ -47,15 +48,36 @@ class Core:
 
     @cached_property
     def _prototypes(self) -> dict[str, Any]:
-        return split_prototypes((FOLDER / "core.h").read_text(encoding="utf-8"))
+        return split_prototypes(self._header)
+
+    @cached_property
+    def _header(self) -> str:
+        return (FOLDER / "core.h").read_text(encoding="utf-8")
 
     @cached_property
     def _library(self) -> ctypes.CDLL:
-        return load_library()
+        library = load_library()
+        check_header(library, self._header)
+        return library
 
     @cached_property
     def _has_checks(self) -> bool:
         return tell_array_layout(self._library)
+
+
+def check_header(library: ctypes.CDLL, header: str) -> None:
+    """Raise `DependencyError` if a library was not compiled with this `core.h`.
+
+    Its functions could take other arguments than those that are checked here.
+    """
+    tell = getattr(library, "header_checksum", None)
+    if tell is not None:
+        tell.restype = ctypes.c_int64
+    if tell is None or tell() != checksum(header):
+        raise DependencyError(
+            f"{library._name}: it was not compiled from these sources; install texbake again, or "
+            "in a checkout run: python texbake/core/compile_core.py"
+        )
 
 
 def load_library() -> ctypes.CDLL:
