@@ -1,20 +1,12 @@
-/* Parts of a mesh that share no vertex, by union-find; each set is joined under its least vertex.
+/* Parts of a mesh that share no vertex, by union-find.
 
-   Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathematical Society, 2010.
+   Based on: Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975.
 
    Called from texbake/mesh/topology.py. */
 
 #include "arena.h"
 #include "core.h"
-
-static int32_t find_root(int32_t *parents, int32_t vertex)
-{
-    while (parents[vertex] != vertex) {
-        parents[vertex] = parents[parents[vertex]];
-        vertex = parents[vertex];
-    }
-    return vertex;
-}
+#include "union_find.h"
 
 /* Number the components in the order of their first faces; return how many. */
 int64_t number_components(
@@ -25,24 +17,15 @@ int64_t number_components(
     int32_t *parents = TAKE(arena, int32_t, n_vertices);
     for (int64_t vertex = 0; vertex < n_vertices; vertex++)
         parents[vertex] = (int32_t)vertex;
-    for (int64_t face = 0; face < n_faces; face++) {
-        int32_t a = find_root(parents, faces[face][0]);
-        for (int corner = 1; corner < 3; corner++) {
-            const int32_t b = find_root(parents, faces[face][corner]);
-            if (a < b) {
-                parents[b] = a;
-            } else {
-                parents[a] = b;
-                a = b;
-            }
-        }
-    }
+    for (int64_t face = 0; face < n_faces; face++)
+        for (int corner = 1; corner < 3; corner++)
+            join_labels(parents, faces[face][0], faces[face][corner]);
     int32_t *numbers = TAKE(arena, int32_t, n_vertices);
     for (int64_t vertex = 0; vertex < n_vertices; vertex++)
         numbers[vertex] = -1;
     int32_t n_components = 0;
     for (int64_t face = 0; face < n_faces; face++) {
-        const int32_t root = find_root(parents, faces[face][0]);
+        const int32_t root = find_label(parents, faces[face][0]);
         if (numbers[root] < 0)
             numbers[root] = n_components++;
         components[face] = numbers[root];

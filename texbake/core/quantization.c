@@ -137,7 +137,8 @@ QUANTIZE_SRGB(quantize_srgb_u16, uint16_t)
         code_t codes[n][3], int64_t start, int64_t stop)                                          \
     {                                                                                             \
         for (int64_t i = start; i < stop; i++) {                                                  \
-            const code_t *color = colors[clamp_i64((int64_t)ids[i], 0, n_colors - 1)];            \
+            const double id = min_f64(max_f64(0.0, ids[i]), (double)(n_colors - 1)); /* NaN: 0 */ \
+            const code_t *color = colors[(int64_t)id];                                            \
             for (int channel = 0; channel < 3; channel++)                                         \
                 codes[i][channel] = color[channel];                                               \
         }                                                                                         \
