@@ -30,7 +30,7 @@ static const double EVEN_COSINE = 0.985;
 static const double LEAST_EVEN = 0.25;
 
 /* Rounds in which normals are filtered, and the difference of cosines at which a neighbor counts only
-   a third: that of 40 degrees. */
+   a third: that of 40 degrees, or twice the mean difference where that is more. */
 enum { N_FILTERS = 8 };
 static const double SIMILAR = 0.234;
 
@@ -155,24 +155,28 @@ static void measure_faces(struct cutting *cutting)
     }
 }
 
-/* Whether few faces lie in one plane with a neighbor: the faces of a mechanical part do, mostly. */
-static bool is_noisy(const struct cutting *cutting)
+/* How rough a surface is: the mean of 1 less the cosine between neighbors. 0 where many faces lie in
+   one plane with a neighbor, as those of a mechanical part do. */
+static double roughness(const struct cutting *cutting)
 {
     int64_t n_sides = 0, n_even = 0;
+    double sum = 0.0;
     for (int64_t i = 0; i < 3 * cutting->n_faces; i++) {
         if (cutting->opposite[i] < 0)
             continue;
         const double *one = cutting->normals[i / 3];
         const double *two = cutting->normals[cutting->opposite[i] / 3];
+        const double cosine = one[0] * two[0] + one[1] * two[1] + one[2] * two[2];
         n_sides++;
-        n_even += one[0] * two[0] + one[1] * two[1] + one[2] * two[2] > EVEN_COSINE;
+        n_even += cosine > EVEN_COSINE;
+        sum += 1.0 - cosine;
     }
-    return (double)n_even < LEAST_EVEN * (double)n_sides;
+    return (double)n_even < LEAST_EVEN * (double)n_sides ? sum / (double)n_sides : 0.0;
 }
 
 /* Average the normals of neighbors, by area and by how similar they are: noise is evened out, and
    creases stay. */
-static void filter_normals(struct cutting *cutting)
+static void filter_normals(struct cutting *cutting, double similar)
 {
     const arena_mark mark = mark_arena(cutting->arena);
     double (*sums)[3] = take(cutting->arena, cutting->n_faces, sizeof *sums);
@@ -188,7 +192,7 @@ static void filter_normals(struct cutting *cutting)
                 const double *next = cutting->normals[other];
                 const double cosine =
                     normal[0] * next[0] + normal[1] * next[1] + normal[2] * next[2];
-                const double weight = cutting->areas[other] * exp((cosine - 1.0) / SIMILAR);
+                const double weight = cutting->areas[other] * exp((cosine - 1.0) / similar);
                 for (int axis = 0; axis < 3; axis++)
                     sums[face][axis] += weight * next[axis];
             }
@@ -233,8 +237,9 @@ int64_t cut_charts(
     memcpy(whole.opposite, opposite, (size_t)(3 * n_faces) * sizeof *opposite);
     memcpy(cutting.opposite, opposite, (size_t)(3 * n_faces) * sizeof *opposite);
     measure_faces(&cutting);
-    if (is_noisy(&cutting))
-        filter_normals(&cutting);
+    const double rough = roughness(&cutting);
+    if (rough > 0.0)
+        filter_normals(&cutting, max_f64(SIMILAR, 2.0 * rough));
     lay_out(&cutting, &whole);
     cut(&cutting, &whole, 0);
     join_charts(&cutting);
