@@ -229,7 +229,7 @@ def test_progress_as_json(workplace: Path, run: Run) -> None:
     events = [json.loads(line) for line in done.stderr.splitlines()]
     started = [event["stage"] for event in events if event["event"] == "started"]
     finished = [event["stage"] for event in events if event["event"] == "finished"]
-    assert started[:2] == ["read high.ply", "read low.obj"]
+    assert started[:2] == ["read low.obj", "read high.ply"]
     assert sorted(started) == sorted(finished)
 
 
