@@ -14,6 +14,7 @@ checksums are then those of every x86-64 machine with AVX2.
 
 import contextlib
 import hashlib
+import importlib.util
 import json
 import os
 import runpy
@@ -239,6 +240,7 @@ def main(arguments: list[str]) -> None:
         GROUPS[group]()
         return
     goldens = {}
+    print(f"of {importlib.util.find_spec('texbake').origin}")
     for group in GROUPS:
         started = time.perf_counter()
         goldens[group] = record(group)
