@@ -379,8 +379,8 @@ def test_wrong_materials(folder, text, message):
         ("name = 'x'", "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"),
         ("mesh = 'no.obj'", "mesh: {folder}/no.obj: there is no such file; check its name"),
         ("mesh = 'gray.png'", "mesh: {folder}/gray.png: '.png' is not the suffix of a mesh file; "
-         "give one of .obj, .ply, .stl, .off, .glb, .gltf, .fbx, .usd, .usda, .usdc, .usdz, .dae, .zae, "
-         ".3mf, .3dxml, .xaml"),
+         "give one of .obj, .ply, .stl, .off, .glb, .gltf, .fbx, .usd, .usda, .usdc, .usdz, .dae, "
+         ".zae, .3mf, .3dxml, .xaml"),
         ("mesh = 'ball.obj'\nshape = 'cube'", "shape: it conflicts with the mesh; give only one"),
         ("mesh = 'ball.obj'\nradius = 2",
          "radius: it belongs to a shape, and this object has a mesh"),
