@@ -58,7 +58,7 @@ def test_shared_edges_through_sample_centers_belong_to_one_face():
         assert (owners != NO_FACE).sum() == 144
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.integers(-40, 200), st.integers(-40, 200)), min_size=3, max_size=3))
 def test_coverage_matches_rational_edge_functions(points):
     """Corners on eighths of texels, so that centers fall exactly on edges and corners."""
@@ -86,7 +86,7 @@ def test_coverage_matches_rational_edge_functions(points):
     np.testing.assert_array_equal(owners == 0, expected)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40))
 def test_random_triangulation_of_the_square_tiles_it(seed, size):
     """A jittered grid, split either way, covers every sample once, whatever the slivers."""

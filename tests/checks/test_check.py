@@ -110,7 +110,7 @@ def plain_counts(faces: list[tuple[int, int, int]]) -> dict[str, int]:
     }
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(hnp.arrays(np.int32, st.tuples(st.integers(1, 30), st.just(3)), elements=st.integers(0, 8)))
 def test_topology_of_soups_against_counting_one_by_one(faces: np.ndarray) -> None:
     # On a parabola in space no three points lie on one line.
@@ -121,7 +121,7 @@ def test_topology_of_soups_against_counting_one_by_one(faces: np.ndarray) -> Non
     assert {name: found[name] for name in expected} == expected
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.sets(st.integers(0, 79), min_size=1, max_size=25))
 def test_the_faces_turned_over_are_named(turned: set[int]) -> None:
     faces = icosphere(1).faces.copy()

@@ -42,7 +42,7 @@ def test_width_of_a_disk_and_of_a_ring() -> None:
     assert chart_widths(checked(ring))[0] == pytest.approx(3.2, rel=0.03)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 6))
 def test_pairs_are_found_just_where_padding_meets(seed: int, padding: int) -> None:
     """Charts of a few texels at random places, against every texel and every owner."""

@@ -53,7 +53,7 @@ def exactly_crosses(one: list, other: list) -> bool:
     return max(pieces[0][0], pieces[1][0]) < min(pieces[0][1], pieces[1][1])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 9))
 def test_agrees_with_exact_fractions(seed: int, side: int) -> None:
     """On a coarse lattice, where corners lie on faces and edges on edges as often as not."""

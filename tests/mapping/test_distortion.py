@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from texbake.errors import UvError
 from texbake.mapping.distortion import distortion
@@ -34,7 +34,6 @@ def squares_of_scales(*scales: float) -> Mesh:
     )
 
 
-@settings(deadline=None)  # the first call compiles a kernel
 @given(st.floats(0.0, 6.3), st.floats(-3.0, 3.0), st.floats(-6.0, 6.0))
 def test_similarities_have_no_distortion(angle: float, log_size: float, log_texture: float) -> None:
     mesh = plane(3, 2)
@@ -64,7 +63,6 @@ def test_twice_as_long_one_way() -> None:
     assert found.area == pytest.approx(0.0, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(st.floats(0.01, 5.0))
 def test_shear(k: float) -> None:
     # [[1, k], [0, 1]]: σ1 σ2 = 1 and σ1² + σ2² = 2 + k², whose roots are (√(k² + 4) ± k) / 2.

@@ -155,7 +155,7 @@ def test_no_flips_on_rough_disks():
         assert flat.injective == (not overlapping_faces(flat.uvs[faces]).any())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     columns=st.integers(1, 8),

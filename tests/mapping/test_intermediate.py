@@ -38,7 +38,7 @@ def around(
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(("plane", *ROUND)))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_rays_meet_the_surface_where_they_leave_it(seed: int, name: str) -> None:
     local, directions, faces = rays(seed)
     surface = around(name, local, faces)
@@ -58,7 +58,7 @@ def test_rays_meet_the_surface_where_they_leave_it(seed: int, name: str) -> None
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_sphere_is_always_met_and_a_cylinder_unless_far_away(seed: int) -> None:
     local, directions, faces = rays(seed)
     assert not around("sphere", local, faces).hits(local.points, directions)[1].any()
@@ -154,7 +154,7 @@ def test_surfaces_around_nothing_are_finite(name: str) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_rays_leave_a_box_through_the_first_of_its_planes(seed: int) -> None:
     local, directions, _ = rays(seed)
     faces = np.repeat(np.arange(len(local.points), dtype=np.int32)[:, None], 3, axis=1)

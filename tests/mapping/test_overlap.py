@@ -33,7 +33,7 @@ def common_area(one: Array, other: Array) -> float:
     return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))) / 2.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.6))
 def test_agrees_with_the_area_that_clipping_leaves(seed: int, size: float) -> None:
     random = np.random.default_rng(seed)
@@ -82,7 +82,7 @@ def test_faces_of_other_charts_do_not_mind_each_other() -> None:
     assert not overlap_layers(corners, charts, depth=1e-6).any()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_layers_are_the_lowest_that_faces_before_leave_free(seed: int, n_charts: int) -> None:
     random = np.random.default_rng(seed)

@@ -63,7 +63,7 @@ def assert_kept_apart(
         assert columns.max() < size[0] - padding
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(1, 12),

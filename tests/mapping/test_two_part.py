@@ -50,7 +50,7 @@ def moved(mesh: Mesh, scale: float, offset: object) -> Mesh:
 
 
 @given(st.integers(0, 1000), directions, centers)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_sphere_from_its_center_is_the_spherical_mapping(
     seed: int, axis: tuple[float, ...], center: tuple[float, ...]
 ) -> None:
@@ -64,7 +64,7 @@ def test_a_sphere_from_its_center_is_the_spherical_mapping(
 
 
 @given(st.integers(0, 1000), directions, centers, st.sampled_from([None, (-2.0, 1.0)]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_cylinder_by_its_normals_is_the_cylindrical_mapping(
     seed: int,
     axis: tuple[float, ...],
@@ -80,7 +80,7 @@ def test_a_cylinder_by_its_normals_is_the_cylindrical_mapping(
 
 
 @given(st.integers(0, 1000), directions)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_plane_by_its_normal_is_the_planar_mapping(seed: int, axis: tuple[float, ...]) -> None:
     mesh = soup(seed)
     expected = planar(mesh, UnwrapOptions(method="planar", axis=axis))  # type: ignore[arg-type]

@@ -56,7 +56,7 @@ linear_maps = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(linear_maps)
 def test_the_outside_stays_outside_and_normals_stay_normal(linear):
     moved = transformed(SPHERE, matrix(linear, (5, -3, 2)))

@@ -25,7 +25,7 @@ def assert_same_bits(words):
     np.testing.assert_array_equal(parse(words).view(np.int64), expected.view(np.int64))
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=50))
 def test_shortest_text_of_every_float(values):
     assert_same_bits([repr(value) for value in values])
@@ -34,7 +34,7 @@ def test_shortest_text_of_every_float(values):
 DIGITS = st.text("0123456789", min_size=1, max_size=40)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(
     st.sampled_from(["", "-", "+"]),
     DIGITS,

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from texbake.mesh.mesh import Mesh
@@ -254,7 +254,6 @@ def test_flat_normals_are_one_a_face():
 coordinates = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.1, 1e-9, 3e7, 1e300, -1e300, 5e-324])
 
 
-@settings(deadline=None)  # the first example may compile kernels
 @given(
     hnp.arrays(np.float64, (6, 3), elements=coordinates),
     hnp.arrays(np.int32, st.tuples(st.integers(1, 12), st.just(3)), elements=st.integers(0, 5)),

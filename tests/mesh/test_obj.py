@@ -172,7 +172,7 @@ def test_faces_without_vertices_and_vertices_without_faces(read):
         read(SQUARE)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(
     hnp.arrays(np.float64, (5, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
     hnp.arrays(np.float64, (4, 2), elements=st.floats(-1e300, 1e300)),

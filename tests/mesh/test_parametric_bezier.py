@@ -89,7 +89,7 @@ def test_patches_that_share_a_border_share_its_points_bit_by_bit(side, resolutio
     assert edges.misoriented.sum() == (resolution if side > 3 else 0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.floats(-1e6, 1e6), min_size=12, max_size=12), st.integers(1, 40))
 def test_any_border_walked_either_way_has_the_same_points(numbers, resolution):
     patch = np.zeros((4, 4, 3))

@@ -261,7 +261,7 @@ def test_part_of_a_turn_is_open_with_its_middle_at_the_front():
     assert sorted(x.tolist())[::9] == [-1.0, 1.0]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(st.integers(0, 9999), st.integers(-9999, 9999)).map(lambda p: np.divide(p, 1000)),

@@ -235,7 +235,7 @@ def test_fractional_index_in_text(read):
         read(ply("ascii", [("vertex", XYZ, POINTS), ("face", POLYGON, faces)]))
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(
     hnp.arrays(np.float64, (5, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
     hnp.arrays(np.float32, (5, 2), elements=st.floats(-2, 2, width=32)),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from texbake.errors import UvError
@@ -76,7 +76,6 @@ def test_blenders_tangents(data_dir, name, scale):
     assert np.array_equal(ours[:, 3], signs)
 
 
-@settings(deadline=None)  # the first example may compile kernels
 @given(hnp.arrays(np.float64, (2, 2), elements=st.floats(-2, 2)), st.floats(-1, 1))
 def test_affine_mapping_has_its_closed_form(jacobian, offset):
     (u_x, u_y), (v_x, v_y) = jacobian
@@ -254,7 +253,6 @@ corner_ids = st.integers(0, 4)
 six_faces = hnp.arrays(np.int32, (6, 3), elements=corner_ids)
 
 
-@settings(deadline=None)  # the first example may compile kernels
 @given(
     hnp.arrays(np.float64, (5, 3), elements=values),
     hnp.arrays(np.float64, (5, 2), elements=values),

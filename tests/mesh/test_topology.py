@@ -65,7 +65,7 @@ def test_three_faces_at_an_edge():
     assert edges.n_forward[edges.non_manifold].tolist() == [2]
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(hnp.arrays(np.int32, st.tuples(st.integers(1, 40), st.just(3)), elements=st.integers(0, 9)))
 def test_against_counting_one_by_one(faces):
     kept = [face for face in faces.tolist() if len(set(face)) == 3]

@@ -72,7 +72,7 @@ point = st.tuples(coordinate, coordinate, coordinate)
 
 
 @given(st.lists(point, min_size=3, max_size=3), point)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 def test_degenerate_triangles_are_their_points_and_edges(corners, p):
     corners, p = np.array(corners), np.array(p)
     tree = TriangleTree.build(corners, [[0, 1, 2]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from texbake.mesh.weld import weld_rows
@@ -13,7 +13,6 @@ def firsts_by_dictionary(rows):
     return [seen.setdefault(tuple(row), index) for index, row in enumerate(rows.tolist())]
 
 
-@settings(deadline=None)  # the first example may compile kernels
 @given(
     hnp.arrays(
         np.float64,

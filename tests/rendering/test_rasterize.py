@@ -91,14 +91,14 @@ anywhere = st.integers(-10 * SUBPIXELS, 42 * SUBPIXELS)
 corner = st.tuples(half_samples | anywhere, half_samples | anywhere)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.tuples(corner, corner, corner))
 def test_a_triangle_owns_the_samples_of_the_top_left_rule(points):
     visibility = flat_visibility(points, [[0, 1, 2]], 32, 32)
     np.testing.assert_array_equal(visibility.face_ids == 0, owned(points, 32, 32))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_a_triangulation_of_the_screen_owns_each_sample_once(seed):
     rng = np.random.default_rng(seed)

@@ -43,7 +43,7 @@ def on_base(mesh, faces, weights):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(["sphere", "plane"]), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_any_cut_leaves_no_crack_and_moves_nothing(shape, seed, share):
     mesh = icosphere(1) if shape == "sphere" else plane(3, 2)

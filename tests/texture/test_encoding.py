@@ -40,7 +40,7 @@ def angles_deg(a, b):
 
 @pytest.mark.parametrize("bits", [8, 16])
 @given(values=arrays(np.float32, 50, elements=floats))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_rounding_is_that_of_exact_arithmetic(bits, values):
     top = 2**bits - 1
     exact = [half_up(Fraction(float(value)), top) for value in values]
@@ -78,7 +78,7 @@ def test_flat_is_one_color_also_with_float32_noise(convention):
 
 @pytest.mark.parametrize("bits", [8, 16])
 @given(values=arrays(np.float32, 30, elements=st.floats(-1, 1, width=32)))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_all_but_flat_components_round_exactly(bits, values):
     top = 2**bits - 1
     values = np.where(np.abs(values) <= 4e-6, np.float32(0.25), values)
@@ -137,7 +137,7 @@ def test_alpha_is_ignored():
     heights=arrays(np.float32, (4, 5), elements=st.floats(-1e6, 1e6, width=32)),
     mid=st.none() | st.floats(0.1, 0.9),
 )
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_heights_come_back_within_half_a_step(bits, heights, mid):
     covered = np.ones(heights.shape, bool)
     mid, scale = height_range(heights, covered, bits=bits, mid=mid)

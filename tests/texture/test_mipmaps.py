@@ -58,7 +58,7 @@ def test_of_odd_sizes_a_texel_is_the_mean_over_its_area(size):
     np.testing.assert_allclose(mip_chain(image).level(1), areas, atol=3e-7)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(1, 70), st.integers(1, 70))
 def test_every_level_has_the_mean_of_the_image(height, width):
     image = random_image(height, width, 1)

@@ -39,7 +39,7 @@ def by_definition(point, weight, seed):
 
 
 @BOTH
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     point=st.tuples(*[st.floats(-1e5, 1e5)] * 3),
     seed=st.integers(-5, 2**70),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from texbake.errors import OptionError, UvError
 from texbake.mesh.mesh import Mesh
@@ -30,7 +30,6 @@ sides = st.integers(1, 60)
 
 
 @given(st.lists(st.tuples(sides, sides), min_size=1, max_size=12), sides, sides)
-@settings(deadline=None)
 def test_rectangles_lie_inside_and_never_overlap(
     sizes: list[tuple[int, int]], width: int, height: int
 ) -> None:

@@ -47,7 +47,7 @@ def squared_distances(chart_ids):
 
 
 @given(chart_ids=charts(), padding=st.integers(0, 30))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_it_agrees_with_trying_all_owners(chart_ids, padding):
     owners = nearest_owner(chart_ids, padding, threads=1)
     distances, rows, columns = squared_distances(chart_ids)
@@ -63,7 +63,7 @@ def test_it_agrees_with_trying_all_owners(chart_ids, padding):
 
 
 @given(chart_ids=charts(), padding=st.integers(0, 30))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_it_counts_every_texel_that_two_charts_reach(chart_ids, padding):
     distances, rows, columns = squared_distances(chart_ids)
     near = distances <= padding**2
@@ -162,7 +162,7 @@ def test_the_input_is_not_changed():
 
 
 @given(chart_ids=charts(), value=st.floats(-(2.0**100), 2.0**100, width=32))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_push_pull_of_a_constant_is_exactly_that_constant(chart_ids, value):
     mask = chart_ids >= 0
     values = np.where(mask[..., None], np.float32(value), np.float32(np.nan))

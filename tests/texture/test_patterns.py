@@ -23,7 +23,7 @@ def pattern_at(pattern, width, phase):
 
 
 @pytest.mark.parametrize("pattern", [HARD, SINE, RAMP])
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     width=st.floats(0.05, 0.95),
     phase=st.floats(-1000, 1000),
