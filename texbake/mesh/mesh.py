@@ -19,6 +19,9 @@ from texbake.errors import MeshError, UvError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 
+# Half-edges, three per face, are numbered with int32.
+MAX_FACES = (2**31 - 1) // 3
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mesh:
@@ -56,7 +59,7 @@ class Mesh:
     ------
     MeshError
         A number is not finite, an index is out of range, shapes do not match, or there are no
-        faces.
+        faces or more than `MAX_FACES`.
     """
 
     positions: FloatArray
@@ -76,6 +79,7 @@ class Mesh:
         faces = self._adopt("faces", np.int32, (None, 3))
         if positions is None or faces is None or len(faces) == 0:
             raise MeshError(f"{self.name}: it has no faces; a mesh needs at least one triangle")
+        check_face_count(len(faces), self.name)
         self._check_finite("positions", "a position")
         self._check_indices("faces", len(positions), "position")
         for values, corners, width, noun in (
@@ -197,6 +201,15 @@ class Mesh:
                 f"{self.name}: a {noun} index is out of range "
                 f"(face {int(bad.argmax())}; there are {n_values})"
             )
+
+
+def check_face_count(n_faces: int, name: str) -> None:
+    """Raise `MeshError` if a mesh has so many faces that int32 cannot number its half-edges."""
+    if n_faces > MAX_FACES:
+        raise MeshError(
+            f"{name}: it has {n_faces:,} triangles; {MAX_FACES:,} are the most; "
+            "split it into several files"
+        )
 
 
 def frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -1,0 +1,25 @@
+"""How many faces a mesh may have."""
+
+import numpy as np
+import pytest
+
+from texbake import Mesh, MeshError
+from texbake.mesh import mesh as mesh_module
+from texbake.mesh.mesh import MAX_FACES, check_face_count
+
+
+def test_half_edges_fit_int32():
+    """The last half-edge of the largest mesh has a number, and that of one face more has none."""
+    limit = np.iinfo(np.int32).max
+    assert 3 * MAX_FACES - 1 <= limit < 3 * (MAX_FACES + 1) - 1
+    check_face_count(MAX_FACES, "scan.ply")
+    with pytest.raises(MeshError, match=r"^scan\.ply: it has 715,827,883 triangles; 715"):
+        check_face_count(MAX_FACES + 1, "scan.ply")
+
+
+def test_a_mesh_checks_its_face_count(monkeypatch):
+    monkeypatch.setattr(mesh_module, "MAX_FACES", 1)
+    faces = np.array([[0, 1, 2]])
+    Mesh(positions=np.eye(3), faces=faces)
+    with pytest.raises(MeshError, match="it has 2 triangles; 1 are the most"):
+        Mesh(positions=np.eye(3), faces=np.repeat(faces, 2, axis=0))
