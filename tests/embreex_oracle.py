@@ -4,7 +4,6 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from texbake.core import core
 from texbake.raycast.fans import DEPTH, N_COLUMNS, OPEN, OPEN_DIRECTION
 from texbake.raycast.rays import NO_HIT, RayHits
 
@@ -28,6 +27,28 @@ def refine(hits, rays, mesh, frame):
     hits.barycentrics[hit] = np.column_stack([u, v])
     ways = u[:, None] * b + v[:, None] * c - starts
     hits.distances[hit] = np.einsum("ij,ij->i", ways, directions)
+
+
+def fan_frames(axes):
+    """(n, 3, 3) float32: two tangents and the axis of each fan, after Duff et al. 2017."""
+    x, y, z = axes.T
+    sign = np.where(z >= 0, np.float32(1), np.float32(-1))
+    a = -1.0 / (sign + z).astype(np.float64)
+    b = (x * y) * a
+    first = [1.0 + (sign * x * x) * a, sign * b, -sign * x]
+    second = [b, sign + (y * y) * a, -y]
+    return np.stack([*first, *second, x, y, z], axis=1).astype(np.float32).reshape(-1, 3, 3)
+
+
+def fan_directions(frames, planes, local, side):
+    """(n, 3) float32: directions from tangent space, mirrored at the planes they lie below."""
+    x, y, z = local.T[:, :, np.newaxis]
+    directions = x * frames[:, 0] + y * frames[:, 1] + z * frames[:, 2]
+    px, py, pz = planes.T
+    height = directions[:, 0] * px + directions[:, 1] * py + directions[:, 2] * pz
+    below = 2 * np.minimum(height, np.float32(0))
+    mirrored = directions - below[:, np.newaxis] * planes
+    return np.ascontiguousarray(np.float32(side) * mirrored)
 
 
 class PlainScene:
@@ -139,24 +160,23 @@ class EmbreexScene:
         """As `RayScene.cast_fans`, one direction of all fans per call."""
         n, n_rays = len(fans), sets.shape[1]
         results = np.full((n, N_COLUMNS), np.nan, dtype=np.float32)
-        frames, directions = np.empty((12, n), np.float32), np.empty((3, n), np.float32)
-        core.fan_frames(fans.axes, fans.planes, frames)
+        frames = fan_frames(fans.axes)
         set_ids = fans.set_ids & np.uint32(len(sets) - 1)
 
         def cast(side, length, query, j):
-            core.fan_directions(n_rays, frames, set_ids, sets.reshape(-1, 3), j, side, directions)
+            directions = fan_directions(frames, fans.planes, sets[set_ids, j], side)
             origins = fans.points + side * occlusion_range.offset * fans.planes
             lengths = np.full(n, min(length, FARTHEST), dtype=np.float32)
-            return self.scene.run(
-                origins.astype(np.float32), np.ascontiguousarray(directions.T), lengths, query=query
-            )
+            result = self.scene.run(origins.astype(np.float32), directions, lengths, query=query)
+            return result, directions
 
         if occlusion_range.outer > 0.0:
             sums = np.zeros((n, 4), dtype=np.float32)
             for j in range(n_rays):
-                free = (cast(1.0, occlusion_range.outer, "OCCLUDED", j) != 0).astype(np.float32)
+                result, directions = cast(1.0, occlusion_range.outer, "OCCLUDED", j)
+                free = (result != 0).astype(np.float32)
                 sums[:, 0] += free
-                sums[:, 1:] += free[:, np.newaxis] * directions.T
+                sums[:, 1:] += free[:, np.newaxis] * directions
             results[:, OPEN] = sums[:, 0] / n_rays
             results[:, OPEN_DIRECTION] = sums[:, 1:] / n_rays
             closed = sums[:, 0] == 0.0
@@ -164,6 +184,6 @@ class EmbreexScene:
         if occlusion_range.inner > 0.0:
             depths = np.zeros(n, dtype=np.float32)
             for j in range(n_rays):
-                depths += cast(-1.0, occlusion_range.inner, "DISTANCE", j).astype(np.float32)
+                depths += cast(-1.0, occlusion_range.inner, "DISTANCE", j)[0].astype(np.float32)
             results[:, DEPTH] = depths / n_rays
         return results

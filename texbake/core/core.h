@@ -373,8 +373,6 @@ int64_t measure_layout(
     int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
     double uvs[n][2], double figures[3]);
 
-int64_t layout_is_injective(
-    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3]);
 
 /* gradient_noise.c */
 void fill_noise(
@@ -692,7 +690,6 @@ void project_points(
     const double matrix[4][4], double places[n][2], float changes[n][4], float coverage[n]);
 
 /* pulse_train.c */
-double average_pulse(int64_t pattern, double width, double phase, double span);
 void fill_checker(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], float out[n][1], int64_t n_dimensions,
@@ -781,10 +778,6 @@ void color_ids_u16(
     uint16_t codes[n][3], int64_t start, int64_t stop);
 
 /* ray_fans.c */
-void fan_frames(int64_t n, const float axes[n][3], const float planes[n][3], float frames[12][n]);
-void fan_directions(
-    int64_t n, int64_t n_directions, int64_t n_rays, const float frames[12][n], const uint32_t set_ids[n],
-    const float sets[n_directions][3], int64_t j, float side, float directions[3][n]);
 void cast_fans(
     int64_t n, int64_t n_directions, const double points[n][3], const float axes[n][3],
     const float planes[n][3], const uint32_t set_ids[n], const float sets[n_directions][3],
@@ -1088,9 +1081,6 @@ void closest_points(
     double distances[n], int32_t face_ids[n], double barycentrics[n][3]);
 
 /* tutte.c */
-int64_t embed_in_circle(
-    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
-    double tolerance, double uvs[n][2]);
 
 /* union_find.c */
 void merge_labels(

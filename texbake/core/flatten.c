@@ -186,15 +186,3 @@ int64_t measure_layout(
     close_arena(arena);
     return is_measured;
 }
-
-/* Whether no two triangles of a layout without flips overlap; -1 if they are no oriented surface. */
-int64_t layout_is_injective(
-    int64_t n, int64_t n_faces, const double uvs[n][2], const int32_t faces[n_faces][3])
-{
-    OPEN_ARENA(arena);
-    struct patch patch;
-    const int64_t answer = make_patch(arena, n, n_faces, faces, &patch)
-        ? is_injective(arena, uvs, &patch) : -1;
-    close_arena(arena);
-    return answer;
-}

@@ -9,12 +9,6 @@
 #include "core.h"
 #include "procedure_points.h"
 
-/* Mean of one pulse, as `pulse_mean`; by itself only tests ask for it. */
-double average_pulse(int64_t pattern, double width, double phase, double span)
-{
-    return pulse_mean(pattern, width, phase, span);
-}
-
 /* A checker of unit squares or cubes. */
 void fill_checker(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],

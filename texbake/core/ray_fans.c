@@ -56,22 +56,6 @@ static inline void write_directions(
     }
 }
 
-/* Write two tangents, the axis and the plane of each fan into a column. */
-void fan_frames(int64_t n, const float axes[n][3], const float planes[n][3], float frames[12][n])
-{
-    for (int64_t i = 0; i < n; i++)
-        write_frame(axes[i], planes[i], n, frames[0] + i);
-}
-
-/* Write the j-th direction of each fan; `sets` are sets of n_rays directions. `side` is 1 for the outer rays and -1 for the inner rays, which
-   go the opposite way. */
-void fan_directions(
-    int64_t n, int64_t n_directions, int64_t n_rays, const float frames[12][n], const uint32_t set_ids[n],
-    const float sets[n_directions][3], int64_t j, float side, float directions[3][n])
-{
-    write_directions(n, n_rays, frames[0], set_ids, sets, j, side, directions[0]);
-}
-
 /* Sixteen fans, and the packet of their rays. */
 struct fan_packet {
     int32_t valid[PACKET];

@@ -189,15 +189,3 @@ bool lay_in_circle(
     reset_arena(arena, mark);
     return is_laid;
 }
-
-int64_t embed_in_circle(
-    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
-    double tolerance, double uvs[n][2])
-{
-    OPEN_ARENA(arena);
-    struct patch patch;
-    const bool is_laid = make_patch(arena, n, n_faces, faces, &patch) && patch.is_disk
-        && lay_in_circle(arena, &patch, points, tolerance, uvs);
-    close_arena(arena);
-    return is_laid;
-}
