@@ -105,6 +105,7 @@ from .jobs.meshes import (
     repair_file as repair_file,
     simplify_file as simplify_file,
     simplify_levels as simplify_levels,
+    transform_file as transform_file,
 )
 from .jobs.options import (
     DEMO_FOLDER as DEMO_FOLDER,
@@ -192,6 +193,8 @@ from .mesh.simplify import (
 )
 from .mesh.simplify_options import SimplifyOptions as SimplifyOptions
 from .mesh.tangents import corner_tangents as corner_tangents
+from .mesh.transform import transform as transform
+from .mesh.transform_options import TransformOptions as TransformOptions
 from .pages.asset_page import write_bake_page as write_bake_page
 from .progress import ProgressSink as ProgressSink
 from .rendering.camera import Camera as Camera

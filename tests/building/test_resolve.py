@@ -47,6 +47,7 @@ def test_defaults_that_are_written_out_change_nothing(name: str) -> None:
         ("check", {"fail_on": "warning"}),
         ("mipmap", {"kind": "normal"}),
         ("repair", {"winding": False}),
+        ("transform", {"scale": 2.0}),
     ],
 )
 def test_a_setting_changes_the_key(name: str, given: dict[str, Any]) -> None:

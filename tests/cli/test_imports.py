@@ -63,6 +63,9 @@ def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
     [
         ("info low.obj", ""),
         ("make torus -o torus.ply --resolution 12x8", ""),
+        ("convert low.obj converted.ply", ""),
+        ("repair low.obj -o repaired.ply", ""),
+        ("transform low.obj -o moved.ply --scale 2", ""),
         ("simplify high.ply -o less.ply --faces 100", "meshoptimizer"),
         ("unwrap low.obj -o fast.obj --size 64 --quality fast", ""),
         ("unwrap low.obj -o good.obj --size 64", ""),

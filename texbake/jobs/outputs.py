@@ -20,6 +20,8 @@ from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
 
 Report = TypeVar("Report")
 
+# As texbake writes these, they hold positions and faces, and nothing else.
+BARE_MESH_SUFFIXES = (".stl", ".off")
 _PAGE_SUFFIXES = (".html", ".htm")
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, make_folder
 from texbake.jobs.outputs import (
+    BARE_MESH_SUFFIXES,
     JobResult,
     check_distinct,
     check_mesh,
@@ -25,8 +26,6 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
 from texbake.texture.image import write_image
-
-_WITHOUT_COORDINATES = (".stl", ".off")  # as texbake writes them
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +106,7 @@ def unwrap_files(
                 f"{path}: {path.suffix} files are written without texture coordinates; "
                 "use .obj, .ply or .glb"
                 for path in outputs
-                if path.suffix.lower() in _WITHOUT_COORDINATES
+                if path.suffix.lower() in BARE_MESH_SUFFIXES
             ),
         ),
     )

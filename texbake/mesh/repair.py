@@ -83,7 +83,7 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
     if options.winding:
         turned = _misoriented(mesh)
         counts["faces turned"] = int(turned.sum())
-        mesh = _turned(mesh, turned)
+        mesh = turned_over(mesh, turned)
     return mesh, RepairReport(mesh.n_faces, counts)
 
 
@@ -165,7 +165,7 @@ def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
     return volumes
 
 
-def _turned(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
+def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
     """Return a mesh with some faces turned over, and the normals at their corners with them."""
     if not turned.any():
         return mesh

@@ -16,11 +16,22 @@ class RepairOptions(CheckedOptions):
     seams of the old ones.
     """
 
-    merge: Annotated[bool, Option("Join vertices at one position.")] = True
-    degenerate: Annotated[bool, Option("Remove faces without area.")] = True
-    duplicates: Annotated[bool, Option("Remove faces that are there twice.")] = True
+    merge: Annotated[bool, Option("Join vertices at one position.", flag="--merge/--no-merge")] = (
+        True
+    )
+    degenerate: Annotated[
+        bool, Option("Remove faces without area.", flag="--degenerate/--no-degenerate")
+    ] = True
+    duplicates: Annotated[
+        bool, Option("Remove faces that are there twice.", flag="--duplicates/--no-duplicates")
+    ] = True
     winding: Annotated[
         bool,
-        Option("Turn faces over so that neighbors agree and closed parts face outwards."),
+        Option(
+            "Turn faces over so that neighbors agree and closed parts face outwards.",
+            flag="--winding/--no-winding",
+        ),
     ] = True
-    coordinates: Annotated[bool, Option("Keep texture coordinates.")] = True
+    coordinates: Annotated[
+        bool, Option("Keep texture coordinates.", flag="--coordinates/--no-coordinates")
+    ] = True

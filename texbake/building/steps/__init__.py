@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from texbake.building.step import StepKind
 from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
-from texbake.building.steps.meshes import MAKE, REPAIR, SIMPLIFY, UNWRAP
+from texbake.building.steps.meshes import MAKE, REPAIR, SIMPLIFY, TRANSFORM, UNWRAP
 from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
 
 # In the order in which a pipeline usually has them.
@@ -13,6 +13,7 @@ STEP_KINDS: dict[str, StepKind] = {
     for kind in (
         MAKE,
         REPAIR,
+        TRANSFORM,
         SIMPLIFY,
         UNWRAP,
         CHECK,

@@ -1,4 +1,4 @@
-"""Steps that make or change a mesh: `make`, `repair`, `simplify`, `unwrap`."""
+"""Steps that make or change a mesh: `make`, `repair`, `transform`, `simplify`, `unwrap`."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
 from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, SimplifyOptions
+from texbake.mesh.transform_options import TransformOptions
 from texbake.schema import CheckedOptions, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 
@@ -131,6 +132,32 @@ REPAIR = StepKind(
     inputs=(InputRole(name="mesh"),),
     outputs=lambda settings: {"mesh": f"repaired.{settings['format']}"},
     run=_repair,
+    memory=repair_memory,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransformStep(TransformOptions):
+    """How a mesh is moved; further options are those of `TransformOptions`."""
+
+    format: Annotated[str, FORMAT_OF_MESH] = "ply"
+
+
+def _transform(job: Job) -> dict[str, Any]:
+    from texbake.jobs.meshes import transform_file
+
+    done = transform_file(job.file("mesh"), job.outputs["mesh"], TRANSFORM.made(job.settings))
+    return {"faces": done.report.n_faces, "notes": list(done.warnings)}
+
+
+TRANSFORM = StepKind(
+    name="transform",
+    does="scales, turns and moves a mesh, or changes its format",
+    options=TransformStep,
+    without=(),
+    inputs=(InputRole(name="mesh"),),
+    outputs=lambda settings: {"mesh": f"transformed.{settings['format']}"},
+    run=_transform,
     memory=repair_memory,
 )
 

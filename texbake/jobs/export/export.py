@@ -29,12 +29,12 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
+from texbake.mesh.transform import Y_FROM_Z
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import read_image
 from texbake.texture.layers import write_layers
 
 SETTINGS = "SETTINGS.txt"
-_Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
 _ORM_PARTS = ("ao", "roughness", "metalness")
 
 
@@ -276,7 +276,7 @@ def _textures(
 
 def _placed(mesh: Mesh, options: ExportOptions) -> Mesh:
     """Turn a mesh Y up, and scale it to meters."""
-    linear = np.eye(3) if options.up == "y" else _Y_FROM_Z
+    linear = np.eye(3) if options.up == "y" else Y_FROM_Z
     if options.up == "y" and options.meters_per_unit == 1.0:
         return mesh
     matrix = np.eye(4)

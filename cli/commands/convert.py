@@ -1,0 +1,37 @@
+"""`texbake convert`: change the format of a mesh file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+import texbake
+from texbake import TransformOptions
+
+from ..moving import moved
+from ..options import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES, options_of
+from ..terminal import Terminal, terminal_options
+from ..types import FileOf
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake convert statue.fbx statue.glb
+      texbake convert part.stl part.obj --units mm --up z
+    """
+)
+@click.argument("source", type=FileOf(MESH_SUFFIXES))
+@click.argument("target", type=FileOf(WRITABLE_MESH_SUFFIXES))
+@options_of(TransformOptions, "scale", "units", "up")
+@terminal_options
+def convert(source: Path, target: Path, terminal: Terminal, **options: Any) -> None:
+    """Write the mesh in SOURCE in the format of TARGET.
+
+    Keeps texture coordinates, normals, groups and vertex colors where the format has them. Images
+    and colors of materials are not written; a warning says so.
+    """
+    moved(source, target, texbake.TransformOptions(**options), terminal)

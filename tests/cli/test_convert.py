@@ -1,0 +1,88 @@
+"""`convert`, `transform` and `repair`: what they write and say, and `python -m texbake`."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import Invoke
+from texbake import Mesh, read_mesh, write_mesh
+from texbake.mesh.shapes import uv_sphere
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off", "glb"])
+def test_any_format_becomes_any_other(suffix: str, workplace: Path, invoke: Invoke) -> None:
+    invoke(f"convert low.obj low2.{suffix}")
+    low, converted = read_mesh("low.obj"), read_mesh(f"low2.{suffix}")
+    # As float32, which is what GLB and STL have; a GLB file lists vertices once for each seam.
+    corners = [mesh.positions[mesh.faces].astype(np.float32) for mesh in (low, converted)]
+    assert np.array_equal(*corners)
+    assert (converted.uvs is None) == (suffix in ("stl", "off"))
+
+
+def test_units_and_the_axis_that_points_up(workplace: Path, invoke: Invoke) -> None:
+    result = invoke("convert low.obj meters.ply --units cm --up z --scale 2")
+    assert result.output.splitlines()[0].split() == ["faces", "112"]
+    moved, low = read_mesh("meters.ply"), read_mesh("low.obj")
+    assert np.allclose(moved.positions, 0.02 * low.positions[:, [0, 2, 1]] * (1, 1, -1), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("target", "lost"),
+    [("a.glb", "materials"), ("a.stl", "texture coordinates, materials")],
+)
+def test_what_is_lost_is_said(target: str, lost: str, workplace: Path, invoke: Invoke) -> None:
+    text = Path("low.obj").read_text("utf-8").replace("\nf ", "\nusemtl red\nf ", 1)
+    Path("red.obj").write_text(f"mtllib red.mtl\n{text}", "utf-8")
+    Path("red.mtl").write_text("newmtl red\nKd 1 0 0\n", "utf-8")
+    result = invoke(f"convert red.obj {target}")
+    assert f"texbake: warning: {target}: written without {lost}\n" in result.output
+    Path("red.mtl").unlink()
+    assert "written without" in invoke(f"convert red.obj {target}").output
+
+
+def test_a_mesh_may_replace_itself(workplace: Path, invoke: Invoke) -> None:
+    before = read_mesh("low.obj").positions
+    invoke("transform low.obj -o own.obj --move 1,0,0")
+    invoke("transform own.obj -o own.obj --move 0,2,0 -q")
+    assert np.allclose(read_mesh("own.obj").positions, before + np.array([1, 2, 0]), atol=1e-15)
+
+
+def test_repairs_are_counted(tmp_path: Path, invoke: Invoke) -> None:
+    ball = uv_sphere(4, 8)
+    twice = Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))
+    write_mesh(twice, tmp_path / "twice.ply")
+    result = invoke(f"repair {tmp_path}/twice.ply -o {tmp_path}/once.ply")
+    assert ["duplicate", "faces", str(ball.n_faces)] in [
+        r.split() for r in result.output.split("\n")
+    ]
+    assert read_mesh(tmp_path / "once.ply").n_faces == ball.n_faces
+    kept = invoke(f"repair {tmp_path}/twice.ply -o {tmp_path}/kept.ply --no-duplicates")
+    assert "duplicate" not in kept.output
+    assert read_mesh(tmp_path / "kept.ply").n_faces == 2 * ball.n_faces
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("convert low.obj low.fbx", "low.fbx"),
+        ("transform low.obj -o a.obj --scale -1", "--scale: -1.0 is out of range"),
+        ("transform low.obj -o a.obj --units mile", "'mile' is not one of"),
+    ],
+)
+def test_wrong_use_is_refused(
+    line: str, message: str, workplace: Path, run: Callable[..., subprocess.CompletedProcess[str]]
+) -> None:
+    done = run(line)
+    assert done.returncode in (1, 2) and message in done.stderr
+    assert not Path("a.obj").exists() and not Path("low.fbx").exists()
+
+
+def test_the_package_is_a_program(workplace: Path) -> None:
+    command = [sys.executable, "-P", "-m", "texbake", "convert", "low.obj", "low.off"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("wrote low.off\n")
