@@ -6,7 +6,7 @@
 >>> texbake.bake(high, low).write("maps/")  # doctest: +SKIP
 
 `__init__.pyi` lists the public names and the modules they come from. Each is loaded when it is
-first used, so importing the package costs next to nothing.
+first used, so importing the package costs almost nothing.
 """
 
 import lazy_loader

@@ -22,7 +22,7 @@ class ProgressSink(Protocol):
         """A stage has begun; `total` is None if the amount of work is unknown."""
 
     def advanced(self, stage: str, done: int) -> None:
-        """So many units of `total` are done."""
+        """Record that this many units of `total` are done."""
 
     def finished(self, stage: str, seconds: float) -> None:
         """A stage has ended, normally or by an error."""

@@ -181,7 +181,7 @@ def _from_low(
     field = RayField(low, frame, kind=kind, front=0.0, back=1.0, threads=threads)
     inward = field.rays(samples)
     lengths = np.where(inward.lengths > 0.0, limit, 0.0)
-    # Both directions at once, since a scene in chunks builds its trees anew for each call.
+    # Both directions at once, since a scene in chunks rebuilds its trees for each call.
     rays = Rays.joined(
         [
             Rays(inward.origins, directions, lengths, inward.fronts)

@@ -170,7 +170,7 @@ class Store:
         return len(doomed)
 
     def clean(self) -> None:
-        """Remove what killed builds left behind; nothing of builds that run."""
+        """Remove what killed builds left behind, and nothing that belongs to a running build."""
         if self.is_local:
             clear(Path(self.place) / _TEMPORARY)
             for doomed in Path(self.place).glob("??/*.*"):  # entries that were being removed

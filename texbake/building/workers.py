@@ -233,7 +233,7 @@ class _Process:
 
 def main() -> None:
     """Run one task after another, as a worker process."""
-    # Ctrl-C reaches all processes of a terminal; the build decides what becomes of workers.
+    # Ctrl-C reaches all processes of a terminal; the build decides what happens to workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)

@@ -1,8 +1,8 @@
 /* Memory of a kernel: taken piece by piece, and given back all at once.
 
-   A function that Python calls opens an arena, takes arrays from it, and closes it. Where there is
-   no more memory, `take` does not return: the function returns OUT_OF_MEMORY, and everything taken
-   is given back. So a kernel needs no test after each array.
+   A function that Python calls opens an arena, takes arrays from it, and closes it. If memory runs
+   out, `take` does not return: the function returns OUT_OF_MEMORY, and everything taken is given
+   back. So a kernel needs no test after each array.
 
        int64_t sort_something(int64_t n, double values[n])
        {
@@ -25,13 +25,13 @@ struct arena {
     jmp_buf out_of_memory;
 };
 
-/* A place in an arena to go back to: what was taken after it is given back. */
+/* A point in an arena to go back to. Memory taken after it is then given back. */
 typedef struct block *arena_mark;
 
 struct arena *new_arena(void);
 void close_arena(struct arena *arena);
 
-/* Memory for `count` items of `size` bytes, aligned to 64 bytes; never NULL, also for 0 items. The
+/* Memory for `count` items of `size` bytes, aligned to 64 bytes; never NULL, even for 0 items. The
    second is filled with zeros. */
 void *take(struct arena *arena, int64_t count, size_t size);
 void *take_zeros(struct arena *arena, int64_t count, size_t size);

@@ -54,7 +54,7 @@ static inline const struct array_fields *fields_of(const void *object)
     return (const struct array_fields *)((const char *)object + layout.head);
 }
 
-/* Whether an object is an array of a type and rank, contiguous and aligned, and writeable if need
+/* Whether an object is an array of a type and rank, contiguous and aligned, and writable if it must
    be. */
 static bool is_array(const void *object, enum dtype dtype, int rank, bool written)
 {

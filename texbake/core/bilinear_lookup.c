@@ -1,5 +1,5 @@
-/* Lookups in the finest level of an image: the texel that holds a place, or the mix of the four texels
-   about it.
+/* Lookups in the finest level of an image: the texel that holds a place, or a mix of the four
+   texels around it.
 
    Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup; texture_lookup.h for
    bilinear interpolation.

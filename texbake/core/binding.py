@@ -150,7 +150,7 @@ def _checked_arguments(declaration: Declaration, arguments: tuple[Any, ...]) -> 
 
 
 def _check_kind(declaration: Declaration, parameter: Parameter, array: Any) -> None:
-    """Raise if an argument is no array of the declared type and rank that can be used as it is."""
+    """Raise unless an argument is an array of the declared type and rank, usable as it is."""
     wanted = f"{parameter.dtype} ({', '.join(parameter.dimensions)})"
     place = f"{declaration.name}: {parameter.name}:"
     if not isinstance(array, np.ndarray):

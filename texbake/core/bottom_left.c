@@ -2,7 +2,7 @@
 
    Free cells are stored as runs, so that a search along a row jumps from obstacle to obstacle
    instead of going from cell to cell. The whole bitmap is searched, not only its skyline, so that
-   holes fill.
+   holes are filled.
 
    Based on: Bruno Lévy, Sylvain Petitjean, Nicolas Ray, Jérome Maillot, "Least squares conformal
    maps for automatic texture atlas generation", 2002 (charts packed by their shape, large ones
@@ -155,7 +155,7 @@ int64_t block_chart(
 }
 
 /* The charts to place, the cells that they have left, and where to begin a search for a box of
-   about a given size: at the last place that one was found, if there is a hurry. */
+   about a given size: where the last one was found, if `hurry` is set. */
 struct placing {
     const struct chart_masks *masks;
     int64_t hurry;

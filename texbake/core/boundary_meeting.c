@@ -1,4 +1,4 @@
-/* Whether the boundary of a flat patch is apart from itself, touches itself, or crosses itself.
+/* Whether the boundary of a flat patch stays clear of itself, touches itself, or crosses itself.
 
    Where no triangle is flipped, a point is covered as often as the boundary winds around it, so that
    the boundary decides whether triangles overlap. Each edge is compared with earlier edges that
@@ -120,8 +120,8 @@ static inline double distance_from_line(const double p[2], const double q[2], co
     return length > 0.0 ? area / length : 0.0;
 }
 
-/* How edges meet that leave a common vertex for `one` and `other`: in different directions, or one
-   on the other. */
+/* How two edges meet that lead from a common vertex to `one` and `other`: in different directions,
+   or one along the other. */
 static int fans_meet(
     const double common[2], const double one[2], const double other[2], double depth)
 {

@@ -11,7 +11,7 @@
 #include "quadtree.h"
 #include "second_differences.h"
 
-/* What the mean of four samples may be off by: shares of second differences, of how far the four
+/* How far the mean of four samples may be off: shares of second differences, of how far the four
    together deviate from an even change, and of how far that exceeds LEAP second differences, which
    it never does where values merely bend. */
 static const double EVEN = 0.01, UNEVEN = 0.05, UNSTEADY = 0.15;
@@ -37,7 +37,7 @@ static double expected_error(double steps, double away)
     return EVEN * steps + UNEVEN * away + UNSTEADY * max_f64(away - LEAP * steps, 0.0);
 }
 
-/* Whether the quarters and all neighbors of a wholly covered texel are of its chart. */
+/* Whether the quarters and all neighbors of a wholly covered texel belong to its chart. */
 static bool is_inside(const struct texel_samples *samples, int64_t texel, int64_t first)
 {
     const int32_t *charts = samples->charts, chart = charts[texel];
@@ -147,8 +147,8 @@ static void adjust_mean(
     }
 }
 
-/* Judge a texel whose quarters or neighbors are not all of its chart; infinite where too little is
-   known. `slopes` is for two rows of channels. */
+/* Judge a texel whose quarters or neighbors do not all belong to its chart; infinite where too
+   little is known. `slopes` is for two rows of channels. */
 static double judge_border(
     const struct texel_samples *samples, const struct coverage *coverage,
     const struct metric *metric, double steps, int64_t texel, int64_t first, float *means,
@@ -220,7 +220,7 @@ int64_t judge_four_samples(
 struct cells {
     int64_t height, width, n_channels;
     const int32_t *children, *charts;
-    const float *values; /* n_channels each */
+    const float *values; /* n_channels per value */
     struct metric metric;
 };
 

@@ -4,7 +4,7 @@
    inside: the layout of least symmetric Dirichlet energy is found at once. A part with holes may
    need a cut from one to another. A part that curves too much is divided, along creases or in halves,
    again and again, as long as that lowers the stretch; cuts do not remove the stretch of noise. A
-   single face is always flat. Then charts join neighbors where next to no stretch comes of it, since
+   single face is always flat. Then charts join neighbors where that adds almost no stretch, since
    halving cuts some surfaces that need no cut.
 
    Based on: Zheng, Fu, Au, Tai, "Bilateral Normal Filtering for Mesh Denoising", 2011.

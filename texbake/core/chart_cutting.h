@@ -1,4 +1,5 @@
-/* A part of a mesh while it is cut into charts, for other files of the core. */
+/* A part of a mesh while it is cut into charts, for other files of the core. A part is here any set
+   of faces that is flattened together; it becomes a chart, or is divided into smaller parts. */
 
 #ifndef TEXBAKE_CHART_CUTTING_H
 #define TEXBAKE_CHART_CUTTING_H
@@ -24,7 +25,7 @@ struct part {
     int64_t n_halves;
 };
 
-/* What charts may be like. */
+/* Limits that charts must keep. */
 struct chart_limits {
     double most_l2;     /* stretch */
     double most_length; /* a longer one is divided */
@@ -44,7 +45,7 @@ struct cutting {
     struct chart_limits limits;
     int64_t n_faces;
     int32_t *opposite;    /* -1 also where a chart was cut open */
-    struct part **charts; /* room for two a face; NULL: joined with another */
+    struct part **charts; /* room for two per face; NULL: joined with another */
     int64_t n_charts;
 };
 

@@ -1,4 +1,4 @@
-/* Charts that join neighbors where next to no stretch comes of it.
+/* Charts that join neighbors where that adds almost no stretch.
 
    Small charts come first. Two charts are flattened as one, beginning with the layouts of both, the
    one turned and moved to fit the other along their common border. The joined chart must be about as
@@ -23,8 +23,8 @@
 static const double LEAST_SHARED = 0.2;
 enum { MOST_TRIES = 3, MOST_WORK = 4, LEAST_FACES = 16 };
 
-/* A chart that is tiny beside its neighbor takes a few steps from the layouts of both, which cost as
-   much less. */
+/* A chart that is tiny compared with its neighbor needs only a few steps from the layouts of both,
+   at a fraction of the cost. */
 enum { TOUCH_UP = 3, CHEAPER = 8 };
 
 /* A chart of more faces, and of a greater share of those of the part, stays as it is. */
@@ -39,12 +39,12 @@ static const double LENGTH_SHARE = 0.65;
 /* It may leave as much of its convex hull empty as the two did, or this share of its area. */
 static const double MOST_WASTE = 0.25;
 
-/* It has at most this share of the largest area, unless one of the two has next to nothing of that:
+/* It has at most this share of the largest area, unless one of the two is tiny compared with that:
    then it may also stretch as much as any chart. */
 static const double AREA_SHARE = 0.4;
 static const double NEXT_TO_NOTHING = 0.007;
 
-/* Stretch of a joined chart that has next to nothing of the largest area. */
+/* Largest stretch of a joined chart that is tiny compared with the largest area. */
 static const double MOST_INVISIBLE = 1.25;
 
 /* Charts while they join: the chart of each face, and the borders that one shares with others. */

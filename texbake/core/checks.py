@@ -40,12 +40,12 @@ bool set_array_layout(const struct layout *given, const void *probe, const void 
 
 
 def checksum(header: str) -> int:
-    """Return a number that tells one text of `core.h` from another."""
+    """Return a number that distinguishes one text of `core.h` from another."""
     return zlib.crc32(header.encode())
 
 
 def checked_source(declarations: Iterable[Declaration], header: str) -> str:
-    """Return the source of the checked functions, and of the one that tells their `core.h`."""
+    """Return the source of the checked functions, and of the one that identifies their `core.h`."""
     head = _HEAD.replace("CHECKSUM", str(checksum(header)))
     functions = (
         "\n".join(_function(declaration)) for declaration in declarations if declaration.has_check
@@ -86,7 +86,7 @@ def _function(declaration: Declaration) -> Iterator[str]:
 
 
 def _scalar(parameter: Parameter) -> str:
-    """Declaration of a number: the type is that of C, which numpy's name tells."""
+    """Declaration of a number: the C type, found by its numpy name."""
     types = {"bool": "bool", "float32": "float", "float64": "double", "uintp": "uintptr_t"}
     return f"{types.get(parameter.dtype, f'{parameter.dtype}_t')} {parameter.name}"
 

@@ -130,8 +130,8 @@ void add_fragments(
     }
 }
 
-/* Divide sums by the samples, and composite over the background, which has one value or one a
-   pixel. */
+/* Divide sums by the samples, and composite over the background, which has a single value or one
+   per pixel. */
 void finish_pixels(
     int64_t height, int64_t width, int64_t rows_behind, int64_t columns_behind,
     float color[height][width][4], float coverage[height][width],

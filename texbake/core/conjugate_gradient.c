@@ -28,7 +28,7 @@ struct preconditioner {
     double (*inverses)[3]; /* of the diagonal blocks: xx, xy, yy */
     double (*bodies)[2];   /* vertices relative to the middle of their region */
     double *factor;        /* size * size, lower triangle: Cholesky, its diagonal inverted */
-    int64_t size;          /* three movements a region, or 0 with a single region */
+    int64_t size;          /* three movements per region, or 0 with a single region */
 };
 
 /* Invert the diagonal blocks; return the number of regions. */

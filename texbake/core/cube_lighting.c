@@ -48,7 +48,7 @@ static inline struct cube_place find_in_lobe(const double direction[3], const fl
 {
     const double nx = normal[0], ny = normal[1], nz = normal[2];
     const double along = direction[0], across = direction[1], up = direction[2];
-    /* Two directions that are square to the normal and to each other. */
+    /* Two directions that are perpendicular to the normal and to each other. */
     const double sign = nz >= 0.0 ? 1.0 : -1.0;
     const double a = -1.0 / (sign + nz), b = nx * ny * a;
     return find_cube_place(

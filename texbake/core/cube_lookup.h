@@ -59,7 +59,7 @@ static inline struct cube_place find_cube_place(double x, double y, double z)
     return none;
 }
 
-/* The four texels about a place on a level of `size` texels that begins at `offset`. */
+/* The four texels around a place on a level of `size` texels that begins at `offset`. */
 static inline struct cube_cell find_cube_cell(
     int64_t offset, int64_t size, const struct cube_place *place)
 {

@@ -54,7 +54,7 @@ class Parameter:
     optional: bool
 
     def sizes(self) -> dict[str, tuple[int, int]]:
-        """Return each size that this array's shape tells: the dimension, and what to add to it."""
+        """Return each size that the array's shape gives: the dimension, and what to add to it."""
         found = {}
         for axis, dimension in enumerate(self.dimensions):
             match = _SIZE.fullmatch(dimension)

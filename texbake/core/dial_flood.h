@@ -26,7 +26,7 @@ struct flood {
     int32_t *labels;
     int32_t *distances;  /* FAR_AWAY at first */
     int32_t *sizes;      /* faces of each label */
-    struct offer *queue; /* three rows a face, and one a source */
+    struct offer *queue; /* three rows per face, and one per source */
     int64_t most;        /* faces of a label */
 };
 

@@ -86,7 +86,7 @@ void measure_texel_lengths(
     }
 }
 
-/* Bits of the sides of the picture that a point is farther outside of than their margins. */
+/* Bits of the sides of the picture beyond whose margins a point lies. */
 static uint8_t sides_passed(const double point[3], const double sides[5][4], const double margins[5])
 {
     unsigned code = 0;

@@ -19,7 +19,7 @@
 #include "core.h"
 #include "numbers.h"
 
-/* Texels of a row that the second pass searches together; those that are all owned it skips. */
+/* Texels of a row that the second pass searches together; it skips those that are all owned. */
 #define SEGMENT 128
 
 /* "No owner within reach", as an offset in texels; so the greatest padding is one less. As in

@@ -1,4 +1,4 @@
-/* Parts of a mesh that share no vertex, by union-find.
+/* Shells of a mesh, which share no vertex, by union-find.
 
    Based on: Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975.
 

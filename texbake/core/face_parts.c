@@ -10,7 +10,7 @@
    Based on: Cohen-Steiner, Alliez, Desbrun, "Variational Shape Approximation", 2004 (Lloyd's
    iteration over the faces of a mesh, flooded from seeds).
 
-   Called from disk_cutting.c and texbake/mapping/atlas/cutting/parts.py. */
+   Called from part_division.c and texbake/mapping/atlas/cutting/parts.py. */
 
 #include "face_parts.h"
 
@@ -136,7 +136,7 @@ static int64_t find_centers(const struct division *division, int32_t n_labels)
     return n_centers;
 }
 
-/* Flood anew from the middles of the parts; return the number of labels. */
+/* Flood again from the middles of the parts; return the number of labels. */
 static int32_t move_seeds(const struct division *division, int32_t n_labels)
 {
     const int64_t n_faces = division->graph->n_faces;

@@ -10,11 +10,11 @@
    the triangles decide, allowing for rounding.
 
    Based on: Smith, Schaefer, "Bijective Parameterization with Free Boundaries", 2015. It departs in
-   not keeping the boundary from crossing itself unless asked to: the caller is told whether it does,
-   and may divide the patch then. Lipman, "Bijective Mappings of Meshes with Boundary and the Degree
-   in Mesh Processing", 2014.
+   not keeping the boundary from crossing itself unless asked to: it reports whether it does, so
+   that the caller can divide the patch. Lipman, "Bijective Mappings of Meshes with Boundary and the
+   Degree in Mesh Processing", 2014.
 
-   Called from disk_cutting.c and texbake/mapping/atlas/flattening/flatten.py. */
+   Called from part_layout.c and texbake/mapping/atlas/flattening/flatten.py. */
 
 #include "flatten.h"
 
@@ -29,7 +29,7 @@
 #include "rigid_regions.h"
 #include "tutte.h"
 
-/* Of layouts in the circle: first roughly, and if that has flips, as well as can be. */
+/* Tolerances of layouts in the circle: rough at first, and close to rounding if that has flips. */
 static const double CIRCLE_TOLERANCES[] = {1e-4, 1e-12};
 
 bool is_injective(struct arena *arena, const double (*uvs)[2], const struct patch *patch)
@@ -167,7 +167,7 @@ int64_t flatten_patch(
 }
 
 /* Move a layout to the origin, give it its area in space, and measure it as `flatten_patch` does.
-   Returns false if the triangles are no oriented surface, or one is flipped or has no area. */
+   Returns false if the triangles form no oriented surface, or one is flipped or has no area. */
 int64_t measure_layout(
     int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
     double uvs[n][2], double figures[3])

@@ -1,7 +1,7 @@
 /* A chart that would pack badly divided along a straight line through its layout.
 
-   That is one that is too long, or too large, or leaves too much of its convex hull empty. Of several
-   lines through the middle of its area, the one is taken that leaves the least hulls.
+   That is one that is too long, or too large, or leaves too much of its convex hull empty. Of
+   several lines through its centroid, the one that leaves the smallest convex hulls is taken.
 
    Called from chart_cutting.c. */
 

@@ -36,7 +36,7 @@ struct fan_mesh {
     int32_t (*fans)[3];
 };
 
-/* Take the fan of a corner on across the edge that leaves it (side 0) or that arrives (side 2). */
+/* Continue the fan of a corner across the edge that leaves it (side 0) or arrives (side 2). */
 static void grow_fan(
     const struct fan_mesh *mesh, int64_t start, int corner, int side, int32_t fan)
 {

@@ -88,7 +88,7 @@ static float rounded_up(double x)
     return (double)near < x ? nextafterf(near, INFINITY) : near;
 }
 
-/* Write the boxes of one leaf. Coordinates that are no numbers are left out. */
+/* Write the boxes of one leaf. Coordinates that are NaN are left out. */
 static void bound_leaf(const leaf corners, int64_t n_lanes, node boxes, int64_t lane)
 {
     for (int axis = 0; axis < 3; axis++) {

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdint.h>
 
-/* The first argument where they are equal or the second is NaN, as Python's min and max. */
+/* The first argument where they are equal or the second is NaN, as with Python's min and max. */
 static inline double min_f64(double a, double b) { return b < a ? b : a; }
 static inline double max_f64(double a, double b) { return b > a ? b : a; }
 static inline float min_f32(float a, float b) { return b < a ? b : a; }

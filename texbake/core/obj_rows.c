@@ -1,4 +1,4 @@
-/* The statements of OBJ text, and the rows that they are.
+/* The statements of OBJ text, and the rows of numbers that they hold.
 
    The text is walked once to find the lines of each kind. Then the lines of one kind are read side by
    side, because each of them is now known to be the n-th of its kind.
@@ -85,7 +85,7 @@ static inline int kind_of(struct text text, int64_t at, int64_t *behind)
     return first == 'u' && second == 's' && third == 'e' ? MARK : NO_KIND;
 }
 
-/* Advance `nexts` of each statement's kind, and with `fill` put down where it stands. */
+/* Advance `nexts` of each statement's kind, and with `fill` record where it stands. */
 void find_statements(
     int64_t n, int64_t n_offsets, const uint8_t bytes[n], bool fill, int64_t nexts[5],
     int64_t offsets[n_offsets])

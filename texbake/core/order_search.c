@@ -24,8 +24,9 @@ struct place {
     int32_t x, y, orientation;
 };
 
-/* Charts in all orientations, as in `Shapes`; the shares of their areas make of two equally high
-   layouts the better one that with less area far up: it is likelier to become lower. */
+/* Charts in all orientations, as in `Shapes`; the shares of their areas decide between two equally
+   high layouts: the one with less area near the top is better, because it is likelier to become
+   lower. */
 struct charts {
     int64_t n_charts, n_orientations;
     const int32_t (*boxes)[2];

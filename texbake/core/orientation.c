@@ -7,7 +7,7 @@
 #include "core.h"
 #include "numbers.h"
 
-/* A face's root, and whether the face is wound against it; `against` is turned over if so. */
+/* A face's root, and whether the face is wound against it; `against` is flipped if so. */
 static int64_t root_of(
     const int64_t *parents, const bool *flips, int64_t face, bool *against)
 {

@@ -23,8 +23,9 @@ static const double ACCURACY = 1e-3;
    than a tenth of a degree. */
 static const double FLAT = 1.0 - 1e-6;
 
-/* Slivers are flattened as if they were wider. A part of little else is useless if its area grows by
-   more, and it becomes longer than its bounding box in space by more. */
+/* Slivers are flattened as if they were wider. The layout of a part that is mostly slivers is
+   useless if its area grows by more than this factor and its length exceeds the bounding box in
+   space by more. */
 static const double MOST_GROWTH = 1.5;
 
 /* Directions in which a layout is measured, over half a turn. */

@@ -40,8 +40,8 @@ struct row {
     int64_t length;
 };
 
-/* Fill the row of a vertex; return whether its triangles are an oriented surface. `slots` holds the
-   place of each column in the last row that had it, `last` which row that was. */
+/* Fill the row of a vertex; return whether its triangles form an oriented surface. `slots` holds
+   the place of each column in the last row that had it, `last` which row that was. */
 static bool fill_row(
     struct patch *patch, const struct fans *fans, int32_t vertex, struct row *row, int32_t *slots,
     int32_t *last)
@@ -76,7 +76,7 @@ static bool fill_row(
     return is_surface;
 }
 
-/* Fill all rows and list the boundary edges; return whether the triangles are a surface. */
+/* Fill all rows and list the boundary edges; return whether the triangles form a surface. */
 static bool fill_rows(struct arena *arena, struct patch *patch, const struct fans *fans)
 {
     int32_t *slots = TAKE(arena, int32_t, patch->n);

@@ -26,9 +26,9 @@ struct patch {
     bool is_disk;              /* connected, and a disk once all loops but one are filled */
 };
 
-/* Find the neighbors and the boundary; false without triangles, and if they are no oriented surface:
-   an edge has more than two triangles, or two that run along it in one direction, or a triangle has
-   a vertex twice. */
+/* Find the neighbors and the boundary; false without triangles, and if they do not form an oriented
+   surface: an edge has more than two triangles, or two that run along it in one direction, or a
+   triangle has a vertex twice. */
 bool make_patch(
     struct arena *arena, int64_t n, int64_t n_faces, const int32_t (*faces)[3],
     struct patch *patch);

@@ -1,6 +1,6 @@
 /* Random numbers, the same that NumPy's `default_rng(seed).random(n)` returns.
 
-   To import `numpy.random` takes as long as everything else that measures a small bake.
+   Importing `numpy.random` takes as long as all the rest of measuring a small bake.
 
    Based on: Melissa O'Neill, "PCG: a family of simple fast space-efficient statistically good
    algorithms for random number generation", 2014 (PCG XSL RR 128/64), and "Developing a seed_seq
@@ -61,7 +61,7 @@ static uint64_t next_bits(struct pcg64 *random)
     return folded >> turn | folded << (-turn & 63);
 }
 
-/* Numbers from 0 up to, not including, 1. */
+/* Numbers from 0 (included) to 1 (excluded). */
 void draw_uniform(int64_t n, uint64_t seed, double values[n])
 {
     uint64_t words[4];

@@ -82,7 +82,7 @@ int64_t walk_text_rows(
     return walk_rows(&body, start, n_columns, n_rows, layout, *offsets, *sizes, end);
 }
 
-/* Copy pieces of a body, whose units have a size in bytes, after each other. */
+/* Copy pieces of a body, whose units have a size in bytes, one after another. */
 void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered])

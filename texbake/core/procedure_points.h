@@ -15,8 +15,8 @@
 #include "numbers.h"
 
 struct procedure_points {
-    const double *points; /* n_coordinates a point, 2 or 3; a missing third is 0 */
-    const float *widths;  /* n_widths a point, 1 or as many as coordinates; NULL: nothing is filtered */
+    const double *points; /* n_coordinates per point, 2 or 3; a missing third is 0 */
+    const float *widths;  /* n_widths per point, 1 or as many as coordinates; NULL: no filter */
     int64_t n_coordinates, n_widths;
 };
 
@@ -74,7 +74,7 @@ static inline double span_along(
 /* Share of its contrast that noise keeps in a pixel so many cells wide, from 1 down to 0. It is kept
    whole up to a fourth of a cell and gone where a pixel is as wide as a cell. Noise averaged over a
    square keeps 0.96 and 0.62 of its contrast there; the rest is what would alias, since a cell is
-   about one period and two pixels a period are the limit. */
+   about one period and two pixels per period are the limit. */
 static inline double contrast_kept(double cells)
 {
     const double kept_below = 0.25, gone_above = 1.0;

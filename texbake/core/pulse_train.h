@@ -7,7 +7,7 @@
    - PULSE_RAMP: straight up to 1 over the first `width`, straight down to 0 over the rest.
 
    The mean of a pulse over an interval is the difference of its integral at the ends divided by the
-   length, which is exact: edges finer than a pixel become the right gray.
+   length, which is exact: details finer than a pixel become the right gray.
 
    Based on: Apodaca and Gritz, "Advanced RenderMan", 2000, chapter 11 (the filtered pulse train). */
 

@@ -47,7 +47,7 @@ static inline int32_t code_of(
         value = (float)((value - coding->lows[place]) / coding->sizes[place]);
     value = fabs(value) <= coding->noise ? 0.0 : value;
     const double code = value * coding->factors[place] + coding->offsets[place] + 0.5;
-    /* Also NaN becomes 0. */
+    /* NaN becomes 0, too. */
     return (int32_t)(code > 0.0 ? min_f64(code, coding->top) : 0.0);
 }
 

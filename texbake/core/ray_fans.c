@@ -101,7 +101,8 @@ static void add_open(const struct ray_packet *packet, struct fan_packet *fans)
     }
 }
 
-/* Cast fans, and write what their rays meet; `sets` are sets of n_rays directions. Lengths that are 0 are not cast. */
+/* Cast fans, and write what their rays meet; `sets` are sets of n_rays directions. Rays of length 0
+   are not cast. */
 void cast_fans(
     int64_t n, int64_t n_directions, const double points[n][3], const float axes[n][3],
     const float planes[n][3], const uint32_t set_ids[n], const float sets[n_directions][3],

@@ -1,6 +1,7 @@
 /* Whether faces are hidden from a viewer, by rays from samples of each to the viewer.
 
-   All in float64: this serves a few rays a face, not pictures. The boxes are those of `TriangleTree`.
+   All in float64: this serves a few rays per face, not pictures. The boxes are those of
+   `TriangleTree`.
 
    Based on: Möller, Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", Journal of Graphics
    Tools 2(1), 1997; Kay, Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986 (boxes as slabs).

@@ -1,6 +1,7 @@
 /* Samples of a texture become rays, and what the rays hit becomes offsets from the samples.
 
-   A ray starts outside the low-poly surface, goes through it at the sample, and on behind it.
+   A ray starts outside the low-poly surface, passes through it at the sample, and continues behind
+   it.
 
    Called from texbake/baking/rays.py and texbake/baking/hits.py. */
 

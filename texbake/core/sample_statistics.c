@@ -39,7 +39,7 @@ void add_fragments_squared(
     }
 }
 
-/* Add samples to their pixels, composited over the background, which has one value or one a
+/* Add samples to their pixels, composited over the background, which has a single value or one per
    pixel. */
 void add_samples_squared(
     int64_t sample_rows, int64_t sample_columns, int64_t rows_behind, int64_t columns_behind,

@@ -12,8 +12,9 @@
 #include "numbers.h"
 #include "union_find.h"
 
-/* A loop of the boundary is cut to if it is at least this share of the longest one; shorter ones,
-   such as those of screw holes, stretch little. And at most so many cuts are tried. */
+/* A cut leads to another loop of the boundary only if that is at least this share of the longest
+   one: shorter loops, such as those of screw holes, cause little stretch. At most `MOST_CUTS` cuts
+   are tried. */
 static const double LEAST_LOOP = 0.1;
 enum { MOST_CUTS = 4 };
 

@@ -16,7 +16,7 @@
 
 static const double TOWARDS = 1.0 / 18.0; /* share of the second differences added to a sample */
 static const double DEVIATION = 2.0; /* second differences that a deviation counts as */
-static const double PARTLY = 2.5; /* a partly covered texel is so much further off, by measurement */
+static const double PARTLY = 2.5; /* measured: how much further off a partly covered texel is */
 
 /* Find wholly covered texels of the same chart along an axis (0: x, 1: y). */
 struct neighbors neighbors_along(const struct texel_samples *samples, int64_t texel, int axis)

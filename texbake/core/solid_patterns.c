@@ -79,7 +79,7 @@ void fill_marble(
     }
 }
 
-/* Noise with so many cells a ring across and along the axis, faded by the pixel's width. */
+/* Noise with so many cells per ring across and along the axis, faded by the pixel's width. */
 static double drawn_noise(
     const struct noise_lattice *lattice, const double across[3], double along,
     const double axis[3], double cells_across, double cells_along, double width)

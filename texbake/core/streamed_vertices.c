@@ -53,7 +53,7 @@ static inline void read_vertex(struct layout layout, int64_t vertex, double poin
         point[axis] = read_coordinate(at + n[4 + axis], n[7] == 8, n[8]);
 }
 
-/* Whether vertices are x, y and z in float32 of this machine, one a row. */
+/* Whether vertices are x, y and z in float32 of this machine, one per row. */
 static bool is_plain(struct layout layout)
 {
     const uint16_t one = 1;

@@ -266,7 +266,7 @@ static double longest_step(
     return longest;
 }
 
-/* A layout on its way down, and what a step needs. */
+/* A layout while its energy is lowered, and what a step needs. */
 struct descent {
     const struct patch *patch;
     const struct shapes *shapes;

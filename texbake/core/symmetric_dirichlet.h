@@ -33,7 +33,7 @@ struct stretches stretches_of(const double (*uvs)[2], const struct shapes *shape
 struct limits {
     int64_t n_iterations;
     double accuracy;
-    bool keep_apart; /* edges of the boundary do not cross in any layout on the way */
+    bool keep_apart; /* edges of the boundary never cross, in any step */
 };
 
 /* Minimize the energy from a layout without flips, in place; return the number of steps. */

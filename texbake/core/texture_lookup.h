@@ -121,8 +121,8 @@ static inline double find_neighbors(
     return x - whole;
 }
 
-/* The four texels about a `wrap_to_unit` coordinate, OUTSIDE for the border. `first` is the index of
-   the image's first texel. */
+/* The four texels around a `wrap_to_unit` coordinate, OUTSIDE for the border. `first` is the index
+   of the image's first texel. */
 static inline struct texel_cell bilinear_cell(
     double u, double v, int64_t width, int64_t height, int64_t wrap, int64_t first)
 {

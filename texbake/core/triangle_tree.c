@@ -255,7 +255,7 @@ void closest_points(
         struct nearness best = {0.0, 0.0, min_f64(limit, dot(offset, offset))};
         int32_t face = closest_face(&tree, p, &best);
         if (face < 0 && !(best.squared >= limit)) {
-            best.squared = limit; /* rounding put the point nearby out of its own reach */
+            best.squared = limit; /* rounding put the nearby point beyond its own distance */
             face = closest_face(&tree, p, &best);
         }
         face_ids[k] = face;

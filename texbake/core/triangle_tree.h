@@ -8,7 +8,7 @@
 #include "vectors.h"
 
 /* Levels: one for each of the 63 bits that triangles are split by at most, one for each halving of
-   the 2^31 triangles at most of one code. A stack holds one node a level, and two at the last. */
+   the 2^31 triangles at most of one code. A stack holds one node per level, and two at the last. */
 enum { TREE_STACK_SIZE = 63 + 31 + 2 };
 
 struct triangle_tree {

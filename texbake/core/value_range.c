@@ -1,4 +1,4 @@
-/* What the values of a map are, before they are coded: their range, how many lie beyond it, and the
+/* The values of a map before they are encoded: their range, how many lie beyond it, and the
    value at a rank, found without sorting.
 
    The value at a rank comes from counts of the upper halves of the values' bits, then of the lower

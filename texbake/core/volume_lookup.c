@@ -1,5 +1,5 @@
-/* Lookups in a volume, a stack of images: the texel that holds a place, or the mix of the eight texels
-   about it.
+/* Lookups in a volume, a stack of images: the texel that holds a place, or a mix of the eight
+   texels around it.
 
    Based on: the OpenGL 4.6 specification, section 8.14; Peachey, "Solid Texturing of Complex
    Surfaces", 1985.

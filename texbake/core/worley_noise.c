@@ -1,4 +1,4 @@
-/* Worley's cells: distances to the nearest and the second nearest of points scattered one a cell.
+/* Worley's cells: distances to the nearest and the second nearest of points scattered one per cell.
 
    Cells are searched in rings until no cell further out can hold a nearer point, so that both are
    exact.
@@ -39,7 +39,7 @@ static inline double squared_gap(double within, int64_t step)
     return gap * gap;
 }
 
-/* Take the point of the cell `cell` cells away into `found`. */
+/* Update `found` with the point of the cell that is `cell` cells away. */
 static inline void measure_point(
     const struct scattered_points *scattered, int64_t index, const int64_t cell[3],
     const double within[3], struct two_nearest *found)

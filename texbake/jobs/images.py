@@ -54,7 +54,7 @@ class HeightMapReport:
     ----------
     field : HeightField
     mid, scale : float
-        Of the file: a value v stands for the height (v - mid) * scale.
+        Of the file: a value v means the height (v - mid) * scale.
     """
 
     field: HeightField

@@ -185,7 +185,7 @@ def _read_high(
 def _check_streamed(
     high: StreamedMesh, high_texture: PathLike | None, html: PathLike | None
 ) -> None:
-    """Raise if what is asked for needs a mesh in memory that is read in chunks."""
+    """Raise if a mesh that is read in chunks would have to be in memory."""
     for name, given_path in (("high_texture", high_texture), ("html", html)):
         if given_path is not None:
             raise OptionError(
@@ -300,7 +300,7 @@ def remap_files(
     done = _done(result.report, stages.records, written, given(report))
     if report is not None:
         write_report(report, done.to_json())
-    # What was to be said about the rays was said when they were cast.
+    # Warnings about the rays were given when they were cast.
     return replace(done, warnings=clipping_warnings(written.values()))
 
 

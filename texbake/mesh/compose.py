@@ -114,7 +114,7 @@ def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
 
 
 def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """(V, 4) colors of (V, 3) or (V, 4), opaque where they say nothing of it."""
+    """(V, 4) colors of (V, 3) or (V, 4), opaque where they have no alpha."""
     rgba = np.ones((len(colors), 4), np.float32)
     rgba[:, : colors.shape[1]] = colors
     return rgba

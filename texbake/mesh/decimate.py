@@ -1,4 +1,4 @@
-"""Fewer faces of a vertex stream: collapsed edges, dropped parts, and clustered vertices.
+"""Fewer faces of a vertex stream: collapsed edges, dropped shells, and clustered vertices.
 
 Kernels: `core/quadric_simplification.c`, and for millions of faces
 `core/piecewise_simplification.c`.
@@ -40,7 +40,7 @@ _MOST_CELLS = 1 << 20  # a side of the grid that clusters vertices
 def bring_down(stream: VertexStream, n_faces: int, *, threads: int | None = None) -> VertexStream:
     """Reduce a large stream until the rest is quick, leaving its boundary if that fits.
 
-    Starting the quadrics anew from there also brings the result a little closer to the surface.
+    Restarting the quadrics there also brings the result a little closer to the surface.
     """
     n_start = max(_START_FACES, _START_TIMES * n_faces)
     if len(stream.faces) <= 1.25 * n_start:
@@ -168,7 +168,7 @@ def move_and_collapse(
 
 
 def drop_parts(stream: VertexStream, faces: IntArray, n_faces: int) -> IntArray:
-    """Drop separate parts, the smallest first, until at most `n_faces` are left; perhaps all."""
+    """Drop shells, the smallest first, until at most `n_faces` are left; perhaps all."""
     if len(faces) == 0:
         return faces
     corners = stream.position_ids[faces]

@@ -167,7 +167,7 @@ def sample_surface(
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Points spread evenly over a surface, in the order of its faces.
 
-    Each lies in its own n-th part of the area, within its face at the next point of a
+    Each lies in its own n-th of the area, within its face at the next point of a
     low-discrepancy sequence. A mesh without area gets its samples in equal steps of its faces.
 
     Parameters

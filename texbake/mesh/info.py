@@ -73,7 +73,7 @@ class MeshInfo:
         None where the mesh has none; the same for uvs, tangents and colors.
     groups : tuple of GroupInfo
     n_components : int
-        Connected parts of the mesh, which share no vertex.
+        Shells of the mesh: connected pieces that share no vertex.
     n_boundary_edges, n_non_manifold_edges, n_misoriented_edges : int
         Edges of one face; of more than two; of two that do not agree on which side is outside.
     n_degenerate_faces, n_duplicate_faces : int

@@ -12,7 +12,7 @@ from texbake.schema import CheckedOptions, Option
 class RepairOptions(CheckedOptions):
     """Which repairs `repair` makes.
 
-    If texture coordinates are made anew later, `simplify` comes closer to the surface without the
+    If new texture coordinates are made later, `simplify` comes closer to the surface without the
     seams of the old ones.
     """
 

@@ -200,7 +200,7 @@ def _from_spherical(theta: FloatArray, phi: FloatArray, radius_at: Field | None)
 
 
 def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:
-    """Icosahedron with each edge cut in `frequency` parts, blown up to the unit sphere.
+    """Icosahedron with each edge cut into `frequency` parts, projected onto the unit sphere.
 
     Vertices come in the order corners, insides of edges, insides of faces, each computed once, so
     that neighboring faces share them.

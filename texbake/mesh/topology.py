@@ -164,7 +164,7 @@ def _mixed(rows: IntArray) -> npt.NDArray[np.uint64]:
 
 
 def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
-    """Parts of a mesh that share no vertex.
+    """Number the shells of a mesh, which share no vertex.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class ErrorSummary:
     bound : float, optional
         What the errors were to be within; None if they were not bounded.
     estimated : dict of int to float
-        Percent of all texels or pixels, and the error that so many do not exceed, as estimated.
+        Percentages of all texels or pixels, and the estimated error that they do not exceed.
     measured : dict of int to float
         The same for those that were sampled again, by the difference to these other samples.
     measured_within_percent : float
@@ -69,7 +69,7 @@ class ErrorSummary:
 
 
 def percentiles_of(errors: npt.NDArray[Any], factor: float = 1.0) -> dict[int, float]:
-    """Return percents and the errors, times a factor, that so many do not exceed; {} for none."""
+    """Return percentages, and the errors, times a factor, that they do not exceed; {} for none."""
     if not len(errors):
         return {}
     values = factor * np.percentile(errors, _PERCENTILES)

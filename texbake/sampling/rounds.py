@@ -227,7 +227,7 @@ class Rounds:
     def _learn(self, known: float, work: float, seconds: float, sampling: float) -> None:
         """Learn from what a round took, and how much of this the work itself, without overhead.
 
-        `known` is what the errors told of the work before.
+        `known` is what the errors predicted before.
         """
         if self._reached == _NOTHING:
             self._growth = self._later_growth

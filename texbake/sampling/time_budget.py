@@ -24,7 +24,7 @@ class BudgetClock:
     now : callable
         Returns the time in seconds.
     warn : callable, optional
-        Is given a line of text, as soon as it is known that the time is too short.
+        Called with a line of text as soon as it is known that the time is too short.
     finish : callable, optional
         Does with a part of the result what follows the work, such as writing files, so that it can
         be timed. The type of that part depends on the work.
@@ -100,7 +100,7 @@ class TimeBudget:
     rounds : tuple of Round
         In their order.
     actual_seconds : float
-        Of everything, without what is left to do when this is reported.
+        Of everything, except what is left to do when this is reported.
     """
 
     work: str

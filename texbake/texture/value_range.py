@@ -110,7 +110,7 @@ def size_at_percentile(
     *,
     threads: int | None = None,
 ) -> float:
-    """Return the size that so many percent of the values do not exceed, interpolated between two.
+    """Return the size that the given percentage of values do not exceed, interpolated.
 
     The arrays are those of `height_range`, without NaN. 0 without covered texels.
     """

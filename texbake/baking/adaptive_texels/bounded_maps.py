@@ -48,12 +48,12 @@ class BoundedMap:
         return np.asarray(np.degrees(2.0 * np.arcsin(np.minimum(differences / 2.0, 1.0))))
 
     def summary(self, errors: npt.NDArray[Any], differences: npt.NDArray[Any]) -> ErrorSummary:
-        """Sum up the errors of the map.
+        """Summarize the errors of the map.
 
         Parameters
         ----------
         errors : (n_texels,) floats
-            As estimated, in bounds.
+            As estimated, as multiples of the bound.
         differences : (n_checked,) floats
             Lengths of the differences from the check.
         """
@@ -111,7 +111,7 @@ def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:
 class BakeSampling(SamplingReport):
     """What the adaptive samples of a bake achieved.
 
-    A divided texel counts by its finest samples, as if all of it had been sampled so finely.
+    A divided texel counts by its finest samples, as if it had been sampled that finely throughout.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """Texels divided into quarters, and these again, where neighboring samples disagree.
 
 Cells of level 0 are the texels, all of them; a cell that is divided has four children on the next
-level. Each cell has one sample, where `core/quadtree.c` puts it. A texel that is sure to need
-it is divided twice at once: its cells of level 1 have no samples.
+level. Each cell has one sample, where `core/quadtree.c` puts it. A texel that is certain to need it
+is divided twice at once, and its cells of level 1 have no samples.
 
 Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
 23(6), 1980. Departs from it by samples at the middles of cells, which are exact where values change
@@ -82,8 +82,8 @@ class Cells:
     levels : list of Level
         From level 1 on.
 
-    The texels can be divided anew, more or less finely. What the samples so far have given stays in
-    memory, and cells of the new division take it over.
+    The texels can be divided again, more or less finely. Values sampled so far stay in memory, and
+    cells of the new division reuse them.
     """
 
     def __init__(self, n_texels: int, n_channels: int) -> None:
@@ -167,7 +167,7 @@ class Cells:
         return np.asarray(places.reshape(-1), dtype=np.int32)
 
     def take_over(self, level: Level, cells: IntArray) -> IntArray:
-        """Take over what samples gave in earlier divisions; return the cells without any.
+        """Reuse the samples of earlier divisions; return the cells without any.
 
         These are moved to the front of `cells`. Kernel: `core/quadtree.c`.
         """

@@ -1,4 +1,4 @@
-"""How much of each texel the low-poly mesh covers, and where in its texels samples lie.
+"""How much of each texel the low-poly mesh covers, and where in each texel its samples lie.
 
 A texel is covered wholly or not at all, except where the outline of a chart passes through it:
 there each of its `FINE` x `FINE` sub-squares is tested.

@@ -1,7 +1,7 @@
 """Some texels sampled again, with other and more samples, to see whether estimates can be trusted.
 
-The second samples are 13 per texel, on a Fibonacci lattice. Where values leap they are worth 12 in
-a grid, where they bend, 6, so what they measure has an error of its own.
+The second samples are 13 per texel, on a Fibonacci lattice. Where values jump they are worth 12
+samples on a grid, where they bend 6, so the check has an error of its own.
 """
 
 from __future__ import annotations

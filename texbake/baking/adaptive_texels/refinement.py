@@ -72,7 +72,7 @@ def refine(sampler: TexelSampler, bounded: list[BoundedMap], max_error: str) -> 
     sampler
         With the first samples of all texels, none of which is divided.
     bounded
-        The maps and what they may be off by.
+        The maps and the errors that they are allowed.
     max_error
         The bounds as text, for the report.
     """

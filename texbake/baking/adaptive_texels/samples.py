@@ -1,6 +1,6 @@
 """A bake with adaptive samples: one per texel, and more where neighboring ones disagree.
 
-Samples are added until the errors are within a bound, or as long as there is time for a closer one.
+Samples are added until the errors are within a bound, or while there is time for a tighter one.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Texels with one sample are judged by the second difference s of the values along each axis, taken
 from the texels on both sides or, at the border of a chart, from two on one side. Where the values
-bend by s along a line through the center, the mean is off by s / 8; where they leap by s, by up to
+bend by s along a line through the center, the mean is off by s / 8; where they jump by s, by up to
 s / 2; where they curve evenly, by s / 24, always towards the neighbors. A share of s is therefore
 added to the sample: 1 / 18 leaves the least squares over bends at random places, and a third of the
 error of values that curve evenly. Partly covered texels are not sampled at their centers and do not
@@ -17,7 +17,7 @@ chart the middle of the covered part of a cell is not where its sample is.
 All of this is an estimate: what lies between all samples goes unnoticed.
 
 Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
-23(6), 1980; the shares of bends and leaps follow by integration over lines through squares.
+23(6), 1980; the shares of bends and jumps follow by integration over lines through squares.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FOUR_SAMPLES = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """Measures differences of values in multiples of what each map may be off by.
+    """Measures differences of values in multiples of the error that each map is allowed.
 
     Attributes
     ----------

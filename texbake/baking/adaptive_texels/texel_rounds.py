@@ -1,8 +1,8 @@
 """Texels refined in rounds, each to a closer bound, until the time of a bake is spent.
 
 The tree and the first samples of all texels are those of the whole bake, and each round uses all
-samples of those before. What follows the samples, such as padding and writing the maps, is timed on
-some rows of the maps that the first samples give.
+samples of those before. The steps after sampling, such as padding and writing the maps, are timed
+on some rows of the maps that the first samples give.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from texbake.sampling.time_budget import BudgetClock, TimeBudget
 _CLOSEST = ErrorBounds(angle=math.radians(0.004), share=1e-6)
 # Factor by which errors fall with four times the samples, beyond four.
 _FALL = np.float32(3.0)
-# What rounds cost as a multiple of what the errors tell before, by measurement: cells are judged
+# Measured: what rounds cost, as a multiple of what the errors predict: cells are judged
 # more strictly than texels.
 _GROWTHS = 1.2, 2.0
 # Share of the rows on which what follows the samples is timed, and how many at least.
 _TIMED_SHARE, _TIMED_ROWS, _TIMED_RUNS = 1 / 16, 128, 8
-# Samples of the check lie far apart, and take so many times as long as others.
+# Samples of the check lie far apart, and take this many times as long as others.
 _CHECK_COST = 1.3
 # Seconds to estimate all errors of a round, in those to estimate errors from the first samples.
 _ESTIMATES = 2.0
@@ -83,7 +83,7 @@ class TexelRounds:
         return str(self._closest.scaled(bound))
 
     def refine(self, bound: float) -> None:
-        """Divide the texels anew, and cast the samples that are missing."""
+        """Divide the texels again, and cast the samples that are missing."""
         sampler, max_error = self._sampler, self.name_of(bound)
         sampler.cells.restart(self._divisions)
         try:
@@ -105,7 +105,7 @@ class TexelRounds:
         return self._sampler.trace.counts.rays_cast, self._sampling
 
     def _watch(self, share: float, n_left: int) -> None:
-        """Give a round up if the level that it is at would take too long."""
+        """Give up a round if its current level would take too long."""
         if share == 0.0:
             self._level_start = self._clock.spent
             self._rounds.check(self._rounds.unit * n_left)

@@ -41,7 +41,7 @@ class Target:
     title
         Its name.
     axes
-        Its up axis and unit, and what its importer does about them.
+        Its up axis and unit, and how its importer treats them.
     tangents
         Where its tangent basis comes from.
     mesh_format

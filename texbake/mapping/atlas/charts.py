@@ -29,7 +29,7 @@ class Charts:
     chart_ids : (T,) int32
         Chart of each coordinate; charts are numbered from 0 without gaps.
     n_ignored : int
-        Faces without a chart, because they have no area on the grid, or next to none.
+        Faces without a chart, because they have no area on the grid, or almost none.
     n_mirrored : int
         Charts that came out mirrored and were turned over.
     n_split : int

@@ -5,7 +5,7 @@ the texture, so that a face cannot lie on two of them: a face whose corners do g
 the ray of its centroid hits.
 
 Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
-1986, which does not say what becomes of a face across an edge of the box.
+1986, which does not say how to treat a face across an edge of the box.
 """
 
 from __future__ import annotations

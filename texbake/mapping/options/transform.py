@@ -23,7 +23,7 @@ WarpFunction = Callable[["NDArray[Any]"], "NDArray[Any]"]
 class TransformOptions(CheckedOptions):
     """What happens to coordinates after they have been mapped, in this order.
 
-    The warp `twirl` turns points about (1/2, 1/2), by so many degrees at the middle and less
+    The warp `twirl` turns points about (1/2, 1/2), by this many degrees at the middle and less
     farther out. `bulge` magnifies the middle by 1 / (1 - strength); a negative strength pinches it.
     `power` takes s and t to a power. From Python a warp may also be a function, which gets (n, 2)
     coordinates and returns as many.

@@ -43,7 +43,7 @@ _LEAST_CORNERS, _CORNERS_PER_BYTE = 1 << 24, 4
 
 
 def read_fbx(path: PathLike) -> Mesh:
-    """Read an FBX file; see the module for what becomes of a scene.
+    """Read an FBX file; see the module for how a scene is converted.
 
     Positions, normals, the first set of texture coordinates, vertex colors (of several at one
     vertex the first), and materials as groups.

@@ -29,7 +29,7 @@ _FIRST_NODE = 27
 _SINGLE = {"C": "i1", "B": "i1", "Z": "i1", "Y": "i2", "I": "i4", "F": "f4", "D": "f8", "L": "i8"}
 _MANY = {"f": "f4", "d": "f8", "i": "i4", "l": "i8", "b": "i1", "c": "i1"}
 _DEFLATE_RATIO = 1100  # deflate packs no better than 1,032 to 1
-_LONG_LIST = 8  # from so many values on, a list of one kind is read as an array
+_LONG_LIST = 8  # from this many values on, a list of one kind is read as an array
 
 
 def read_binary(path: PathLike, data: ByteArray) -> Node:

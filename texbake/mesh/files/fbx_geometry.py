@@ -197,7 +197,7 @@ def _looked_up(table: Indices, places: Indices) -> Indices:
 
 
 def _integers(values: npt.NDArray[Any]) -> Indices:
-    """Return values as integers; what is none is one that no array has."""
+    """Return values as integers; any other value becomes an integer that no array has."""
     if values.dtype.kind in "iu":
         return values.astype(np.int64)
     with np.errstate(invalid="ignore"):

@@ -83,7 +83,7 @@ class Node:
 class Budget:
     """Bytes of numbers that a file may still ask for; what it may grow to follows its size.
 
-    A file whose numbers pack so well that they are more than this is taken for an attack.
+    A file whose numbers pack so well that they are more than this counts as an attack.
     """
 
     def __init__(self, path: PathLike, n_bytes: int) -> None:

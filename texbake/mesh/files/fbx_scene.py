@@ -184,7 +184,7 @@ def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
     Raises
     ------
     FileFormatError
-        Models stand in a cycle.
+        Models form a cycle.
     MeshError
         A transform is not finite.
     """

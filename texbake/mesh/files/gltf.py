@@ -41,7 +41,7 @@ _MAX_CORNERS = (1 << 31) - 1
 
 
 def read_gltf(path: PathLike) -> Mesh:
-    """Read a .glb or .gltf file; see the module for what becomes of a scene.
+    """Read a .glb or .gltf file; see the module for how a scene is converted.
 
     Positions, NORMAL, TEXCOORD_0 (v turned up), TANGENT where all primitives have it, and COLOR_0.
     Groups are named after the node, else the mesh.

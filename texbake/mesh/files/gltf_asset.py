@@ -108,7 +108,7 @@ class GltfAsset:
         return len(self._json["meshes"]) - 1
 
     def add_node(self, name: str, **fields: Any) -> int:
-        """Add a node, which stands in no scene yet, and return its index."""
+        """Add a node that is in no scene yet, and return its index."""
         self._json["nodes"].append({"name": as_text(name), **fields})
         return len(self._json["nodes"]) - 1
 

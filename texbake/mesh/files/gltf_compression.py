@@ -48,7 +48,7 @@ def encode_triangles(indices: npt.NDArray[Any], n_vertices: int) -> bytes:
 def ordered_triangles(
     indices: npt.NDArray[np.int64], n_vertices: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Triangles in an order in which neighbors follow one another, and so code to fewer bytes.
+    """Triangles in an order in which neighbors follow one another, and so compress to fewer bytes.
 
     Parameters
     ----------

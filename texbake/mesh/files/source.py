@@ -89,7 +89,7 @@ class TextLine(NamedTuple):
 
 
 def read_lines(path: PathLike, kind: str) -> list[TextLine]:
-    """Words of each line; blanks and commas part them, `#` begins a comment, empty lines go.
+    """Words of each line; blanks and commas separate them, `#` begins a comment, empty lines go.
 
     Parameters
     ----------

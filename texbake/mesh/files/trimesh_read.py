@@ -34,7 +34,7 @@ _NEEDED = {
 
 
 def read_with_trimesh(path: PathLike) -> Mesh:
-    """Read a .dae, .zae, .3mf, .3dxml or .xaml file; see the module for what becomes of a scene.
+    """Read a .dae, .zae, .3mf, .3dxml or .xaml file; see the module for how a scene is converted.
 
     Raises
     ------

@@ -43,7 +43,7 @@ _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0,
 
 
 def read_usd(path: PathLike) -> Mesh:
-    """Read a USD file; see the module for what becomes of a stage.
+    """Read a USD file; see the module for how a stage is converted.
 
     Positions, normals, texture coordinates (the primvar `st`, else the first of the role
     TextureCoordinate or of two floats a corner), tangents of four floats a corner (`tangents`),

@@ -69,10 +69,10 @@ def make(shape: str, options: MakeOptions | None = None, **changes: Any) -> Mesh
     Returns
     -------
     Mesh
-        Texture coordinates are (u, v) in the unit square; a part more (a cap, a patch) has a tile
-        of its own. Faces are counter-clockwise seen from outside. Vertices are shared across seams
-        and at poles, where each face takes the middle u of its own. All but height fields have the
-        normals of the surface.
+        Texture coordinates are (u, v) in the unit square; each further surface (a cap, a patch) has
+        a tile of its own. Faces are counter-clockwise seen from outside. Vertices are shared across
+        seams and at poles, where each face takes the middle u of its own. All but height fields
+        have the normals of the surface.
 
     Raises
     ------

@@ -86,7 +86,7 @@ def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
     crease
         Degrees: points at which the profile turns by at most as much have one normal, the mean of
         both segments' weighted by the inverse of their lengths. So it goes with an end on the axis,
-        where the profile is taken to go on mirrored.
+        where the profile continues mirrored.
 
     Returns
     -------

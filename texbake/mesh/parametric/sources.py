@@ -145,7 +145,7 @@ def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
 def read_patches(path: PathLike) -> FloatArray:
     """Read a file of bicubic Bézier patches, in any layout that this module's docstring shows.
 
-    Blanks or commas part the numbers of a line; `#` begins a comment.
+    Blanks or commas separate the numbers of a line; `#` begins a comment.
 
     Returns
     -------

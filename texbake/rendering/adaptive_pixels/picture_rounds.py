@@ -27,7 +27,7 @@ _CLOSEST = 1.0 / 16.0 / CODES
 _WIDEST = (CODES - 1.0) / CODES
 # Seconds to estimate all errors of a round, in those to estimate them once; and its windows.
 _ESTIMATES, _WINDOWS = 8.0, 10
-# What rounds cost as a multiple of what the errors tell before, by measurement.
+# Measured: what rounds cost, as a multiple of what the errors predict.
 _GROWTHS = 0.8, 1.0
 # Work of one visibility sample, in that of one shaded cell.
 _SEEN_COST = np.float32(1.0 / 16.0)
@@ -80,7 +80,7 @@ class PictureRounds:
         return in_codes(min(bound * self._closest, _WIDEST))
 
     def refine(self, bound: float) -> None:
-        """Refine the first samples anew, with all that were taken since."""
+        """Refine again from the first samples, with all that were taken since."""
         self._adaptive.restart()
         self._before = self.taken()
         self._adaptive.refine(parse_picture_bound(self.name_of(bound)))

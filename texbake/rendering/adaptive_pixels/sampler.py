@@ -112,7 +112,7 @@ class PixelSampler:
         self.watch: Callable[[int, Sides], None] | None = None
 
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
-        """Sample pixels anew and replace their previous sums.
+        """Sample pixels again and replace their previous sums.
 
         Parameters
         ----------

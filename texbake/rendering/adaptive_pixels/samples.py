@@ -66,7 +66,7 @@ class AdaptivePicture:
     state
         State from `texbake.rendering.draw.laid_out`, with all objects prepared.
     keeps
-        Whether to keep all samples, so that the picture can be refined anew.
+        Whether to keep all samples, so that the picture can be refined again.
 
     Attributes
     ----------

@@ -137,7 +137,7 @@ def _render(state: RenderState, target: Target) -> PlacedEnvironment:
 def _environment(
     fragments: Fragments, state: RenderState, mirror: Reflection | Refraction
 ) -> PlacedEnvironment | None:
-    """Return the environment that a mirror shows; None stands for black."""
+    """Return the environment that a mirror shows; None means black."""
     found: PlacedEnvironment | None = None
     if mirror.environment == "rendered":
         found = state.get(RENDERED_ENVIRONMENTS, fragments.target)

@@ -192,7 +192,7 @@ class MaterialReader:
     _known: dict[int | None, ReadMaterial] = field(default_factory=dict)
 
     def material(self, index: int | None, *, vertex_colors: bool = False) -> ReadMaterial:
-        """Read the material with an index; None stands for glTF's default material."""
+        """Read the material with an index; None means glTF's default material."""
         if index not in self._known:
             source = {} if index is None else self.document.item("materials", index)
             name = str(source.get("name") or ("material" if index is None else f"material {index}"))

@@ -103,7 +103,7 @@ class Displacement:
     The surface is cut into triangles whose edges are at most `edge_px` pixels long in the picture,
     or as fine as the map. A scalar d moves by (d - mid) height along the smooth normal; a `vector`
     map moves in tangent (or object) `space`, by the same rule for each component. Where `mid`,
-    `height` or `space` is None it is as the file's metadata tells, else 0, 1 and tangent.
+    `height` or `space` is None it comes from the file's metadata, or else is 0, 1 and tangent.
     """
 
     texture: Annotated[Texture, Option("Image or procedure of heights or vectors.")]

@@ -24,7 +24,7 @@ _BATCH_FACES = 50_000
 
 @dataclass(frozen=True, kw_only=True)
 class ChartLimits:
-    """What charts may be like.
+    """Limits that charts must keep.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Charts flattened anew, each with the least distortion that its present layout leads to.
+"""Charts flattened again, each with the least distortion that its present layout leads to.
 
 Charts that were flattened roughly, or by projection, come to their least stretch. Relaxing makes no
 chart worse, and makes none overlap itself.

@@ -1,6 +1,6 @@
 """Charts cut in two until none is stretched beyond a bound.
 
-A chart is first flattened anew, which may be enough. If not, it is cut along a straight line
+A chart is first flattened again, which may be enough. If not, it is cut along a straight line
 through its layout: across or along it, through the middle of its area or of its stretch, whichever
 leaves the least stretch. Parts that were cut off needlessly are joined again where the bound allows
 it.

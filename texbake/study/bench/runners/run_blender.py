@@ -120,7 +120,7 @@ def unwrap(job):
 
 
 def simplify(job):
-    """Write a mesh of about so many triangles."""
+    """Write a mesh of about this many triangles."""
     thing = imported(job["mesh"])
     modifier = thing.modifiers.new("decimate", "DECIMATE")
     modifier.ratio = job["faces"] / len(thing.data.polygons)

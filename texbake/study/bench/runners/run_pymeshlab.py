@@ -33,7 +33,7 @@ def unwrap(job):
 
 
 def simplify(job):
-    """Write a mesh of about so many triangles."""
+    """Write a mesh of about this many triangles."""
     meshes = pymeshlab.MeshSet()
     meshes.load_new_mesh(job["mesh"])
     meshes.meshing_decimation_quadric_edge_collapse(

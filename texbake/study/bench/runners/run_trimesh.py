@@ -17,7 +17,7 @@ def unwrap(job):
 
 
 def simplify(job):
-    """Write a mesh of about so many triangles."""
+    """Write a mesh of about this many triangles."""
     mesh = trimesh.load(job["mesh"], process=False)
     mesh.simplify_quadric_decimation(face_count=job["faces"]).export(job["out"])
 
