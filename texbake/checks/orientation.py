@@ -1,7 +1,7 @@
 """Checks of which side is outside: winding, shells inside out, and shading normals.
 
 Neighbors that disagree are found edge by edge. A majority decides which of them are flipped: the
-faces of a connected part are oriented from one to the next, and those of the smaller area count as
+faces of a shell are oriented from one to the next, and those of the smaller area count as
 flipped. A closed shell of negative volume is inside out, unless it is the wall of a cavity: then it
 lies within another shell.
 
@@ -37,7 +37,7 @@ def inconsistent_winding(checked: CheckedMesh) -> Finding | None:
     if not along.any():
         return None
     turned = _minority(checked, one // 3, other // 3, along)
-    # A part that has no consistent winding, such as a Möbius strip, stays torn somewhere.
+    # A shell that has no consistent winding, such as a Möbius strip, stays torn somewhere.
     torn = along ^ turned[one // 3] ^ turned[other // 3]
     rows = np.concatenate([np.flatnonzero(turned), one[torn] // 3])
     faces = edges.faces[rows]
@@ -69,7 +69,7 @@ def _neighbors(checked: CheckedMesh) -> tuple[IdArray, IdArray, BoolArray]:
 
 
 def _minority(checked: CheckedMesh, one: IdArray, other: IdArray, along: BoolArray) -> BoolArray:
-    """(n,) bool: faces wound against most of the area of their part."""
+    """(n,) bool: faces wound against most of the area of their shell."""
     rows = checked.edges.faces
     roots, flips = _oriented(len(rows), one, other, along)
     areas = checked.areas[rows]
@@ -80,14 +80,14 @@ def _minority(checked: CheckedMesh, one: IdArray, other: IdArray, along: BoolArr
 
 
 def _oriented(n: int, one: IdArray, other: IdArray, along: BoolArray) -> tuple[IdArray, BoolArray]:
-    """The part of each face, and whether it is wound against the first face of the part."""
+    """The shell of each face, and whether it is wound against its first face."""
     parents, flips = np.arange(n), np.zeros(n, dtype=np.bool_)
     core.join_orientations(parents, flips, one, other, along)
     return parents, flips
 
 
 class _Shells:
-    """Parts of a surface that are connected by edges, and which of them are closed."""
+    """Shells of a surface, connected by edges, and which of them are closed."""
 
     def __init__(self, checked: CheckedMesh) -> None:
         edges: SurfaceEdges = checked.edges

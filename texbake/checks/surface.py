@@ -8,7 +8,7 @@ Two triangles in different planes intersect where each has corners on both sides
 plane, and the segments that they cut out of the line common to both planes overlap. Candidates come
 from a tree of boxes. One crossing face is enough to flag a face, so that a thousand sheets through
 one another cost no more than two. A crossing must be deeper and longer than the rounding of files,
-so that parts that rest on one another do not count, nor neighbors that share a corner.
+so that shells that rest on one another do not count, nor neighbors that share a corner.
 
 Based on: Guéziec, Taubin, Lazarus, Horn, "Cutting and stitching: converting sets of polygons to
 manifold surfaces", 2001 (singular edges and vertices). Kernel of the intersections:
@@ -216,7 +216,7 @@ def _pair_keys(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> IdArray:
 
 
 # Depth and length up to which a crossing does not count, as a share of the diagonal: the error of
-# six decimals in a text file, for parts that touch; ...
+# six decimals in a text file, for shells that touch; ...
 _DEPTH = 1e-6
 
 # ... and of the farthest coordinate: 4 units in the last place of a float32.

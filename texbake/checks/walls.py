@@ -3,8 +3,8 @@
 A ray of the bake starts in front of the low-poly surface and ends behind it, at the ray distances
 that the bake itself measures. It should hit the high-poly surface next to where it crosses the
 low-poly one. Behind a wall thinner than the ray distance, or across a gap narrower than it, there
-is another part of the low-poly mesh; a ray that hits the high-poly surface only there takes the
-detail of the wrong part. One ray is cast from the center of each face.
+is another wall of the low-poly mesh; a ray that hits the high-poly surface only there takes the
+detail of the wrong wall. One ray is cast from the center of each face.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class WallProbe:
     thicknesses : (n,) float64
         From the face to the back of its wall; inf beyond the end of the ray.
     gaps : (n,) float64
-        From the face to the next part in front of it; inf beyond the start of the ray.
+        From the face to the next wall in front of it; inf beyond the start of the ray.
     heights : (n,) float64
         Height of the hit on the high-poly surface above the face; NaN where the ray misses.
     reach : RayExtent
@@ -99,7 +99,7 @@ def thin_walls(pair: MeshPair, rays: WallProbe) -> Finding | None:
 
 def other_parts(pair: MeshPair, rays: WallProbe) -> Finding | None:
     """Faces whose rays hit the high-poly surface only beyond another part of the low-poly mesh."""
-    with np.errstate(invalid="ignore"):  # a ray that misses hits no wrong part
+    with np.errstate(invalid="ignore"):  # a ray that misses hits no wrong wall
         beyond = (rays.heights > rays.gaps) | (-rays.heights > rays.thicknesses)
     distances = np.where(rays.heights > 0.0, rays.gaps, rays.thicknesses)
     return _wall_finding(pair, "other-parts", rays, beyond, distances, rays.reach.front)

@@ -1,6 +1,8 @@
 """A mesh divided into connected parts of a bounded number of faces, with borders along creases.
 
-The time that charts take grows faster than the mesh, so that large meshes are charted in parts.
+The time that charts take grows faster than the mesh, so that large meshes are charted in parts. A
+part is here any set of faces that is flattened together, not a part of an asset that is matched by
+name.
 Kernel: `core/face_parts.c`, which names the method.
 """
 
