@@ -248,3 +248,10 @@ def test_colors_too_bright_for_half_floats_become_the_brightest(tmp_path):
     write_image(bright, tmp_path / "bright.exr", color=True)
     found = read_image(tmp_path / "bright.exr", color=True).pixels
     np.testing.assert_array_equal(found, [[[65504.0, -65504.0, 65504.0]]])
+
+
+@pytest.mark.parametrize("color", ["data", "linear", "", None, 1])
+def test_color_is_true_or_false(color, tmp_path, pixels):
+    write_image(pixels, tmp_path / "a.png", bits=8)
+    with pytest.raises(OptionError, match=r"color: .* is neither True"):
+        read_image(tmp_path / "a.png", color=color)

@@ -149,11 +149,15 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
 
     Raises
     ------
+    OptionError
+        `color` is neither true nor false, such as "data", which would count as true.
     FileError
         The file does not exist or cannot be opened.
     FileFormatError
         The file is not an image, or it is damaged.
     """
+    if not isinstance(color, bool | np.bool_):
+        raise OptionError(f"color: {color!r} is neither True (sRGB) nor False (data)")
     codes, description = _read_with_openimageio(path)
     is_float = codes.dtype.kind == "f"
     return Image(
