@@ -86,11 +86,20 @@ class Table(BaseModel):
         if not cls.takes_more:
             for key in value:
                 if key not in cls.model_fields:
-                    raise key_fault(key, f"unknown key; {nearest(key, cls.keys())}")
+                    raise key_fault(key, f"unknown key; {cls._nearest_key(key)}")
         for key, field in cls.model_fields.items():
             if field.is_required() and key not in value:
                 raise key_fault(key, "it is missing; it must be given")
         return value
+
+    @classmethod
+    def _nearest_key(cls, key: str) -> str:
+        """Suggest a key for an unknown one, which may be the flag of the command line."""
+        for item in () if cls.source is None else option_fields(cls.source):
+            flags = (item.option.flag or "").split("/")
+            if item.name in cls.model_fields and f"--{key.replace('_', '-')}" in flags:
+                return f"did you mean {item.name!r}?"
+        return nearest(key, cls.keys())
 
     @classmethod
     def __get_pydantic_json_schema__(
