@@ -67,7 +67,7 @@ bake_options = all_of(
             "float files may hold greater ones.",
         ),
         options_of(BakeOptions, "high_shading", "cull_back_faces", "padding", "fill"),
-        options_of(BakeOptions, "fail_on_miss"),
+        options_of(BakeOptions, "on_miss", "fail_on_miss"),
         picture_option("--miss-map", "Also draw where rays missed."),
         report_option,
         options_of(BakeOptions, "max_memory", "threads"),
@@ -119,7 +119,8 @@ parts_options = all_of(
 SECTIONS = {
     "Rays": (
         *("front", "back", "cage", "rays", "skew_mask", "offset_map", "high_shading"),
-        *("cull_back_faces", "fail_on_miss", "miss_map", "samples", "max_error", "time_budget"),
+        *("cull_back_faces", "on_miss", "fail_on_miss", "miss_map", "samples", "max_error"),
+        "time_budget",
     ),
     "Values of the maps": (
         *("space", "convention", "bits", "mid", "scale", "vertex_colors", "high_texture"),

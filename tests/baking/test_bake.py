@@ -1,6 +1,7 @@
 """Bakes whose results are known in advance."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -223,6 +224,62 @@ def test_fail_on_miss():
     assert bake(
         half_a_plane(), plane(), BakeOptions(size=16, front=0.1, back=0.1, fail_on_miss=50)
     ).report.texels_missed
+
+
+@pytest.mark.parametrize("samples", [1, 4, "adaptive"])
+def test_misses_take_the_closest_point(samples):
+    options = BakeOptions(
+        maps=("normal", "vector-displacement"), space="object", size=64, samples=samples,
+        front=0.1, back=0.1, on_miss="closest",
+    )  # fmt: skip
+    low = plane()
+    result = bake(half_a_plane(), low, options)
+    assert result.report.texels_missed == 0
+    assert result.report.counts.rays_to_closest == result.report.counts.rays_missed > 0
+    assert ("closest points", f"{result.report.counts.rays_missed:,} for rays that missed") in (
+        result.report.table()
+    )
+    normals = result.maps["normal"].values
+    np.testing.assert_array_equal(normals, np.broadcast_to([0, 0, 1], normals.shape))
+    # Right of the edge in the middle, the closest point is straight to the left on it.
+    width = np.ptp(low.positions[:, 0])
+    beyond = width * (np.arange(64) + 0.5 - 32.0) / 64.0
+    expected = np.broadcast_to(-np.maximum(beyond, 0.0), (64, 64))
+    shifts = result.maps["vector-displacement"].values
+    np.testing.assert_allclose(shifts[..., 0], expected, atol=1e-6 * width)
+    np.testing.assert_array_equal(shifts[..., 1:], 0.0)
+
+
+def test_the_closest_point_faces_the_ray():
+    low = plane()
+    near = low.replace(
+        positions=low.positions + np.array([0.0, 0.0, 0.2]), faces=low.faces[:, ::-1]
+    )
+    far = low.positions - [0.0, 0.0, 0.5]
+    high = Mesh(
+        positions=np.concatenate([near.positions, far]),
+        faces=np.concatenate([near.faces, low.faces + len(far)]),
+    )
+    options = BakeOptions(maps=("displacement",), size=8, front=0.1, back=0.1, on_miss="closest")
+    for cull, height in ((True, -0.5), (False, 0.2)):
+        heights = bake(high, low, replace(options, cull_back_faces=cull)).maps["displacement"]
+        np.testing.assert_allclose(heights.values, height, atol=1e-6)
+
+
+def test_a_miss_stays_where_no_face_faces_the_ray():
+    high = plane().replace(faces=plane().faces[:, ::-1])
+    options = BakeOptions(size=8, front=0.1, back=0.1, on_miss="closest", keep_hits=True)
+    report = bake(high, plane(), options).report
+    assert report.counts.rays_missed == report.texels_missed == 64
+    assert report.counts.rays_to_closest == 0
+
+
+def test_what_does_not_go_with_the_closest_point():
+    sphere = uv_sphere(64, 128)
+    with pytest.raises(OptionError, match="maps, on_miss: opacity counts misses"):
+        bake(sphere, plane(), BakeOptions(maps=("opacity",), on_miss="closest"))
+    with pytest.raises(OptionError, match="max_memory, on_miss"):
+        bake(sphere, plane(), BakeOptions(size=16, on_miss="closest", max_memory="1M"))
 
 
 def test_supersampled_texels_average_their_hits():

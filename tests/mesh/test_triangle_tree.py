@@ -58,6 +58,22 @@ def test_any_triangles_agree_with_brute_force(n_faces):
     assert np.abs(at_face - distances).max() < 1e-13
 
 
+@pytest.mark.parametrize("n_faces", [1, 5, 64, 300])
+def test_only_faces_that_face_a_direction_count(n_faces):
+    rng = np.random.default_rng(n_faces)
+    corners = rng.uniform(-0.5, 0.5, size=(n_faces, 3, 3))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    tree = TriangleTree.build(corners.reshape(-1, 3), np.arange(3 * n_faces).reshape(-1, 3))
+    points, facing = rng.normal(size=(2, 100, 3))
+    distances, face_ids, _ = tree.closest_points(points, facing=facing)
+    to_faces = np.array([[brute_force(p, triangle) for triangle in corners] for p in points])
+    expected = np.where(facing @ normals.T > 0.0, to_faces, np.inf).min(axis=1)
+    assert (face_ids == -1).tolist() == np.isinf(expected).tolist()
+    np.testing.assert_allclose(distances, expected, atol=1e-13)
+    found = face_ids >= 0
+    assert (np.einsum("ix,ix->i", normals[face_ids[found]], facing[found]) > 0.0).all()
+
+
 def test_every_vertex_and_edge_midpoint_lies_on_the_surface():
     mesh = icosphere(4)
     tree = TriangleTree.build(mesh.positions, mesh.faces)

@@ -123,6 +123,10 @@ def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
                 f"maps, samples: {kind.name} counts misses among a fixed number of samples; use "
                 "1, 4, 16 or 64 `samples`, or bake it separately"
             )
+        if kind.of_misses and inputs.options.on_miss == "closest":
+            raise OptionError(
+                f"maps, on_miss: {kind.name} counts misses, and none are left; bake it separately"
+            )
 
 
 def why_not_streamed(kinds: list[MapKind], options: BakeOptions) -> str | None:
@@ -132,6 +136,8 @@ def why_not_streamed(kinds: list[MapKind], options: BakeOptions) -> str | None:
         return f"and {', '.join(whole)} need all of it at once; bake them without `max_memory`"
     if options.is_adaptive or options.time_budget is not None:
         return "once for each round of samples; use 1, 4, 16 or 64 `samples`"
+    if options.on_miss == "closest":
+        return "and the closest point needs all of it at once; use on_miss neutral"
     if options.keep_hits:
         return "and its hits cannot be kept; bake all maps at once"
     return None

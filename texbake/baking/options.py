@@ -28,6 +28,7 @@ CONVENTIONS = ("opengl", "directx")
 RAYS = ("smooth", "vertex", "face")
 SHADINGS = ("smooth", "flat")
 FILLS = ("none", "push-pull")
+ON_MISS = ("neutral", "closest")
 VERTEX_COLORS = ("auto", "linear", "srgb")
 SAMPLES = (1, 4, 16, 64)
 ADAPTIVE = "adaptive"
@@ -146,6 +147,14 @@ class BakeOptions(SecondaryOptions, TextureOptions):
             choices=FILLS,
         ),
     ] = "none"
+    on_miss: Annotated[
+        str,
+        Option(
+            "Where a ray misses the high-poly mesh, leave the neutral value, or take the closest "
+            "point of a face that faces the ray.",
+            choices=ON_MISS,
+        ),
+    ] = "neutral"
     fail_on_miss: Annotated[
         float | None,
         Option(

@@ -25,6 +25,7 @@ _OF_TRACE = (
     "cull_back_faces",
     "secondary_rays",
     "occluder_distance",
+    "on_miss",
     "fail_on_miss",
     "keep_hits",
 )

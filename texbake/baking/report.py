@@ -198,6 +198,11 @@ class BakeReport:
                 f"{counts.rays_cast:,} cast, {counts.rays_missed:,} missed, "
                 f"{counts.rays_past_back_faces:,} past back faces",
             ),
+            *(
+                [("closest points", f"{counts.rays_to_closest:,} for rays that missed")]
+                if self.options.on_miss == "closest"
+                else []
+            ),
             *([("secondary rays", f"{counts.secondary_rays:,}")] if counts.secondary_rays else []),
             (
                 "overlap, outside",

@@ -66,6 +66,7 @@ class BakeScenes:
     high: RayScene
     occluders: RayScene | None = None
     _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
+    _tree: TriangleTree | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def build(
@@ -110,6 +111,16 @@ class BakeScenes:
                 max(extent.front for extent in measured), max(extent.back for extent in measured)
             )
         return self._extents[key]
+
+    def closest_tree(self, threads: int | None) -> TriangleTree:
+        """Return a tree for the closest points of the high-poly mesh; it is built only once."""
+        if self._tree is None:
+            mesh = self.high.mesh
+            positions = self.frame.to_local(mesh.positions)
+            tree = TriangleTree.build(positions, mesh.faces, threads=threads)
+            object.__setattr__(self, "_tree", tree)
+            return tree
+        return self._tree
 
     def close(self) -> None:
         """Free the scene of the high-poly mesh."""

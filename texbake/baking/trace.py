@@ -33,7 +33,10 @@ from texbake.raycast.scene import RayPlaces
 
 @dataclass
 class TraceCounts:
-    """Figures of a trace, counted while it runs."""
+    """Figures of a trace, counted while it runs.
+
+    `rays_to_closest` of the `rays_missed` took the closest point of the high-poly mesh instead.
+    """
 
     samples_covered: int = 0
     samples_overlapping: int = 0
@@ -41,6 +44,7 @@ class TraceCounts:
     faces_without_uv_area: int = 0
     rays_cast: int = 0
     rays_missed: int = 0
+    rays_to_closest: int = 0
     rays_past_back_faces: int = 0
     secondary_rays: int = 0
 
@@ -145,6 +149,11 @@ class Trace:
             chunk: int | None = self.options.streamed_chunk_faces(n_low)
         else:
             chunk = self.options.chunk_faces(self.high.n_faces, n_low)
+        if chunk is not None and self.options.on_miss == "closest":
+            raise OptionError(
+                f"max_memory, on_miss: {self.high.name} would be traced in chunks, and the closest "
+                "point needs all of it at once; bake with on_miss neutral, or without max_memory"
+            )
         if chunk is not None and self.secondary is not None:
             raise OptionError(
                 f"max_memory: {self.high.name} would be traced in chunks, and ambient occlusion, "
@@ -221,7 +230,33 @@ class SampleCaster:
             counts.rays_cast += len(samples)
             counts.rays_missed += sum(n for n, _ in counted)
             counts.rays_past_back_faces += sum(n for _, n in counted)
+        if self.trace.options.on_miss == "closest":
+            self._take_closest(samples, hits)
         return self._cast_secondary(hits)
+
+    def _take_closest(self, samples: Samples, hits: Hits) -> None:
+        """Turn misses into hits at the closest point of a face that faces the ray, in place.
+
+        Where back faces are hit as well, every face counts. A miss stays one where no face does.
+        """
+        rows = np.flatnonzero(hits.high_faces == NO_HIT)
+        if len(rows) == 0:
+            return
+        options, scenes = self.trace.options, self.scenes
+        with self.trace.stages.part("closest points"):
+            tree = scenes.closest_tree(options.threads)
+            rays = self.field.rays(samples.where(rows))
+            points = rays.origins + rays.directions * rays.fronts[:, np.newaxis]
+            facing = -rays.directions if options.cull_back_faces else None
+            _, faces, weights = tree.closest_points(points, facing=facing, threads=options.threads)
+            found = faces != NO_HIT
+            rows, faces, weights = rows[found], faces[found], weights[found]
+            corners = tree.positions[tree.faces[faces]]
+            offsets = np.einsum("nc,ncx->nx", weights, corners) - points[found]
+            hits.high_faces[rows] = faces
+            hits.high_barycentrics[rows] = weights[:, 1:]
+            hits.offsets[rows] = scenes.frame.length_to_model(offsets)
+            self.trace.counts.rays_to_closest += len(rows)
 
     def _cast_by_chunks(
         self, samples: Samples, grid: SampleGrid

@@ -1077,8 +1077,9 @@ void closest_points(
     int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
-    const double points[n][3], double max_distance, int64_t start, int64_t stop,
-    double distances[n], int32_t face_ids[n], double barycentrics[n][3]);
+    const double points[n][3], OPTIONAL const double directions[n][3], double max_distance,
+    int64_t start, int64_t stop, double distances[n], int32_t face_ids[n],
+    double barycentrics[n][3]);
 
 /* tutte.c */
 

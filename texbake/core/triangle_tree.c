@@ -17,6 +17,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "core.h"
 #include "numbers.h"
@@ -200,9 +201,17 @@ static inline double box_distance_squared(const float box[6], struct vector p)
     return dx * dx + dy * dy + dz * dz;
 }
 
-/* The face closest to a point, -1 where none is within the distance whose square comes in `best`. */
+/* Whether a triangle, given the edges from a to b and to c, faces the way a direction points. */
+static inline bool faces_along(struct vector ab, struct vector ac, struct vector direction)
+{
+    return dot(cross(ab, ac), direction) > 0.0;
+}
+
+/* The face closest to a point, -1 where none is within the distance whose square comes in `best`.
+   With a direction, which may be NULL, only faces that face that way count. */
 static int32_t closest_face(
-    const struct triangle_tree *tree, struct vector p, struct nearness *best)
+    const struct triangle_tree *tree, struct vector p, const struct vector *direction,
+    struct nearness *best)
 {
     int32_t stack[TREE_STACK_SIZE], best_face = -1;
     double bounds[TREE_STACK_SIZE];
@@ -218,8 +227,11 @@ static int32_t closest_face(
         for (int32_t slot = first; slot < first + count; slot++) {
             const int32_t face = tree->order[slot];
             const struct vector a = corner_of(tree, face, 0);
-            const struct nearness near = closest_on_triangle(
-                minus(corner_of(tree, face, 1), a), minus(corner_of(tree, face, 2), a), minus(p, a));
+            const struct vector ab = minus(corner_of(tree, face, 1), a);
+            const struct vector ac = minus(corner_of(tree, face, 2), a);
+            if (direction != NULL && !faces_along(ab, ac, *direction))
+                continue;
+            const struct nearness near = closest_on_triangle(ab, ac, minus(p, a));
             if (near.squared < best->squared || (near.squared == best->squared && best_face < 0)) {
                 *best = near;
                 best_face = face;
@@ -239,24 +251,30 @@ static int32_t closest_face(
     return best_face;
 }
 
-/* Find the closest face to points start to stop - 1. */
+/* Find the closest face to points start to stop - 1; where directions are given, the closest of those
+   that face the way the point's direction points. */
 void closest_points(
     int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
-    const double points[n][3], double max_distance, int64_t start, int64_t stop,
-    double distances[n], int32_t face_ids[n], double barycentrics[n][3])
+    const double points[n][3], const double directions[n][3], double max_distance, int64_t start,
+    int64_t stop, double distances[n], int32_t face_ids[n], double barycentrics[n][3])
 {
     const struct triangle_tree tree = {positions, faces, order, boxes, nodes};
     const double limit = max_distance * max_distance;
     struct vector nearby = corner_of(&tree, order[0], 0); /* on the surface, near the last answer */
     for (int64_t k = start; k < stop; k++) {
         const struct vector p = vector_at(points[k]), offset = minus(p, nearby);
+        struct vector towards;
+        if (directions != NULL)
+            towards = vector_at(directions[k]);
+        const struct vector *direction = directions != NULL ? &towards : NULL;
         struct nearness best = {0.0, 0.0, min_f64(limit, dot(offset, offset))};
-        int32_t face = closest_face(&tree, p, &best);
+        int32_t face = closest_face(&tree, p, direction, &best);
         if (face < 0 && !(best.squared >= limit)) {
-            best.squared = limit; /* rounding put the nearby point beyond its own distance */
-            face = closest_face(&tree, p, &best);
+            /* Rounding put the point nearby out of its own reach, or its face faces another way. */
+            best.squared = limit;
+            face = closest_face(&tree, p, direction, &best);
         }
         face_ids[k] = face;
         if (face < 0) {

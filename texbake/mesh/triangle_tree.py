@@ -67,6 +67,7 @@ class TriangleTree:
         self,
         points: npt.ArrayLike,
         *,
+        facing: npt.ArrayLike | None = None,
         max_distance: float = float("inf"),
         threads: int | None = None,
     ) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -79,6 +80,8 @@ class TriangleTree:
         ----------
         points : (n, 3) float64
             In the frame of the positions.
+        facing : (n, 3) float64, optional
+            A direction for each point. Only faces whose normals are less than 90° from it count.
         max_distance
             Points with nothing within it get an infinite distance.
         threads
@@ -87,13 +90,15 @@ class TriangleTree:
         Returns
         -------
         distances : (n,) float64
-            inf where nothing lies within `max_distance`.
+            inf where no face that counts lies within `max_distance`.
         face_ids : (n,) int32
             -1 there. Where several faces are equally close, one of them, the same on every run.
         barycentrics : (n, 3) float64
             Weights of the face's corners, none negative, their sum 1 to rounding; 0 there.
         """
         points = np.ascontiguousarray(points, dtype=np.float64)
+        if facing is not None:
+            facing = np.ascontiguousarray(facing, dtype=np.float64)
         tree = (self.positions, self.faces, self.order, self.boxes, self.nodes)
         limit = float(max_distance)
         distances = np.empty(len(points))
@@ -102,7 +107,7 @@ class TriangleTree:
 
         def work(start: int, stop: int) -> None:
             core.closest_points(
-                *tree, points, limit, start, stop, distances, face_ids, barycentrics
+                *tree, points, facing, limit, start, stop, distances, face_ids, barycentrics
             )
 
         run_bands(work, len(points), band=_BAND, threads=threads)
