@@ -120,6 +120,27 @@ def test_a_closed_surface_keeps_its_topology(seed, quality):
         assert topology(low) == given
 
 
+@BOTH
+def test_a_surface_stays_one_where_it_cannot_come_down(quality):
+    mesh = noise_surface(24, 0)
+    low, report = simplify_with_report(mesh, 10, quality=quality)
+    assert not report.reached
+    assert report.notes[-1] == f"its topology does not allow fewer than {low.n_faces} faces"
+    assert 10 < low.n_faces < 0.2 * mesh.n_faces
+    assert_clean(low)
+    assert topology(low)[1] > 0
+
+
+@pytest.mark.realdata
+@BOTH
+def test_a_menger_sponge_keeps_its_tunnels(data_dir, quality):
+    mesh = read_mesh(data_dir / "meshes" / "mengerSponge3.glb")
+    low, report = simplify_with_report(mesh, 500, quality=quality)
+    assert not report.reached
+    assert_clean(low)
+    assert topology(low)[1] > 0
+
+
 def test_a_large_mesh_in_pieces_keeps_its_topology_and_does_not_depend_on_threads():
     mesh = noise_surface(64, 0)
     assert mesh.n_faces > 2 * 62_500
@@ -378,7 +399,6 @@ def test_report_is_plain_data():
         "broken/inverted_triangles.obj",
         "broken/self_intersectA.obj",
         "mikktspace/rancid_geometry.obj",  # crashes PyMeshLab
-        "meshes/mengerSponge3.glb",
     ],
 )
 @BOTH

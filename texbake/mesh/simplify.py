@@ -37,6 +37,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
+from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes
 from texbake.mesh.vertex_stream import (
     VertexStream,
@@ -128,8 +129,9 @@ def simplify(
     Boundaries, seams of texture coordinates, hard edges (where the mesh's own normals differ at one
     position) and borders between groups are kept, as long as the count can be reached with them.
     Where it cannot, they are given up in this order: a locked boundary, small separate parts, seams
-    and hard edges with their attributes, and then the topology; the report of
-    `simplify_with_report` says which. Only a mesh that is mostly broken may keep more faces.
+    and hard edges with their attributes, and, of a mesh with non-manifold or misoriented edges, the
+    topology; the report of `simplify_with_report` says which. An oriented surface stays one: where
+    its tunnels need more faces than `n_faces`, it keeps more.
 
     Parameters
     ----------
@@ -220,6 +222,9 @@ def _simplified(
             )
         fast = _fast(mesh, start, n_faces, threads)
         result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
+    if result.mesh.n_faces > n_faces:
+        least = result.mesh.n_faces
+        result = _noted(result, f"its topology does not allow fewer than {least} faces")
     return with_nearest_attributes(result.mesh, mesh, threads), result.method, result.notes
 
 
@@ -242,9 +247,7 @@ def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) ->
         result = max(reached, key=lambda result: result.mesh.n_faces)
         few = f"only {result.mesh.n_faces} of the {n_faces} requested faces are left"
         return result if 2 * result.mesh.n_faces > n_faces else _noted(result, few)
-    result = min(results, key=lambda result: result.mesh.n_faces)
-    stopped = f"its topology does not allow fewer than {result.mesh.n_faces} faces"
-    return _noted(result, stopped)
+    return min(results, key=lambda result: result.mesh.n_faces)
 
 
 def _noted(result: _Result, note: str) -> _Result:
@@ -254,7 +257,11 @@ def _noted(result: _Result, note: str) -> _Result:
 def _attempts(
     mesh: Mesh, stream: VertexStream, n_faces: int, threads: int | None
 ) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
-    """Yield attempts to reach the count, each giving up more than the one before, with notes."""
+    """Yield attempts to reach the count, each giving up more than the one before, with notes.
+
+    Clusters of vertices are the last one. They are not for an oriented surface, because they seldom
+    leave one.
+    """
     notes: tuple[str, ...] = ()
     while True:
         collapse = partial(collapse_stream, stream)
@@ -268,8 +275,10 @@ def _attempts(
         notes = (f"{_GIVEN_UP} {_seams(stream)}",)
         welded = weld_positions(mesh, threads=threads)
         stream = bring_down(welded, n_faces, threads=threads)
-    clustered = (*notes, "its topology was given up: vertices were joined in clusters")
-    yield stream, partial(cluster_stream, stream), "clustered vertices", clustered
+    edges = find_edges(stream.position_ids[stream.faces])
+    if edges.non_manifold.any() or edges.misoriented.any():
+        clustered = (*notes, "its topology was given up: vertices were joined in clusters")
+        yield stream, partial(cluster_stream, stream), "clustered vertices", clustered
     yield stream, lambda _: stream.faces, "unchanged", notes
 
 
