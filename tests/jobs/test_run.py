@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from texbake import (
     run,
 )
 from texbake.mesh.shapes import icosphere, orange
+from texbake.mesh.turn import turned_over
 
 FILES = {
     "ball_low.obj",
@@ -190,3 +192,23 @@ def test_the_demo_is_the_whole_job_on_an_orange(tmp_path: Path) -> None:
 def test_an_orange_needs_triangles_for_its_pores() -> None:
     with pytest.raises(OptionError, match="triangles: 999"):
         DemoOptions(triangles=999)
+
+
+def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(
+    high: Mesh, tmp_path: Path
+) -> None:
+    inwards = turned_over(high, np.ones(high.n_faces, dtype=bool))
+    result = run(inwards, tmp_path, OPTIONS)
+    assert result.warnings[0].startswith("ball.ply: 20,480 faces faced inwards")
+    report = json.loads(result.files["report"].read_text())
+    assert report["orientation"]["n_faces"] == high.n_faces
+    np.testing.assert_array_equal(result.high.faces[:, ::-1], inwards.faces)
+    a, b, c = np.moveaxis(result.low.positions[result.low.faces], 1, 0)
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0  # six times the volume
+
+
+def test_a_mesh_that_faces_inwards_is_kept_on_request(high: Mesh, tmp_path: Path) -> None:
+    inwards = turned_over(high, np.ones(high.n_faces, dtype=bool))
+    result = run(inwards, tmp_path, replace(OPTIONS, orientation="keep"))
+    assert result.orientation.n_faces == 0
+    np.testing.assert_array_equal(result.high.faces, inwards.faces)

@@ -29,6 +29,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.raycast.orient import OrientationReport, oriented
 from texbake.rendering.camera import Camera
 from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.panels import Panel, side_by_side
@@ -56,8 +57,12 @@ class RunResult:
     ----------
     files : dict of str to Path
         `mesh`, `normal`, `displacement`, `glb`, `preview`, `compare` and `report`.
+    high : Mesh
+        The high-poly mesh, facing outwards.
     low : Mesh
         The low-poly mesh, with texture coordinates.
+    orientation : OrientationReport
+        What was turned over of the high-poly mesh.
     simplified : SimplifyReport
     unwrapped : UnwrapReport
     baked : BakeResult
@@ -67,7 +72,9 @@ class RunResult:
     """
 
     files: dict[str, Path]
+    high: Mesh
     low: Mesh
+    orientation: OrientationReport
     simplified: SimplifyReport
     unwrapped: UnwrapReport
     baked: BakeResult
@@ -77,7 +84,7 @@ class RunResult:
     @property
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
-        return [*self.simplified.notes, *self.baked.report.warnings]
+        return [*self.orientation.notes, *self.simplified.notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
@@ -101,6 +108,7 @@ class RunResult:
         return {
             "files": {name: str(path) for name, path in self.files.items()},
             "stages": [asdict(stage) for stage in self.stages],
+            "orientation": asdict(self.orientation),
             "simplify": self.simplified.to_json(),
             "unwrap": self.unwrapped.to_json(),
             "bake": self.baked.report.to_json(),
@@ -140,6 +148,7 @@ def run(
     files = _files_in(folder, high)
     stages = Stages()
     with stages.part("simplify"):
+        high, orientation = oriented(high, options.orientation, threads=options.threads)
         low, simplified = simplify_with_report(
             high,
             options.n_faces,
@@ -161,7 +170,9 @@ def run(
         comparison = _compared(high, low, files, options, progress)
     result = RunResult(
         files=files,
+        high=high,
         low=low,
+        orientation=orientation,
         simplified=simplified,
         unwrapped=unwrapped,
         baked=baked,
@@ -287,7 +298,7 @@ def run_files(
     from texbake.pages.asset_page import AssetPage, write_asset_page
 
     page = AssetPage(
-        high=mesh,
+        high=result.high,
         low=result.low,
         baked=result.baked,
         comparison=result.comparison,

@@ -13,19 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.repair_options import RepairOptions
-from texbake.mesh.topology import degenerate_faces, duplicate_faces
+from texbake.mesh.topology import degenerate_faces, duplicate_faces, edge_neighbors
+from texbake.mesh.turn import CORNERS, turned_over
 from texbake.mesh.weld import weld_rows
-
-_CORNERS = ("faces", "uv_faces", "normal_faces")
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
 def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
     if keep.all():
         return mesh
-    fields = (*_CORNERS, "tangents", "face_groups")
+    fields = (*CORNERS, "tangents", "face_groups")
     kept = {name: getattr(mesh, name) for name in fields if getattr(mesh, name) is not None}
     return mesh.replace(**{name: values[keep] for name, values in kept.items()})
 
@@ -122,8 +120,8 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     Kernel: `core/union_find.c`.
     """
     n = mesh.n_faces
-    first, second, agree, at_other_edges = _neighbors(mesh.faces)
-    crossed = np.where(agree, 0, n)
+    pairs = edge_neighbors(mesh.faces)
+    first, second, crossed = pairs.first, pairs.second, np.where(pairs.agree, 0, n)
     nodes = np.concatenate([first, first + n]).astype(np.int32)
     neighbors = np.concatenate([second + crossed, second + (n - crossed)]).astype(np.int32)
     components = np.arange(2 * n, dtype=np.int32)
@@ -132,7 +130,7 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     parts = np.minimum(as_is, over)
     flags: npt.NDArray[np.bool_] = as_is > over
     is_open = np.zeros(2 * n, dtype=np.bool_)
-    is_open[parts[at_other_edges]] = True
+    is_open[parts[pairs.at_other_edges]] = True
     is_open[parts[as_is == over]] = True
     volumes = np.bincount(parts, weights=_cone_volumes(mesh) * np.where(flags, -1, 1))
     most_turned = 2 * np.bincount(parts, weights=flags) > np.bincount(parts)
@@ -142,20 +140,6 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     return turned
 
 
-def _neighbors(faces: IntArray) -> tuple[Any, Any, Any, Any]:
-    """Pairs of faces at edges of two, whether they wind alike, and the faces at all other edges."""
-    tails = faces.ravel().astype(np.int64)
-    heads = np.roll(faces, -1, axis=1).ravel().astype(np.int64)
-    keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
-    order = np.argsort(keys, kind="stable")
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    counts = np.diff(np.append(starts, len(keys)))
-    pairs = starts[counts == 2]
-    first, second = order[pairs], order[pairs + 1]
-    others = order[np.repeat(counts != 2, counts)]
-    return first // 3, second // 3, tails[first] == heads[second], others // 3
-
-
 def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
     """(F,) signed volumes between each face and the middle of the mesh."""
     corners = (mesh.positions - mesh.bounds.mean(axis=0))[mesh.faces]
@@ -163,22 +147,3 @@ def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
         "ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
     )
     return volumes
-
-
-def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
-    """Return a mesh with some faces turned over, and the normals at their corners with them."""
-    if not turned.any():
-        return mesh
-    changes: dict[str, Any] = {"tangents": None}
-    for name in _CORNERS:
-        corners = getattr(mesh, name)
-        if corners is not None:
-            corners = corners.copy()
-            corners[turned] = corners[turned][:, ::-1]
-            changes[name] = corners
-    if mesh.normals is not None:
-        corners = changes["normal_faces"].copy()
-        corners[turned] += len(mesh.normals)
-        changes["normals"] = np.concatenate([mesh.normals, -mesh.normals])
-        changes["normal_faces"] = corners
-    return mesh.replace(**changes)

@@ -103,6 +103,45 @@ def find_edges(faces: IntArray) -> MeshEdges:
     )
 
 
+@dataclass(frozen=True)
+class EdgeNeighbors:
+    """Pairs of faces at the edges of exactly two faces.
+
+    Attributes
+    ----------
+    first, second : (n,) int64
+        The faces of each edge.
+    agree : (n,) bool
+        Whether they are wound alike: they run along the edge in opposite directions.
+    at_other_edges : (m,) int64
+        The faces at all edges that have one face, or more than two; maybe repeated.
+    """
+
+    first: npt.NDArray[np.int64]
+    second: npt.NDArray[np.int64]
+    agree: BoolArray
+    at_other_edges: npt.NDArray[np.int64]
+
+
+def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
+    """Find the pairs of faces that share an edge which no third face has.
+
+    Parameters
+    ----------
+    faces : (F, 3) int32
+    """
+    tails = faces.ravel().astype(np.int64)
+    heads = np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    counts = np.diff(np.append(starts, len(keys)))
+    pairs = starts[counts == 2]
+    first, second = order[pairs], order[pairs + 1]
+    others = order[np.repeat(counts != 2, counts)]
+    return EdgeNeighbors(first // 3, second // 3, tails[first] == heads[second], others // 3)
+
+
 def repeated_vertices(faces: IntArray) -> BoolArray:
     """(F,) bool: faces that have one vertex at two corners or three."""
     a, b, c = faces.T

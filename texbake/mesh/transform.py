@@ -8,8 +8,8 @@ from texbake.errors import OptionError
 from texbake.mesh.compose import transformed
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.repair import turned_over
 from texbake.mesh.transform_options import UNITS, TransformOptions
+from texbake.mesh.turn import turned_over
 
 # Takes a mesh whose z axis points up to one whose y axis does.
 Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])

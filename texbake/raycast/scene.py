@@ -158,7 +158,12 @@ class RayScene:
             self._embree.close()
 
     def cast(
-        self, rays: Rays, *, cull_back_faces: bool = True, places: RayPlaces | None = None
+        self,
+        rays: Rays,
+        *,
+        cull_back_faces: bool = True,
+        places: RayPlaces | None = None,
+        in_bundles: bool = True,
     ) -> RayHits:
         """Find the first hit of each ray within its length; of equally near faces the lowest.
 
@@ -169,6 +174,9 @@ class RayScene:
         places
             For rays of samples of a texture, which are then cast in bundles of neighbors. Other
             rays are sorted first. The hits are the same.
+        in_bundles
+            False for rays that head everywhere: each is then cast alone, which takes five times as
+            long as in a bundle of parallel ones and a tenth of the time in one of random ones.
         """
         if places is not None:
             return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self._threads)
@@ -177,7 +185,7 @@ class RayScene:
         keys = np.empty(len(rays), dtype=np.uint64)
         core.sort_keys_of_rays(rays.origins, rays.directions, rays.lengths, keys)
         order = np.argsort(keys, kind="stable")
-        groups = _groups(keys[order])
+        groups = _groups(keys[order]) if in_bundles else np.arange(len(rays), dtype=np.int32)
         bands = _bands_of(rays.where(order), groups)
         found = self._cast_in_order(bands, cull_back_faces, self._threads)
         hits = RayHits.misses(len(rays))

@@ -1,0 +1,80 @@
+"""A mesh with its faces turned outwards, and a sentence that says what was turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.turn import turned_over
+from texbake.raycast.outside import Orientation, find_orientation, share_seen_from_behind
+from texbake.raycast.scene import RayScene
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrientationReport:
+    """What `oriented` did.
+
+    Attributes
+    ----------
+    mesh : str
+        Name of the mesh.
+    n_parts, n_faces : int
+        Parts that faced inwards as a whole, and faces that were turned over.
+    n_unclear : int
+        Parts that are seen alike from both sides, and were left as they are.
+    """
+
+    mesh: str
+    n_parts: int = 0
+    n_faces: int = 0
+    n_unclear: int = 0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know, a sentence each."""
+        notes = []
+        if self.n_faces:
+            notes.append(
+                f"{self.mesh}: {self.n_faces:,} faces faced inwards and were turned over; "
+                "`orientation` keep leaves them"
+            )
+        if self.n_unclear:
+            notes.append(
+                f"{self.mesh}: which side is outside is not clear for {self.n_unclear:,} of its "
+                "parts, which were left as they are; check them, and turn them over if need be"
+            )
+        return tuple(notes)
+
+
+def oriented(
+    mesh: Mesh, orientation: str, *, threads: int | None = None
+) -> tuple[Mesh, OrientationReport]:
+    """Turn over the parts of a mesh that face inwards.
+
+    A mesh of which nothing is seen from behind is returned as it is.
+
+    Parameters
+    ----------
+    mesh
+    orientation : {"auto", "keep"}
+    threads
+        None for every processor.
+    """
+    if orientation == "keep" or mesh.n_faces == 0 or not mesh.diagonal > 0.0:
+        return mesh, OrientationReport(mesh=mesh.name)
+    found = _found(mesh, threads)
+    if found is None:
+        return mesh, OrientationReport(mesh=mesh.name)
+    report = OrientationReport(
+        mesh=mesh.name,
+        n_parts=found.n_turned,
+        n_faces=found.n_faces,
+        n_unclear=len(found.unclear),
+    )
+    return turned_over(mesh, found.turned), report
+
+
+def _found(mesh: Mesh, threads: int | None) -> Orientation | None:
+    scene = RayScene.build(mesh, LocalFrame.around(mesh), threads=threads)
+    return find_orientation(mesh, scene) if share_seen_from_behind(scene) > 0.0 else None

@@ -1,0 +1,266 @@
+"""Which side of a surface is outside, part by part, and which faces to turn over.
+
+The faces of a part, which hang together by edges of two faces, are wound alike first, as most of
+their area is. Rays then leave both sides of sampled points of a part. Outside is the side from
+which more of them get away from the whole mesh. A part that no ray leaves, such as the wall of a
+cavity, goes with the part that its rays hit from their outer side: it is turned over if that is.
+
+Based on: K. Takayama, A. Jacobson, L. Kavan, O. Sorkine-Hornung, "A Simple Method for Correcting
+Facet Orientations in Polygon Meshes Based on Ray Casting", Journal of Computer Graphics Techniques
+3(4), 2014. Kernel: `core/orientation.c`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import edge_neighbors
+from texbake.mesh.weld import weld_rows
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.scene import RayScene
+
+BoolArray = npt.NDArray[np.bool_]
+
+_SEED = 20140912
+_LOOKS_ACROSS = 24  # parallel rays along either side of a view
+_MOST_RAYS = 400_000  # from both sides of all parts together
+_MOST_OF_PART, _LEAST_OF_PART = 512, 16  # points of one part
+# Rays start this far from the surface, in local units.
+_OFFSET = 1e-6
+# How many standard deviations of chance the votes for one side must be ahead.
+_CLEAR = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Orientation:
+    """What was found out.
+
+    Attributes
+    ----------
+    turned : (F,) bool
+        Faces to turn over.
+    n_parts, n_turned : int
+        Parts, and those that face inwards as a whole.
+    n_faces : int
+        Faces to turn over.
+    unclear : tuple of int
+        The first face of each part that is seen alike from both sides, and so is left as it is.
+    """
+
+    turned: BoolArray
+    n_parts: int
+    n_turned: int
+    unclear: tuple[int, ...]
+
+    @property
+    def n_faces(self) -> int:
+        """Faces to turn over."""
+        return int(np.count_nonzero(self.turned))
+
+
+def share_seen_from_behind(scene: RayScene) -> float:
+    """Share of the rays from all around a mesh that meet it from behind first."""
+    low, high = scene.frame.to_local(scene.mesh.bounds)
+    middle, radius = (low + high) / 2.0, 0.5 * float(np.linalg.norm(high - low))
+    steps = (np.arange(_LOOKS_ACROSS) + 0.5) / _LOOKS_ACROSS * 2.0 - 1.0
+    grid = radius * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    starts = [middle - 2.0 * radius * axes[2] + grid @ axes[:2] for axes in _VIEWS]
+    directions = np.repeat([axes[2] for axes in _VIEWS], len(grid), axis=0)
+    hits = _cast(scene, np.concatenate(starts), directions, 4.0 * radius)
+    n_hits = int(np.count_nonzero(hits.faces != NO_HIT))
+    # Without culling, what is met first is the hit, and `passed_back` says that it is a back face.
+    return float(np.count_nonzero(hits.passed_back & (hits.faces != NO_HIT))) / max(n_hits, 1)
+
+
+def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
+    """Find the faces that face inwards.
+
+    Parameters
+    ----------
+    mesh
+    scene
+        Made of this mesh.
+    """
+    parts, turned = parts_wound_alike(mesh)
+    n_parts = int(parts.max(initial=-1)) + 1
+    votes = _Votes.of(_points(mesh, parts, turned, n_parts), parts, n_parts, scene)
+    inwards = votes.inwards()
+    firsts = np.unique(parts, return_index=True)[1]
+    unclear = votes.seen & ~votes.clear
+    turned = (turned ^ inwards[parts]) & ~unclear[parts]
+    return Orientation(
+        turned, n_parts, int(np.count_nonzero(inwards)), tuple(firsts[unclear].tolist())
+    )
+
+
+def parts_wound_alike(mesh: Mesh) -> tuple[IntArray, BoolArray]:
+    """Find the parts of a mesh and the faces that are wound against most of their part.
+
+    Vertices at one position count as one. Edges of more than two faces join nothing.
+
+    Returns
+    -------
+    parts : (F,) int32
+        Numbered from 0 in the order of their first faces.
+    turned : (F,) bool
+        Of two halves of the same area, that with the first face is right.
+    """
+    faces = weld_rows(mesh.positions)[mesh.faces]
+    pairs = edge_neighbors(faces)
+    roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)
+    core.join_orientations(roots, flips, pairs.first, pairs.second, ~pairs.agree)
+    areas = np.linalg.norm(_crosses(mesh), axis=1)
+    flipped = np.bincount(roots, areas * flips, mesh.n_faces)
+    upright = np.bincount(roots, areas * ~flips, mesh.n_faces)
+    turned: BoolArray = flips ^ (flipped > upright)[roots]
+    _, parts = np.unique(roots, return_inverse=True)
+    return parts.astype(np.int32), turned
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Points of parts, in the local frame of the mesh's scene after `RayScene.frame`."""
+
+    parts: IntArray
+    positions: FloatArray
+    normals: FloatArray
+
+
+def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Points:
+    """Draw points of each part, evenly over its area."""
+    crosses = _crosses(mesh)
+    lengths = np.linalg.norm(crosses, axis=1)
+    order = np.argsort(parts, kind="stable")
+    sums = np.concatenate([[0.0], np.cumsum(lengths[order])])
+    stops = np.searchsorted(parts[order], np.arange(n_parts), side="right")
+    ends = sums[stops]
+    begins = np.concatenate([[0.0], ends[:-1]])
+    share = _MOST_RAYS // 2 * (ends - begins) / max(sums[-1], np.finfo(float).tiny)
+    n_points = np.clip(share, _LEAST_OF_PART, _MOST_OF_PART).astype(np.int64)
+    n_points[ends <= begins] = 0
+    of_points = np.repeat(np.arange(n_parts, dtype=np.int32), n_points)
+    random = np.random.Generator(np.random.PCG64(_SEED))
+    n = len(of_points)
+    drawn = begins[of_points] + random.random(n) * (ends - begins)[of_points]
+    rows = np.clip(np.searchsorted(sums, drawn, side="right") - 1, 0, len(order) - 1)
+    faces = order[rows]
+    root, second = np.sqrt(random.random(n)), random.random(n)
+    weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
+    positions = np.einsum("ij,ijk->ik", weights, mesh.positions[mesh.faces[faces]])
+    with np.errstate(invalid="ignore"):
+        normals = crosses[faces] / lengths[faces, None]
+    normals[turned[faces]] *= -1.0
+    return _Points(of_points, positions, np.nan_to_num(normals))
+
+
+@dataclass(frozen=True, eq=False)
+class _Votes:
+    """What rays from both sides of each part have met.
+
+    Attributes
+    ----------
+    in_front, behind : (n_parts,) int
+        Rays that got away.
+    hits : (m, 2) int
+        Part that a ray left, and other part that it hit.
+    """
+
+    in_front: IntArray
+    behind: IntArray
+    hits: IntArray
+
+    @classmethod
+    def of(cls, points: _Points, parts: IntArray, n_parts: int, scene: RayScene) -> _Votes:
+        """Cast the rays."""
+        random = np.random.Generator(np.random.PCG64(_SEED + 1))
+        directions = points.normals + _on_sphere(random, len(points.parts))  # by the cosine
+        directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+        origins = scene.frame.to_local(points.positions)
+        escapes, met = [], []
+        for side in (1.0, -1.0):
+            starts = origins + side * _OFFSET * points.normals
+            hits = _cast(scene, starts, side * directions, 2.0 * math.sqrt(3.0))
+            away = hits.faces == NO_HIT
+            escapes.append(np.bincount(points.parts[away], minlength=n_parts).astype(np.int32))
+            met.append(np.stack([points.parts[~away], parts[hits.faces[~away]]], axis=1))
+        pairs = np.concatenate(met)
+        return cls(escapes[0], escapes[1], pairs[pairs[:, 0] != pairs[:, 1]])
+
+    @property
+    def seen(self) -> BoolArray:
+        """(n_parts,) bool: parts from which rays get away."""
+        return np.asarray(self.in_front + self.behind > 0)
+
+    @property
+    def clear(self) -> BoolArray:
+        """(n_parts,) bool: parts of which one side is outside beyond chance."""
+        ahead = np.abs(self.in_front - self.behind)
+        return np.asarray(self.seen & (ahead > _CLEAR * np.sqrt(self.in_front + self.behind)))
+
+    def inwards(self) -> BoolArray:
+        """(n_parts,) bool: parts to turn over."""
+        inwards: BoolArray = self.clear & (self.behind > self.in_front)
+        for part in np.flatnonzero(~self.seen).tolist():
+            inwards[part] = inwards[self._around(part)]
+        return inwards
+
+    def _around(self, part: int) -> int:
+        """The seen part that a hidden one lies within, or the part itself."""
+        nexts, visited = self._nexts, {part}
+        while not self.seen[part]:
+            part = nexts.get(part, part)
+            if part in visited:
+                break
+            visited.add(part)
+        return part
+
+    @cached_property
+    def _nexts(self) -> dict[int, int]:
+        """For each part, the other one that its rays hit most; of equals, the first."""
+        pairs, counts = np.unique(self.hits, axis=0, return_counts=True)
+        order = np.lexsort((-pairs[:, 1], counts))
+        return dict(pairs[order].tolist())
+
+
+def _views() -> list[FloatArray]:
+    """Axes of the views from the sides and the corners of a cube: right, up, ahead."""
+    views = []
+    for ahead in itertools.product((-1.0, 0.0, 1.0), repeat=3):
+        if np.count_nonzero(ahead) in (1, 3):
+            z = np.array(ahead) / np.linalg.norm(ahead)
+            x = np.cross(z, (0.6, 0.48, 0.64))  # not along any of them
+            x /= np.linalg.norm(x)
+            views.append(np.stack([x, np.cross(z, x), z]))
+    return views
+
+
+_VIEWS = _views()
+
+
+def _crosses(mesh: Mesh) -> FloatArray:
+    """(F, 3) float64: twice the area of each face along its normal, in units of the mesh's size."""
+    corners = (mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300)
+    a, b, c = (corners[mesh.faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _on_sphere(random: np.random.Generator, n: int) -> FloatArray:
+    """(n, 3) float64: unit vectors, evenly distributed."""
+    z, turn = random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0 * math.pi, n)
+    across = np.sqrt(1.0 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+def _cast(scene: RayScene, origins: FloatArray, directions: FloatArray, length: float) -> RayHits:
+    """Cast rays that stop at back faces too."""
+    n = len(origins)
+    rays = Rays(origins, directions, np.full(n, length), np.zeros(n))
+    return scene.cast(rays, cull_back_faces=False, in_bundles=False)
