@@ -25,6 +25,9 @@ from texbake.mesh.normals import AREA_ROUNDING
 # float32 positions, and the directions between them are arbitrary.
 _VARIANCE_ROUNDING = 1e-6
 
+# Decimals to which the direction of least variance is kept.
+_NORMAL_DIGITS = 12
+
 
 def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """Map a mesh onto a plane, as seen from far away along the normal.
@@ -136,6 +139,8 @@ def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, floa
         normal = free @ free[axis]  # the axis projected onto the free directions
         if math.sqrt(normal @ normal) > 0.5:  # true for one of the axes: 3^-1/2 > 0.5
             break
+    # Libraries of linear algebra differ in the last digits, which mean nothing here.
+    normal = np.round(normal, _NORMAL_DIGITS) + 0.0
     a, b, c = (points[mesh.faces[:, corner]] for corner in range(3))
     seen = np.einsum("ij,j->i", np.cross(b - a, c - a), normal)
     if seen.sum() < -0.5 * np.abs(seen).sum():
