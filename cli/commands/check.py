@@ -40,7 +40,7 @@ _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
     \b
     Example:
       texbake check low_uv.obj
-      texbake check scan.ply low_uv.obj --size 2048 --padding 8
+      texbake check scan.ply low_uv.obj --size 2048 --padding 8 --explain
       texbake check scan.ply low_uv.obj --fail-on warning --report check.json
       texbake check scan.ply low_uv.obj --layout layout.png --sides sides.png
     """
@@ -57,6 +57,7 @@ _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
 )
 @picture_option("--layout", "Draw where the problems lie in the texture.")
 @picture_option("--sides", "Draw where the problems lie on the meshes, seen from four sides.")
+@click.option("--explain", is_flag=True, help="Explain warnings and notes as well as errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 @report_option
 @threads_option
@@ -72,6 +73,7 @@ def check(
     fail_on: str,
     layout: Path | None,
     sides: Path | None,
+    explain: bool,
     as_json: bool,
     report: Path | None,
     threads: int | None,
@@ -96,19 +98,20 @@ def check(
     if as_json:
         say(json.dumps(checked.to_json(), indent=2, allow_nan=False))
     else:
-        _print_findings(checked, terminal)
+        _print_findings(checked, terminal, explain=explain)
         terminal.wrote(done.files)
     if fail_on != _NEVER and checked.fails(fail_on):
         ctx.exit(1)
 
 
-def _print_findings(checked: CheckReport, terminal: Terminal) -> None:
-    """Print the findings as a table, and below it what they mean."""
+def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) -> None:
+    """Print how many findings there are, then a table, and below it what errors mean."""
     findings = checked.findings
     if not terminal.quiet:
         for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
             if mesh is not None:
                 say(f"{role} mesh  {mesh.name}, {mesh.n_faces:,} faces")
+        say(_total(checked))
     if findings:
         columns(
             [
@@ -116,8 +119,14 @@ def _print_findings(checked: CheckReport, terminal: Terminal) -> None:
                 *((f.severity, f.mesh, f.counted, f.kind.title, _worst(f)) for f in findings),
             ]
         )
-    if terminal.quiet:
-        return
+    if not terminal.quiet:
+        _explain([f for f in findings if explain or f.severity == SEVERITIES[0]])
+        if not explain and any(f.severity != SEVERITIES[0] for f in findings):
+            say("\nWhat the rest means, and what to do: add --explain")
+
+
+def _explain(findings: list[Finding]) -> None:
+    """Print what each finding means, and what to do."""
     width = max(40, min(shutil.get_terminal_size((100, 0)).columns, 100))
     for finding in findings:
         say("")
@@ -125,9 +134,6 @@ def _print_findings(checked: CheckReport, terminal: Terminal) -> None:
         say(f"{title} ({finding.mesh})")
         for text in (finding.problem, finding.remedy):
             say(textwrap.fill(text, width, initial_indent="  ", subsequent_indent="  "))
-    if findings:
-        say("")
-    say(_total(checked))
 
 
 def _worst(finding: Finding) -> str:

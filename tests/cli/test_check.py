@@ -1,6 +1,8 @@
 """`texbake check`: tables, reports, pictures and exit codes."""
 
 import json
+import re
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 
@@ -39,6 +41,25 @@ def test_errors_fail_a_build(invoke: Invoke, overlapping: str) -> None:
     rows = [line for line in text.splitlines() if line.startswith("error")]
     assert any("112 faces  overlapping coordinates" in row for row in rows)
     assert "texbake unwrap" in text  # what to do
+
+
+def test_totals_stand_before_the_table(invoke: Invoke, overlapping: str) -> None:
+    lines = invoke(f"check {overlapping}", exit_code=1).stdout.splitlines()
+    totals = next(i for i, line in enumerate(lines) if re.match(r"\d+ errors?,", line))
+    assert lines[totals + 1].split()[:3] == ["severity", "mesh", "found"]
+
+
+def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str) -> None:
+    found = check_files(overlapping).findings
+    short = invoke(f"check {overlapping}", exit_code=1).stdout
+    full = invoke(f"check {overlapping} --explain", exit_code=1).stdout
+    assert {finding.severity for finding in found} > {"error"}
+    for finding in found:
+        start = "\n".join(textwrap.wrap(finding.problem, 40)[:1])
+        assert start in full
+        assert (start in short) == (finding.severity == "error")
+    assert "--explain" in short
+    assert "--explain" not in full
 
 
 def test_the_user_chooses_what_fails(invoke: Invoke, overlapping: str) -> None:
