@@ -261,6 +261,7 @@ def test_the_closest_point_faces_the_ray():
         faces=np.concatenate([near.faces, low.faces + len(far)]),
     )
     options = BakeOptions(maps=("displacement",), size=8, front=0.1, back=0.1, on_miss="closest")
+    options = replace(options, orientation="keep")
     for cull, height in ((True, -0.5), (False, 0.2)):
         heights = bake(high, low, replace(options, cull_back_faces=cull)).maps["displacement"]
         np.testing.assert_allclose(heights.values, height, atol=1e-6)
@@ -515,10 +516,10 @@ def test_faces_without_a_texel_are_reported():
     assert any("2 of 4 faces own no texel" in warning for warning in report.warnings)
 
 
-def test_a_mesh_turned_inside_out_misses_everything_with_a_hint():
+def test_a_mesh_kept_inside_out_misses_everything_with_a_hint():
     low = uv_sphere(8, 16)
-    inside_out = low.replace(faces=low.faces[:, ::-1])
-    report = bake(inside_out, low, BakeOptions(size=32, front=0.1, back=0.1)).report
+    options = BakeOptions(size=32, front=0.1, back=0.1, orientation="keep")
+    report = bake(low.replace(faces=low.faces[:, ::-1]), low, options).report
     assert report.miss_percent == 100.0
     assert report.counts.rays_past_back_faces == report.counts.rays_cast
     assert any("inside out" in warning for warning in report.warnings)

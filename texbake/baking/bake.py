@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.facing import face_outwards
 from texbake.baking.finished_maps import finished_maps, texel_charts_of
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
@@ -159,17 +160,51 @@ def bake_inputs(
     Parameters
     ----------
     scenes
-        Ray scenes that are used for other bakes as well; None: the bake builds its own.
+        Ray scenes that are used for other bakes as well, of a high-poly mesh that faces outwards;
+        None: the bake builds its own, and turns the mesh over where `orientation` says so.
     distances
         Collects the distances of several bakes; None: of this one alone.
     clock
         As for `bake`.
     """
-    options = inputs.options
     if ray_maps is not None and cage is None:
-        ray_maps.check(options.rays)
+        ray_maps.check(inputs.options.rays)
+    trace = _trace(kinds, inputs, cage, ray_maps, stages, scenes)
+    if scenes is not None:
+        return _traced(kinds, inputs, trace, stages, distances, clock)
+    scenes = trace.own_scenes()
+    try:
+        inputs, scenes, orientation = face_outwards(inputs, scenes, stages)
+        trace = _trace(kinds, inputs, cage, ray_maps, stages, scenes)
+        baked = _traced(kinds, inputs, trace, stages, distances, clock)
+    finally:
+        scenes.close()
+    return replace(baked, report=replace(baked.report, orientation=orientation))
+
+
+def _trace(
+    kinds: list[MapKind],
+    inputs: BakeInputs,
+    cage: Mesh | None,
+    ray_maps: RayMaps | None,
+    stages: Stages,
+    scenes: BakeScenes | None,
+) -> Trace:
     secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
-    trace = Trace(inputs.source, inputs.low, options, cage, stages, secondary, ray_maps, scenes)
+    options = inputs.options
+    return Trace(inputs.source, inputs.low, options, cage, stages, secondary, ray_maps, scenes)
+
+
+def _traced(
+    kinds: list[MapKind],
+    inputs: BakeInputs,
+    trace: Trace,
+    stages: Stages,
+    distances: DistanceSummary | None,
+    clock: BudgetClock | None,
+) -> BakeResult:
+    """Cast all rays, and make maps of the hits."""
+    options = inputs.options
     sums = TexelSums(kinds, inputs)
     kept: list[Hits] = []
     distances = distances or DistanceSummary()

@@ -20,6 +20,7 @@ from texbake.durations import parse_seconds
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
+from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
 from texbake.schema import Option
 
@@ -123,6 +124,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
             choices=RAYS,
         ),
     ] = "smooth"
+    orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     high_shading: Annotated[
         str,
         Option(

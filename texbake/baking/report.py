@@ -16,6 +16,7 @@ from texbake.baking.trace import TraceCounts
 from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
+from texbake.raycast.orient import OrientationReport
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 
@@ -99,6 +100,8 @@ class BakeReport:
         Percent to distance between the low-poly and the high-poly surface.
     stages : list of StageRecord
     versions : dict
+    orientation : OrientationReport or None
+        What was turned over of the high-poly mesh.
     sampling : SamplingReport or None
         Errors of adaptive samples, as estimated and as checked.
     budget : TimeBudget or None
@@ -125,6 +128,7 @@ class BakeReport:
     distance_percentiles: dict[int, float]
     stages: list[StageRecord]
     versions: dict[str, str]
+    orientation: OrientationReport | None = None
     sampling: SamplingReport | None = None
     budget: TimeBudget | None = None
 
@@ -175,7 +179,7 @@ class BakeReport:
         found = [message for count, message in checks if count]
         for part in (self.sampling, self.budget):
             found += [] if part is None else part.warnings
-        return found
+        return [*(() if self.orientation is None else self.orientation.notes), *found]
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, to print."""

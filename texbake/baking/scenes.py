@@ -24,7 +24,7 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import Stages
-from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
 
 _HIGH_POINTS = 200_000
@@ -122,6 +122,15 @@ class BakeScenes:
             return tree
         return self._tree
 
+    def with_high(self, turned: Mesh, stages: Stages) -> BakeScenes:
+        """Return scenes with the same high-poly mesh turned over, to be closed like these.
+
+        Distances do not depend on which way faces look, and are not measured again.
+        """
+        with stages.stage("build ray tree", total=turned.n_faces, unit="triangles"):
+            scene = RayScene.build(turned, self.frame, threads=self.high.threads)
+        return BakeScenes(scene, self.occluders, self._extents)
+
     def close(self) -> None:
         """Free the scene of the high-poly mesh."""
         self.high.close()
@@ -186,10 +195,31 @@ def _from_low(
     scene: RayScene, low: Mesh, kind: str, limit: float, threads: int | None
 ) -> tuple[float, float]:
     """Greatest distance out and in along rays to the nearer high-poly surface within `limit`."""
-    frame = scene.frame
-    _, faces, weights = sample_surface(low, _LOW_POINTS, seed=0, threads=threads)
+    hits = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
+    out, into = (np.where(found.faces == NO_HIT, np.inf, found.distances) for found in hits)
+    return (
+        _greatest(out[(out < into) & np.isfinite(out)]),
+        _greatest(into[(into <= out) & np.isfinite(into)]),
+    )
+
+
+def look_both_ways(
+    scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float, threads: int | None
+) -> tuple[RayHits, RayHits]:
+    """Cast rays out and in from points of the low-poly mesh, to front and back faces alike.
+
+    Parameters
+    ----------
+    scene
+        The high-poly mesh.
+    kind
+        Direction of the rays: `smooth`, `vertex` or `face`.
+    limit
+        Length of the rays, in the frame of the scene.
+    """
+    _, faces, weights = sample_surface(low, n_points, seed=0, threads=threads)
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
-    field = RayField(low, frame, kind=kind, front=0.0, back=1.0, threads=threads)
+    field = RayField(low, scene.frame, kind=kind, front=0.0, back=1.0, threads=threads)
     inward = field.rays(samples)
     lengths = np.where(inward.lengths > 0.0, limit, 0.0)
     # Both directions at once, since a scene in chunks rebuilds its trees for each call.
@@ -201,11 +231,7 @@ def _from_low(
     )
     # On its way out a ray hits the high-poly surface from behind.
     found = scene.cast(rays, cull_back_faces=False)
-    out, into = np.split(np.where(found.faces == NO_HIT, np.inf, found.distances), 2)
-    return (
-        _greatest(out[(out < into) & np.isfinite(out)]),
-        _greatest(into[(into <= out) & np.isfinite(into)]),
-    )
+    return found.where(slice(len(inward))), found.where(slice(len(inward), None))
 
 
 def _greatest(distances: FloatArray) -> float:

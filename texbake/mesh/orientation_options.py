@@ -10,6 +10,7 @@ ORIENTATIONS: Final = ("auto", "keep")
 DEFAULT_ORIENTATION: Final = "auto"
 
 ORIENTATION_OPTION = Option(
-    "Turn over parts of the mesh that face inwards (auto), or leave all as they are (keep).",
+    "Turn over parts of the high-poly mesh that face inwards (auto), or leave all as they are "
+    "(keep).",
     choices=ORIENTATIONS,
 )

@@ -175,21 +175,57 @@ def duplicate_faces(faces: IntArray) -> BoolArray:
     (F,) bool
         False for the first of them.
     """
+    duplicate = np.zeros(len(faces), dtype=bool)
+    candidates, same = _with_equal_ones_together(faces)
+    duplicate[candidates[1:][same]] = True
+    return duplicate
+
+
+def two_sided_faces(faces: IntArray) -> BoolArray:
+    """Faces that there are in both windings: the same three vertices, seen from either side.
+
+    Parameters
+    ----------
+    faces : (F, 3) int32
+
+    Returns
+    -------
+    (F,) bool
+    """
+    two_sided = np.zeros(len(faces), dtype=bool)
+    candidates, same = _with_equal_ones_together(faces)
+    if not same.any():
+        return two_sided
+    a, b, c = faces[candidates].T
+    rising = (a < b).astype(np.intp) + (b < c) + (c < a) == 2
+    groups = np.concatenate([[0], np.cumsum(~same)])
+    both = np.bincount(groups, rising) * np.bincount(groups, ~rising) > 0.0
+    two_sided[candidates[both[groups]]] = True
+    return two_sided
+
+
+def _with_equal_ones_together(faces: IntArray) -> tuple[npt.NDArray[np.intp], BoolArray]:
+    """Find faces among which are all that share their three vertices with another one.
+
+    Returns
+    -------
+    candidates : (n,) intp
+        Faces, those of the same vertices in a row, from the first on.
+    same : (n - 1,) bool
+        Whether each has the vertices of the next.
+    """
     ordered = np.sort(faces, axis=1)
     mixed = _mixed(ordered)
     in_order = np.sort(mixed)
     repeated = np.unique(in_order[1:][in_order[1:] == in_order[:-1]])
-    duplicate = np.zeros(len(faces), dtype=bool)
     if len(repeated) == 0:
-        return duplicate
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=bool)
     # Equal hashes are few and need not mean equal faces; those faces are compared themselves.
     places = np.minimum(np.searchsorted(repeated, mixed), len(repeated) - 1)
     candidates = np.flatnonzero(repeated[places] == mixed)
     rows = ordered[candidates]
     order = np.lexsort((candidates, *rows.T))
-    same = (rows[order][1:] == rows[order][:-1]).all(axis=1)
-    duplicate[candidates[order[1:][same]]] = True
-    return duplicate
+    return candidates[order], (rows[order][1:] == rows[order][:-1]).all(axis=1)
 
 
 def _mixed(rows: IntArray) -> npt.NDArray[np.uint64]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.turn import turned_over
-from texbake.raycast.outside import Orientation, find_orientation, share_seen_from_behind
+from texbake.raycast.outside import find_orientation, share_seen_from_behind
 from texbake.raycast.scene import RayScene
 
 
@@ -63,9 +63,22 @@ def oriented(
     """
     if orientation == "keep" or mesh.n_faces == 0 or not mesh.diagonal > 0.0:
         return mesh, OrientationReport(mesh=mesh.name)
-    found = _found(mesh, threads)
-    if found is None:
+    scene = RayScene.build(mesh, LocalFrame.around(mesh), threads=threads)
+    if share_seen_from_behind(scene) == 0.0:
         return mesh, OrientationReport(mesh=mesh.name)
+    return oriented_in(mesh, scene)
+
+
+def oriented_in(mesh: Mesh, scene: RayScene) -> tuple[Mesh, OrientationReport]:
+    """Turn over the parts of a mesh that face inwards, with a scene of it that is there.
+
+    Parameters
+    ----------
+    mesh
+    scene
+        Made of this mesh.
+    """
+    found = find_orientation(mesh, scene)
     report = OrientationReport(
         mesh=mesh.name,
         n_parts=found.n_turned,
@@ -73,8 +86,3 @@ def oriented(
         n_unclear=len(found.unclear),
     )
     return turned_over(mesh, found.turned), report
-
-
-def _found(mesh: Mesh, threads: int | None) -> Orientation | None:
-    scene = RayScene.build(mesh, LocalFrame.around(mesh), threads=threads)
-    return find_orientation(mesh, scene) if share_seen_from_behind(scene) > 0.0 else None

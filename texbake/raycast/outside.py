@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.topology import edge_neighbors
+from texbake.mesh.topology import edge_neighbors, two_sided_faces
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
@@ -81,7 +81,7 @@ def share_seen_from_behind(scene: RayScene) -> float:
 
 
 def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
-    """Find the faces that face inwards.
+    """Find the faces that face inwards; those that are there in both windings are right.
 
     Parameters
     ----------
@@ -92,10 +92,12 @@ def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
     parts, turned = parts_wound_alike(mesh)
     n_parts = int(parts.max(initial=-1)) + 1
     votes = _Votes.of(_points(mesh, parts, turned, n_parts), parts, n_parts, scene)
-    inwards = votes.inwards()
+    one_sided = ~two_sided_faces(weld_rows(mesh.positions)[mesh.faces])
+    matters = np.bincount(parts, one_sided, n_parts) > 0.0
+    inwards = votes.inwards() & matters
     firsts = np.unique(parts, return_index=True)[1]
-    unclear = votes.seen & ~votes.clear
-    turned = (turned ^ inwards[parts]) & ~unclear[parts]
+    unclear = votes.seen & ~votes.clear & matters
+    turned = (turned ^ inwards[parts]) & ~unclear[parts] & one_sided
     return Orientation(
         turned, n_parts, int(np.count_nonzero(inwards)), tuple(firsts[unclear].tolist())
     )

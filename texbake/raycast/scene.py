@@ -97,6 +97,7 @@ class RayScene:
         Rays, and distances of hits, are in this frame.
     in_chunks : bool
         Whether each call builds the trees of chunks anew.
+    threads : int
     caster : str
         Name of what casts the rays, for reports.
     """
@@ -114,7 +115,7 @@ class RayScene:
         self.frame = frame
         self.in_chunks = chunk_faces is not None or isinstance(source, StreamedMesh)
         self._chunk_faces = chunk_faces or max(source.n_faces, 1)
-        self._threads = threads
+        self.threads = threads
         self._tree = None if self.in_chunks else MortonTree.build(self.mesh, frame, threads=threads)
         self._embree: EmbreeScene | None = None
 
@@ -179,7 +180,7 @@ class RayScene:
             long as in a bundle of parallel ones and a tenth of the time in one of random ones.
         """
         if places is not None:
-            return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self._threads)
+            return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self.threads)
         if len(rays) == 0:
             return RayHits.misses(0)
         keys = np.empty(len(rays), dtype=np.uint64)
@@ -187,7 +188,7 @@ class RayScene:
         order = np.argsort(keys, kind="stable")
         groups = _groups(keys[order]) if in_bundles else np.arange(len(rays), dtype=np.int32)
         bands = _bands_of(rays.where(order), groups)
-        found = self._cast_in_order(bands, cull_back_faces, self._threads)
+        found = self._cast_in_order(bands, cull_back_faces, self.threads)
         hits = RayHits.misses(len(rays))
         for mine, theirs in zip(hits.arrays(), found.arrays(), strict=True):
             mine[order] = theirs
@@ -208,7 +209,7 @@ class RayScene:
 
         So the rays need no memory.
         """
-        return self._cast_in_order(RayBands(n, make), cull_back_faces, self._threads)
+        return self._cast_in_order(RayBands(n, make), cull_back_faces, self.threads)
 
     def _cast_in_order(self, bands: RayBands, cull: bool, threads: int) -> RayHits:
         """Cast rays that stand in a texture, or that belong to groups."""
@@ -260,12 +261,12 @@ class RayScene:
             return
         if isinstance(self.source, StreamedMesh):
             for chunk in self.source.chunks(self._chunk_faces):
-                yield MortonTree.build(chunk, self.frame, threads=self._threads)
+                yield MortonTree.build(chunk, self.frame, threads=self.threads)
             return
         n = self.mesh.n_faces
         for first in range(0, n, self._chunk_faces):
             faces = range(first, min(first + self._chunk_faces, n))
-            yield MortonTree.build(self.mesh, self.frame, faces, threads=self._threads)
+            yield MortonTree.build(self.mesh, self.frame, faces, threads=self.threads)
 
     def cast_fans(
         self, fans: Fans, sets: Float32Array, occlusion_range: OcclusionRange
@@ -316,7 +317,7 @@ class RayScene:
                 results[band],
             )
 
-        run_bands(cast, len(fans), band=_FANS_PER_BAND, threads=self._threads)
+        run_bands(cast, len(fans), band=_FANS_PER_BAND, threads=self.threads)
         return results
 
     def prepare_fans(self) -> EmbreeScene:
@@ -324,7 +325,7 @@ class RayScene:
         if self._embree is None:
             quads, _ = pair_faces(self.mesh.faces)
             positions: FloatArray = self.frame.to_local(self.mesh.positions)
-            self._embree = EmbreeScene(positions.astype(np.float32), quads, self._threads)
+            self._embree = EmbreeScene(positions.astype(np.float32), quads, self.threads)
         return self._embree
 
 

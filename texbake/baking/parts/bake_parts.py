@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from texbake.baking.bake import bake_inputs, check_maps
+from texbake.baking.facing import face_outwards
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
@@ -35,6 +36,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink, Stages
+from texbake.raycast.orient import OrientationReport
 from texbake.raycast.scene import RayScene
 
 # Returns the images that change the rays of a set of maps.
@@ -64,6 +66,7 @@ class PartsBake:
     occluders: RayScene | None = None
     figures: list[PartFigures] = field(default_factory=list)
     without: list[str] = field(default_factory=list)
+    orientations: dict[str, OrientationReport] = field(default_factory=dict)
 
     def build_occluders(self, parts: list[NamedPart], low: Sequence[Mesh]) -> None:
         """Build the scene of all parts that secondary rays can hit, if any are cast."""
@@ -111,6 +114,7 @@ class PartsBake:
             n_outside=layout.n_outside,
             n_overlapping=n_overlapping,
             without_texel=tuple(self.without),
+            orientations=self.orientations,
             stages=self.stages.records,
         )
         return PartsResult(done, report)
@@ -166,7 +170,10 @@ class PartsBake:
             chunk_faces=options.chunk_faces(high.n_faces, part.mesh.n_faces),
             threads=options.threads,
         )
-        self.part, self.inputs, self.scenes = i, inputs, scenes
+        self.scenes = scenes
+        inputs, self.scenes, orientation = face_outwards(inputs, scenes, self.stages)
+        self.orientations[part.name] = orientation
+        self.part, self.inputs = i, inputs
         return inputs
 
     def _bounds(self) -> FloatArray | None:

@@ -10,6 +10,7 @@ from texbake.baking.parts.matching import Matching
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.report import BakeReport
 from texbake.progress import StageRecord
+from texbake.raycast.orient import OrientationReport
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,8 @@ class PartsReport:
         Texels that more than one part covers.
     without_texel : tuple of str
         Parts that cover no texel of a set of maps that they have faces on.
+    orientations : dict of str to OrientationReport
+        What was turned over of the high-poly mesh of each low-poly part.
     stages : list of StageRecord
     """
 
@@ -67,12 +70,15 @@ class PartsReport:
     n_outside: int = 0
     n_overlapping: int = 0
     without_texel: tuple[str, ...] = ()
+    orientations: dict[str, OrientationReport] = field(default_factory=dict)
     stages: list[StageRecord] = field(default_factory=list)
 
     @property
     def warnings(self) -> list[str]:
         """What the user should check, a sentence each."""
-        found = [] if self.matching is None else self.matching.warnings
+        found = [] if self.matching is None else list(self.matching.warnings)
+        for turned in self.orientations.values():
+            found += turned.notes
         checks = (
             (
                 self.n_crossing,
@@ -125,6 +131,7 @@ class PartsReport:
             "faces_in_no_tile": self.n_outside,
             "texels_of_several_parts": self.n_overlapping,
             "without_texel": list(self.without_texel),
+            "orientations": {name: asdict(part) for name, part in self.orientations.items()},
             "stages": [asdict(stage) for stage in self.stages],
             "warnings": self.warnings,
         }

@@ -1,0 +1,91 @@
+"""High-poly meshes that face inwards, in whole or in part, are baked as if they did not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.parts.bake_parts import bake_parts
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.turn import turned_over
+
+OPTIONS = BakeOptions(maps=("normal", "displacement", "ao"), size=64, secondary_rays=4)
+
+
+def dented() -> Mesh:
+    return uv_sphere(40, 60, lambda a, b: 1 + 0.03 * np.sin(11 * a) * np.sin(9 * b))
+
+
+def flipped(mesh: Mesh) -> Mesh:
+    return turned_over(mesh, np.ones(mesh.n_faces, dtype=bool))
+
+
+def values(result):
+    return {name: baked.values for name, baked in result.maps.items()}
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_what_faces_inwards_is_turned_over(share):
+    """Whole shells, and faces of one shell that disagree with their neighbors."""
+    low, high = uv_sphere(8, 12), dented()
+    turned = np.random.default_rng(5).random(high.n_faces) < share
+    right, wrong = bake(high, low, OPTIONS), bake(turned_over(high, turned), low, OPTIONS)
+    for name, expected in values(right).items():
+        np.testing.assert_allclose(values(wrong)[name], expected, atol=2e-6)
+    assert wrong.report.texels_missed == right.report.texels_missed == 0
+    assert right.report.warnings == []
+    (warning,) = wrong.report.warnings
+    assert f"{int(turned.sum()):,} faces faced inwards and were turned over" in warning
+
+
+def test_one_part_of_several():
+    apart = uv_sphere(8, 12)
+    apart = apart.replace(positions=apart.positions + np.array([4.0, 0.0, 0.0]))
+    low = uv_sphere(8, 12)
+    high = join_meshes([flipped(dented()), apart])
+    report = bake(high, low, OPTIONS).report
+    assert report.orientation is not None
+    assert (report.orientation.n_parts, report.orientation.n_faces) == (1, dented().n_faces)
+    assert report.texels_missed == 0
+
+
+def test_keep_leaves_it_as_it_is():
+    report = bake(flipped(dented()), uv_sphere(8, 12), replace(OPTIONS, orientation="keep")).report
+    assert report.orientation is None or report.orientation.n_faces == 0
+    assert report.counts.rays_past_back_faces > 0
+
+
+def test_a_room_that_is_seen_from_within_stays_one():
+    room = flipped(uv_sphere(8, 12))
+    result = bake(room, room, OPTIONS)
+    assert result.report.texels_missed == 0
+    assert result.report.warnings == []
+
+
+def test_two_sided_faces_are_not_turned_over():
+    high = join_meshes([flipped(dented()), dented()])
+    result, right = bake(high, uv_sphere(8, 12), OPTIONS), bake(dented(), uv_sphere(8, 12), OPTIONS)
+    assert result.report.warnings == []
+    np.testing.assert_allclose(
+        result.maps["displacement"].values, right.maps["displacement"].values, atol=2e-6
+    )
+
+
+def test_parts_are_turned_over_one_by_one():
+    low, high = uv_sphere(8, 12), dented()
+    right = bake_parts([high], [low], OPTIONS)
+    wrong = bake_parts([flipped(high)], [low], OPTIONS)
+    for one, other in zip(right.targets.values(), wrong.targets.values(), strict=True):
+        np.testing.assert_allclose(values(other)["normal"], values(one)["normal"], atol=2e-6)
+    assert any("were turned over" in warning for warning in wrong.report.warnings)
+
+
+def test_any_number_of_threads():
+    high, low = flipped(dented()), uv_sphere(8, 12)
+    one, many = (bake(high, low, replace(OPTIONS, threads=n)) for n in (1, 7))
+    for name, expected in values(one).items():
+        assert values(many)[name].tobytes() == expected.tobytes(), name

@@ -1,0 +1,79 @@
+"""A high-poly mesh that faces inwards is turned over before it is baked.
+
+A look at a few points of the low-poly mesh tells whether that could be so: the nearest high-poly
+surface along their rays faces as the low-poly mesh does. Only where some of it does not, which is
+rare, the whole high-poly mesh is examined. What is turned over must agree better than before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.scenes import BakeScenes, look_both_ways
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
+from texbake.progress import Stages
+from texbake.raycast.orient import OrientationReport, oriented_in
+from texbake.raycast.rays import NO_HIT
+
+_POINTS = 4096
+# Share of the points at which the surfaces may face against each other, as thin walls do here and
+# there, before the high-poly mesh is examined.
+_TOLERATED = 0.01
+# How far to look, in the local frame, whose unit is about the size of both meshes.
+_REACH = 4.0
+
+
+def face_outwards(
+    inputs: BakeInputs, scenes: BakeScenes, stages: Stages
+) -> tuple[BakeInputs, BakeScenes, OrientationReport]:
+    """Turn over the parts of the high-poly mesh that face inwards, if `orientation` is auto.
+
+    A mesh that is traced in chunks is left as it is.
+
+    Parameters
+    ----------
+    inputs
+    scenes
+        With the high-poly mesh of the inputs. Closed here if other scenes are returned.
+
+    Returns
+    -------
+    inputs, scenes
+        Those given, or others with the mesh turned over.
+    report : OrientationReport
+    """
+    high, options = inputs.source, inputs.options
+    nothing = OrientationReport(mesh=high.name)
+    if options.orientation == "keep" or isinstance(high, StreamedMesh) or scenes.high.in_chunks:
+        return inputs, scenes, nothing
+    with stages.part("measure distances"):
+        against = _share_against(scenes, inputs.low, options.rays, options.threads)
+    if against <= _TOLERATED:
+        return inputs, scenes, nothing
+    with stages.stage("find which side is outside"):
+        turned, report = oriented_in(high, scenes.high)
+    if turned is high:
+        return inputs, scenes, report
+    others = scenes.with_high(turned, stages)
+    if _share_against(others, inputs.low, options.rays, options.threads) >= against:
+        # A room that is seen from within faces inwards on purpose, as its low-poly mesh does.
+        others.close()
+        return inputs, scenes, nothing
+    scenes.close()
+    surface = replace(inputs.high_surface, mesh=turned)
+    return replace(inputs, high_surface=surface), others, report
+
+
+def _share_against(scenes: BakeScenes, low: Mesh, kind: str, threads: int | None) -> float:
+    """Share of points of the low-poly mesh whose nearest high-poly surface faces against them."""
+    out, into = look_both_ways(scenes.high, low, kind, _POINTS, _REACH, threads)
+    distances = [np.where(hits.faces == NO_HIT, np.inf, hits.distances) for hits in (out, into)]
+    # A ray that goes out meets a surface from behind, one that goes in from the front.
+    is_out = distances[0] < distances[1]
+    against = np.where(is_out, ~out.passed_back, into.passed_back)
+    found = np.isfinite(np.minimum(*distances))
+    return float(np.count_nonzero(against & found)) / max(int(np.count_nonzero(found)), 1)
