@@ -66,7 +66,9 @@ bake_options = all_of(
             "Multiply the front distance, or the cage's offset, by this image. Values are 0 to 1; "
             "float files may hold greater ones.",
         ),
-        options_of(BakeOptions, "high_shading", "cull_back_faces", "padding", "fill"),
+        options_of(
+            BakeOptions, "orientation", "high_shading", "cull_back_faces", "padding", "fill"
+        ),
         options_of(BakeOptions, "on_miss", "fail_on_miss"),
         picture_option("--miss-map", "Also draw where rays missed."),
         report_option,
@@ -118,9 +120,9 @@ parts_options = all_of(
 # Headings of the help of `texbake bake`, with the options below them.
 SECTIONS = {
     "Rays": (
-        *("front", "back", "cage", "rays", "skew_mask", "offset_map", "high_shading"),
-        *("cull_back_faces", "on_miss", "fail_on_miss", "miss_map", "samples", "max_error"),
-        "time_budget",
+        *("front", "back", "cage", "rays", "skew_mask", "offset_map", "orientation"),
+        *("high_shading", "cull_back_faces", "on_miss", "fail_on_miss", "miss_map", "samples"),
+        *("max_error", "time_budget"),
     ),
     "Values of the maps": (
         *("space", "convention", "bits", "mid", "scale", "vertex_colors", "high_texture"),

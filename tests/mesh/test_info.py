@@ -49,7 +49,7 @@ def test_faults_are_counted():
     faces = np.concatenate([CUBE_FACES[1:], [CUBE_FACES[2][[1, 2, 0]]], [[0, 0, 1]]])
     info = mesh_info(Mesh(positions=CUBE, faces=faces))
     assert (info.n_degenerate_faces, info.n_duplicate_faces) == (1, 1)
-    assert (info.n_boundary_edges, info.n_non_manifold_edges) == (3, 3)
+    assert (info.n_boundary_edges, info.n_non_manifold_edges) == (3, 0)  # as without duplicates
     assert (info.closed, info.genus) == (False, None)
 
 

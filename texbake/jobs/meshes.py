@@ -27,6 +27,7 @@ from texbake.mesh.info import MeshInfo, mesh_info
 from texbake.mesh.materials import read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals
+from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import MakeOptions
 from texbake.mesh.repair import RepairReport, repair
@@ -37,6 +38,7 @@ from texbake.mesh.simplify_options import DEFAULT_QUALITY
 from texbake.mesh.transform import transform
 from texbake.mesh.transform_options import TransformOptions
 from texbake.progress import ProgressSink
+from texbake.raycast.orient import oriented
 from texbake.texture.image import read_image
 
 ORANGE = "orange"
@@ -260,6 +262,7 @@ def simplify_file(
     n_faces: int,
     *,
     quality: str = DEFAULT_QUALITY,
+    orientation: str = DEFAULT_ORIENTATION,
     report: PathLike | None = None,
     threads: int | None = None,
     progress: ProgressSink | None = None,
@@ -273,6 +276,8 @@ def simplify_file(
         The low-poly mesh; it may replace `mesh`.
     n_faces, quality, threads, progress
         As for `simplify`.
+    orientation
+        `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
     report
         File for the figures as JSON.
     """
@@ -280,7 +285,12 @@ def simplify_file(
     check_distinct([report], [mesh])  # the output may replace the mesh
     check_report(report)
     (done,) = simplify_levels(
-        mesh, [(n_faces, output)], quality=quality, threads=threads, progress=progress
+        mesh,
+        [(n_faces, output)],
+        quality=quality,
+        orientation=orientation,
+        threads=threads,
+        progress=progress,
     )
     if report is None:
         return done
@@ -293,6 +303,7 @@ def simplify_levels(
     levels: Sequence[tuple[int, PathLike]],
     *,
     quality: str = DEFAULT_QUALITY,
+    orientation: str = DEFAULT_ORIENTATION,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> list[JobResult[SimplifyReport]]:
@@ -303,12 +314,12 @@ def simplify_levels(
     mesh
     levels
         Number of triangles and file of each level.
-    quality, threads, progress
-        As for `simplify`.
+    quality, orientation, threads, progress
+        As for `simplify_file`.
     """
     for _, output in levels:
         check_mesh(output)
-    high = read_mesh(mesh, progress=progress)
+    high, turned = oriented(read_mesh(mesh, progress=progress), orientation, threads=threads)
     done = []
     for n_faces, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
@@ -316,5 +327,6 @@ def simplify_levels(
             high, n_faces, quality=quality, threads=threads, progress=progress
         )
         write_mesh(low, output)
-        done.append(JobResult(files=given(output), report=figures, warnings=tuple(figures.notes)))
+        figures = replace(figures, notes=(*turned.notes, *figures.notes))
+        done.append(JobResult(files=given(output), report=figures, warnings=figures.notes))
     return done

@@ -13,7 +13,7 @@ from texbake.baking.options import (
 )
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
+from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import CheckedOptions, Option, option
@@ -34,7 +34,7 @@ class RunOptions(CheckedOptions):
 
     n_faces: Annotated[int, option(SimplifyOptions, "n_faces")] = 500
     quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
-    orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
+    orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     size: Annotated[Size, option(BakeOptions, "size")] = 2048
     padding: Annotated[int, PADDING_OPTION] = 8
     samples: Annotated[
@@ -81,6 +81,7 @@ class RunOptions(CheckedOptions):
             time_budget=self.time_budget,
             convention=self.convention,
             fill="push-pull",
+            orientation="keep",  # turned over before it is simplified
             threads=self.threads,
         )
 

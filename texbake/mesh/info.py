@@ -75,7 +75,8 @@ class MeshInfo:
     n_components : int
         Shells of the mesh: connected pieces that share no vertex.
     n_boundary_edges, n_non_manifold_edges, n_misoriented_edges : int
-        Edges of one face; of more than two; of two that do not agree on which side is outside.
+        Edges of one face; of more than two; of two that do not agree on which side is outside. The
+        latter two leave out degenerate and duplicate faces, as `check` does.
     n_degenerate_faces, n_duplicate_faces : int
         Faces without area; faces with the same three vertices as an earlier one.
     n_unused_vertices, n_split_vertices : int
@@ -129,6 +130,9 @@ def mesh_info(mesh: MeshLike) -> MeshInfo:
     is_first = firsts == np.arange(len(firsts))
     faces = mesh.faces if is_first.all() else firsts[mesh.faces]
     edges = find_edges(faces)
+    without_area, repeated = degenerate_faces(mesh), duplicate_faces(faces)
+    is_surface = ~(without_area | repeated)
+    surface = edges if is_surface.all() else find_edges(faces[is_surface])
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
     low, high = mesh.bounds.tolist()
@@ -146,10 +150,10 @@ def mesh_info(mesh: MeshLike) -> MeshInfo:
         groups=_groups(mesh),
         n_components=face_components(faces, mesh.n_vertices)[1],
         n_boundary_edges=int(edges.boundary.sum()),
-        n_non_manifold_edges=int(edges.non_manifold.sum()),
-        n_misoriented_edges=int(edges.misoriented.sum()),
-        n_degenerate_faces=int(degenerate_faces(mesh).sum()),
-        n_duplicate_faces=int(duplicate_faces(faces).sum()),
+        n_non_manifold_edges=int(surface.non_manifold.sum()),
+        n_misoriented_edges=int(surface.misoriented.sum()),
+        n_degenerate_faces=int(without_area.sum()),
+        n_duplicate_faces=int(repeated.sum()),
         n_unused_vertices=int((~used).sum()),
         n_split_vertices=int((~is_first).sum()),
         closed=edges.closed,

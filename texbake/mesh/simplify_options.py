@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, get_args
 
+from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.schema import CheckedOptions, Option
 
 Quality = Literal["fast", "best"]
@@ -31,3 +32,4 @@ class SimplifyOptions(CheckedOptions):
             choices=QUALITIES,
         ),
     ] = DEFAULT_QUALITY
+    orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION

@@ -23,6 +23,7 @@ from texbake.building.step import (
 )
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
 from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, SimplifyOptions
@@ -174,6 +175,7 @@ class SimplifyStep(CheckedOptions):
         ),
     ] = 500
     quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
+    orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
     def __post_init__(self) -> None:
@@ -194,7 +196,13 @@ def _simplify(job: Job) -> dict[str, Any]:
 
     options: SimplifyStep = SIMPLIFY.made(job.settings)
     levels = list(zip(options.levels, job.outputs.values(), strict=True))
-    done = simplify_levels(job.file("mesh"), levels, quality=options.quality, threads=job.threads)
+    done = simplify_levels(
+        job.file("mesh"),
+        levels,
+        quality=options.quality,
+        orientation=options.orientation,
+        threads=job.threads,
+    )
     return {
         "levels": [
             {
