@@ -9,8 +9,15 @@ from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
 from texbake.checks.finding import Finding
 from texbake.checks.kinds import KINDS
+from texbake.checks.misfit import misfit
 from texbake.checks.options import SEVERITIES, CheckOptions
-from texbake.checks.pair import MeshPair, pair_findings
+from texbake.checks.pair import (
+    MeshPair,
+    detail_below_texels,
+    distances,
+    high_is_coarser,
+    opposite_sides,
+)
 from texbake.checks.report import CheckReport
 from texbake.checks.walls import wall_findings
 from texbake.errors import FileFormatError, MeshError
@@ -128,7 +135,7 @@ def _check(
     if checked_low is not None and checked_high is not None:
         with stages.stage("compare both"):
             pair = MeshPair(checked_low, checked_high)
-            findings += pair_findings(pair, owners)
+            findings += _pair_findings(pair, owners)
             if not (pair.apart or pair.opposite):
                 findings += wall_findings(pair)
     return CheckReport(
@@ -138,6 +145,16 @@ def _check(
         findings=_most_severe_first(findings),
         stages=stages.records,
     )
+
+
+def _pair_findings(pair: MeshPair, owners: TexelOwners | None) -> list[Finding | None]:
+    """All findings about a pair; some of them only where the meshes fit together."""
+    results = [high_is_coarser(pair), *misfit(pair)]
+    if not any(finding and finding.severity == "error" for finding in results):
+        results += [*distances(pair), opposite_sides(pair)]
+    if owners is not None:
+        results.append(detail_below_texels(pair, owners))
+    return results
 
 
 def _coordinate_findings(

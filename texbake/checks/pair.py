@@ -1,9 +1,7 @@
 """Checks of a low-poly mesh against the high-poly mesh that it is baked from.
 
 Distances are from the centers of faces to the closest point of the other mesh. Where half of the
-low-poly mesh lies away from the high-poly mesh, the cause is searched for: another scale, place or
-up axis. A place or axes are accepted if the meshes then fit, and guessed from the bounding boxes
-where nothing fits.
+low-poly mesh lies away from the high-poly mesh, `texbake.checks.misfit` searches for the cause.
 """
 
 from __future__ import annotations
@@ -27,12 +25,9 @@ from texbake.mesh.triangle_tree import TriangleTree
 
 # Shares of the size of the low-poly mesh. In pairs made from scans, the low-poly mesh lies within
 # 0.3 % of the high-poly mesh on average and 1.3 % at most.
-_APART = 0.02  # a median distance at which the meshes do not fit together
+APART = 0.02  # a median distance at which the meshes do not fit together
 _FAR = 0.03  # the distance of a single face
 
-# The boxes of one object, at two levels of detail, differ by less than this.
-_SAME_SCALE = 1.05
-_SAME_SIDES = 0.05
 _MAX_MEASURED = 100_000  # faces of a mesh whose distance is measured
 _MAX_TRIED = 2_000  # faces of a low-poly mesh that is rotated in all 24 ways
 _MAX_FACES_PER_TEXEL = 4.0
@@ -100,8 +95,13 @@ class MeshPair:
             self.frame.to_local(one.mesh.positions), one.mesh.faces, threads=one.options.threads
         )
 
-    def fitting_rotation(self) -> FloatArray | None:
+    def fitting_rotation(self, scale: float = 1.0) -> FloatArray | None:
         """Rotation by right angles after which the low-poly mesh, once centered, fits the other.
+
+        Parameters
+        ----------
+        scale
+            What the low-poly mesh is multiplied by first.
 
         Returns
         -------
@@ -110,9 +110,9 @@ class MeshPair:
         """
         step = -(-self.low.mesh.n_faces // _MAX_TRIED)
         faces = np.arange(0, self.low.mesh.n_faces, step)
-        arms = self._centers(self.low, faces) - self.middles[0]
+        arms = scale * (self._centers(self.low, faces) - self.middles[0])
         tree = self._tree(self.high)
-        best, least = None, _APART * self.size
+        best, least = None, APART * self.size * scale
         for turn in _right_angle_rotations():
             points = arms @ turn.T + self.middles[1]
             distances_to_other, *_ = tree.closest_points(points, threads=self.low.options.threads)
@@ -123,10 +123,26 @@ class MeshPair:
                     break
         return best
 
+    def fits_scaled(self, scale: float) -> bool:
+        """Whether the low-poly mesh fits once it is scaled, centered and rotated by right angles.
+
+        Most of either mesh must then be near the other.
+        """
+        turn = self.fitting_rotation(scale)
+        if turn is None:
+            return False
+        arms = self.frame.to_local(self.low.mesh.positions) - self.middles[0]
+        positions = scale * arms @ turn.T + self.middles[1]
+        tree = TriangleTree.build(positions, self.low.mesh.faces, threads=self.low.options.threads)
+        step = -(-self.high.mesh.n_faces // _MAX_TRIED)
+        points = self._centers(self.high, np.arange(0, self.high.mesh.n_faces, step))
+        distances_to_low, *_ = tree.closest_points(points, threads=self.low.options.threads)
+        return float(np.median(distances_to_low)) <= APART * self.size * scale
+
     @cached_property
     def apart(self) -> bool:
         """Whether half of the low-poly mesh lies away from the high-poly mesh."""
-        return float(np.median(self.from_low.distances)) > _APART * self.size
+        return float(np.median(self.from_low.distances)) > APART * self.size
 
     @cached_property
     def cosines(self) -> FloatArray:
@@ -140,63 +156,6 @@ class MeshPair:
         """Whether most of the low-poly mesh faces against the high-poly surface next to it."""
         areas = self.low.areas[self.from_low.faces]
         return float(areas[self.cosines < 0.0].sum()) > 0.5 * float(areas.sum())
-
-
-def misfit(pair: MeshPair) -> list[Finding | None]:
-    """Why two meshes do not fit: their scale, then their axes, then their place."""
-    if not pair.apart:
-        return []
-    sides, other_sides = pair.sides
-    size, other_size = float(np.linalg.norm(sides)), float(np.linalg.norm(other_sides))
-    ratio = other_size / size if size > 0.0 else math.inf
-    if not 1.0 / _SAME_SCALE < ratio < _SAME_SCALE:
-        return [make_finding("differing-scale", "low", 1, ratio=ratio)]
-    turn = pair.fitting_rotation()
-    axes = _swapped_axes(sides, other_sides) if turn is None else _axes_of(turn)
-    if axes:
-        return [make_finding("differing-axes", "low", 1, axes=axes)]
-    offset = pair.frame.length_to_model(pair.middles[1] - pair.middles[0])
-    distance = float(np.linalg.norm(offset))
-    if float(np.linalg.norm(pair.middles[1] - pair.middles[0])) <= _APART * pair.size:
-        return []
-    words = ", ".join(f"{value:.6g}" for value in offset)
-    return [
-        make_finding(
-            "differing-place", "low", 1, distance=f"{distance:.4g} model units", offset=f"({words})"
-        )
-    ]
-
-
-def _right_angle_rotations() -> list[FloatArray]:
-    """All 24 rotations that take axes to axes, (3, 3) each, the identity first."""
-    rotations = []
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        turn = np.diag(signs)[:, list(order)]
-        if np.linalg.det(turn) > 0.0:
-            rotations.append(turn)
-    return rotations
-
-
-def _axes_of(turn: FloatArray) -> str:
-    """Which axes a rotation takes to which others, in words; "" for none."""
-    moved = []
-    for k, column in enumerate(turn.T):
-        to = int(np.flatnonzero(column)[0])
-        if to != k or column[to] < 0.0:
-            moved.append(f"{'xyz'[k]} becomes {'-' if column[to] < 0.0 else ''}{'xyz'[to]}")
-    return " and ".join(moved)
-
-
-def _swapped_axes(low: FloatArray, high: FloatArray) -> str:
-    """Which axes must be swapped for the sides of two boxes to agree, in words; "" for none."""
-    limit = _SAME_SIDES * float(low.max())
-    if (np.abs(low - high) <= limit).all():
-        return ""
-    for order in permutations(range(3)):
-        if (np.abs(low[list(order)] - high) <= limit).all():
-            moved = [f"{'xyz'[order[k]]} becomes {'xyz'[k]}" for k in range(3) if order[k] != k]
-            return " and ".join(moved)
-    return ""
 
 
 def distances(pair: MeshPair) -> list[Finding | None]:
@@ -253,11 +212,11 @@ def detail_below_texels(pair: MeshPair, owners: TexelOwners) -> Finding | None:
     )
 
 
-def pair_findings(pair: MeshPair, owners: TexelOwners | None) -> list[Finding | None]:
-    """All findings about a pair; some of them only where the meshes fit together."""
-    results = [high_is_coarser(pair), *misfit(pair)]
-    if not any(finding and finding.severity == "error" for finding in results):
-        results += [*distances(pair), opposite_sides(pair)]
-    if owners is not None:
-        results.append(detail_below_texels(pair, owners))
-    return results
+def _right_angle_rotations() -> list[FloatArray]:
+    """All 24 rotations that take axes to axes, (3, 3) each, the identity first."""
+    rotations = []
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        turn = np.diag(signs)[:, list(order)]
+        if np.linalg.det(turn) > 0.0:
+            rotations.append(turn)
+    return rotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from texbake.baking.cage.fit import Cage, fit_cage
+from texbake.checks.misfit import stop_at_misfit
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
@@ -33,11 +34,8 @@ def cage_file(
     """
     check_distinct([output], [high, low])
     check_mesh(output)
-    cage = fit_cage(
-        read_mesh(high, progress=progress),
-        read_mesh(low, progress=progress),
-        margin=margin,
-        threads=threads,
-    )
+    high_mesh, low_mesh = read_mesh(high, progress=progress), read_mesh(low, progress=progress)
+    stop_at_misfit(high_mesh, low_mesh, threads=threads)
+    cage = fit_cage(high_mesh, low_mesh, margin=margin, threads=threads)
     write_mesh(cage.mesh, output)
     return JobResult(files=given(output), report=cage, warnings=tuple(cage.warnings))

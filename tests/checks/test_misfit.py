@@ -1,0 +1,88 @@
+"""Pairs that fit once one is scaled, rotated or moved stop a bake; other pairs do not."""
+
+import numpy as np
+import pytest
+
+from texbake.baking.options import BakeOptions
+from texbake.checks.check import check
+from texbake.checks.misfit import stop_at_misfit
+from texbake.errors import MeshError
+from texbake.jobs.cages import cage_file
+from texbake.jobs.maps import bake_files
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.files import write_mesh
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane, uv_sphere
+
+SIDES = np.array([1.0, 0.7, 0.4])
+
+
+def high() -> Mesh:
+    sphere = uv_sphere(60, 120, lambda a, b: 1 + 0.02 * np.sin(40 * a) * np.sin(30 * b))
+    return sphere.replace(positions=sphere.positions * SIDES)
+
+
+def low(scale=1.0, move=(0.0, 0.0, 0.0), axes=((1, 0, 0), (0, 1, 0), (0, 0, 1))) -> Mesh:
+    sphere = uv_sphere(12, 24)
+    moved = scale * sphere.positions * SIDES @ np.array(axes, dtype=float).T + np.array(move)
+    return sphere.replace(positions=moved)
+
+
+UPRIGHT = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "finding"),
+    [
+        ({"scale": 0.1}, "differing-scale"),
+        ({"scale": 1000.0, "axes": UPRIGHT}, "differing-scale"),
+        ({"move": (3.0, 0.0, 0.0)}, "differing-place"),
+        ({"axes": UPRIGHT}, "differing-axes"),
+    ],
+)
+def test_a_misfit_stops_with_the_words_of_check(changes, finding):
+    found = {one.name: one for one in check(high(), low(**changes)).findings}
+    with pytest.raises(MeshError) as stop:
+        stop_at_misfit(high(), low(**changes))
+    assert f"{found[finding].problem} {found[finding].remedy}" in str(stop.value)
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        (high(), low()),
+        (high(), low(1.3)),
+        (high(), plane().replace(positions=3.0 * plane().positions - np.array([0.0, 0.0, 1.0]))),
+        (
+            join_meshes(
+                [high(), high().replace(positions=high().positions + np.array([5.0, 0, 0]))]
+            ),
+            low(),
+        ),
+        (plane(), plane().replace(positions=plane().positions + np.array([0.0, 0.0, 0.1]))),
+    ],
+)
+def test_pairs_that_may_be_meant_so(pair):
+    stop_at_misfit(*pair)
+
+
+def test_files(tmp_path):
+    write_mesh(high(), tmp_path / "high.ply")
+    write_mesh(low(0.1), tmp_path / "low.obj")
+    for job in (
+        lambda: bake_files(
+            tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", BakeOptions(size=16)
+        ),
+        lambda: cage_file(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "cage.obj"),
+    ):
+        with pytest.raises(MeshError, match=r"low\.obj: The high-poly mesh is 10"):
+            job()
+    assert {path.name for path in tmp_path.iterdir()} == {"high.ply", "low.obj"}
+
+
+def test_a_low_poly_mesh_that_faces_inwards(tmp_path):
+    write_mesh(high(), tmp_path / "high.ply")
+    write_mesh(low().replace(faces=low().faces[:, ::-1]), tmp_path / "low.obj")
+    options = BakeOptions(size=16, front=0.1, back=0.1)
+    done = bake_files(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", options)
+    assert any("Most of the low-poly mesh faces against" in warning for warning in done.warnings)
