@@ -112,12 +112,13 @@ def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
         default = None
     elif isinstance(default, tuple) and not isinstance(kind, Size):
         default = ",".join(f"{v:g}" if isinstance(v, float) else str(v) for v in default)
+    # For click a default of None is one, and the option would never be missing.
+    given = {"required": True} if required else {"default": default}
     return click.option(
         *names,
         type=kind,
-        default=default,
+        **given,
         multiple=option.many,
-        required=required,
         show_default=default is not None,
         metavar=_metavar(field),
         help=text,

@@ -91,6 +91,8 @@ def test_help_fits_a_terminal(name: str) -> None:
         ("nonsense", "texbake: no such command 'nonsense'"),
         ("info", "texbake info: missing argument 'MESH'"),
         ("bake a.ply b.obj", "texbake bake: missing option '-o'"),
+        ("run a.ply -o asset", "texbake run: missing option '--faces'"),
+        ("simplify a.ply -o low.obj", "texbake simplify: missing option '--faces'"),
         ("bake-normals a b -o c.png --size huge", "'huge' is not a size such as"),
         ("bake a b -o maps --maps normal,colour", "colour is not one of normal,"),
     ],
