@@ -51,11 +51,6 @@ class SecondaryRays:
         used = frozenset(needs) & {OUTER, INNER}
         return cls(inputs, used) if used else None
 
-    @property
-    def n_rays(self) -> int:
-        """Rays per hit."""
-        return self.inputs.options.secondary_rays * len(self.needs)
-
     def occlusion_range(self, scenes: BakeScenes) -> OcclusionRange:
         """How far above the surface the rays start, and how far they go."""
         options = self.inputs.options
@@ -68,9 +63,15 @@ class SecondaryRays:
         )
 
     def cast(
-        self, hits: Hits, scenes: BakeScenes, occlusion_range: OcclusionRange
+        self, hits: Hits, scenes: BakeScenes, occlusion_range: OcclusionRange, n_samples: int
     ) -> tuple[Hits, int]:
-        """Return the hits with what their secondary rays met, and the number of rays cast."""
+        """Return the hits with what their secondary rays met, and the number of rays cast.
+
+        Parameters
+        ----------
+        n_samples
+            Samples of a texel, over which its rays are spread.
+        """
         options, frame = self.inputs.options, scenes.frame
         met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
         is_hit = hits.high_faces != NO_HIT
@@ -80,8 +81,10 @@ class SecondaryRays:
             self.inputs.high,
             self.inputs.high_surface.normals,
             frame,
+            n_samples,
             threads=options.threads,
         )
+        n_rays = max(1, options.secondary_rays // n_samples)
         has_axis = np.asarray(fans.axes.any(axis=1))
         if not has_axis.all():
             fans = fans.where(has_axis)
@@ -89,10 +92,10 @@ class SecondaryRays:
             met[is_hit, OPEN] = 1.0
             is_hit[is_hit] = has_axis
         if len(fans):
-            scene, sets = scenes.occluders or scenes.high, direction_sets(options.secondary_rays)
+            scene, sets = scenes.occluders or scenes.high, direction_sets(n_rays, n_samples)
             met[is_hit] = scene.cast_fans(fans, sets, occlusion_range)
         met[:, DEPTH] /= np.float32(frame.scale)
-        return replace(hits, secondary=met), len(fans) * self.n_rays
+        return replace(hits, secondary=met), len(fans) * n_rays * len(self.needs)
 
 
 def met_by(hits: Hits, columns: int | slice, name: str) -> Float32Array:
@@ -116,6 +119,7 @@ def fans_of(
     high: Mesh,
     normals: tuple[npt.NDArray[np.float32], IntArray],
     frame: LocalFrame,
+    n_samples: int = 1,
     *,
     threads: int | None = None,
 ) -> Fans:
@@ -125,6 +129,8 @@ def fans_of(
     ----------
     normals
         Shading normals of the high-poly mesh, and the index of the one at each corner.
+    n_samples
+        Samples of a texel, which share the parts of one set of directions.
     """
     n = len(hits)
     fans = Fans(
@@ -136,10 +142,11 @@ def fans_of(
 
     def fill(start: int, stop: int) -> None:
         band = slice(start, stop)
-        # The directions depend on the sample itself, not on the order of the samples.
-        weights = hits.low_barycentrics[band].view(np.uint32)
-        faces = hits.low_faces[band].view(np.uint32)
-        fans.set_ids[band] = mixed(mixed(mixed(faces) ^ weights[:, 0]) ^ weights[:, 1])
+        if n_samples == 1:
+            # The directions depend on the sample itself, not on the order of the samples.
+            weights = hits.low_barycentrics[band].view(np.uint32)
+            faces = hits.low_faces[band].view(np.uint32)
+            fans.set_ids[band] = mixed(mixed(mixed(faces) ^ weights[:, 0]) ^ weights[:, 1])
         core.place_fans(
             hits.high_faces[band],
             hits.high_barycentrics[band],
@@ -153,8 +160,21 @@ def fans_of(
             fans.planes[band],
         )
 
+    if n_samples > 1:
+        fans.set_ids[:] = _shared_set_ids(hits.texel_ids, n_samples)
     run_bands(fill, n, band=_BAND, threads=threads)
     return fans
+
+
+def _shared_set_ids(texel_ids: IntArray, n_samples: int) -> npt.NDArray[np.uint32]:
+    """One part after another, of a set that a hash of the texel selects, for its samples."""
+    order = np.argsort(texel_ids, kind="stable")
+    ordered = texel_ids[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    ranks = np.empty(len(order), dtype=np.uint32)
+    ranks[order] = np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
+    n_parts = np.uint32(n_samples)
+    return np.asarray(mixed(texel_ids.view(np.uint32)) * n_parts + ranks % n_parts)
 
 
 def start_offset(high: Mesh, frame: LocalFrame) -> float:

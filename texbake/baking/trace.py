@@ -232,7 +232,7 @@ class SampleCaster:
             counts.rays_past_back_faces += sum(n for _, n in counted)
         if self.trace.options.on_miss == "closest":
             self._take_closest(samples, hits)
-        return self._cast_secondary(hits)
+        return self._cast_secondary(hits, grid.per_side**2)
 
     def _take_closest(self, samples: Samples, hits: Hits) -> None:
         """Turn misses into hits at the closest point of a face that faces the ray, in place.
@@ -300,13 +300,13 @@ class SampleCaster:
         run_bands(cast, len(samples), band=_SAMPLES_PER_BAND, threads=options.threads)
         return hits, counted
 
-    def _cast_secondary(self, hits: Hits) -> Hits:
+    def _cast_secondary(self, hits: Hits, n_samples: int) -> Hits:
         """Add what rays from the hits meet, where a map needs it."""
         secondary = self.trace.secondary
         if secondary is None or self.occlusion_range is None:
             return hits
         with self.trace.stages.part("secondary rays"):
-            hits, n_rays = secondary.cast(hits, self.scenes, self.occlusion_range)
+            hits, n_rays = secondary.cast(hits, self.scenes, self.occlusion_range, n_samples)
         self.trace.counts.secondary_rays += n_rays
         return hits
 

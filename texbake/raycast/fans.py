@@ -77,8 +77,8 @@ class OcclusionRange(NamedTuple):
     inner: float
 
 
-@lru_cache(maxsize=2)
-def direction_sets(n_rays: int) -> npt.NDArray[np.float32]:
+@lru_cache(maxsize=4)
+def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
     """Sets of unit vectors about +z, with a density proportional to the cosine of the angle to it.
 
     Each set is a scrambled net: of its n points in the unit square exactly one lies in every cell
@@ -95,8 +95,9 @@ def direction_sets(n_rays: int) -> npt.NDArray[np.float32]:
 
     Parameters
     ----------
-    n_rays : int
-        A power of two, at most 65,536.
+    n_rays, n_parts : int
+        Powers of two, with a product of at most 65,536. Each `n_parts` sets that follow each other
+        are one net of all their directions, so that they can be shared out to samples of a texel.
 
     Returns
     -------
@@ -109,7 +110,10 @@ def direction_sets(n_rays: int) -> npt.NDArray[np.float32]:
     >>> direction_sets(64).shape
     (1024, 64, 3)
     """
-    points = _sorted(scrambled_nets(_DIRECTIONS // n_rays, n_rays))
+    n_points = n_rays * n_parts
+    nets = scrambled_nets(_DIRECTIONS // n_points, n_points)
+    # Points of a net that follow each other, in number a power of two, are a net themselves.
+    points = _sorted(nets.reshape(-1, n_rays, 2))
     disk = concentric_disk((points.astype(np.float64) + 0.5) / 2.0**_BITS)
     z = np.sqrt(1.0 - np.square(disk).sum(axis=-1, keepdims=True))
     return frozen(np.concatenate([disk, z], axis=-1).astype(np.float32))

@@ -21,7 +21,8 @@ class SecondaryOptions(CheckedOptions):
     secondary_rays: Annotated[
         int,
         Option(
-            f"Rays per sample for ao, bent-normal and thickness, a power of two up to {MAX_RAYS}.",
+            f"Rays per texel for ao, bent-normal and thickness, a power of two up to {MAX_RAYS}. "
+            "They are spread over the samples of the texel, at least one for each.",
             metavar="N",
             low=1,
             high=MAX_RAYS,
