@@ -102,6 +102,7 @@ from .jobs.meshes import (
     Relief as Relief,
     info_file as info_file,
     make_file as make_file,
+    remesh_file as remesh_file,
     repair_file as repair_file,
     simplify_file as simplify_file,
     simplify_levels as simplify_levels,
@@ -181,6 +182,12 @@ from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import vertex_curvatures as vertex_curvatures
 from .mesh.parametric.make import make as make
 from .mesh.parametric.options import SHAPES as SHAPES, MakeOptions as MakeOptions
+from .mesh.remesh import (
+    RemeshReport as RemeshReport,
+    remesh as remesh,
+    remesh_with_report as remesh_with_report,
+)
+from .mesh.remesh_options import RemeshOptions as RemeshOptions
 from .mesh.repair import (
     RepairReport as RepairReport,
     repair as repair,

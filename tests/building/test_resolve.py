@@ -48,6 +48,7 @@ def test_defaults_that_are_written_out_change_nothing(name: str) -> None:
         ("mipmap", {"kind": "normal"}),
         ("repair", {"winding": False}),
         ("transform", {"scale": 2.0}),
+        ("remesh", {"close": 0.1}),
     ],
 )
 def test_a_setting_changes_the_key(name: str, given: dict[str, Any]) -> None:

@@ -71,6 +71,12 @@ def test_a_shape_gets_only_the_settings_that_it_reads(do: Do) -> None:
         do("make", {"shape": "revolution"})
 
 
+def test_a_mesh_is_wrapped(do: Do, ball: Path) -> None:
+    files, figures = do("remesh", {"resolution": 16}, mesh=ball)
+    mesh = read_mesh(files["mesh"])
+    assert figures == {"faces": mesh.n_faces, "components": 1, "notes": []}
+
+
 def test_levels_of_detail(do: Do, ball: Path) -> None:
     files, figures = do("simplify", {"faces": (100, 40)}, mesh=ball)
     assert list(files) == ["lod0", "lod1"]

@@ -66,6 +66,7 @@ def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
         ("convert low.obj converted.ply", ""),
         ("repair low.obj -o repaired.ply", ""),
         ("transform low.obj -o moved.ply --scale 2", ""),
+        ("remesh high.ply -o closed.ply --resolution 32", ""),
         ("simplify high.ply -o less.ply --faces 100", "meshoptimizer"),
         ("unwrap low.obj -o fast.obj --size 64 --quality fast", ""),
         ("unwrap low.obj -o good.obj --size 64", ""),

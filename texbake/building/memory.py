@@ -20,6 +20,9 @@ IDLE_WORKER = PROCESS
 READ_FACE = 130
 SIMPLIFIED_FACE = 300
 FLATTENED_FACE = 6_000
+# Bytes per voxel of a grid, and per face of the surface in it that is moved onto a mesh.
+_VOXEL = 5
+_NET_FACE = 300
 # ... and of the small triangles that displacement divides a mesh into.
 _DISPLACED_FACE = 150
 # Bytes per sample of a picture.
@@ -92,6 +95,13 @@ def make_memory(settings: Settings, sizes: Sizes) -> int:
 def repair_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for repairing a mesh."""
     return IDLE_WORKER + 2 * SIMPLIFIED_FACE * _faces(sizes, "mesh")
+
+
+def remesh_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for wrapping a mesh that fills a cube, whose surface is folded."""
+    side = settings["resolution"] + 32
+    surface = _NET_FACE * 20 * side**2
+    return int(IDLE_WORKER + SIMPLIFIED_FACE * _faces(sizes, "mesh") + _VOXEL * side**3 + surface)
 
 
 def simplify_memory(settings: Settings, sizes: Sizes) -> int:

@@ -374,6 +374,16 @@ int64_t measure_layout(
     double uvs[n][2], double figures[3]);
 
 
+/* folded_faces.c */
+void find_folded(
+    int64_t n_vertices, int64_t n_faces, const double before[n_vertices][3],
+    const double after[n_vertices][3], const int32_t faces[n_faces][3], bool folded[n_faces],
+    int64_t start, int64_t stop);
+void split_quads(
+    int64_t n_vertices, int64_t n_quads, const double before[n_vertices][3],
+    const double after[n_vertices][3], const int32_t quads[n_quads][4],
+    int32_t faces[n_quads][2][3], int64_t start, int64_t stop);
+
 /* gradient_noise.c */
 void fill_noise(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
@@ -393,6 +403,18 @@ void fill_octave_values(
     const double gradients[256][3], float out[n][1], bool quintic, int64_t n_octaves,
     double lacunarity, double gain, double mean, double offset, double scale, int64_t start,
     int64_t stop);
+
+/* grid_dilation.c */
+int64_t measure_planes(
+    int64_t nx, int64_t ny, int64_t nz, const uint8_t labels[nx][ny][nz],
+    uint16_t squares[nx][ny][nz], int64_t label, int64_t radius, int64_t start, int64_t stop);
+void reach_planes(
+    int64_t nx, int64_t ny, int64_t nz, const uint16_t squares[nx][ny][nz],
+    bool reached[nx][ny][nz], int64_t radius, int64_t radius_squared, int64_t start, int64_t stop);
+
+/* grid_flood.c */
+int64_t flood_outside(
+    int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz], uint8_t labels[nx][ny][nz]);
 
 /* guided_local_search.c */
 int64_t separate_charts(
@@ -525,6 +547,23 @@ int64_t list_fragments(
     int64_t nexts[n_objects], int32_t faces[n], float places[n][2], int32_t pixels[n],
     float counts[n],
     OPTIONAL int32_t of_samples[n_rows][width]);
+
+/* narrow_band.c */
+void mark_band_blocks(
+    int64_t n_vertices, int64_t n_faces, int64_t n_listed, int64_t nx, int64_t ny, int64_t nz,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t listed[n_listed], const int64_t starts[nx + 1], bool active[nx][ny][nz],
+    double width, int64_t start, int64_t stop);
+void measure_band(
+    int64_t n_vertices, int64_t n_faces, int64_t n_listed, int64_t nx, int64_t ny, int64_t nz,
+    int64_t n_slots, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t listed[n_listed], const int64_t starts[nx + 1],
+    const int32_t slots[nx][ny][nz], float distances[n_slots][512], double width, int64_t start,
+    int64_t stop);
+void label_shell(
+    int64_t nx, int64_t ny, int64_t nz, int64_t n_slots, int64_t width, int64_t height,
+    int64_t depth, const int32_t slots[nx][ny][nz], const float distances[n_slots][512],
+    uint8_t labels[width][height][depth], double greatest, int64_t start, int64_t stop);
 
 /* newton.c */
 void find_faces_under(
@@ -923,6 +962,19 @@ void dim_by_shadow(
     const float directions[n_directions][3], const float radiance[n_radiance][3],
     float out[n][3]);
 
+/* shell_signs.c */
+void see_shell(
+    int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
+    int64_t depth, const int32_t slots[nx][ny][nz], const int32_t corners[n_slots][3],
+    const float distances[n_slots][512], const uint8_t labels[width][height][depth],
+    uint8_t seen[n_slots][512], int64_t start, int64_t stop);
+void sign_shell(
+    int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
+    int64_t depth, const int32_t slots[nx][ny][nz], const int32_t corners[n_slots][3],
+    const float distances[n_slots][512], const uint8_t labels[width][height][depth],
+    const uint8_t seen[n_slots][512], float field[n_slots][512], bool thin[n_slots][512],
+    double thickness, int64_t start, int64_t stop);
+
 /* solid_patterns.c */
 void fill_marble(
     int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
@@ -982,6 +1034,23 @@ int64_t sample_supersampled(
     const double uvs[n][2], const float derivatives[n][4], const double samples[n_samples][2],
     int64_t wrap, const float border[n_channels], float out[n][n_channels], int64_t start,
     int64_t stop);
+
+/* surface_nets.c */
+void mark_solid(
+    int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
+    int64_t depth, const int32_t slots[nx][ny][nz], const float field[n_slots][512],
+    const uint8_t labels[width][height][depth], bool solid[width][height][depth], int64_t start,
+    int64_t stop);
+void count_nets(
+    int64_t width, int64_t height, int64_t depth, const bool solid[width][height][depth],
+    int64_t n_vertices[width], int64_t n_quads[width], int64_t start, int64_t stop);
+int64_t build_nets(
+    int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
+    int64_t depth, int64_t n_vertices, int64_t n_quads, const int32_t slots[nx][ny][nz],
+    const float field[n_slots][512], const bool thin[n_slots][512],
+    const bool solid[width][height][depth], const int64_t vertex_starts[width + 1],
+    const int64_t quad_starts[width + 1], double positions[n_vertices][3],
+    bool is_thin[n_vertices], int32_t quads[n_quads][4], int64_t start, int64_t stop);
 
 /* surrounding_light.c */
 void reflect_ambient(
@@ -1159,6 +1228,12 @@ void hash_rows(
 int64_t weld_part(
     int64_t n, int64_t k, const uint32_t words[n][k], const uint32_t hashes[n], int64_t part_bits,
     int64_t part, int32_t firsts[n]);
+
+/* well_composed.c */
+int64_t compose_well(
+    int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
+    int64_t depth, const int32_t slots[nx][ny][nz], bool solid[width][height][depth],
+    float field[n_slots][512]);
 
 /* worley_noise.c */
 void fill_cells(

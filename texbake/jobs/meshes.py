@@ -30,6 +30,8 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import MakeOptions
+from texbake.mesh.remesh import RemeshReport, remesh_with_report
+from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.repair import RepairReport, repair
 from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.shapes import orange
@@ -254,6 +256,39 @@ def _losses(source: PathLike, read: Mesh, output: PathLike) -> list[str]:
     if materials is not None and any(color is not None for color in materials.base_colors):
         lost.append("materials")
     return lost
+
+
+def remesh_file(
+    mesh: PathLike,
+    output: PathLike,
+    options: RemeshOptions | None = None,
+    *,
+    report: PathLike | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[RemeshReport]:
+    """Wrap a mesh file in a closed surface, and write the result.
+
+    Parameters
+    ----------
+    mesh
+    output
+        The closed mesh; it may replace `mesh`.
+    options, threads, progress
+        As for `remesh`.
+    report
+        File for the figures as JSON.
+    """
+    check_mesh(output)
+    check_distinct([output, report])
+    check_distinct([report], [mesh])
+    check_report(report)
+    given_mesh = read_mesh(mesh, progress=progress)
+    wrapped, figures = remesh_with_report(given_mesh, options, threads=threads, progress=progress)
+    write_mesh(wrapped, output)
+    if report is not None:
+        write_report(report, figures.to_json())
+    return JobResult(files=given(output, report), report=figures, warnings=figures.notes)
 
 
 def simplify_file(

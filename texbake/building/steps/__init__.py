@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from texbake.building.step import StepKind
 from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
-from texbake.building.steps.meshes import MAKE, REPAIR, SIMPLIFY, TRANSFORM, UNWRAP
+from texbake.building.steps.meshes import MAKE, REMESH, REPAIR, SIMPLIFY, TRANSFORM, UNWRAP
 from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
 
 # In the order in which a pipeline usually has them.
@@ -14,6 +14,7 @@ STEP_KINDS: dict[str, StepKind] = {
         MAKE,
         REPAIR,
         TRANSFORM,
+        REMESH,
         SIMPLIFY,
         UNWRAP,
         CHECK,

@@ -1,4 +1,4 @@
-"""Steps that make or change a mesh: `make`, `repair`, `transform`, `simplify`, `unwrap`."""
+"""Steps on meshes: `make`, `repair`, `transform`, `remesh`, `simplify`, `unwrap`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from texbake.building.memory import (
     make_memory,
+    remesh_memory,
     repair_memory,
     simplify_memory,
     unwrap_memory,
@@ -25,6 +26,7 @@ from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
+from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, SimplifyOptions
 from texbake.mesh.transform_options import TransformOptions
@@ -160,6 +162,37 @@ TRANSFORM = StepKind(
     outputs=lambda settings: {"mesh": f"transformed.{settings['format']}"},
     run=_transform,
     memory=repair_memory,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemeshStep(RemeshOptions):
+    """How a mesh is wrapped; further options are those of `RemeshOptions`."""
+
+    format: Annotated[str, FORMAT_OF_MESH] = "ply"
+
+
+def _remesh(job: Job) -> dict[str, Any]:
+    from texbake.jobs.meshes import remesh_file
+
+    options = REMESH.made(job.settings)
+    done = remesh_file(job.file("mesh"), job.outputs["mesh"], options, threads=job.threads)
+    return {
+        "faces": done.report.n_faces,
+        "components": done.report.n_components,
+        "notes": list(done.warnings),
+    }
+
+
+REMESH = StepKind(
+    name="remesh",
+    does="wraps a mesh in a closed surface",
+    options=RemeshStep,
+    without=("n_faces", "quality"),
+    inputs=(InputRole(name="mesh"),),
+    outputs=lambda settings: {"mesh": f"remeshed.{settings['format']}"},
+    run=_remesh,
+    memory=remesh_memory,
 )
 
 

@@ -1,0 +1,227 @@
+"""Wrapped meshes: closed and manifold whatever is given, and as close as the voxels allow."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.core import core
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.distance import surface_distance
+from texbake.mesh.files import read_mesh
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.parametric.make import make
+from texbake.mesh.remesh import remesh, remesh_with_report
+from texbake.mesh.remesh_options import RemeshOptions
+from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.topology import (
+    degenerate_faces,
+    duplicate_faces,
+    face_components,
+    find_edges,
+    genus,
+)
+
+DATA = Path(os.environ.get("TEXBAKE_DATA", "/nowhere"))
+
+
+def moved(mesh, *, scale=1.0, by=(0.0, 0.0, 0.0)):
+    return mesh.replace(positions=mesh.positions * scale + np.asarray(by))
+
+
+def joined(*meshes):
+    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
+    return Mesh(
+        positions=np.concatenate([mesh.positions for mesh in meshes]),
+        faces=np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]),
+    )
+
+
+def flipped(mesh):
+    return mesh.replace(faces=mesh.faces[:, ::-1])
+
+
+def holed(mesh, n, width):
+    """The mesh without the faces next to n of its vertices."""
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    points = icosphere(1).positions[:n]
+    distances = np.linalg.norm(centers[:, None] - points[None], axis=2).min(axis=1)
+    return mesh.replace(faces=mesh.faces[distances > width / 2])
+
+
+def soup(seed, n=60):
+    """Triangles that have nothing to do with one another."""
+    random = np.random.default_rng(seed)
+    corners = random.normal(size=(n, 1, 3)) + 0.4 * random.normal(size=(n, 3, 3))
+    return Mesh(positions=corners.reshape(-1, 3), faces=np.arange(3 * n).reshape(-1, 3))
+
+
+def volume(mesh):
+    return np.linalg.det(mesh.positions[mesh.faces] - mesh.bounds[0]).sum() / 6.0
+
+
+def wrapped(mesh, **options):
+    """The wrapped mesh, whose surface is checked."""
+    result = remesh(mesh, RemeshOptions(**{"resolution": 48, **options}))
+    edges = find_edges(result.faces)
+    assert edges.closed and not edges.misoriented.any()
+    assert not core.has_pinched_vertex(result.n_vertices, result.faces)
+    assert not duplicate_faces(result.faces).any() and not degenerate_faces(result).any()
+    assert len(np.unique(result.faces)) == result.n_vertices
+    assert volume(result) > 0.0
+    return result
+
+
+BALL = icosphere(4)
+SOLIDS = {
+    "ball": BALL,
+    "inside out": flipped(BALL),
+    "half inside out": BALL.replace(
+        faces=np.where(np.arange(BALL.n_faces)[:, None] % 2 == 0, BALL.faces, BALL.faces[:, ::-1])
+    ),
+    "doubled wall": joined(BALL, flipped(moved(BALL, scale=0.95))),
+    "wall of the same side": joined(BALL, moved(BALL, scale=0.9)),
+    "cavity": joined(BALL, flipped(moved(BALL, scale=0.5))),
+    "parts inside": joined(BALL, moved(cube(), scale=0.2), moved(soup(5), scale=0.1)),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_all_that_looks_like_a_ball_becomes_one(name):
+    result = wrapped(SOLIDS[name])
+    edges = find_edges(result.faces)
+    assert genus(result.faces, edges, result.n_vertices) == 0
+    assert face_components(result.faces, result.n_vertices)[1] == 1
+    # Vertices lie on the ball, but for a few whose faces would fold. Between them, a chord of a
+    # cell's diagonal sinks in by the square of its half over twice the radius.
+    voxel = 2.0 / 48.0
+    radii = np.linalg.norm(result.positions, axis=1)
+    assert np.abs(radii - 1.0).max() < 0.1 * voxel
+    assert surface_distance(result, BALL).max < 0.1 * voxel + 3.0 * voxel**2 / 8.0
+
+
+def test_holes_are_closed_up_to_their_width():
+    ball = holed(icosphere(5), 6, 0.3)
+    assert find_edges(ball.faces).boundary.any()
+    closed = wrapped(ball, close=0.4)
+    assert volume(closed) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
+    assert genus(closed.faces, find_edges(closed.faces), closed.n_vertices) == 0
+    # A ball that passes the holes makes of it a sheet with holes, whose inside is outside.
+    opened = wrapped(ball, close=0.0)
+    assert volume(opened) < 0.5 * volume(closed)
+    assert genus(opened.faces, find_edges(opened.faces), opened.n_vertices) == 5
+
+
+def test_overlapping_boxes_become_one():
+    boxes = joined(cube(), moved(cube(), by=(0.5, 0.3, 0.2)))
+    result = wrapped(boxes, resolution=64)
+    assert face_components(result.faces, result.n_vertices)[1] == 1
+    size = np.ptp(cube().bounds, axis=0)
+    overlap = np.prod(size - (0.5, 0.3, 0.2))
+    assert volume(result) == pytest.approx(2.0 * np.prod(size) - overlap, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        plane(3, 3),
+        Mesh(positions=[[0, 0, 0], [1, 0, 0], [0.2, 0.7, 0.1]], faces=[[0, 1, 2]]),
+        Mesh(positions=[[0, 0, 0], [1, 1, 1], [2, 2, 2]], faces=[[0, 1, 2]]),
+        make("mobius", resolution=(48, 4)),
+        soup(0),
+        soup(1, 400),
+    ],
+    ids=["plane", "triangle", "line", "mobius", "soup", "thick soup"],
+)
+def test_sheets_are_wrapped_on_both_sides(mesh):
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=48))
+    wrapped(mesh)
+    away = surface_distance(result, mesh)
+    assert away.a_to_b.max < 2.5 * report.voxel  # the ball and the shell around corners
+    if mesh.n_faces < 400:  # of which some lie inside
+        assert away.b_to_a.max < 1.5 * report.voxel
+
+
+@pytest.mark.parametrize("resolution", [24, 48, 96])
+def test_the_distance_shrinks_with_the_voxels(resolution):
+    mesh = make("torus", resolution=(160, 80))
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=resolution))
+    both = surface_distance(result, mesh)
+    assert both.max < 0.5 * report.voxel and both.rms < 0.05 * report.voxel
+    assert genus(result.faces, find_edges(result.faces), result.n_vertices) == 1
+
+
+@pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
+def test_size_and_place_change_nothing(scale):
+    mesh = soup(3)
+    here, there = wrapped(mesh), wrapped(moved(mesh, scale=scale))
+    assert np.array_equal(here.faces, there.faces)
+    assert np.array_equal(here.positions * scale, there.positions)
+
+
+def test_the_result_does_not_depend_on_the_threads():
+    mesh = joined(soup(4, 200), BALL)
+    one, three = (remesh(mesh, RemeshOptions(resolution=64), threads=n) for n in (1, 3))
+    assert one.positions.tobytes() == three.positions.tobytes()
+    assert one.faces.tobytes() == three.faces.tobytes()
+
+
+def test_the_largest_parts_are_kept():
+    balls = joined(
+        moved(BALL, scale=0.3), moved(BALL, scale=0.5, by=(2, 0, 0)), moved(BALL, by=(0, 3, 0))
+    )
+    for components, n_kept in (("all", 3), ("largest", 1), (2, 2)):
+        options = RemeshOptions(resolution=64, components=components)
+        result, report = remesh_with_report(balls, options)
+        assert report.n_components == n_kept and report.n_dropped == 3 - n_kept
+        assert len(report.notes) == (report.n_dropped > 0)
+        assert result.bounds[1][1] > 3.9  # the largest is there
+
+
+def test_colors_and_groups_come_from_the_nearest_points():
+    colors = (BALL.positions + 1.0) / 2.0
+    groups = (BALL.positions[BALL.faces].mean(axis=1)[:, 2] > 0.0).astype(np.int32)
+    mesh = BALL.replace(colors=colors, face_groups=groups, group_names=("low", "high"))
+    result = wrapped(mesh)
+    assert np.abs(result.colors - (result.positions + 1.0) / 2.0).max() < 0.01
+    above = result.positions[result.faces].mean(axis=1)[:, 2] > 0.05
+    assert (result.face_groups[above] == 1).all()
+
+
+def test_a_number_of_faces_is_reached():
+    result = wrapped(SOLIDS["doubled wall"], n_faces=300)
+    assert 290 <= result.n_faces <= 300
+
+
+def test_wrong_options_and_meshes_are_refused():
+    for close in ("wide", "-1%", "nan", -0.5):
+        with pytest.raises(OptionError, match=r"close: .* is not a width"):
+            RemeshOptions(close=close)
+    for bad in ({"resolution": 4}, {"components": 0}, {"components": "most"}, {"n_faces": 2}):
+        with pytest.raises(OptionError, match=next(iter(bad))):
+            RemeshOptions(**bad)
+    with pytest.raises(OptionError, match="wider than 360 voxels"):
+        remesh(BALL, RemeshOptions(resolution=512, close="60%"))
+    point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])
+    with pytest.raises(MeshError, match="all of its corners are at one point"):
+        remesh(point)
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real meshes are not there")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "broken/VH_M_Heart.glb",
+        "broken/VH_M_Blood_Vasculature_Heart.glb",
+        "broken/cycloidal.ply",
+        "broken/inverted_triangles.obj",
+        "broken/self_intersectA.obj",
+        "broken/openscad-nonmanifold-crash.obj",
+        "meshes/mri_skin.ply",
+        "meshes/makehuman_base.obj",
+        "meshes/maze.obj",
+    ],
+)
+def test_real_meshes_become_closed(name):
+    wrapped(read_mesh(DATA / name), resolution=96)

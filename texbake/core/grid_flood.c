@@ -1,0 +1,75 @@
+/* The points of a grid that can be reached from its first one through those that are not blocked.
+
+   Based on: Alvy Ray Smith, "Tint Fill", SIGGRAPH 1979: whole runs of a row at a time.
+
+   Called from texbake/mesh/remeshing/flood.py. */
+
+#include <stdbool.h>
+#include <string.h>
+
+#include "arena.h"
+#include "core.h"
+#include "numbers.h"
+#include "voxel_grid.h"
+
+struct seeds {
+    struct arena *arena;
+    int64_t *places, count, room;
+};
+
+static void add_seed(struct seeds *seeds, int64_t place)
+{
+    if (seeds->count == seeds->room) {
+        int64_t *more = TAKE(seeds->arena, int64_t, 2 * seeds->room);
+        memcpy(more, seeds->places, (size_t)seeds->count * sizeof *more);
+        seeds->places = more;
+        seeds->room *= 2;
+    }
+    seeds->places[seeds->count++] = place;
+}
+
+/* Add a seed for each run of free points from `first` to `last` of a row. */
+static void add_runs(
+    struct seeds *seeds, const bool *blocked, const uint8_t *labels, int64_t first, int64_t last)
+{
+    bool in_run = false;
+    for (int64_t place = first; place <= last; place++) {
+        const bool is_free = !blocked[place] && labels[place] != OUTSIDE;
+        if (is_free && !in_run)
+            add_seed(seeds, place);
+        in_run = is_free;
+    }
+}
+
+/* Label OUTSIDE what is reached from the first point. */
+int64_t flood_outside(
+    int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz], uint8_t labels[nx][ny][nz])
+{
+    OPEN_ARENA(arena);
+    struct seeds seeds = {arena, TAKE(arena, int64_t, 1 << 16), 0, 1 << 16};
+    const bool *walls = &blocked[0][0][0];
+    uint8_t *found = &labels[0][0][0];
+    add_runs(&seeds, walls, found, 0, 0);
+    while (seeds.count > 0) {
+        const int64_t place = seeds.places[--seeds.count];
+        if (found[place] == OUTSIDE)
+            continue;
+        const int64_t row = place / nz, x = row / ny, y = row % ny;
+        int64_t first = place, last = place;
+        while (first > row * nz && !walls[first - 1])
+            first--;
+        while (last < row * nz + nz - 1 && !walls[last + 1])
+            last++;
+        memset(found + first, OUTSIDE, (size_t)(last - first + 1));
+        if (x > 0)
+            add_runs(&seeds, walls, found, first - ny * nz, last - ny * nz);
+        if (x < nx - 1)
+            add_runs(&seeds, walls, found, first + ny * nz, last + ny * nz);
+        if (y > 0)
+            add_runs(&seeds, walls, found, first - nz, last - nz);
+        if (y < ny - 1)
+            add_runs(&seeds, walls, found, first + nz, last + nz);
+    }
+    close_arena(arena);
+    return 0;
+}

@@ -1,0 +1,149 @@
+/* Exact unsigned distances to triangles at the points of a grid that are near them, in sparse blocks.
+
+   Based on: Sean Mauch, "Efficient Algorithms for Solving Static Hamilton-Jacobi Equations", 2003
+   (each triangle visits the points near it). Departs from it in that the bounding box of the
+   triangle is visited, because triangles are usually smaller than a voxel.
+
+   Called from texbake/mesh/remeshing/band.py. */
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#include "closest_on_triangle.h"
+#include "core.h"
+#include "numbers.h"
+#include "voxel_grid.h"
+
+/* Half the diagonal of a block's points. */
+static const double BLOCK_RADIUS = 3.5 * 1.7320508075688772;
+
+struct patch {
+    struct vector a, ab, ac, center;
+    double radius;
+    int64_t low[3], high[3]; /* grid points within reach, inclusive */
+};
+
+static struct patch patch_of(
+    const double (*positions)[3], const int32_t face[3], double width, const int64_t sizes[3])
+{
+    struct patch patch;
+    double least[3], most[3];
+    for (int axis = 0; axis < 3; axis++) {
+        least[axis] = most[axis] = positions[face[0]][axis];
+        for (int corner = 1; corner < 3; corner++) {
+            least[axis] = min_f64(least[axis], positions[face[corner]][axis]);
+            most[axis] = max_f64(most[axis], positions[face[corner]][axis]);
+        }
+        patch.low[axis] = max_i64((int64_t)ceil(least[axis] - width), 0);
+        patch.high[axis] = min_i64((int64_t)floor(most[axis] + width), sizes[axis] - 1);
+    }
+    patch.a = vector_at(positions[face[0]]);
+    patch.ab = minus(vector_at(positions[face[1]]), patch.a);
+    patch.ac = minus(vector_at(positions[face[2]]), patch.a);
+    patch.center = (struct vector){
+        0.5 * (least[0] + most[0]), 0.5 * (least[1] + most[1]), 0.5 * (least[2] + most[2])};
+    const struct vector half = {
+        most[0] - patch.center.x, most[1] - patch.center.y, most[2] - patch.center.z};
+    patch.radius = sqrt(dot(half, half));
+    return patch;
+}
+
+static double distance_to(const struct patch *patch, struct vector p)
+{
+    return sqrt(closest_on_triangle(patch->ab, patch->ac, minus(p, patch->a)).squared);
+}
+
+/* Whether any point of a block may lie within a distance of the triangle. */
+static bool may_reach(const struct patch *patch, const int64_t block[3], double width)
+{
+    if (patch->radius < BLOCK_SIDE)
+        return true;
+    const struct vector middle = {
+        BLOCK_SIDE * (double)block[0] + 3.5, BLOCK_SIDE * (double)block[1] + 3.5,
+        BLOCK_SIDE * (double)block[2] + 3.5};
+    return distance_to(patch, middle) <= width + BLOCK_RADIUS;
+}
+
+/* Mark the blocks of layers start to stop - 1 along the first axis that have points near a triangle.
+   The faces near layer i are those from starts[i] to starts[i + 1] of the list. */
+void mark_band_blocks(
+    int64_t n_vertices, int64_t n_faces, int64_t n_listed, int64_t nx, int64_t ny, int64_t nz,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t listed[n_listed], const int64_t starts[nx + 1], bool active[nx][ny][nz],
+    double width, int64_t start, int64_t stop)
+{
+    const int64_t sizes[3] = {nx * BLOCK_SIDE, ny * BLOCK_SIDE, nz * BLOCK_SIDE};
+    for (int64_t x = start; x < stop; x++)
+        for (int64_t k = starts[x]; k < starts[x + 1]; k++) {
+            const struct patch patch = patch_of(positions, faces[listed[k]], width, sizes);
+            for (int64_t y = patch.low[1] >> 3; y <= patch.high[1] >> 3; y++)
+                for (int64_t z = patch.low[2] >> 3; z <= patch.high[2] >> 3; z++)
+                    if (!active[x][y][z])
+                        active[x][y][z] = may_reach(&patch, (int64_t[3]){x, y, z}, width);
+        }
+}
+
+/* Lower the distances of a block's points to those from one triangle. */
+static void measure_block(const struct patch *patch, const int64_t block[3], float *distances)
+{
+    int64_t low[3], high[3];
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = max_i64(patch->low[axis] - BLOCK_SIDE * block[axis], 0);
+        high[axis] = min_i64(patch->high[axis] - BLOCK_SIDE * block[axis], BLOCK_SIDE - 1);
+    }
+    for (int64_t x = low[0]; x <= high[0]; x++)
+        for (int64_t y = low[1]; y <= high[1]; y++)
+            for (int64_t z = low[2]; z <= high[2]; z++) {
+                float *distance = distances + (x << 6 | y << 3 | z);
+                const struct vector p = {
+                    (double)(BLOCK_SIDE * block[0] + x), (double)(BLOCK_SIDE * block[1] + y),
+                    (double)(BLOCK_SIDE * block[2] + z)};
+                const struct vector offset = minus(p, patch->center);
+                const double reach = *distance + patch->radius;
+                if (dot(offset, offset) < reach * reach)
+                    *distance = min_f32(*distance, (float)distance_to(patch, p));
+            }
+}
+
+/* Measure the distances in the blocks of layers start to stop - 1, as far as `width`. */
+void measure_band(
+    int64_t n_vertices, int64_t n_faces, int64_t n_listed, int64_t nx, int64_t ny, int64_t nz,
+    int64_t n_slots, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t listed[n_listed], const int64_t starts[nx + 1],
+    const int32_t slots[nx][ny][nz], float distances[n_slots][512], double width, int64_t start,
+    int64_t stop)
+{
+    const int64_t sizes[3] = {nx * BLOCK_SIDE, ny * BLOCK_SIDE, nz * BLOCK_SIDE};
+    for (int64_t x = start; x < stop; x++) {
+        for (int64_t y = 0; y < ny; y++)
+            for (int64_t z = 0; z < nz; z++)
+                for (int64_t k = 0; slots[x][y][z] >= 0 && k < BLOCK_POINTS; k++)
+                    distances[slots[x][y][z]][k] = (float)width;
+        for (int64_t k = starts[x]; k < starts[x + 1]; k++) {
+            const struct patch patch = patch_of(positions, faces[listed[k]], width, sizes);
+            for (int64_t y = patch.low[1] >> 3; y <= patch.high[1] >> 3; y++)
+                for (int64_t z = patch.low[2] >> 3; z <= patch.high[2] >> 3; z++) {
+                    const int64_t block[3] = {x, y, z};
+                    if (slots[x][y][z] >= 0 && may_reach(&patch, block, width))
+                        measure_block(&patch, block, distances[slots[x][y][z]]);
+                }
+        }
+    }
+}
+
+/* Label the points within `depth` of the surface SHELL, in layers start to stop - 1. */
+void label_shell(
+    int64_t nx, int64_t ny, int64_t nz, int64_t n_slots, int64_t width, int64_t height,
+    int64_t depth, const int32_t slots[nx][ny][nz], const float distances[n_slots][512],
+    uint8_t labels[width][height][depth], double greatest, int64_t start, int64_t stop)
+{
+    const struct blocks blocks = {ny, nz, &slots[0][0][0]};
+    for (int64_t x = BLOCK_SIDE * start; x < BLOCK_SIDE * stop; x++)
+        for (int64_t y = 0; y < height; y++)
+            for (int64_t z = 0; z < depth; z += BLOCK_SIDE) {
+                const int64_t place = place_in_blocks(&blocks, x, y, z);
+                for (int64_t k = 0; place >= 0 && k < BLOCK_SIDE; k++)
+                    labels[x][y][z + k] = distances[0][place + k] <= greatest ? SHELL : CORE;
+            }
+}

@@ -1,0 +1,91 @@
+"""Every option of `remesh`, with its default."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from texbake.errors import OptionError
+from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
+from texbake.schema import CheckedOptions, Option, option
+
+MIN_RESOLUTION: Final = 8
+MAX_RESOLUTION: Final = 1024
+
+ALL, LARGEST = "all", "largest"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemeshOptions(CheckedOptions):
+    """How finely a mesh is wrapped, and which gaps are closed."""
+
+    resolution: Annotated[
+        int,
+        Option(
+            "Voxels along the longest side of the mesh.",
+            metavar="N",
+            low=MIN_RESOLUTION,
+            high=MAX_RESOLUTION,
+        ),
+    ] = 256
+    close: Annotated[
+        str | float,
+        Option(
+            "Close gaps up to this width: 0.02 (model units) or 1% (of the diagonal). Gaps of less "
+            "than two voxels are closed in any case.",
+            metavar="D",
+        ),
+    ] = "1%"
+    components: Annotated[
+        int | str,
+        Option(
+            "Which separate parts of the result to keep: all, the largest, or the N largest by "
+            "volume.",
+            choices=(ALL, LARGEST),
+            metavar="N",
+            low=1,
+        ),
+    ] = ALL
+    n_faces: Annotated[
+        int | None,
+        Option(
+            "Number of triangles to simplify the result to.",
+            metavar="N",
+            low=MIN_FACES,
+            flag="--faces",
+            default="not simplified",
+        ),
+    ] = None
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.gap(1.0)
+
+    def gap(self, diagonal: float) -> float:
+        """Return the width of the gaps to close, in the units of the diagonal.
+
+        Examples
+        --------
+        >>> RemeshOptions(close="2%").gap(50.0)
+        1.0
+        """
+        word = str(self.close).strip()
+        try:
+            value = float(word.removesuffix("%"))
+        except ValueError:
+            value = math.nan
+        if not 0.0 <= value < math.inf:
+            raise OptionError(
+                f"close: {self.close!r} is not a width; give a length such as 0.02, or a share of "
+                "the diagonal such as 1%"
+            )
+        return 0.01 * value * diagonal if word.endswith("%") else value
+
+    @property
+    def n_components(self) -> int | None:
+        """How many of the largest parts are kept; None for all."""
+        if isinstance(self.components, int):
+            return self.components
+        return 1 if self.components == LARGEST else None

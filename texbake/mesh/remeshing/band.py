@@ -1,0 +1,118 @@
+"""A grid around a mesh, with exact distances at the points near its surface.
+
+Kernel: `core/narrow_band.c`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
+
+# As in `core/voxel_grid.h`.
+BLOCK_SIDE, BLOCK_POINTS = 8, 512
+CORE, SHELL, OUTSIDE = 0, 1, 2
+
+# Distances are measured this far, in voxels: more than `SHELL_DEPTH` plus the diagonal of a cell.
+BAND_WIDTH = 2.75
+# Points this close to the surface, in voxels, let no flood pass: neither straight nor diagonally.
+SHELL_DEPTH = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Distances to a surface at the points near it, in units of a voxel.
+
+    Attributes
+    ----------
+    slots : (nx, ny, nz) int32
+        Row of each block of 8 x 8 x 8 points, -1 where it is far from the surface.
+    corners : (n_slots, 3) int32
+        First point of each block with a row.
+    distances : (n_slots, 512) float32
+        Unsigned, at most `BAND_WIDTH`.
+    """
+
+    slots: IntArray
+    corners: IntArray
+    distances: npt.NDArray[np.float32]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Points of the grid along each axis."""
+        nx, ny, nz = (BLOCK_SIDE * n for n in self.slots.shape)
+        return nx, ny, nz
+
+    @classmethod
+    def around(
+        cls,
+        positions: FloatArray,
+        faces: IntArray,
+        shape: tuple[int, int, int],
+        *,
+        threads: int | None = None,
+    ) -> Band:
+        """Measure the distances.
+
+        Parameters
+        ----------
+        positions : (V, 3) float64
+            In units of a voxel; all that faces use are inside the grid.
+        faces : (F, 3) int32
+        shape
+            Blocks along each axis.
+        threads
+            None for every processor.
+        """
+        listed, starts = _faces_of_layers(positions, faces, shape[0])
+        mesh = (positions, faces, listed, starts)
+        active = np.zeros(shape, dtype=np.bool_)
+
+        def mark(start: int, stop: int) -> None:
+            core.mark_band_blocks(*mesh, active, BAND_WIDTH, start, stop)
+
+        run_bands(mark, shape[0], band=1, threads=threads)
+        corners = np.ascontiguousarray(BLOCK_SIDE * np.argwhere(active), dtype=np.int32)
+        slots = np.full(shape, -1, dtype=np.int32)
+        slots[active] = np.arange(len(corners), dtype=np.int32)
+        distances = np.empty((len(corners), BLOCK_POINTS), dtype=np.float32)
+
+        def measure(start: int, stop: int) -> None:
+            core.measure_band(*mesh, slots, distances, BAND_WIDTH, start, stop)
+
+        run_bands(measure, shape[0], band=1, threads=threads)
+        return cls(slots, corners, distances)
+
+    def labels(self, *, threads: int | None = None) -> npt.NDArray[np.uint8]:
+        """Label the points of the whole grid `SHELL` near the surface, and `CORE` elsewhere."""
+        labels = np.zeros(self.shape, dtype=np.uint8)
+
+        def work(start: int, stop: int) -> None:
+            core.label_shell(self.slots, self.distances, labels, SHELL_DEPTH, start, stop)
+
+        run_bands(work, self.slots.shape[0], band=1, threads=threads)
+        return labels
+
+
+def _faces_of_layers(
+    positions: FloatArray, faces: IntArray, n_layers: int
+) -> tuple[IntArray, npt.NDArray[np.int64]]:
+    """List the faces near each layer of blocks, in their order, and where each list starts."""
+    along = positions[:, 0][faces]
+    scale = 1.0 / BLOCK_SIDE
+    first = np.floor((along.min(axis=1) - BAND_WIDTH) * scale).astype(np.int64)
+    last = np.floor((along.max(axis=1) + BAND_WIDTH) * scale).astype(np.int64)
+    np.clip(first, 0, n_layers - 1, out=first)
+    np.clip(last, 0, n_layers - 1, out=last)
+    counts = last - first + 1
+    ids = np.repeat(np.arange(len(faces), dtype=np.int32), counts)
+    begins = np.cumsum(counts) - counts
+    layers = np.repeat(first - begins, counts) + np.arange(len(ids))
+    order = np.argsort(layers.astype(np.int16), kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(layers, minlength=n_layers))])
+    return ids[order], starts.astype(np.int64)

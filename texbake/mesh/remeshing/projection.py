@@ -1,0 +1,94 @@
+"""Vertices of a surface moved onto the mesh that it wraps, without folding a face.
+
+Kernel: `core/folded_faces.c`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.remeshing.nets import Nets
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.parallel import run_bands
+
+# Lengths in voxels: how far a vertex moves at most, and how far from a sheet it stays.
+_LONGEST_STEP, _SHEET_GAP = 1.25, 0.15
+# Of vertices that close a gap: how often they move to the mean of their neighbors.
+_SMOOTHINGS = 20
+# How often the steps of a fold's vertices are halved before they are taken back.
+_HALVINGS = 4
+
+_FACES = 1 << 16
+
+
+def project(nets: Nets, tree: TriangleTree, *, threads: int | None = None) -> FloatArray:
+    """Move vertices to the closest points of triangles, as far as no face folds.
+
+    Vertices with no triangle near them, which close gaps, are smoothed instead.
+
+    Parameters
+    ----------
+    nets
+    tree
+        In the same units, voxels.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (V, 3) float64
+    """
+    before = nets.positions
+    distances, face_ids, weights = tree.closest_points(
+        before, max_distance=_LONGEST_STEP, threads=threads
+    )
+    free = face_ids < 0
+    corners = tree.positions[tree.faces[np.where(free, 0, face_ids)]]
+    targets = np.einsum("nc,ncx->nx", weights, corners)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        back = np.where(nets.thin, np.minimum(_SHEET_GAP / distances, 1.0), 0.0)
+    targets += np.nan_to_num(back)[:, None] * (before - targets)
+    targets[free] = before[free]
+    targets = _smoothed(targets, nets.quads, free)
+    faces = nets.triangles(before, threads=threads)
+    return _without_folds(before, targets, faces, threads)
+
+
+def _smoothed(positions: FloatArray, quads: IntArray, free: npt.NDArray[np.bool_]) -> FloatArray:
+    """Move free vertices to the means of their neighbors, again and again."""
+    edges = np.concatenate([quads[:, [k, (k + 1) % 4]] for k in range(4)])
+    edges = edges[free[edges[:, 0]]]  # each edge comes both ways, from its two quads
+    ids = np.flatnonzero(free)
+    if len(ids) == 0:
+        return positions
+    rows = np.searchsorted(ids, edges[:, 0])
+    counts = np.bincount(rows, minlength=len(ids))[:, None]
+    for _ in range(_SMOOTHINGS):
+        neighbors = positions[edges[:, 1]]
+        sums = [np.bincount(rows, neighbors[:, axis], len(ids)) for axis in range(3)]
+        positions[ids] = np.stack(sums, axis=1) / counts
+    return positions
+
+
+def _without_folds(
+    before: FloatArray, targets: FloatArray, faces: IntArray, threads: int | None
+) -> FloatArray:
+    """Take back the steps of vertices of faces that fold, first by halves, then wholly."""
+    after, shares = targets.copy(), np.ones(len(before))
+    folded = np.empty(len(faces), dtype=np.bool_)
+
+    def work(start: int, stop: int) -> None:
+        core.find_folded(before, after, faces, folded, start, stop)
+
+    halvings = 0
+    while True:
+        run_bands(work, len(faces), band=_FACES, threads=threads)
+        ids = np.unique(faces[folded])
+        if len(ids) == 0:
+            return after
+        halvings += 1
+        shares[ids] *= 0.5 if halvings <= _HALVINGS else 0.0
+        after[ids] = before[ids] + shares[ids, None] * (targets[ids] - before[ids])
