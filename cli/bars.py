@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from types import TracebackType
 from typing import Self
 
@@ -18,6 +19,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.text import Text
+
+from .progress_lines import TimedStage
 
 
 class Bars:
@@ -39,6 +42,7 @@ class Bars:
             transient=True,
         )
         self._tasks: dict[str, TaskID] = {}
+        self._timed: dict[str, TimedStage] = {}
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -55,20 +59,30 @@ class Bars:
     def started(self, stage: str, total: int | None, unit: str) -> None:
         """Draw a bar, or a pulsing one if the amount of work is unknown."""
         self._tasks[stage] = self._progress.add_task(stage, total=total, unit=unit)
+        self._timed[stage] = TimedStage(stage, total, time.perf_counter())
 
     def advanced(self, stage: str, done: int) -> None:
-        """Move a bar."""
+        """Move a bar; announce a stage of more than a minute."""
         self._progress.update(self._tasks[stage], completed=done)
+        timed = self._timed[stage]
+        timed.done = done
+        text = timed.announcement(time.perf_counter())
+        if text is not None:
+            self._print(f"  {text}")
 
     def finished(self, stage: str, seconds: float) -> None:
         """Replace the bar with a line."""
         task_id = self._tasks.pop(stage)
+        del self._timed[stage]
         task = next(task for task in self._progress.tasks if task.id == task_id)
         self._progress.remove_task(task_id)
         line = f"  {stage:<24} {seconds:7.2f} s"
         if task.completed and seconds > 0:
             line += f"   {rate_text(task.completed / seconds, task.fields['unit'])}"
         self._progress.refresh()  # redraws the remaining bars below the line
+        self._print(line)
+
+    def _print(self, line: str) -> None:
         self._progress.console.print(
             line, style="dim", markup=False, highlight=False, soft_wrap=True
         )

@@ -8,7 +8,7 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any
 
@@ -33,7 +33,8 @@ class Terminal:
     Attributes
     ----------
     kind : str
-        `auto` (bars if stderr is a terminal), `json` (one object per line on stderr) or `none`.
+        `auto` (bars if stderr is a terminal, else a line every ten seconds), `json` (one object per
+        line on stderr) or `none`.
     quiet : bool
         Print no progress and no summary. Warnings and errors are still printed.
     """
@@ -54,7 +55,10 @@ class Terminal:
             with Bars() as bars:
                 yield bars
         else:
-            yield None
+            from .progress_lines import Lines
+
+            with Lines(_progress_line) as lines:
+                yield lines
 
     def summary(self, rows: Sequence[tuple[str, str]]) -> None:
         """Print a table, unless `--quiet` is given."""
@@ -76,6 +80,12 @@ class Terminal:
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
         click.echo(f"texbake: warning: {with_flags(text)}", err=True)
+
+
+def _progress_line(text: str) -> None:
+    """Print on stderr; progress that cannot be printed does not stop the work."""
+    with suppress(OSError):
+        click.echo(f"texbake: {text}", err=True)
 
 
 def say(text: str) -> None:
@@ -131,8 +141,8 @@ def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
         type=click.Choice(PROGRESS),
         default="auto",
         show_default=True,
-        help="Show bars if stderr is a terminal (auto), or print one JSON object per line on "
-        "stderr (json).",
+        help="Show bars if stderr is a terminal, else a line every ten seconds (auto), or print "
+        "one JSON object per line on stderr (json).",
     )
     @functools.wraps(command)
     def with_terminal(*args: Any, progress: str, quiet: bool, **options: Any) -> None:

@@ -2,9 +2,11 @@
 
 import io
 import json
+import threading
 
 import pytest
 from texbake_cli.bars import Bars, rate_text
+from texbake_cli.progress_lines import Lines
 from texbake_cli.terminal import JsonLines, Terminal, table
 
 
@@ -100,6 +102,62 @@ def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr() == ("", "texbake: warning: padding of two charts meets\n")
 
 
-def test_no_progress_where_stderr_is_no_terminal() -> None:
+def test_short_work_prints_nothing_where_stderr_is_no_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     with Terminal().progress() as progress:
-        assert progress is None
+        assert progress is not None
+        progress.started("bake", 10, "texels")
+        progress.advanced("bake", 5)
+        progress.finished("bake", 0.1)
+    assert capsys.readouterr() == ("", "")
+
+
+def timed_lines() -> tuple[Lines, list[str], list[float]]:
+    """Lines on a clock that stands still, what they print, and the time of the clock."""
+    printed: list[str] = []
+    now = [100.0]
+    return Lines(printed.append, lambda: now[0]), printed, now
+
+
+def test_a_long_stage_is_announced_once() -> None:
+    lines, printed, now = timed_lines()
+    lines.started("bake", 1000, "texels")
+    now[0] += 2.0
+    lines.advanced("bake", 10)  # not timed for long enough
+    now[0] += 3.0
+    lines.advanced("bake", 20)
+    now[0] += 10.0
+    lines.advanced("bake", 21)
+    assert printed == ["bake takes about 4.2 min"]
+
+
+def test_a_stage_of_less_than_a_minute_is_not_announced() -> None:
+    lines, printed, now = timed_lines()
+    lines.started("bake", 100, "texels")
+    now[0] += 5.0
+    lines.advanced("bake", 10)
+    assert printed == []
+
+
+def test_lines_tell_the_state_of_the_innermost_stage() -> None:
+    lines, printed, now = timed_lines()
+    lines.tick()
+    lines.started("run", None, "")
+    now[0] += 10.0
+    lines.tick()
+    lines.started("bake", 1000, "texels")
+    now[0] += 10.0
+    lines.advanced("bake", 250)
+    lines.tick()
+    lines.finished("bake", 10.0)
+    lines.tick()
+    assert printed == ["run: 10 s", "bake: 25 % in 10 s, about 30 s left", "run: 20 s"]
+
+
+def test_lines_are_printed_while_the_work_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Lines, "INTERVAL", 0.01)
+    printed = threading.Event()
+    with Lines(lambda text: printed.set()) as lines:
+        lines.started("read", None, "")
+        assert printed.wait(60.0)

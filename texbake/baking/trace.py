@@ -104,6 +104,8 @@ class Trace:
         with self.casting() as rays:
             in_chunks = rays.scenes.high.in_chunks
             at_once = _SAMPLES_IN_CHUNKS if in_chunks else _SAMPLES_AT_ONCE
+            if self.secondary is not None:
+                at_once = _SAMPLES_WITH_FANS
             for band in owned_bands(
                 faces, grid, self.stages, samples_at_once=at_once, threads=options.threads
             ):
@@ -193,6 +195,8 @@ class Trace:
 # trees are built each time.
 _SAMPLES_AT_ONCE = 1 << 20
 _SAMPLES_IN_CHUNKS = 1 << 22
+# Fewer where each sample has many secondary rays, so that progress is seen.
+_SAMPLES_WITH_FANS = 1 << 16
 # Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
 _SAMPLES_PER_BAND = 1 << 14
 
