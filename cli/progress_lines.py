@@ -36,13 +36,13 @@ class TimedStage:
     is_announced: bool = False
 
     def announcement(self, now: float) -> str | None:
-        """Say, once, how long the stage takes in all, if that is more than a minute."""
+        """Say, once and in its first half, how long the stage takes, if more than a minute."""
         seconds = now - self.begun
         if self.is_announced or not self.total or not self.done or seconds < _TIMED:
             return None
-        self.is_announced = True
         expected = seconds * self.total / self.done
-        return f"{self.name} takes about {rounded(expected)}" if expected > _LONG else None
+        self.is_announced = expected > _LONG and 2 * self.done < self.total
+        return f"{self.name} takes about {rounded(expected)}" if self.is_announced else None
 
     def state(self, now: float) -> str:
         """How much is done and how long the rest takes, or only for how long it has run."""
