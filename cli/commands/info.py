@@ -21,9 +21,9 @@ from ..terminal import Terminal, say, table, terminal_options
 from ..types import Size
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from texbake import MeshInfo
+    from texbake import MeshFileInfo, MeshInfo
 
 _GROUPS_SHOWN = 12
 
@@ -52,7 +52,8 @@ def info(
     """Print what is in MESH.
 
     Prints counts, bounds, texture coordinates, normals, components, boundary and non-manifold
-    edges, and degenerate faces. With --uv it also measures how the texture coordinates stretch,
+    edges, and degenerate faces; of glTF, FBX and OBJ files also materials, images, UV sets, the
+    unit and the up axis. With --uv it also measures how the texture coordinates stretch,
     mirror, overlap and cut the mesh, and lists the charts and faces with the most stretch.
     """
     if size is not None and not uv:
@@ -64,7 +65,7 @@ def info(
     if as_json:
         say(found.to_json())
         return
-    table(_rows(found.mesh))
+    table([*_rows(found.mesh), *_content_rows(found)])
     if found.distortion is not None:
         table([("Distortion", ""), *distortion_rows(found.distortion)])
         table(worst_rows(found.distortion))
@@ -105,6 +106,47 @@ def _rows(found: MeshInfo) -> list[tuple[str, str]]:
     if len(groups) > _GROUPS_SHOWN:
         rows.append(("more groups", f"{len(groups) - _GROUPS_SHOWN:,}; --json lists them all"))
     return rows
+
+
+def _content_rows(found: MeshFileInfo) -> list[tuple[str, str]]:
+    """What the file says besides its surface: materials, images, UV sets, unit and up axis."""
+    contents = found.contents
+    if contents is None:
+        return []
+    unit = contents.meters_per_unit
+    rows = [
+        ("UV sets", ", ".join(contents.uv_sets) or "none"),
+        ("unit", "not in the file" if unit is None else f"{unit:g} m"),
+        ("up axis", contents.up or "not in the file"),
+    ]
+    materials = [
+        (f"material {material.name}", _channels(material.channels))
+        for material in contents.materials
+    ]
+    images = [(f"image {name}", _image(shape)) for name, shape in found.image_shapes.items()]
+    for listed, what in ((materials, "materials"), (images, "images")):
+        rows += listed[:_GROUPS_SHOWN]
+        if len(listed) > _GROUPS_SHOWN:
+            more = f"{len(listed) - _GROUPS_SHOWN:,}; --json lists them all"
+            rows.append((f"more {what}", more))
+    return rows
+
+
+def _channels(channels: Mapping[str, str | None]) -> str:
+    return (
+        ", ".join(
+            channel if image is None else f"{channel} ({image})"
+            for channel, image in channels.items()
+        )
+        or "no channels"
+    )
+
+
+def _image(shape: tuple[int, int, int] | None) -> str:
+    if shape is None:
+        return "missing or not readable"
+    width, height, n_channels = shape
+    return f"{width} x {height}, {n_channels} channel{'s' * (n_channels != 1)}"
 
 
 def _point(values: Sequence[float]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from texbake import read_image, read_mesh
+from texbake import read_image, read_mesh, write_image
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 
 Invoke = Callable[..., Result]
@@ -102,6 +102,20 @@ def test_info_reports_what_a_file_holds(workplace: Path, invoke: Invoke) -> None
     rows = dict(row.split(maxsplit=1) for row in invoke("info low.obj").stdout.splitlines())
     assert rows["faces"] == "112"
     assert rows["closed"].endswith("yes, genus 0") or "closed" in rows
+
+
+def test_info_lists_materials_and_images(workplace: Path, invoke: Invoke) -> None:
+    write_image(np.zeros((8, 16, 3), dtype=np.float32), "paint.png", color=True)
+    Path("paint.mtl").write_text("newmtl skin\nmap_Kd paint.png\nmap_Bump missing.png\n")
+    Path("painted.obj").write_text("mtllib paint.mtl\nusemtl skin\n" + Path("low.obj").read_text())
+    text = " ".join(invoke("info painted.obj").stdout.split())
+    assert "material skin base-color (paint.png), bump (missing.png)" in text
+    assert "image paint.png 16 x 8, 3 channels" in text
+    assert "image missing.png missing or not readable" in text
+    assert "up axis not in the file" in text
+    found = json.loads(invoke("info painted.obj --json").stdout)
+    assert found["images"] == {"paint.png": [16, 8, 3], "missing.png": None}
+    assert found["materials"][0]["channels"]["base-color"] == "paint.png"
 
 
 def test_simplify_reaches_the_count(workplace: Path, invoke: Invoke) -> None:

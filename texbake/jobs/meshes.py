@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from texbake.errors import TexbakeError
+from texbake.errors import FileFormatError, TexbakeError
 from texbake.files import PathLike
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
@@ -23,6 +23,7 @@ from texbake.jobs.outputs import (
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files.contents import FileContents, read_contents
 from texbake.mesh.info import MeshInfo, mesh_info
 from texbake.mesh.materials import read_materials
 from texbake.mesh.mesh import Mesh
@@ -41,7 +42,7 @@ from texbake.mesh.transform import transform
 from texbake.mesh.transform_options import TransformOptions
 from texbake.progress import ProgressSink
 from texbake.raycast.orient import oriented
-from texbake.texture.image import read_image
+from texbake.texture.image import image_shape, read_image
 
 ORANGE = "orange"
 
@@ -55,16 +56,31 @@ class MeshFileInfo:
     mesh : MeshInfo
     distortion : Distortion, optional
         Of the texture coordinates, where it was to be measured.
+    contents : FileContents, optional
+        What a glTF, FBX or OBJ file says besides its surface.
+    image_shapes : dict
+        Width, height and number of channels of its images by name; None where one is missing or
+        cannot be read.
     """
 
     mesh: MeshInfo
     distortion: Distortion | None = None
+    contents: FileContents | None = None
+    image_shapes: dict[str, tuple[int, int, int] | None] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """Return everything as JSON."""
-        if self.distortion is None:
-            return self.mesh.to_json()
-        figures = json.loads(self.mesh.to_json()) | {"distortion": self.distortion.to_json()}
+        figures = json.loads(self.mesh.to_json())
+        if self.contents is not None:
+            figures |= {
+                "materials": [asdict(material) for material in self.contents.materials],
+                "images": self.image_shapes,
+                "uv_sets": self.contents.uv_sets,
+                "meters_per_unit": self.contents.meters_per_unit,
+                "up": self.contents.up,
+            }
+        if self.distortion is not None:
+            figures["distortion"] = self.distortion.to_json()
         return json.dumps(figures, indent=2, allow_nan=False)
 
 
@@ -94,9 +110,22 @@ def info_file(
     """
     size = None if uv_size is None else UnwrapOptions(size=uv_size).size
     read = read_mesh(mesh, progress=progress)
+    contents = read_contents(mesh)
+    images = {} if contents is None else contents.images
     return MeshFileInfo(
-        mesh=mesh_info(read), distortion=None if size is None else distortion(read, size)
+        mesh=mesh_info(read),
+        distortion=None if size is None else distortion(read, size),
+        contents=contents,
+        image_shapes={name: _shape(data, name) for name, data in images.items()},
     )
+
+
+def _shape(data: bytes | None, name: str) -> tuple[int, int, int] | None:
+    """Width, height and channels of an image; None where it is missing or cannot be read."""
+    try:
+        return None if data is None else image_shape(data, name)
+    except FileFormatError:
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)

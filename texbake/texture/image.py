@@ -10,7 +10,8 @@ OpenImageIO reads all formats and writes all but PNG, which `png_files` writes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -338,17 +339,38 @@ def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = N
     FileFormatError
         The bytes are not an image, or the image is damaged.
     """
+    with _as_file(data, name) as path:
+        image = read_image(path, color=color, threads=threads)
+    return Image(image.pixels, image.metadata, image.bits, image.is_float, name=name)
+
+
+def image_shape(data: bytes, name: str) -> tuple[int, int, int]:
+    """Width, height and number of channels of an image in the bytes of a file, not decoded.
+
+    Raises
+    ------
+    FileFormatError
+        The bytes are not an image.
+    """
+    with _as_file(data, name) as path:
+        source, _ = _opened(path)
+        spec = source.spec()
+        source.close()
+    return spec.width, spec.height, spec.nchannels
+
+
+@contextmanager
+def _as_file(data: bytes, name: str) -> Iterator[Path]:
+    """Write bytes to a file, which is all that OpenImageIO's Python interface reads."""
     suffix = Path(name).suffix or ".jpg"
     for start, magic, known in _SUFFIXES:
         if data[start : start + len(magic)] == magic:
             suffix = known
             break
-    # OpenImageIO's Python interface reads only files.
     with TemporaryDirectory(prefix="texbake-") as folder:
         path = Path(folder) / f"image{suffix}"
         path.write_bytes(data)
         try:
-            image = read_image(path, color=color, threads=threads)
+            yield path
         except (FileError, FileFormatError) as error:
             raise FileFormatError(str(error).replace(str(path), name)) from error
-    return Image(image.pixels, image.metadata, image.bits, image.is_float, name=name)

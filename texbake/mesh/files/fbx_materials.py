@@ -63,7 +63,7 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 def _base_color(scene: FbxScene, material: FbxObject) -> BaseColor:
     texture = scene.property_members(material.key).get("DiffuseColor")
     if texture is not None:
-        for image, name in _images(scene, texture):
+        for image, name in fbx_images(scene, texture):
             return BaseColor(image=image, image_name=name)
     properties = material.properties()
     values = next((properties[name] for name in _COLORS if name in properties), [])
@@ -74,7 +74,7 @@ def _base_color(scene: FbxScene, material: FbxObject) -> BaseColor:
     return BaseColor(factor=(red, green, blue)) if finite else BaseColor()
 
 
-def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
+def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
     """Contents and names of the images of a texture, those in the file first."""
     holders = [*scene.members_of(texture.key, "Video"), texture]
     for holder in holders:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import base64
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -83,13 +84,18 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 def _read_libraries(path: Path, data: memoryview) -> dict[str, BaseColor]:
     """Base colors by the names of materials; the first library that has a name counts."""
     colors: dict[str, BaseColor] = {}
+    for library in library_paths(path, data):
+        colors = {**_read_library(library), **colors}
+    return colors
+
+
+def library_paths(path: Path, data: memoryview) -> Iterator[Path]:
+    """Yield the paths of the .mtl files that an OBJ file names."""
     for match in _LIBRARY.finditer(data):
         name = decode_name(match[1].strip())
         # One name with spaces in it, or several without.
         names = [name] if (path.parent / name).is_file() else name.split()
-        for library in names:
-            colors = {**_read_library(path.parent / library), **colors}
-    return colors
+        yield from (path.parent / library for library in names)
 
 
 def _read_library(path: Path) -> dict[str, BaseColor]:
@@ -121,7 +127,13 @@ def _factor(path: Path, words: str) -> tuple[float, float, float]:
 
 
 def _mapped(path: Path, words: str) -> BaseColor:
-    """Base color of a map_Kd statement: options, then the name of a file, spaces and all."""
+    """Base color of a map_Kd statement."""
+    image, wrap = map_path(path, words)
+    return BaseColor(image=map_file(image).tobytes(), image_name=str(image), wrap=wrap)
+
+
+def map_path(path: Path, words: str) -> tuple[Path, str]:
+    """File and wrapping of a map statement: options, then the name of a file, spaces and all."""
     wrap, rest = "repeat", words
     while (parts := rest.split(maxsplit=1)) and parts[0] in _OPTION_WORDS:
         option, rest = parts[0], parts[1] if len(parts) > 1 else ""
@@ -132,8 +144,7 @@ def _mapped(path: Path, words: str) -> BaseColor:
             if option == "-clamp" and value == "on":
                 wrap = "clamp"
             rest = after.lstrip()
-    image = path.parent / rest.replace("\\", "/")
-    return BaseColor(image=map_file(image).tobytes(), image_name=str(image), wrap=wrap)
+    return path.parent / rest.replace("\\", "/"), wrap
 
 
 def _is_number(word: str) -> bool:
@@ -207,14 +218,23 @@ def _base_color(document: Document, material: dict[str, Any]) -> BaseColor:
     index = texture.get("source")
     return BaseColor(
         factor=(red, green, blue),
-        image=_image_bytes(document, index),
+        image=image_bytes(document, index),
         image_name=f"{document.path}: images[{index}]",
         wrap=_WRAPS.get(sampler.get("wrapS", _REPEAT), "repeat"),
         placing=_placing(document, moved),
     )
 
 
-def _image_bytes(document: Document, index: Any) -> bytes:
+def image_bytes(document: Document, index: Any) -> bytes:
+    """Content of an image file of a document, or in it.
+
+    Raises
+    ------
+    FileError
+        It is missing or cannot be read.
+    FileFormatError
+        The document is damaged.
+    """
     image = document.item("images", index)
     uri = image.get("uri")
     if not isinstance(uri, str):

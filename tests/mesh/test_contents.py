@@ -1,0 +1,92 @@
+"""What model files say besides their surface: materials, images, UV sets, unit and up axis."""
+
+import json
+
+import pytest
+
+from tests.hard_cases.fbx_writer import binary, properties, rich_scene
+from texbake.mesh.files.contents import read_contents
+
+
+def test_gltf(tmp_path):
+    (tmp_path / "c.png").write_bytes(b"picture")
+    document = {
+        "asset": {"version": "2.0"},
+        "images": [{"uri": "c.png"}, {"uri": "missing.png", "name": "detail"}],
+        "textures": [{"source": 0}, {"source": 1}],
+        "materials": [
+            {
+                "name": "skin",
+                "alphaMode": "BLEND",
+                "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
+                "normalTexture": {"index": 1},
+                "extensions": {"KHR_materials_clearcoat": {}},
+            },
+            {},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"TEXCOORD_1": 0, "TEXCOORD_0": 0}}]}],
+    }
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    found = read_contents(tmp_path / "a.gltf")
+    assert [material.name for material in found.materials] == ["skin", "material 1"]
+    assert found.materials[0].channels == {
+        "base-color": "c.png",
+        "metallic": None,
+        "normal": "detail",
+        "opacity": "c.png",
+        "clearcoat": None,
+    }
+    assert found.images == {"c.png": b"picture", "detail": None}
+    assert found.uv_sets == ("TEXCOORD_0", "TEXCOORD_1")
+    assert (found.meters_per_unit, found.up) == (1.0, "+Y")
+
+
+def test_obj(tmp_path):
+    (tmp_path / "c.png").write_bytes(b"picture")
+    (tmp_path / "a.mtl").write_text(
+        "newmtl skin\nKd 1 1 1\nmap_Kd -clamp on c.png\nmap_Bump -bm 0.5 none.png\n"
+        "newmtl plain\nKd 1 0 0\nNs 10\n"
+    )
+    (tmp_path / "a.obj").write_text("mtllib a.mtl missing.mtl\nv 0 0 0\nvt 0 0\n")
+    found = read_contents(tmp_path / "a.obj")
+    assert {material.name: material.channels for material in found.materials} == {
+        "skin": {"base-color": "c.png", "bump": "none.png"},
+        "plain": {"base-color": None, "roughness": None},
+    }
+    assert found.images == {"c.png": b"picture", "none.png": None}
+    assert found.uv_sets == ("vt",)
+    assert (found.meters_per_unit, found.up) == (None, None)
+
+
+def test_fbx(tmp_path):
+    nodes = rich_scene(7400)
+    _, _, objects = nodes[1]
+    red = next(i for i, node in enumerate(objects) if node[1][0] == 50)
+    color = properties(7400, {"DiffuseColor": [0.25, 0.5, 0.75]})
+    objects[red] = ("Material", objects[red][1], [color])
+    content = [("Content", [b"picture"], [])]
+    objects.append(("Texture", [60, "paint\0\1Texture", ""], content))
+    nodes[2][2].append(("C", ["OP", 60, 51, "DiffuseColor"], []))
+    (tmp_path / "a.fbx").write_bytes(binary(nodes))
+    found = read_contents(tmp_path / "a.fbx")
+    channels = {material.name: material.channels for material in found.materials}
+    assert channels["red"] == {"base-color": None}
+    (image,) = found.images
+    assert channels["blue"]["base-color"] == image
+    assert found.images[image] == b"picture"
+
+
+@pytest.mark.parametrize(
+    ("name", "meters", "up"),
+    [
+        ("blender_279_default_7400_binary.fbx", 1.0, "+Y"),
+        ("blender_279_default_6100_ascii.fbx", 0.01, "+Y"),
+    ],
+)
+def test_real_fbx_files_say_unit_and_axis(data_dir, name, meters, up):
+    found = read_contents(data_dir / "fbx" / name)
+    assert (found.meters_per_unit, found.up) == (meters, up)
+
+
+def test_other_formats_say_nothing(tmp_path):
+    assert read_contents(tmp_path / "a.ply") is None

@@ -1,0 +1,238 @@
+"""What a model file says besides its surface: materials, images, UV sets, the unit and the up axis.
+
+Nothing is decoded, and what is missing is only noted.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from texbake.errors import TexbakeError
+from texbake.files import PathLike
+from texbake.mesh.files.fbx_materials import fbx_images
+from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
+from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.materials import image_bytes, library_paths, map_path
+from texbake.mesh.files.source import decode_name, map_file
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialContent:
+    """A material of a file.
+
+    Attributes
+    ----------
+    name : str
+    channels : dict of str to (str or None)
+        Name of the image of each channel that the file sets; None where it is a value alone.
+    """
+
+    name: str
+    channels: dict[str, str | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileContents:
+    """What a file says besides its surface.
+
+    Attributes
+    ----------
+    materials : tuple of MaterialContent
+    images : dict of str to (bytes or None)
+        Contents of image files by their names; None where one is missing.
+    uv_sets : tuple of str
+        Names of the sets of texture coordinates.
+    meters_per_unit : float or None
+        None where the file does not say it.
+    up : str or None
+        The axis that points up in the file, such as `+Y`.
+    """
+
+    materials: tuple[MaterialContent, ...] = ()
+    images: dict[str, bytes | None]
+    uv_sets: tuple[str, ...] = ()
+    meters_per_unit: float | None = None
+    up: str | None = None
+
+
+def read_contents(path: PathLike) -> FileContents | None:
+    """Read what a glTF, FBX or OBJ file says besides its surface; None for other formats.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        It is damaged.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix in (".gltf", ".glb"):
+        return _of_gltf(read_document(path))
+    if suffix == ".fbx":
+        return _of_fbx(read_scene(path))
+    return _of_obj(Path(path)) if suffix == ".obj" else None
+
+
+# Channels of glTF, by the object that holds them and the name of their texture and value.
+_GLTF_CHANNELS = {
+    "base-color": ("pbrMetallicRoughness", "baseColorTexture", "baseColorFactor"),
+    "metallic": ("pbrMetallicRoughness", "metallicRoughnessTexture", "metallicFactor"),
+    "roughness": ("pbrMetallicRoughness", "metallicRoughnessTexture", "roughnessFactor"),
+    "normal": ("", "normalTexture", ""),
+    "occlusion": ("", "occlusionTexture", ""),
+    "emissive": ("", "emissiveTexture", "emissiveFactor"),
+}
+
+
+def _of_gltf(document: Document) -> FileContents:
+    names = [
+        str(image.get("name") or image.get("uri", f"image {i}"))[:80]
+        for i, image in enumerate(document.items("images"))
+    ]
+    names = [name if names.count(name) == 1 else f"{name} ({i})" for i, name in enumerate(names)]
+    images: dict[str, bytes | None] = {}
+    for i, name in enumerate(names):
+        try:
+            images[name] = image_bytes(document, i)
+        except TexbakeError:
+            images[name] = None
+    attributes = {
+        str(key)
+        for mesh in document.items("meshes")
+        for primitive in document.objects(mesh, "primitives")
+        for key in document.mapping(primitive, "attributes")
+    }
+    return FileContents(
+        materials=tuple(
+            MaterialContent(
+                name=str(material.get("name") or f"material {i}"),
+                channels=_gltf_channels(document, material, names),
+            )
+            for i, material in enumerate(document.items("materials"))
+        ),
+        images=images,
+        uv_sets=tuple(sorted(key for key in attributes if key.startswith("TEXCOORD_"))),
+        meters_per_unit=1.0,
+        up="+Y",
+    )
+
+
+def _gltf_channels(
+    document: Document, material: dict[str, Any], names: list[str]
+) -> dict[str, str | None]:
+    channels: dict[str, str | None] = {}
+    for channel, (key, texture, value) in _GLTF_CHANNELS.items():
+        owner = document.mapping(material, key) if key else material
+        if texture in owner:
+            info = document.mapping(owner, texture)
+            source = document.item("textures", info.get("index")).get("source")
+            channels[channel] = (
+                names[source] if isinstance(source, int) and source in range(len(names)) else None
+            )
+        elif value in owner:
+            channels[channel] = None
+    if material.get("alphaMode", "OPAQUE") != "OPAQUE":
+        channels["opacity"] = channels.get("base-color")
+    for extension in document.mapping(material, "extensions"):
+        channels[str(extension).removeprefix("KHR_materials_")] = None
+    return channels
+
+
+# Channels by statements of .mtl files.
+_MTL_CHANNELS = {
+    "kd": "base-color", "map_kd": "base-color", "ks": "specular", "map_ks": "specular",
+    "ke": "emissive", "map_ke": "emissive", "d": "opacity", "tr": "opacity", "map_d": "opacity",
+    "ns": "roughness", "map_ns": "roughness", "pr": "roughness", "map_pr": "roughness",
+    "pm": "metallic", "map_pm": "metallic", "bump": "bump", "map_bump": "bump", "norm": "normal",
+    "disp": "displacement",
+}  # fmt: skip
+_STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
+_VALUES = ("kd", "ks", "ke", "d", "tr", "ns", "pr", "pm")
+
+
+def _of_obj(path: Path) -> FileContents:
+    data = map_file(path).data
+    materials: list[MaterialContent] = []
+    images: dict[str, bytes | None] = {}
+    for library in library_paths(path, data):
+        if library.is_file():
+            for match in _STATEMENT.finditer(map_file(library).data):
+                _add_statement(library, match[1], match[2], materials, images)
+    has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
+    return FileContents(
+        materials=tuple(materials), images=images, uv_sets=("vt",) if has_uvs else ()
+    )
+
+
+def _add_statement(
+    library: Path,
+    keyword: bytes,
+    value: bytes,
+    materials: list[MaterialContent],
+    images: dict[str, bytes | None],
+) -> None:
+    """Add what a statement of a .mtl file says, to the material that it belongs to."""
+    statement, words = keyword.decode().lower(), decode_name(value.strip())
+    if statement == "newmtl":
+        materials.append(MaterialContent(name=words, channels={}))
+    elif statement in _MTL_CHANNELS and materials:
+        channels, channel = materials[-1].channels, _MTL_CHANNELS[statement]
+        if statement in _VALUES:
+            channels.setdefault(channel, None)
+            return
+        image = map_path(library, words)[0]
+        channels[channel] = image.name
+        images[image.name] = map_file(image).tobytes() if image.is_file() else None
+
+
+# Channels of FBX, by the properties that textures are connected to.
+_FBX_CHANNELS = {
+    "DiffuseColor": "base-color", "SpecularColor": "specular", "EmissiveColor": "emissive",
+    "TransparentColor": "opacity", "NormalMap": "normal", "Bump": "bump",
+    "ShininessExponent": "roughness", "ReflectionFactor": "metallic",
+    "DisplacementColor": "displacement",
+}  # fmt: skip
+_AXES = "XYZ"
+
+
+def _of_fbx(scene: FbxScene) -> FileContents:
+    images: dict[str, bytes | None] = {}
+    objects = list(scene.objects.values())
+    materials = [
+        MaterialContent(name=item.name, channels=_fbx_channels(scene, item, images))
+        for item in objects
+        if item.node.name == "Material"
+    ]
+    layers = [layer for item in objects for layer in item.node.named("LayerElementUV")]
+    names = dict.fromkeys(
+        layer.child_text("Name") or f"UV set {layer.values[:1]}" for layer in layers
+    )
+    unit = next(iter(scene.settings.get("UnitScaleFactor", ())), None)
+    axis = next(iter(scene.settings.get("UpAxis", ())), None)
+    sign = next(iter(scene.settings.get("UpAxisSign", ())), 1)
+    return FileContents(
+        materials=tuple(materials),
+        images=images,
+        uv_sets=tuple(names),
+        meters_per_unit=0.01 * unit if isinstance(unit, int | float) and unit > 0.0 else None,
+        up=f"{'-' if sign == -1 else '+'}{_AXES[axis]}" if axis in (0, 1, 2) else None,
+    )
+
+
+def _fbx_channels(
+    scene: FbxScene, material: FbxObject, images: dict[str, bytes | None]
+) -> dict[str, str | None]:
+    properties = material.properties()
+    channels: dict[str, str | None] = {
+        channel: None for name, channel in _FBX_CHANNELS.items() if name in properties
+    }
+    for name, texture in scene.property_members(material.key).items():
+        image = next(fbx_images(scene, texture), None)
+        named = texture.node.child_text("RelativeFilename").replace("\\", "/")
+        label = Path(named or texture.name if image is None else image[1]).name
+        images[label] = None if image is None else image[0]
+        channels[_FBX_CHANNELS.get(name, name)] = label
+    return channels
