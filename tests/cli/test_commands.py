@@ -1,6 +1,7 @@
 """Every command through click's runner, and through a process of its own."""
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -87,7 +88,11 @@ def test_command_as_a_process(line: str, workplace: Path, run: Run) -> None:
     assert done.returncode == 0, done.stderr
     assert all((workplace / name).stat().st_size > 0 for name in LINES[line])
     assert "\x1b" not in done.stdout + done.stderr  # no color, no bar: this is no terminal
-    assert all(row.startswith("texbake: warning: ") for row in done.stderr.splitlines())
+    # Warnings, and the progress of work of more than ten seconds.
+    known = re.compile(
+        r"texbake: (warning: .*|.*: \d[\d.]* (s|min)|.*: \d+ % in .* left|.* takes .*)"
+    )
+    assert all(known.fullmatch(row) for row in done.stderr.splitlines())
 
 
 def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
