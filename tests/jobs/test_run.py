@@ -23,7 +23,9 @@ from texbake import (
     run,
 )
 from texbake.mesh.shapes import icosphere, orange
+from texbake.mesh.topology import face_components
 from texbake.mesh.turn import turned_over
+from texbake.mesh.weld import weld_rows
 
 FILES = {
     "ball_low.obj",
@@ -212,3 +214,20 @@ def test_a_mesh_that_faces_inwards_is_kept_on_request(high: Mesh, tmp_path: Path
     result = run(inwards, tmp_path, replace(OPTIONS, orientation="keep"))
     assert result.orientation.n_faces == 0
     np.testing.assert_array_equal(result.high.faces, inwards.faces)
+
+
+def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path: Path) -> None:
+    ball = icosphere(4)
+    doubled = Mesh(
+        positions=np.concatenate([ball.positions, 0.8 * ball.positions]),
+        faces=np.concatenate([ball.faces, ball.faces[:, ::-1] + ball.n_vertices]),
+        name="ball.ply",
+    )
+    options = replace(OPTIONS, n_faces=100, size=64)
+    for remesh, n_shells in (("auto", 1), ("never", 2)):
+        result = run(doubled, tmp_path / remesh, replace(options, remesh=remesh))
+        low = result.low
+        assert face_components(weld_rows(low.positions)[low.faces], low.n_vertices)[1] == n_shells
+        reasons = [note for note in result.warnings if "of its surface lies inside" in note]
+        assert len(reasons) == (remesh == "auto")
+        assert result.to_json()["remesh"] == reasons

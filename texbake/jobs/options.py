@@ -14,6 +14,7 @@ from texbake.baking.options import (
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
+from texbake.mesh.remesh_options import DEFAULT_REMESH, REMESH_OPTION
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import CheckedOptions, Option, option
@@ -35,6 +36,7 @@ class RunOptions(CheckedOptions):
     n_faces: Annotated[int, option(SimplifyOptions, "n_faces")] = 500
     quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
+    remesh: Annotated[str, REMESH_OPTION] = DEFAULT_REMESH
     size: Annotated[Size, option(BakeOptions, "size")] = 2048
     padding: Annotated[int, PADDING_OPTION] = 8
     samples: Annotated[

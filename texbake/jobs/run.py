@@ -28,6 +28,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
+from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import OrientationReport, oriented
 from texbake.rendering.camera import Camera
@@ -63,7 +64,11 @@ class RunResult:
         The low-poly mesh, with texture coordinates.
     orientation : OrientationReport
         What was turned over of the high-poly mesh.
+    why_closed : tuple of str
+        Why the low-poly mesh was made from a closed surface around the high-poly one, if it was so
+        without being asked for.
     simplified : SimplifyReport
+        Of that surface, if there is one.
     unwrapped : UnwrapReport
     baked : BakeResult
     comparison : Comparison
@@ -75,6 +80,7 @@ class RunResult:
     high: Mesh
     low: Mesh
     orientation: OrientationReport
+    why_closed: tuple[str, ...]
     simplified: SimplifyReport
     unwrapped: UnwrapReport
     baked: BakeResult
@@ -84,7 +90,8 @@ class RunResult:
     @property
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
-        return [*self.orientation.notes, *self.simplified.notes, *self.baked.report.warnings]
+        notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
+        return [*notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
@@ -109,6 +116,7 @@ class RunResult:
             "files": {name: str(path) for name, path in self.files.items()},
             "stages": [asdict(stage) for stage in self.stages],
             "orientation": asdict(self.orientation),
+            "remesh": list(self.why_closed),
             "simplify": self.simplified.to_json(),
             "unwrap": self.unwrapped.to_json(),
             "bake": self.baked.report.to_json(),
@@ -149,8 +157,11 @@ def run(
     stages = Stages()
     with stages.part("simplify"):
         high, orientation = oriented(high, options.orientation, threads=options.threads)
+        closed, why_closed = wrapped_if(
+            high, options.remesh, threads=options.threads, progress=progress
+        )
         low, simplified = simplify_with_report(
-            high,
+            closed,
             options.n_faces,
             quality=options.quality,
             threads=options.threads,
@@ -173,6 +184,7 @@ def run(
         high=high,
         low=low,
         orientation=orientation,
+        why_closed=why_closed,
         simplified=simplified,
         unwrapped=unwrapped,
         baked=baked,

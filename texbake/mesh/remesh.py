@@ -52,6 +52,8 @@ class RemeshReport:
         Side of a voxel, in model units.
     gap : float
         Gaps up to this width are closed, in model units.
+    thin_share : float
+        Share of the wrap's vertices, before it is simplified, that lie around sheets.
     distance : OneSidedDistance
         From the result to the given mesh. It includes the surfaces that close gaps.
     diagonal : float
@@ -67,6 +69,7 @@ class RemeshReport:
     n_dropped: int
     voxel: float
     gap: float
+    thin_share: float
     distance: OneSidedDistance
     diagonal: float
     seconds: float
@@ -136,7 +139,7 @@ def remesh_with_report(
     """Wrap a mesh in a closed surface, and report how far that lies from the mesh."""
     mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
     start = time.perf_counter()
-    wrapped, grid, n_dropped = _remeshed(mesh, options, stages, threads)
+    wrapped, grid, n_dropped, thin_share = _remeshed(mesh, options, stages, threads)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
         distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
@@ -148,6 +151,7 @@ def remesh_with_report(
         n_dropped=n_dropped,
         voxel=grid.voxel,
         gap=grid.gap * grid.voxel,
+        thin_share=thin_share,
         distance=distance,
         diagonal=mesh.diagonal,
         seconds=seconds,
@@ -198,8 +202,8 @@ class _Grid:
 
 def _remeshed(
     mesh: Mesh, options: RemeshOptions, stages: Stages, threads: int | None
-) -> tuple[Mesh, _Grid, int]:
-    """The wrapped mesh, its grid, and how many of its parts were left out."""
+) -> tuple[Mesh, _Grid, int, float]:
+    """The wrapped mesh, its grid, how many parts were left out, and the share of sheets."""
     grid = _Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
     with stages.stage("measure voxels"):
@@ -210,6 +214,7 @@ def _remeshed(
     with stages.stage("build surface"):
         nets = build_nets(band, labels, threads=threads)
     del band, labels
+    thin_share = float(np.mean(nets.thin))
     with stages.stage("project"):
         tree = TriangleTree.build(points, mesh.faces, threads=threads)
         points = project(nets, tree, threads=threads)
@@ -218,7 +223,7 @@ def _remeshed(
     wrapped = Mesh(positions=grid.to_model(points), faces=faces, name=mesh.name)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
-    return with_nearest_attributes(wrapped, mesh, threads), grid, n_dropped
+    return with_nearest_attributes(wrapped, mesh, threads), grid, n_dropped, thin_share
 
 
 def _largest(

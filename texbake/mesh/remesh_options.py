@@ -15,6 +15,15 @@ MAX_RESOLUTION: Final = 1024
 
 ALL, LARGEST = "all", "largest"
 
+REMESH_CHOICES: Final = ("auto", "always", "never")
+DEFAULT_REMESH: Final = "auto"
+
+REMESH_OPTION = Option(
+    "Make the low-poly mesh from a closed surface around the high-poly mesh: always, never, or "
+    "where that has an inside or is torn, and is no open surface (auto).",
+    choices=REMESH_CHOICES,
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RemeshOptions(CheckedOptions):
