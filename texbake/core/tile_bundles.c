@@ -34,6 +34,11 @@
 #define PLACES (RAYS + LANES) /* the lanes may go beyond the last row */
 #define NO_HIT (-1)
 #define STACK (MAX_LEVELS * WIDTH + 1)
+/* Rays diverge if they deviate by this many places from what follows the places. A bundle of them is
+   divided after so much work per ray, in tests of LANES rays. */
+#define DIVERGENT 4.0
+#define MOST_WORK 24
+#define WORK_OF_LEAF 2 /* to find out which of its triangles to test */
 /* Planes are moved apart by this, in local units, so that they never coincide. */
 #define APART 1e-6
 /* Of a coordinate: what float32 may err in the sums of the walk, and more. */
@@ -50,6 +55,7 @@ struct line {
 struct axis {
     double vector[3];
     struct line high, step, below, above;
+    double deviation; /* the greatest, in places */
 };
 
 /* A bundle in coordinates x, y, z of which z is the one in which all its rays go farthest. */
@@ -63,6 +69,7 @@ struct bundle {
     double doubt;      /* an edge whose sign is uncertain is at most this */
     double far;        /* no ray goes beyond this depth, counted in its direction */
     int n_new;         /* hits since `far` was computed */
+    int64_t work;      /* done so far, in tests of LANES rays */
     struct axis across, down;
     int rays[PLACES];  /* ray of each place, or NO_HIT */
     double x[PLACES], y[PLACES], z[PLACES], slope_x[PLACES], slope_y[PLACES], along[PLACES];
@@ -255,6 +262,7 @@ static void test_triangle(
     for (int row = rows[0]; row <= rows[1]; row++)
         for (int column = columns[0]; column <= columns[1]; column += LANES)
             test_lanes(bundle, row * SIDE + column, triangle, &tests);
+    bundle->work += tests.n;
     const double *least = tests.least[0], *most = tests.most[0], *distances = tests.distances[0];
     int chosen[RAYS], n = 0;
     for (int j = 0; j < tests.n * LANES; j++) { /* without a jump, which would be predicted badly */
@@ -322,6 +330,7 @@ static void test_leaf(
     const double (*corners)[WIDTH] = tree->leaves[at];
     near = max_f64(near, bundle->planes[0]);
     far = max_f64(min_f64(far, bundle->planes[1]), near);
+    bundle->work += WORK_OF_LEAF;
     int left[WIDTH], right[WIDTH], top[WIDTH], bottom[WIDTH], chosen[WIDTH], n = 0;
     find_ranges(
         &bundle->across, corners, bundle->order, near, far, bundle->n_columns - 1, left, right);
@@ -422,10 +431,13 @@ static inline void fetch_early(const struct tree *tree, int level, int64_t at)
         __builtin_prefetch(first + line);
 }
 
-/* Walk the tree, the nearer boxes first. */
-static void walk(
+/* Walk the tree, the nearer boxes first. False if the rays diverge so much that it was given up; the
+   hits found by then are hits, but maybe not the nearest. */
+static bool walk(
     struct bundle *bundle, const struct tree *tree, const struct results *results)
 {
+    const bool diverges = max_f64(bundle->across.deviation, bundle->down.deviation) > DIVERGENT;
+    const int64_t most_work = diverges && bundle->n > 1 ? MOST_WORK * bundle->n : INT64_MAX;
     struct beam beam;
     bound_walk(bundle, &beam);
     const int z = bundle->order[2];
@@ -442,6 +454,8 @@ static void walk(
             continue;
         if (level < 0) {
             test_leaf(bundle, tree, at, stack[depth].low, stack[depth].high, results);
+            if (bundle->work > most_work)
+                return false;
             continue;
         }
         if (bundle->n_new > bundle->n / 2)
@@ -463,6 +477,7 @@ static void walk(
             stack[place].high = boxes[3 + z][k];
         }
     }
+    return true;
 }
 
 /* How two coordinates of the rays, halfway along, change from column to column and row to row. */
@@ -625,6 +640,7 @@ static void measure_axis(const struct bundle *bundle, struct axis *axis, bool is
         off[p] = deviation_of(bundle, axis, planes[p], is_row, fit[p][1], step) + 1e-6 +
                  1e-11 * (size + fabs(fit[p][1]));
     }
+    axis->deviation = max_f64(off[0] / fit[0][0], off[1] / fit[1][0]);
     const int last = (is_row ? bundle->n_rows : bundle->n_columns) - 1;
     axis->step = line_through(planes, fit[0][0], fit[1][0]);
     axis->below = line_through(planes, fit[0][1] - off[0], fit[1][1] - off[1]);
@@ -788,6 +804,7 @@ static void load_bundle(
         rank_rays(n, chosen, rays, bundle->order[0], bundle->order[1], places);
     bool taken[RAYS] = {false};
     bundle->n = (int)n;
+    bundle->work = 0;
     bundle->n_columns = bundle->n_rows = 0;
     for (int64_t k = 0; k < n; k++) {
         if (rays->places)
@@ -811,7 +828,31 @@ static void load_bundle(
     bundle->fitted = n == RAYS ? 4 : 1;
 }
 
-/* Cast up to RAYS rays of one heading. */
+/* Sort rays by the half of their columns or rows in which they are, whichever are more, and return how
+   many are in the first half. */
+static int64_t divide(int64_t n, int64_t *chosen, const int places[RAYS])
+{
+    int low[2] = {SIDE, SIDE}, high[2] = {0, 0};
+    for (int64_t k = 0; k < n; k++) {
+        const int at[2] = {places[k] % SIDE, places[k] / SIDE};
+        for (int a = 0; a < 2; a++) {
+            low[a] = at[a] < low[a] ? at[a] : low[a];
+            high[a] = at[a] > high[a] ? at[a] : high[a];
+        }
+    }
+    const bool is_row = high[1] - low[1] >= high[0] - low[0];
+    const int last = (low[is_row] + high[is_row]) / 2;
+    int64_t second[RAYS], n_first = 0, n_second = 0;
+    for (int64_t k = 0; k < n; k++)
+        if ((is_row ? places[k] / SIDE : places[k] % SIDE) <= last)
+            chosen[n_first++] = chosen[k];
+        else
+            second[n_second++] = chosen[k];
+    memcpy(chosen + n_first, second, (size_t)n_second * sizeof *chosen);
+    return n_first;
+}
+
+/* Cast up to RAYS rays of one heading; those that diverge too much, in smaller bundles. */
 static void cast_bundle(
     int64_t n, int64_t *chosen, int direction, const struct tree *tree, const struct rays *rays,
     const struct results *results)
@@ -833,12 +874,17 @@ static void cast_bundle(
     choose_axes(&bundle);
     measure_axis(&bundle, &bundle.across, false);
     measure_axis(&bundle, &bundle.down, true);
-    walk(&bundle, tree, results);
+    const bool is_done = walk(&bundle, tree, results);
     for (int64_t k = 0; k < n; k++) {
         results->nearest[chosen[k]] = bundle.nearest[places[k]];
         if (bundle.slots[places[k]] >= 0)
             refine(&bundle, places[k], tree, rays, results);
     }
+    if (is_done)
+        return;
+    const int64_t n_first = divide(n, chosen, places);
+    cast_bundle(n_first, chosen, direction, tree, rays, results);
+    cast_bundle(n - n_first, chosen + n_first, direction, tree, rays, results);
 }
 
 /* Cast rays that stand together, in one bundle for each chart and heading. */
