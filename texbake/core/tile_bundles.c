@@ -34,9 +34,9 @@
 #define PLACES (RAYS + LANES) /* the lanes may go beyond the last row */
 #define NO_HIT (-1)
 #define STACK (MAX_LEVELS * WIDTH + 1)
-/* Rays diverge if they deviate by this many places from what follows the places. A bundle of them is
-   divided after so much work per ray, in tests of LANES rays. */
-#define DIVERGENT 4.0
+/* Rays diverge if they deviate by this share of a bundle's width from what follows the places. A bundle
+   of them is divided after so much work per ray, in tests of LANES rays. */
+#define DIVERGENT 0.25
 #define MOST_WORK 24
 #define WORK_OF_LEAF 2 /* to find out which of its triangles to test */
 /* Planes are moved apart by this, in local units, so that they never coincide. */
@@ -55,7 +55,7 @@ struct line {
 struct axis {
     double vector[3];
     struct line high, step, below, above;
-    double deviation; /* the greatest, in places */
+    double deviation; /* the greatest, as a share of the columns or rows */
 };
 
 /* A bundle in coordinates x, y, z of which z is the one in which all its rays go farthest. */
@@ -640,8 +640,8 @@ static void measure_axis(const struct bundle *bundle, struct axis *axis, bool is
         off[p] = deviation_of(bundle, axis, planes[p], is_row, fit[p][1], step) + 1e-6 +
                  1e-11 * (size + fabs(fit[p][1]));
     }
-    axis->deviation = max_f64(off[0] / fit[0][0], off[1] / fit[1][0]);
     const int last = (is_row ? bundle->n_rows : bundle->n_columns) - 1;
+    axis->deviation = max_f64(off[0] / fit[0][0], off[1] / fit[1][0]) / (last + 1);
     axis->step = line_through(planes, fit[0][0], fit[1][0]);
     axis->below = line_through(planes, fit[0][1] - off[0], fit[1][1] - off[1]);
     axis->above = line_through(planes, fit[0][1] + off[0], fit[1][1] + off[1]);
