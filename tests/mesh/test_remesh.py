@@ -1,6 +1,9 @@
 """Wrapped meshes: closed and manifold whatever is given, and as close as the voxels allow."""
 
 import os
+import platform
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -165,6 +168,29 @@ def test_the_result_does_not_depend_on_the_threads():
     one, three = (remesh(mesh, RemeshOptions(resolution=64), threads=n) for n in (1, 3))
     assert one.positions.tobytes() == three.positions.tobytes()
     assert one.faces.tobytes() == three.faces.tobytes()
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="there is one build of the core")
+def test_both_builds_of_the_core_give_the_same_bytes():
+    code = (
+        "import hashlib, numpy as np, texbake\n"
+        "corners = np.random.default_rng(7).normal(size=(900, 3))\n"
+        "mesh = texbake.Mesh(positions=corners, faces=np.arange(900).reshape(-1, 3))\n"
+        "result = texbake.remesh(mesh, texbake.RemeshOptions(resolution=40))\n"
+        "print(hashlib.sha256(result.positions.tobytes() + result.faces.tobytes()).hexdigest())"
+    )
+    command = [sys.executable, "-P", "-c", code]
+    printed = [
+        subprocess.run(
+            command,
+            env={**os.environ, "TEXBAKE_CORE": level},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for level in ("x86-64-v2", "x86-64-v3")
+    ]
+    assert printed[0] == printed[1] and len(printed[0].strip()) == 64
 
 
 def test_the_largest_parts_are_kept():
