@@ -29,6 +29,8 @@ from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf, Names, Turntable
 
 _TARGETS = ("max_error", "time_budget")
+# Of normal maps.
+_SPACES = ("tangent", "object", "world")
 # The two that `--affine-vs-perspective` lays side by side.
 _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
 
@@ -73,6 +75,11 @@ def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
     "turntable.",
 )
 @image_option("--normal-map", "Normal map, in tangent, object or world space.")
+@click.option(
+    "--space",
+    type=click.Choice(_SPACES),
+    help="Space of the normal map.  [default: what its file says, else tangent]",
+)
 @image_option("--displacement", "Height map; the mesh is subdivided and moved by it.")
 @image_option("--albedo", "Color map.")
 @picture_changes
@@ -101,6 +108,7 @@ def preview(
     input: Path,  # noqa: A002  # what the help calls it
     output: Path | None,
     normal_map: Path | None,
+    space: str | None,
     displacement: Path | None,
     albedo: Path | None,
     picture: dict[str, Any],
@@ -128,6 +136,7 @@ def preview(
             None if choices["plan_only"] else output,
             picture,
             normal_map=normal_map,
+            space=space,
             displacement=displacement,
             albedo=albedo,
             filters=choices["filters"],

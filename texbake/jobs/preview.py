@@ -31,7 +31,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
-from texbake.rendering.maps import MapSource
+from texbake.rendering.maps import MapSource, space_warnings
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
 from texbake.rendering.plan import plan_report, plan_table
@@ -54,6 +54,7 @@ def open_preview(
     normal_map: MapSource | None = None,
     displacement: MapSource | None = None,
     albedo: MapSource | None = None,
+    space: str | None = None,
     options: Mapping[str, Any] | None = None,
     as_mesh: bool = False,
     progress: ProgressSink | None = None,
@@ -67,6 +68,8 @@ def open_preview(
         maps are given.
     normal_map, displacement, albedo
         Of a mesh, as in `texbake.rendering.render.render`.
+    space
+        Of the normal map; None: what its file says, else tangent space.
     options
         Fields of `RenderOptions` that override those of the scene file.
     as_mesh
@@ -77,19 +80,17 @@ def open_preview(
     Raises
     ------
     OptionError
-        Maps are given for a scene, which has materials of its own.
+        Maps are given for a scene, which has materials of its own, or a space and no normal map.
     TexbakeError
         As `read_mesh` and `read_scene` do.
     """
-    maps: dict[str, Any] = {
-        "normal_map": normal_map,
-        "displacement": displacement,
-        "albedo": albedo,
-    }
+    maps: Any = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     named = [name for name, source in maps.items() if source is not None]
     suffix = Path(path).suffix.lower()
     if suffix == ".toml" and named:
         raise OptionError(f"{named[0]}: a scene has its own materials; name the map in {path}")
+    if space is not None and normal_map is None:
+        raise OptionError("space: it is that of a normal map; give `normal_map` as well")
     changes = dict(options or {})
     if suffix == ".toml" or (suffix in (".glb", ".gltf") and not (named or as_mesh)):
         scene = with_lighting(read_scene(path, progress=progress))
@@ -98,7 +99,7 @@ def open_preview(
         return scene, scene.options(**changes)
     chosen = replace(RenderOptions(), **changes)
     mesh = read_mesh(path, progress=progress)
-    return studio_scene(mesh, **maps, options=chosen), chosen
+    return studio_scene(mesh, **maps, space=space, options=chosen), chosen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,6 +144,7 @@ def preview_files(
     normal_map: PathLike | None = None,
     displacement: PathLike | None = None,
     albedo: PathLike | None = None,
+    space: str | None = None,
     filters: Sequence[str] = (),
     interpolations: Sequence[str] = (),
     buffers: Sequence[str] = (),
@@ -157,7 +159,7 @@ def preview_files(
 
     Parameters
     ----------
-    path, options, normal_map, displacement, albedo, as_mesh
+    path, options, normal_map, displacement, albedo, space, as_mesh
         As for `open_preview`.
     output
         The picture; with `n_views` a folder. None to plan the passes and draw nothing.
@@ -196,6 +198,7 @@ def preview_files(
         normal_map=normal_map,
         displacement=displacement,
         albedo=albedo,
+        space=space,
         options=options,
         as_mesh=as_mesh,
         progress=progress,
@@ -216,7 +219,7 @@ def preview_files(
         files=given(output, report),
         report=frame,
         plan=plan_scene(scene, variants[0][1]) if frame is None else frame.plan,
-        warnings=tuple(_warnings(path, scene, frame)),
+        warnings=(*space_warnings(normal_map, space), *_warnings(path, scene, frame)),
     )
     if report is not None:
         write_report(report, done.to_json())

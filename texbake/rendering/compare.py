@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -167,7 +168,7 @@ def compare(
     if not views:
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
-    maps = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
+    maps: Any = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     # Shade every sample, so that detail finer than a pixel contributes fully.
     most = min(options.max_triangles, _MOST_PIECES)
     options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)

@@ -62,6 +62,32 @@ def normal_space(source: MapSource) -> str:
     return _choice(source, SPACE, _SPACES)
 
 
+# More than this share of normals below the surface is no tangent-space map. Baked ones have none,
+# but for a few at borders; in object space, a closed mesh has about one half.
+_BELOW_SURFACE = 0.1
+
+
+def space_warnings(normal_map: PathLike | None, space: str | None) -> list[str]:
+    """Warn of a map that names no space, is to be read in tangent space, and cannot be in it.
+
+    Texels without a unit vector, such as a black background, are left out.
+    """
+    if normal_map is None or space is not None:
+        return []
+    image = _read(normal_map, color=False)
+    if SPACE in image.metadata or image.pixels.ndim != 3 or image.pixels.shape[2] < 3:
+        return []
+    vectors = 2.0 * image.pixels[..., :3] - 1.0
+    is_unit = np.abs(np.linalg.norm(vectors, axis=2) - 1.0) < 0.2
+    n_below = np.count_nonzero(is_unit & (vectors[..., 2] < 0.0))
+    if n_below <= _BELOW_SURFACE * np.count_nonzero(is_unit):
+        return []
+    return [
+        f"{normal_map}: its normals point in all directions, so it is in object space and not in "
+        "tangent space; draw it with `space=object`"
+    ]
+
+
 def has_opacity(source: MapSource) -> bool:
     """Whether a texture has an opacity channel (two or four channels); reads no pixels."""
     if isinstance(source, np.ndarray):

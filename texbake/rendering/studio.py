@@ -44,6 +44,7 @@ def studio_scene(
     normal_map: MapSource | None = None,
     displacement: MapSource | None = None,
     albedo: MapSource | None = None,
+    space: str | None = None,
     edge_px: float | None = Displacement.edge_px,
     options: RenderOptions | None = None,
 ) -> Scene:
@@ -55,6 +56,8 @@ def studio_scene(
         Any mesh; maps need texture coordinates.
     normal_map, displacement, albedo
         As in `texbake.rendering.render.render`.
+    space
+        Of the normal map; None: what it says, else tangent space.
     edge_px
         Maximum length in pixels of the edges of a displaced mesh. With None it is subdivided to the
         texels of the map, once for all pictures.
@@ -73,7 +76,7 @@ def studio_scene(
         roughness=_ROUGHNESS,
         normal_map=None
         if normal_map is None
-        else NormalMap(texture=ImageTexture(image=normal_map)),
+        else NormalMap(texture=ImageTexture(image=normal_map), space=space),
         displacement=None
         if displacement is None
         else Displacement(texture=ImageTexture(image=displacement), edge_px=edge_px),
