@@ -35,7 +35,7 @@ from ..types import FileOf
 )
 @mesh_argument("mesh")
 @output_folder("Folder for the files, which is made if it is missing.", required=True)
-@options_of(ExportOptions, "target")
+@options_of(ExportOptions, "to")
 @click.option(
     "--maps",
     "folder",
@@ -58,7 +58,7 @@ from ..types import FileOf
     metavar="MESH",
     help="A coarser level of detail, for a GLB file; repeatable, the finest first.",
 )
-@options_of(ExportOptions, without=("target", "threads"))
+@options_of(ExportOptions, without=("to", "threads"))
 @threads_option
 @terminal_options
 def export(

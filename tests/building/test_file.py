@@ -35,12 +35,11 @@ MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
             4,
             "steps.x.do: 'bke' is not a kind of step; did you mean 'bake'?",
         ),
-        # A key that is called otherwise on the command line, by its flag --to.
         (
             ASSET,
-            '[steps.x]\ndo = "export"\nmesh = "high"\nto = "unity"\n',
+            '[steps.x]\ndo = "export"\nmesh = "high"\ntarget = "unity"\n',
             6,
-            "steps.x.to: unknown key; did you mean 'target'?",
+            "steps.x.target: unknown key",
         ),
         (ASSET, '[steps.x]\ndo = "make"\n', 3, "steps.x.shape: it is missing"),
         (ASSET, MAKE + "radius = 2\n", 6, "steps.high.radius: the shape plane does not use it"),

@@ -12,7 +12,7 @@ from texbake.errors import OptionError
 
 # Inputs that each kind must be given.
 GIVEN: dict[str, dict[str, Any]] = {
-    "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"target": "unity"},
+    "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"to": "unity"},
 }  # fmt: skip
 
 

@@ -133,7 +133,7 @@ def test_a_picture(do: Do, ball: Path) -> None:
 def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
     maps, _ = do("bake", {"size": 32, "padding": 1}, high=ball, low=ball)
     files, figures = do(
-        "export", {"target": "unreal", "mesh_format": "glb"}, mesh=ball, levels=(ball, ball),
+        "export", {"to": "unreal", "mesh_format": "glb"}, mesh=ball, levels=(ball, ball),
         normal=maps["normal"],
     )  # fmt: skip
     made = {path.name: path for path in files["folder"].iterdir()}

@@ -49,7 +49,7 @@ def mesh():
 def export(tmp_path, mesh, maps):
     def run(target, **options):
         files = find_maps(maps)
-        return export_asset(mesh, files, tmp_path / target, ExportOptions(target=target, **options))
+        return export_asset(mesh, files, tmp_path / target, ExportOptions(to=target, **options))
 
     return run
 
@@ -76,9 +76,9 @@ def test_green_follows_the_convention_of_the_program(export, maps, target):
 def test_a_directx_map_is_turned_for_an_opengl_program_and_back(tmp_path, mesh, maps):
     normals = maps / "rock_normal.png"
     there, back = tmp_path / "there", tmp_path / "back"
-    unreal = export_asset(mesh, {"normal": normals}, there, ExportOptions(target="unreal"))
+    unreal = export_asset(mesh, {"normal": normals}, there, ExportOptions(to="unreal"))
     turned = unreal.maps[0].path
-    blender = export_asset(mesh, {"normal": turned}, back, ExportOptions(target="blender"))
+    blender = export_asset(mesh, {"normal": turned}, back, ExportOptions(to="blender"))
     np.testing.assert_array_equal(codes_of(blender.maps[0].path), codes_of(normals))
     green = codes_of(turned)[..., 1]
     given = codes_of(normals)[..., 1]
@@ -90,7 +90,7 @@ def test_maps_without_a_convention_use_the_option(tmp_path, mesh):
     codes = np.full((4, 4, 3), (128, 200, 220), np.uint8)
     write_image(codes, tmp_path / "n.png")
     for convention, green in ("opengl", 200), ("directx", 55):
-        options = ExportOptions(target="godot", convention=convention)
+        options = ExportOptions(to="godot", convention=convention)
         result = export_asset(mesh, {"normal": tmp_path / "n.png"}, tmp_path / "out", options)
         assert (codes_of(result.maps[0].path) == (128, green, 220)).all()
 
@@ -129,7 +129,7 @@ def test_channels_are_packed_as_each_program_reads_them(export, maps):
 
 def test_missing_maps_are_constant_and_reported(tmp_path, mesh, maps):
     given = {"roughness": maps / "rock_roughness.png"}
-    result = export_asset(mesh, given, tmp_path, ExportOptions(target="unreal"))
+    result = export_asset(mesh, given, tmp_path, ExportOptions(to="unreal"))
     assert result.notes == (
         "T_rock_ORM.png: no ao and no metalness was given; the channel is constant",
     )
@@ -176,7 +176,7 @@ def test_an_obj_file_is_distinguished_from_gltf(export, target):
 
 
 def test_the_mesh_is_turned_and_scaled(tmp_path, mesh):
-    options = ExportOptions(target="blender", up="z", meters_per_unit=0.01)
+    options = ExportOptions(to="blender", up="z", meters_per_unit=0.01)
     result = export_asset(mesh, {}, tmp_path, options, levels=[mesh])
     x, y, z = mesh.positions.T
     expected = 0.01 * np.stack([x, z, -y], axis=1)
@@ -204,7 +204,7 @@ def test_usd_refers_to_images_beside_it(export, maps):
 
 def test_unity_gets_normals_in_the_mesh(tmp_path):
     ball = uv_sphere(8, 12).replace(normals=None, normal_faces=None)
-    result = export_asset(ball, {}, tmp_path, ExportOptions(target="unity", name="ball"))
+    result = export_asset(ball, {}, tmp_path, ExportOptions(to="unity", name="ball"))
     assert read_mesh(result.mesh).normals is not None
 
 
@@ -233,7 +233,7 @@ def test_all_maps_come_as_layers_where_asked_for(export, maps):
 def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
     tiles = {f"normal:{tile}": maps / "rock_normal.png" for tile in (1001, 1002)}
     for target, name in (("unreal", "T_rock_N.1002.png"), ("godot", "rock_normal_1002.png")):
-        result = export_asset(mesh, tiles, tmp_path / target, ExportOptions(target=target))
+        result = export_asset(mesh, tiles, tmp_path / target, ExportOptions(to=target))
         assert (tmp_path / target / name).is_file()
         assert "UDIM" in result.settings.read_text(encoding="utf-8")
         assert "images" not in read_document(result.mesh).content
@@ -243,7 +243,7 @@ def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
 def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):
     contents = []
     for name in "one", "two":
-        options = ExportOptions(target="blender", layers=True)
+        options = ExportOptions(to="blender", layers=True)
         result = export_asset(mesh, find_maps(maps), tmp_path / name, options, levels=[mesh])
         contents.append([path.read_bytes() for path in result.files])
     assert contents[0] == contents[1]
@@ -302,7 +302,7 @@ def test_only_a_glb_without_tiles_is_reported_to_hold_maps(target, export, mesh,
     assert held[target] in settings_of(export(target))
     tiled = {f"{kind}:{tile}": maps / f"rock_{kind}.png" for kind in ("normal", "ao")
              for tile in (1001, 1002)}  # fmt: skip
-    options = ExportOptions(target=target)
+    options = ExportOptions(to=target)
     others = [export_asset(mesh, tiled, tmp_path / "tiled", options)]
     others += [export(target, mesh_format="obj")]
     others += [export_asset(mesh, {}, tmp_path / "bare", options)]
@@ -324,7 +324,7 @@ def test_one_map_cannot_be_two_files():
 def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
     def fail(error, message, files, options=None, of=mesh, **more):
         with pytest.raises(error, match=message) as caught:
-            export_asset(of, files, tmp_path, options or ExportOptions(target="godot"), **more)
+            export_asset(of, files, tmp_path, options or ExportOptions(to="godot"), **more)
         assert "\n" not in str(caught.value)
 
     write_image(np.zeros((4, 4, 1), np.uint8), tmp_path / "small.png")
@@ -337,17 +337,17 @@ def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
     fail(OptionError, r"differ in size \(ao 4 x 4, roughness 32 x 32\)", sizes)
     bare = grid_sphere(4, 6)
     fail(UvError, "no texture coordinates", {"normal": maps / "rock_normal.png"}, of=bare)
-    compressed = ExportOptions(target="blender", compress=True)
+    compressed = ExportOptions(to="blender", compress=True)
     fail(OptionError, "Blender does not read compressed", {}, compressed)
-    fail(OptionError, "levels: a obj file has none", {}, ExportOptions(target="unity"),
+    fail(OptionError, "levels: a obj file has none", {}, ExportOptions(to="unity"),
          levels=[mesh])  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"target": "maya"}, {"textures": "jpg"}, {"up": "x"}, {"meters_per_unit": 0.0},
+    [{"to": "maya"}, {"textures": "jpg"}, {"up": "x"}, {"meters_per_unit": 0.0},
      {"mesh_format": "fbx"}, {"name": "a/b"}, {"name": " "}, {"convention": "vulkan"}],
 )  # fmt: skip
 def test_options_are_checked(wrong):
     with pytest.raises(OptionError, match=next(iter(wrong))):
-        ExportOptions(**{"target": "godot", **wrong})
+        ExportOptions(**{"to": "godot", **wrong})

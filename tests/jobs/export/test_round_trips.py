@@ -67,7 +67,7 @@ def assets(tmp_path_factory, meshoptimizer):
             uv_sphere(48, 96),
             write_maps(folder, green=green),
             folder / "out",
-            ExportOptions(target="threejs", **options),
+            ExportOptions(to="threejs", **options),
             levels=levels,
         ).mesh
     return made

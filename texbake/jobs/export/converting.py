@@ -62,7 +62,7 @@ class Converter:
     @property
     def target(self) -> Target:
         """What the program expects."""
-        return PROGRAMS[self.options.target]
+        return PROGRAMS[self.options.to]
 
     def write(self, sources: Sequence[SourceMap]) -> list[ExportedMap]:
         """Convert and write all maps, packed ones at the end."""

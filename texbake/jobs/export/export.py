@@ -167,7 +167,7 @@ def export_asset(
         A map cannot be read, or a file cannot be written.
     """
     mesh = as_mesh(mesh)
-    target = PROGRAMS[options.target]
+    target = PROGRAMS[options.to]
     if options.textures not in target.textures:
         raise OptionError(
             f"textures: {target.title} takes {' or '.join(target.textures)} files and compresses "
@@ -204,7 +204,7 @@ def export_asset(
         with stages.stage("write layers"):
             _write_layers(sources, layers, options)
     text = settings_text(
-        options.target,
+        options.to,
         target,
         mesh_file,
         written,

@@ -19,7 +19,7 @@ UPS = ("y", "z")
 class ExportOptions(CheckedOptions):
     """How `export_asset` writes an asset for another program."""
 
-    target: Annotated[str, Option("Program that reads the files.", choices=TARGETS, flag="--to")]
+    to: Annotated[str, Option("Program that reads the files.", choices=TARGETS)]
     name: Annotated[
         str | None,
         Option(
