@@ -36,13 +36,13 @@ class OrientationReport:
         notes = []
         if self.n_faces:
             notes.append(
-                f"{self.mesh}: {self.n_faces:,} faces faced inwards and were turned over; "
-                "`orientation` keep leaves them"
+                f"{self.mesh}: turned over {self.n_faces:,} of its faces, which faced inwards; "
+                "`orientation` keep leaves them as they are"
             )
         if self.n_unclear:
             notes.append(
                 f"{self.mesh}: which side is outside is not clear for {self.n_unclear:,} of its "
-                "parts, which were left as they are; check them, and turn them over if need be"
+                "parts, which are left as they are; look at them, and turn them over if need be"
             )
         return tuple(notes)
 
