@@ -43,18 +43,19 @@ FINS = with_more(
 )  # fmt: skip
 def test_clean_and_open_surfaces_stay(mesh):
     assert reason_to_wrap(mesh) is None
-    same, why = wrapped_if(mesh, "auto")
+    same, why = wrapped_if(mesh, "auto", 4)
     assert same is mesh and why == ()
 
 
 def test_an_inside_is_a_reason():
     # The inner ball has 0.64 of the area of the outer one: 39 % of the whole.
     assert reason_to_wrap(DOUBLED) == "39 % of its surface lies inside"
-    closed, (why,) = wrapped_if(DOUBLED, "auto")
+    closed, (why,) = wrapped_if(DOUBLED, "auto", 100)
     assert why.startswith("made.ply: 39 % of its surface lies inside; ")
     assert find_edges(closed.faces).closed
     assert np.linalg.norm(closed.positions, axis=1).min() > 0.99
-    assert wrapped_if(DOUBLED, "never") == (DOUBLED, ())
+    assert wrapped_if(DOUBLED, "never", 100) == (DOUBLED, ())
+    assert wrapped_if(DOUBLED, "auto", DOUBLED.n_faces) == (DOUBLED, ())
 
 
 def test_edges_of_three_faces_are_a_reason():
@@ -64,5 +65,5 @@ def test_edges_of_three_faces_are_a_reason():
 
 
 def test_what_is_asked_for_needs_no_reason():
-    closed, why = wrapped_if(plane(9, 9), "always")
+    closed, why = wrapped_if(plane(9, 9), "always", 4)
     assert find_edges(closed.faces).closed and why == ()

@@ -158,7 +158,7 @@ def run(
     with stages.part("simplify"):
         high, orientation = oriented(high, options.orientation, threads=options.threads)
         closed, why_closed = wrapped_if(
-            high, options.remesh, threads=options.threads, progress=progress
+            high, options.remesh, options.n_faces, threads=options.threads, progress=progress
         )
         low, simplified = simplify_with_report(
             closed,

@@ -93,6 +93,7 @@ def _share_inside(mesh: Mesh, wrap: Mesh, report: RemeshReport, threads: int | N
 def wrapped_if(
     mesh: Mesh,
     choice: str,
+    n_faces: int,
     *,
     threads: int | None = None,
     progress: ProgressSink | None = None,
@@ -103,10 +104,13 @@ def wrapped_if(
     ----------
     mesh
     choice : {"auto", "always", "never"}
+    n_faces
+        What the mesh will be reduced to. One that has no more is never better wrapped.
     threads, progress
         As for `remesh`.
     """
-    reason = reason_to_wrap(mesh, threads=threads) if choice == "auto" else None
+    may_help = choice == "auto" and mesh.n_faces > n_faces
+    reason = reason_to_wrap(mesh, threads=threads) if may_help else None
     if choice != "always" and reason is None:
         return mesh, ()
     bare = mesh.replace(colors=None, face_groups=None, group_names=())
