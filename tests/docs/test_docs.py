@@ -104,6 +104,8 @@ def smaller(words: list[str]) -> list[str]:
         if word == "--size":
             sides = [min(int(side), LONGEST_SIDE) for side in line[i + 1].split("x")]
             line[i + 1] = "x".join(map(str, sides))
+        if word == "--resolution" and words[0] == "remesh":
+            line[i + 1] = str(min(int(line[i + 1]), LONGEST_SIDE))
         if word == "--triangles":
             line[i + 1] = str(min(int(line[i + 1]), 10_000))
     if line[0] == "demo" and "--triangles" not in line:
