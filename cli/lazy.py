@@ -23,7 +23,7 @@ COMMANDS = {
     "convert": "Write the mesh in SOURCE in the format of TARGET.",
     "repair": "Repair MESH without moving its surface.",
     "transform": "Scale, turn and move MESH, or turn its faces over.",
-    "remesh": "Wrap MESH in a closed surface around what is seen from outside.",
+    "remesh": "Wrap MESH in a closed surface.",
     "simplify": "Reduce MESH to fewer triangles.",
     "unwrap": "Give MESH texture coordinates.",
     "cage": "Fit a cage around HIGH, starting from LOW.",

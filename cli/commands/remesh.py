@@ -47,11 +47,12 @@ def remesh(
     terminal: Terminal,
     **choices: Any,
 ) -> None:
-    """Wrap MESH in a closed surface around what is seen from outside.
+    """Wrap MESH in a closed surface.
 
-    Takes any triangles: doubled and inner walls vanish, overlapping parts become one, and holes and
-    gaps are closed. The result is manifold and faces outwards. Its vertices lie on MESH; sheets
-    without thickness get some. It has no texture coordinates.
+    The surface encloses what is seen from outside. MESH may be any triangles: doubled and inner
+    walls vanish, overlapping parts become one, and holes and gaps are closed. The result is
+    manifold and faces outwards. Its vertices lie on MESH; sheets without thickness get some. It has
+    no texture coordinates.
     """
     options = RemeshOptions(**choices)
     with terminal.progress() as progress:
