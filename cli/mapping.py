@@ -21,6 +21,8 @@ SECTIONS = {
         "padding",
         "quality",
         "max_stretch",
+        "seams_at_hard_edges",
+        "seam_angle",
         "tiles",
         "by_group",
         "keep",

@@ -196,7 +196,8 @@ _SHADING = (
         low="warning",
         problem="The shading has a hard edge here, but the texture continues across it. Filtering "
         "mixes the two sides, and a line shows along the edge.",
-        remedy="Mark hard edges as UV seams and unwrap again, or make the edges smooth.",
+        remedy="Unwrap again with seams at hard edges (texbake unwrap --seams-at-hard-edges), or "
+        "make the edges smooth.",
     ),
 )
 

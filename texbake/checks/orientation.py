@@ -22,6 +22,7 @@ from texbake.checks.finding import Finding
 from texbake.core import core
 from texbake.mapping.seams import connected_faces, next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.normals import angles_between
 
 # Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.
 _LEAST_VOLUME = 1e-12
@@ -217,11 +218,7 @@ def _angles(
     """Angles between normals in radians; 0 where one of them has no direction."""
     angles = np.zeros(len(one))
     differ = np.flatnonzero(one != other)
-    a, b = normals[one[differ]], normals[other[differ]]
-    # 2 asin of half the chord: exact for small angles, where the cosine is not.
-    chords = np.linalg.norm(a - b, axis=1) / 2.0
-    directed = (a != 0.0).any(axis=1) & (b != 0.0).any(axis=1)
-    angles[differ] = np.where(directed, 2.0 * np.arcsin(np.minimum(chords, 1.0)), 0.0)
+    angles[differ] = angles_between(normals[one[differ]], normals[other[differ]])
     return angles
 
 

@@ -16,7 +16,10 @@ Kernels: `core/vertex_normals.c`, `core/mean_curvature.c`.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame, unit_scale
@@ -247,3 +250,22 @@ def vertex_curvatures(
     )  # fmt: skip
     areas[areas == 0.0] = 1.0
     return np.asarray((turns / areas)[firsts] * frame.scale)
+
+
+def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray:
+    """Angles between unit vectors.
+
+    Parameters
+    ----------
+    one, other : (n, 3) floats
+        Unit vectors, or zero where there is no direction.
+
+    Returns
+    -------
+    (n,) float64
+        In radians; 0 where one of the two has no direction.
+    """
+    # 2 asin of half the chord: exact for small angles, where the cosine is not.
+    chords = np.linalg.norm(one - other, axis=1) / 2.0
+    directed = (one != 0.0).any(axis=1) & (other != 0.0).any(axis=1)
+    return np.where(directed, 2.0 * np.arcsin(np.minimum(chords, 1.0)), 0.0)

@@ -12,6 +12,7 @@ from texbake.errors import UvError
 from texbake.mapping.atlas.charts import Charts, existing_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.flattening.relax import relax_charts
+from texbake.mapping.atlas.hard_edges import regions_between
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
@@ -129,6 +130,9 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     regions = mesh.face_groups if options.by_group else None
     if options.keep:
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
+    regions, n_within = regions_between(
+        mesh, hard_edges=options.seams_at_hard_edges, angle=options.seam_angle, regions=regions
+    )
     points = snap_points(mesh)
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
@@ -148,6 +152,9 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
             charts = bound_charts(
                 points, mesh.faces, charts, max_stretch=options.max_stretch, threads=threads
             )
+    if n_within:
+        note = f"{n_within:,} hard edges end within a chart and have no seam on both sides"
+        charts = replace(charts, notes=(*charts.notes, note))
     longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
     return replace(charts, uvs=charts.uvs * longest)
 

@@ -17,6 +17,8 @@ METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
         "padding",
         "quality",
         "max_stretch",
+        "seams_at_hard_edges",
+        "seam_angle",
         "charts",
         "timeout",
         "tiles",
@@ -94,7 +96,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             raise OptionError(
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
-        for name in "max_stretch", "charts", "timeout":
+        for name in "max_stretch", "seams_at_hard_edges", "seam_angle", "charts", "timeout":
             if self.keep and getattr(self, name) != getattr(UnwrapOptions, name):
                 raise OptionError(
                     f"{name}: charts that are kept are not cut; leave it out, or `keep`"

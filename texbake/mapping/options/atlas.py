@@ -53,6 +53,21 @@ class AtlasOptions(TextureOptions):
             default="no limit",
         ),
     ] = None
+    seams_at_hard_edges: Annotated[
+        bool,
+        Option("Cut charts at hard edges, where the normals of the mesh jump."),
+    ] = False
+    seam_angle: Annotated[
+        float | None,
+        Option(
+            "Cut charts at edges where faces meet at more than this angle.",
+            metavar="DEG",
+            above=0,
+            below=180,
+            unit="degrees",
+            default="wherever the stretch calls for it",
+        ),
+    ] = None
     charts: Annotated[
         str,
         Option(

@@ -1,0 +1,80 @@
+"""Regions of a surface between its hard edges, so that charts end at these edges.
+
+Across a hard edge the normals of a mesh jump. A normal map can hold no such jump within a chart:
+texels next to the edge would blend both sides.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.seams import merged_labels, next_half_edges, opposite_half_edges
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.normals import angles_between, face_normals
+from texbake.mesh.weld import weld_rows
+
+BoolArray = npt.NDArray[np.bool_]
+
+# Normals with 8 bits per component are off by up to half a degree.
+_ROUNDING = math.radians(1.0)
+
+
+def regions_between(
+    mesh: Mesh, *, hard_edges: bool, angle: float | None, regions: IntArray | None = None
+) -> tuple[IntArray | None, int]:
+    """Divide a surface at its hard edges.
+
+    Parameters
+    ----------
+    mesh
+    hard_edges : bool
+        Divide where the normals of the mesh differ by more than a degree at either end of an edge.
+        A mesh without normals has no such edges.
+    angle : float, optional
+        Also divide where faces meet at an edge at more than this angle, in degrees.
+    regions : (F,) int32, optional
+        Regions that are divided further.
+
+    Returns
+    -------
+    regions : (F,) int32 or None
+        Those given, if there is nothing to divide at.
+    n_within : int
+        Edges at which neither side is a region of its own, because they end within the surface.
+    """
+    if angle is None and not (hard_edges and mesh.normals is not None):
+        return regions, 0
+    places = weld_rows(mesh.positions)[mesh.faces]
+    everywhere = np.ones(mesh.n_faces, dtype=np.bool_)
+    opposite = opposite_half_edges(places, solid=everywhere, regions=regions)
+    one = np.flatnonzero(opposite > np.arange(len(opposite)))
+    other = opposite[one].astype(np.intp)
+    divides = np.zeros(len(one), dtype=np.bool_)
+    if hard_edges and mesh.normals is not None:
+        divides |= _normals_jump(mesh, one, other)
+    if angle is not None:
+        normals = face_normals(mesh)
+        divides |= angles_between(normals[one // 3], normals[other // 3]) > math.radians(angle)
+    labels = merged_labels(
+        mesh.n_faces,
+        (one[~divides] // 3).astype(np.int32),
+        (other[~divides] // 3).astype(np.int32),
+    )
+    return labels, int(np.count_nonzero(divides & (labels[one // 3] == labels[other // 3])))
+
+
+def _normals_jump(mesh: Mesh, one: npt.NDArray[np.intp], other: npt.NDArray[np.intp]) -> BoolArray:
+    """(n,) bool: pairs of half-edges whose faces have different normals at either end."""
+    assert mesh.normals is not None
+    assert mesh.normal_faces is not None
+    ids = mesh.normal_faces.ravel()
+    jumps = np.zeros(len(one), dtype=np.bool_)
+    for here, there in ((one, next_half_edges(other)), (next_half_edges(one), other)):
+        a, b = ids[here], ids[there]
+        differ = np.flatnonzero(a != b)
+        angles = angles_between(mesh.normals[a[differ]], mesh.normals[b[differ]])
+        jumps[differ] |= angles > _ROUNDING
+    return jumps
