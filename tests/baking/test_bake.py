@@ -209,6 +209,23 @@ def test_misses_are_reported_and_never_filled():
         assert not (picture[:, :32] == [255, 40, 60]).all(axis=2).any()
 
 
+def test_colors_are_continued_into_misses():
+    high = half_a_plane()
+    blue = np.broadcast_to(np.float32([0.1, 0.2, 0.9]), (high.n_vertices, 3))
+    options = BakeOptions(
+        maps=("vertex-color", "normal"), size=64, front=0.1, back=0.1, space="object",
+        vertex_colors="linear",
+    )  # fmt: skip
+    result = bake(high.replace(colors=blue), plane(), options)
+    assert result.report.texels_missed == 64 * 32
+    colors = result.maps["vertex-color"].values
+    np.testing.assert_allclose(colors, np.broadcast_to(blue[0], colors.shape), atol=1e-6)
+    np.testing.assert_array_equal(result.maps["normal"].values[:, 32:], 0)
+    nowhere = high.replace(positions=high.positions + np.array([0.0, 0.0, 9.0]), colors=blue)
+    black = bake(nowhere, plane(), options).maps["vertex-color"].values
+    np.testing.assert_array_equal(black, 0)
+
+
 def test_many_rays_miss():
     """Half of them, and they are far longer than the triangles."""
     low, half = plane(), half_a_plane()

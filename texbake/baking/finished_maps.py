@@ -61,7 +61,9 @@ def finished_maps(
             values = means(kind)
         with stages.part("pad"):
             around = complete if kind.of_misses else padding
-            values = around.pad(values, kind.neutral(options), kind.combine)
+            values = around.pad(
+                values, kind.neutral(options), kind.combine, hides_misses=kind.hides_misses
+            )
         bounds = None if kind.bounds is None else kind.bounds(inputs)
         legend = () if kind.legend is None else kind.legend(inputs)
         maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, legend)

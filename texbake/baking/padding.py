@@ -1,7 +1,8 @@
 """Padding around the charts of a map: dilation from the nearest texel, then a smooth fill.
 
 A texel whose rays missed keeps the neutral value of the map. It is neither a source nor a target of
-padding or fill, so that a miss is never passed off as data.
+padding or fill, so that a miss is never passed off as data. Only colors are continued into misses,
+where a black spot would be worse.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ class ChartPadding:
         self._missed = np.flatnonzero(missed)
         self.n_missed = len(self._missed)
         self._options = options
+        self._has_data = has_data
         self._valid = has_data
         # Texels of the padding, and the texel from which each one takes its value.
         self._targets: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
@@ -65,10 +67,16 @@ class ChartPadding:
             self._valid = (owners.indices >= 0) & ~missed
 
     def pad(
-        self, values: Float32Array, neutral: tuple[float, ...], combine: str = "mean"
+        self,
+        values: Float32Array,
+        neutral: tuple[float, ...],
+        combine: str = "mean",
+        *,
+        hides_misses: bool = False,
     ) -> Float32Array:
         """Pad and fill a map (H, W, C), in place where possible, and return it.
 
+        With `hides_misses`, texels without a hit are filled smoothly from those around them.
         `combine` is that of its `MapKind`: filled unit vectors keep their length, and values that
         cannot be averaged are not filled.
         """
@@ -85,7 +93,11 @@ class ChartPadding:
             if combine == "unit mean":
                 _normalize(values, ~self._valid)
         if self.n_missed:
-            values.reshape(-1, values.shape[2])[self._missed] = neutral
+            around: Float32Array | tuple[float, ...] = neutral
+            if hides_misses and self._has_data.any():
+                filled = push_pull(values, self._has_data, threads=threads)
+                around = filled.reshape(-1, values.shape[2])[self._missed]
+            values.reshape(-1, values.shape[2])[self._missed] = around
         return values
 
 

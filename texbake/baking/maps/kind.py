@@ -44,6 +44,8 @@ class MapKind:
         hits. `Hits.secondary` exists only if one of the maps needs such rays.
     of_misses : bool
         Misses count among the values of a texel, and a texel without any hit has a value.
+    hides_misses : bool
+        A texel without any hit takes the colors around it, instead of the neutral value.
     of_neighbors : bool
         Made from the neighbors of the faces that were hit as well, beyond their normals.
     mid : float
@@ -64,6 +66,7 @@ class MapKind:
     combine: str = "mean"
     needs: str = "hits"
     of_misses: bool = False
+    hides_misses: bool = False
     of_neighbors: bool = False
     mid: float = 0.5
     bounds: Callable[[BakeInputs], FloatArray] | None = None

@@ -217,9 +217,17 @@ MATERIAL_ID = MapKind(
     "material-id", 1, "id", material_id_values, _zero, combine="first", legend=_material_names
 )
 VERTEX_COLOR = MapKind(
-    "vertex-color", 3, "color", vertex_color_values, _black, require=_require_colors
+    "vertex-color",
+    3,
+    "color",
+    vertex_color_values,
+    _black,
+    hides_misses=True,
+    require=_require_colors,
 )
-TEXTURE = MapKind("texture", 3, "color", texture_values, _black, require=_require_materials)
+TEXTURE = MapKind(
+    "texture", 3, "color", texture_values, _black, hides_misses=True, require=_require_materials
+)
 CURVATURE = MapKind("curvature", 1, "curvature", curvature_values, _zero, of_neighbors=True)
 CONVEXITY = MapKind(
     "convexity", 1, "curvature", convexity_values, _zero, of_neighbors=True, mid=0.0
