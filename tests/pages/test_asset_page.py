@@ -116,6 +116,7 @@ def test_lighting_surface_wireframe_and_misses_show(opened) -> None:
 
 def test_the_view_answers_to_the_keyboard_and_goes_back(opened) -> None:
     opened.value("document.querySelector('#view canvas').focus()")
+    opened.press("Home")  # from the first key on, a ring shows what has the focus
     first = canvas_alone(opened)
     for key in "ArrowRight", "ArrowUp", "+":
         before = canvas_alone(opened)

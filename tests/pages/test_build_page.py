@@ -76,6 +76,7 @@ def test_it_shows_every_asset_and_asks_for_nothing(
     text = browser.value("document.body.textContent")
     assert "Nightly <props>" in text and "13.5 min" in text and "no <uvs>" in text
     assert browser.value("document.documentElement.scrollWidth") == width
+    browser.wait("document.querySelector('.named img').complete")
     shown = browser.value("document.querySelector('.named img').naturalWidth")
     assert shown == build_page.THUMBNAIL_PX
     assert browser.complaints() == []
