@@ -196,8 +196,7 @@ _SHADING = (
         low="warning",
         problem="The shading has a hard edge here, but the texture continues across it. Filtering "
         "mixes the two sides, and a line shows along the edge.",
-        remedy="Unwrap again with seams at hard edges (texbake unwrap --seams-at-hard-edges), or "
-        "make the edges smooth.",
+        remedy="Cut there (texbake unwrap --seams-at-hard-edges), or make the edges smooth.",
     ),
 )
 
