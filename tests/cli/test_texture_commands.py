@@ -1,6 +1,7 @@
 """Baking, packing and converting textures, as a person runs the commands."""
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -64,7 +65,11 @@ def test_command_as_a_process(line: str, shop: Path, run: Run) -> None:
     done = run(line)
     assert done.returncode == 0, done.stderr
     assert all((shop / name).stat().st_size > 0 for name in LINES[line])
-    assert all(row.startswith("texbake: warning: ") for row in done.stderr.splitlines())
+    # Warnings, and the progress of work of more than ten seconds.
+    known = re.compile(
+        r"texbake: (warning: .*|.*: \d[\d.]* (s|min)|.*: \d+ % in .* left|.* takes .*)"
+    )
+    assert all(known.fullmatch(row) for row in done.stderr.splitlines())
 
 
 @pytest.mark.parametrize(
