@@ -1,6 +1,7 @@
 """A small pair of meshes, and the command as a person runs it."""
 
 import os
+import re
 import shutil
 import subprocess
 import sysconfig
@@ -16,6 +17,19 @@ from texbake import write_mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 
 Invoke = Callable[..., Result]
+
+
+# What a command that succeeds prints on stderr: warnings, and the progress of work of more than ten
+# seconds.
+KNOWN_LINE = re.compile(
+    r"texbake: (warning: .*|.*: \d[\d.]* (s|min)|.*: \d+ % in .* left|.* takes .*)"
+)
+
+
+@pytest.fixture(scope="session")
+def only_known_lines() -> Callable[[str], bool]:
+    """Whether all lines of a text are warnings or progress."""
+    return lambda text: all(KNOWN_LINE.fullmatch(row) for row in text.splitlines())
 
 
 @pytest.fixture(scope="session")

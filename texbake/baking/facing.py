@@ -2,7 +2,8 @@
 
 A look at a few points of the low-poly mesh tells whether that could be so: the nearest high-poly
 surface along their rays faces as the low-poly mesh does. Only where some of it does not, which is
-rare, the whole high-poly mesh is examined. What is turned over must agree better than before.
+rare, the whole high-poly mesh is examined. It is turned over only if it then
+agrees better.
 """
 
 from __future__ import annotations

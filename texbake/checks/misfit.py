@@ -64,7 +64,7 @@ def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None
     MeshError
         With the sentences of the finding that `check` has.
     """
-    if min(high.n_faces, low.n_faces) == 0 or _boxes_agree(high, low):
+    if min(high.n_faces, low.n_faces) == 0:
         return
     options = CheckOptions(threads=threads)
     pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
@@ -94,12 +94,6 @@ def why_rays_pass(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple
     pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
     found = opposite_sides(pair)
     return () if found is None else (f"{low.name}: {found.problem} {found.remedy}",)
-
-
-def _boxes_agree(high: Mesh, low: Mesh) -> bool:
-    """Whether both boxes have their sides at the same places, nearly."""
-    limit = APART * min(high.diagonal, low.diagonal)
-    return bool((np.abs(high.bounds - low.bounds) <= limit).all())
 
 
 def _axes_of(turn: FloatArray) -> str:

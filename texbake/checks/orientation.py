@@ -22,7 +22,7 @@ from texbake.checks.finding import Finding
 from texbake.core import core
 from texbake.mapping.seams import connected_faces, next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.normals import angles_between
+from texbake.mesh.normals import NORMAL_ROUNDING, angles_between
 
 # Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.
 _LEAST_VOLUME = 1e-12
@@ -153,10 +153,6 @@ def _solid_angle(corners: FloatArray, point: npt.NDArray[Any]) -> float:
     return float(2.0 * np.arctan2(above, below).sum())
 
 
-# Normals with 8 bits per component are off by up to half a degree.
-_ROUNDING = math.radians(1.0)
-
-
 def no_normals(checked: CheckedMesh) -> Finding | None:
     """Whether the mesh has no normals."""
     return make_finding("no-normals", checked.role, int(checked.mesh.normals is None))
@@ -181,7 +177,7 @@ def turned_normals(checked: CheckedMesh) -> Finding | None:
     for corner in range(3):
         shading = mesh.normals[mesh.normal_faces[:, corner]]
         np.minimum(cosines, np.einsum("ij,ij->i", shading, checked.normals), out=cosines)
-    faces = np.flatnonzero(cosines < -math.sin(_ROUNDING))
+    faces = np.flatnonzero(cosines < -math.sin(NORMAL_ROUNDING))
     return make_finding("turned-normals", checked.role, len(faces), faces, -cosines[faces])
 
 
@@ -203,7 +199,7 @@ def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
         _angles(mesh.normals, normal_ids[one], normal_ids[across[0]]),
         _angles(mesh.normals, normal_ids[ends[0]], normal_ids[across[1]]),
     )
-    hard = joined & (jumps > _ROUNDING)
+    hard = joined & (jumps > NORMAL_ROUNDING)
     faces = edges.faces[np.concatenate([one[hard], other[hard]]) // 3]
     return make_finding(
         "hard-edges-without-seam", checked.role, hard.sum(), faces, np.tile(jumps[hard], 2)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from texbake.baking.cage.fit import Cage, fit_cage
-from texbake.checks.misfit import stop_at_misfit
 from texbake.files import PathLike
+from texbake.jobs.fit import check_fit
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
@@ -35,7 +35,7 @@ def cage_file(
     check_distinct([output], [high, low])
     check_mesh(output)
     high_mesh, low_mesh = read_mesh(high, progress=progress), read_mesh(low, progress=progress)
-    stop_at_misfit(high_mesh, low_mesh, threads=threads)
+    check_fit(high_mesh, low_mesh, threads=threads)
     cage = fit_cage(high_mesh, low_mesh, margin=margin, threads=threads)
     write_mesh(cage.mesh, output)
     return JobResult(files=given(output), report=cage, warnings=tuple(cage.warnings))

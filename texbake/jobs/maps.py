@@ -17,9 +17,9 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
-from texbake.checks.misfit import stop_at_misfit, why_rays_pass
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable, make_folder
+from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -39,8 +39,6 @@ from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import read_image, write_image
 
 DEFAULT_FORMAT = "png"
-# Percent of the texels; where more missed, it is said why if that can be found out.
-_MOST_MISSED = 50.0
 # Maps made from the materials of the high-poly mesh.
 _OF_MATERIALS = frozenset({"texture", "material-id"})
 
@@ -142,7 +140,7 @@ def bake_files(
         high_mesh = _read_high(high, n_low, options, progress)
         materials = None
         if isinstance(high_mesh, Mesh):
-            stop_at_misfit(high_mesh, low_mesh, threads=options.threads)
+            check_fit(high_mesh, low_mesh, threads=options.threads)
         if isinstance(high_mesh, StreamedMesh):
             _check_streamed(high_mesh, high_texture, html)
         elif hits is not None or not _OF_MATERIALS.isdisjoint(files):
@@ -169,9 +167,8 @@ def bake_files(
     if figures.budget is not None:
         figures = replace(figures, budget=finished(figures.budget, clock))
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
-    if isinstance(high_mesh, Mesh) and figures.miss_percent > _MOST_MISSED:
-        why = why_rays_pass(high_mesh, low_mesh, threads=options.threads)
-        done = replace(done, warnings=(*done.warnings, *why))
+    why = why_missed(high_mesh, low_mesh, figures)
+    done = replace(done, warnings=(*done.warnings, *why))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):

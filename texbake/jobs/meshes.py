@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from texbake.errors import FileFormatError, TexbakeError
 from texbake.files import PathLike
@@ -31,7 +31,6 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import MakeOptions
-from texbake.mesh.remesh import RemeshReport, remesh_with_report
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.repair import RepairReport, repair
 from texbake.mesh.repair_options import RepairOptions
@@ -41,8 +40,10 @@ from texbake.mesh.simplify_options import DEFAULT_QUALITY
 from texbake.mesh.transform import transform
 from texbake.mesh.transform_options import TransformOptions
 from texbake.progress import ProgressSink
-from texbake.raycast.orient import oriented
 from texbake.texture.image import image_shape, read_image
+
+if TYPE_CHECKING:
+    from texbake.mesh.remesh import RemeshReport
 
 ORANGE = "orange"
 
@@ -59,8 +60,7 @@ class MeshFileInfo:
     contents : FileContents, optional
         What a glTF, FBX or OBJ file says besides its surface.
     image_shapes : dict
-        Width, height and number of channels of its images by name; None where one is missing or
-        cannot be read.
+        Width, height and channels of its images by name; None for one that cannot be read.
     """
 
     mesh: MeshInfo
@@ -308,6 +308,8 @@ def remesh_file(
     report
         File for the figures as JSON.
     """
+    from texbake.mesh.remesh import remesh_with_report
+
     check_mesh(output)
     check_distinct([output, report])
     check_distinct([report], [mesh])
@@ -381,6 +383,8 @@ def simplify_levels(
     quality, orientation, threads, progress
         As for `simplify_file`.
     """
+    from texbake.raycast.orient import oriented
+
     for _, output in levels:
         check_mesh(output)
     high, turned = oriented(read_mesh(mesh, progress=progress), orientation, threads=threads)

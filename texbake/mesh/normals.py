@@ -16,6 +16,7 @@ Kernels: `core/vertex_normals.c`, `core/mean_curvature.c`.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -250,6 +251,10 @@ def vertex_curvatures(
     )  # fmt: skip
     areas[areas == 0.0] = 1.0
     return np.asarray((turns / areas)[firsts] * frame.scale)
+
+
+# Normals with 8 bits per component are off by up to half a degree.
+NORMAL_ROUNDING = math.radians(1.0)
 
 
 def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray:

@@ -70,7 +70,7 @@ def oriented(
 
 
 def oriented_in(mesh: Mesh, scene: RayScene) -> tuple[Mesh, OrientationReport]:
-    """Turn over the parts of a mesh that face inwards, with a scene of it that is there.
+    """Turn over the parts of a mesh that face inwards, using a scene of it that was built before.
 
     Parameters
     ----------

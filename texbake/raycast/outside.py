@@ -1,7 +1,7 @@
 """Which side of a surface is outside, part by part, and which faces to turn over.
 
-The faces of a part, which hang together by edges of two faces, are wound alike first, as most of
-their area is. Rays then leave both sides of sampled points of a part. Outside is the side from
+The faces of a part, which edges of two faces connect, are first wound alike, as most of their area
+is. Rays then leave both sides of sampled points of a part. Outside is the side from
 which more of them get away from the whole mesh. A part that no ray leaves, such as the wall of a
 cavity, goes with the part that its rays hit from their outer side: it is turned over if that is.
 
@@ -81,7 +81,7 @@ def share_seen_from_behind(scene: RayScene) -> float:
 
 
 def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
-    """Find the faces that face inwards; those that are there in both windings are right.
+    """Find the faces that face inwards; those that occur in both windings are right.
 
     Parameters
     ----------
@@ -89,10 +89,11 @@ def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
     scene
         Made of this mesh.
     """
-    parts, turned = parts_wound_alike(mesh)
+    welded = weld_rows(mesh.positions)[mesh.faces]
+    parts, turned = _parts_wound_alike(mesh, welded)
     n_parts = int(parts.max(initial=-1)) + 1
     votes = _Votes.of(_points(mesh, parts, turned, n_parts), parts, n_parts, scene)
-    one_sided = ~two_sided_faces(weld_rows(mesh.positions)[mesh.faces])
+    one_sided = ~two_sided_faces(welded)
     matters = np.bincount(parts, one_sided, n_parts) > 0.0
     inwards = votes.inwards() & matters
     firsts = np.unique(parts, return_index=True)[1]
@@ -103,10 +104,11 @@ def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
     )
 
 
-def parts_wound_alike(mesh: Mesh) -> tuple[IntArray, BoolArray]:
+def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArray]:
     """Find the parts of a mesh and the faces that are wound against most of their part.
 
-    Vertices at one position count as one. Edges of more than two faces join nothing.
+    `welded` are its faces, vertices at one position counting as one. Edges of more than two faces
+    join nothing.
 
     Returns
     -------
@@ -115,8 +117,7 @@ def parts_wound_alike(mesh: Mesh) -> tuple[IntArray, BoolArray]:
     turned : (F,) bool
         Of two halves of the same area, that with the first face is right.
     """
-    faces = weld_rows(mesh.positions)[mesh.faces]
-    pairs = edge_neighbors(faces)
+    pairs = edge_neighbors(welded)
     roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)
     core.join_orientations(roots, flips, pairs.first, pairs.second, ~pairs.agree)
     areas = np.linalg.norm(_crosses(mesh), axis=1)

@@ -153,7 +153,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
                 points, mesh.faces, charts, max_stretch=options.max_stretch, threads=threads
             )
     if n_within:
-        note = f"{n_within:,} hard edges end within a chart and have no seam on both sides"
+        note = f"{n_within:,} hard edges have no seam, because they end within a chart"
         charts = replace(charts, notes=(*charts.notes, note))
     longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
     return replace(charts, uvs=charts.uvs * longest)

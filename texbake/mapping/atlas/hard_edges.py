@@ -13,13 +13,10 @@ import numpy.typing as npt
 
 from texbake.mapping.seams import merged_labels, next_half_edges, opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.normals import angles_between, face_normals
+from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, face_normals
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
-
-# Normals with 8 bits per component are off by up to half a degree.
-_ROUNDING = math.radians(1.0)
 
 
 def regions_between(
@@ -43,7 +40,7 @@ def regions_between(
     regions : (F,) int32 or None
         Those given, if there is nothing to divide at.
     n_within : int
-        Edges at which neither side is a region of its own, because they end within the surface.
+        Hard edges with the same region on both sides, because they end within it.
     """
     if angle is None and not (hard_edges and mesh.normals is not None):
         return regions, 0
@@ -76,5 +73,5 @@ def _normals_jump(mesh: Mesh, one: npt.NDArray[np.intp], other: npt.NDArray[np.i
         a, b = ids[here], ids[there]
         differ = np.flatnonzero(a != b)
         angles = angles_between(mesh.normals[a[differ]], mesh.normals[b[differ]])
-        jumps[differ] |= angles > _ROUNDING
+        jumps[differ] |= angles > NORMAL_ROUNDING
     return jumps

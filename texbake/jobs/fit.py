@@ -1,0 +1,39 @@
+"""Whether two meshes fit: before the work on them begins, and after most rays missed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.baking.report import BakeReport
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.streamed.mesh import StreamedMesh
+
+# Share of the smaller diagonal. Meshes whose boxes differ by no more need no closer look.
+_NEAR = 0.02
+_MOST_MISSED = 50.0  # percent of the texels
+
+
+def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
+    """Raise where a low-poly mesh fits only once it is scaled, rotated or moved.
+
+    Raises
+    ------
+    MeshError
+        As `stop_at_misfit` does.
+    """
+    limit = _NEAR * min(high.diagonal, low.diagonal)
+    if (np.abs(high.bounds - low.bounds) <= limit).all():
+        return
+    # Loaded only here, because most pairs need none of it.
+    from texbake.checks.misfit import stop_at_misfit
+
+    stop_at_misfit(high, low, threads=threads)
+
+
+def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tuple[str, ...]:
+    """Say why most rays of a bake missed, in the words of `check`; nothing if they did not."""
+    if isinstance(high, StreamedMesh) or report.miss_percent <= _MOST_MISSED:
+        return ()
+    from texbake.checks.misfit import why_rays_pass
+
+    return why_rays_pass(high, low, threads=report.options.threads)
