@@ -63,7 +63,7 @@ def test_a_misfit_stops_with_the_words_of_check(changes, finding):
     ],
 )
 def test_pairs_that_may_be_meant_so(pair):
-    stop_at_misfit(*pair)
+    assert stop_at_misfit(*pair) is None  # it raises otherwise
 
 
 def test_files(tmp_path):
