@@ -66,9 +66,8 @@ bake_options = all_of(
             "Multiply the front distance, or the cage's offset, by this image. Values are 0 to 1; "
             "float files may hold greater ones.",
         ),
-        options_of(
-            BakeOptions, "orientation", "high_shading", "cull_back_faces", "padding", "fill"
-        ),
+        options_of(BakeOptions, "orientation", "high_shading", "high_normal_maps"),
+        options_of(BakeOptions, "cull_back_faces", "padding", "fill"),
         options_of(BakeOptions, "on_miss", "fail_on_miss"),
         picture_option("--miss-map", "Also draw where rays missed."),
         report_option,
@@ -79,7 +78,7 @@ source_options = all_of(
     [
         image_option(
             "--high-texture",
-            "Image on the high-poly mesh's texture coordinates, for the map texture.  "
+            "Image on the high-poly mesh's texture coordinates, for the map base-color.  "
             "[default: the one that its file names]",
         ),
         options_of(BakeOptions, "vertex_colors", "curvature_scale"),
@@ -121,8 +120,8 @@ parts_options = all_of(
 SECTIONS = {
     "Rays": (
         *("front", "back", "cage", "rays", "skew_mask", "offset_map", "orientation"),
-        *("high_shading", "cull_back_faces", "on_miss", "fail_on_miss", "miss_map", "samples"),
-        *("max_error", "time_budget"),
+        *("high_shading", "high_normal_maps", "cull_back_faces", "on_miss", "fail_on_miss"),
+        *("miss_map", "samples", "max_error", "time_budget"),
     ),
     "Values of the maps": (
         *("space", "convention", "bits", "mid", "scale", "vertex_colors", "high_texture"),

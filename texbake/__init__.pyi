@@ -174,8 +174,12 @@ from .mesh.interchange import (
     to_trimesh as to_trimesh,
 )
 from .mesh.materials import (
-    BaseColor as BaseColor,
+    CHANNELS as CHANNELS,
+    Channel as Channel,
+    ChannelImage as ChannelImage,
+    ChannelSource as ChannelSource,
     Materials as Materials,
+    MeshMaterial as MeshMaterial,
     read_materials as read_materials,
 )
 from .mesh.mesh import Mesh as Mesh

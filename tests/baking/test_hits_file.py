@@ -14,7 +14,13 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.mesh.files import read_mesh
-from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.materials import (
+    CHANNELS,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+)
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import write_image
 
@@ -40,9 +46,18 @@ def pair(tmp_path_factory):
     )
     path = tmp_path_factory.mktemp("image") / "noise.png"
     write_image(np.random.default_rng(2).random((8, 8, 3), dtype=np.float32), path, color=True)
-    color = BaseColor((1.0, 0.5, 1.0), path.read_bytes(), "noise.png", "mirror")
+    image = ChannelImage(path.read_bytes(), "noise.png", wraps=("mirror", "clamp"))
+    every = {name: ChannelSource(channel.default) for name, channel in CHANNELS.items()}
+    every |= {
+        "base-color": ChannelSource((1.0, 0.5, 1.0), image),
+        "normal": ChannelSource((1.0, 1.0, 1.0), image),
+        "roughness": ChannelSource((0.5,), replace(image, components=(1,), uv_set=1), 0.25),
+    }
     materials = Materials(
-        face_materials=1 - groups, names=("rust", "moss"), base_colors=(color, None)
+        face_materials=1 - groups,
+        materials=(MeshMaterial(name="rust", channels=every), MeshMaterial(name="moss")),
+        uv_sets={1: 2.0 * high.uvs},
+        has_vertex_colors=True,
     )
     return high, uv_sphere(12, 24), materials
 

@@ -15,7 +15,13 @@ from texbake.baking.map_names import MAP_NAMES
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.materials import (
+    CHANNELS,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+)
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.metadata import CURVATURE_MID, CURVATURE_SCALE, ID, POSITION_MAX, POSITION_MIN, SPACE
@@ -257,15 +263,14 @@ def test_a_mesh_without_groups_has_one_id():
 def test_material_ids_differ_from_group_ids():
     high = halves()
     ids = (high.positions[high.faces].mean(axis=1)[:, 1] > 0.5).astype(np.int32)
-    materials = Materials(
-        face_materials=ids, names=("below", "above"), base_colors=(None, BaseColor((0.5, 0, 1)))
-    )
-    maps = baked(high, "material-id", "object-id", "texture", materials=materials)
+    above = MeshMaterial(name="above", channels={"base-color": ChannelSource((0.5, 0.0, 1.0))})
+    materials = Materials(face_materials=ids, materials=(MeshMaterial(name="below"), above))
+    maps = baked(high, "material-id", "object-id", "base-color", materials=materials)
     assert maps["material-id"].legend == ("below", "above")
     assert (maps["material-id"].values[: N // 2] == 2.0).all()
     assert (maps["material-id"].values[N // 2 :] == 1.0).all()
-    assert (maps["texture"].values[: N // 2] == (0.5, 0.0, 1.0)).all()
-    assert (maps["texture"].values[N // 2 :] == 1.0).all()
+    assert (maps["base-color"].values[: N // 2] == (0.5, 0.0, 1.0)).all()
+    assert (maps["base-color"].values[N // 2 :] == 1.0).all()
     assert np.array_equal(
         baked(high, "material-id")["material-id"].values, maps["object-id"].values
     )
@@ -309,18 +314,19 @@ def image_bytes(tmp_path, pixels):
     return (tmp_path / "image.png").read_bytes()
 
 
-def textured(tmp_path, pixels, **changes):
+def textured(tmp_path, pixels, *, channel="base-color", factor=(1.0, 1.0, 1.0), **changes):
     mesh = plane(4, 4)
-    color = BaseColor(image=image_bytes(tmp_path, pixels), **changes)
+    image = ChannelImage(data=image_bytes(tmp_path, pixels), **changes)
+    material = MeshMaterial(name="a", channels={channel: ChannelSource(factor, image)})
     return mesh, Materials(
-        face_materials=np.zeros(mesh.n_faces, dtype=np.int32), names=("a",), base_colors=(color,)
+        face_materials=np.zeros(mesh.n_faces, dtype=np.int32), materials=(material,)
     )
 
 
 def test_an_image_of_the_map_s_own_size_comes_back_code_by_code(tmp_path):
     codes = np.random.default_rng(5).integers(0, 256, (N, N, 3), dtype=np.uint8)
     high, materials = textured(tmp_path, codes)
-    item = baked(high, "texture", materials=materials)["texture"]
+    item = baked(high, "base-color", materials=materials)["base-color"]
     item.write(tmp_path / "t.png")
     # Samples stand on texel centers to 1e-7 of a texture, 1e-5 of a step between neighbors.
     stored = np.rint(read_image(tmp_path / "t.png", color=False).pixels * 255.0)
@@ -332,7 +338,7 @@ def test_a_linear_ramp_is_interpolated_in_linear_light(tmp_path):
     write_image(np.repeat(levels[None, :, None], 3, axis=2), tmp_path / "ramp.exr", bits=32)
     mesh = plane(4, 4)
     materials = Materials.of_image(mesh, tmp_path / "ramp.exr")
-    values = baked(mesh, "texture", materials=materials)["texture"].values
+    values = baked(mesh, "base-color", materials=materials)["base-color"].values
     inside = (CENTERS > 1 / 18) & (CENTERS < 17 / 18)
     expected = (CENTERS[inside] * 9 - 0.5) / 8
     np.testing.assert_allclose(values[5, inside, 1], expected, atol=1e-6)
@@ -343,15 +349,16 @@ def test_a_factor_multiplies_and_a_placing_moves_an_image(tmp_path):
     pixels[:, 1] = 1.0  # white on the right
     turned = ((0.0, 1.0, 0.0), (-1.0, 0.0, 1.0))  # u of the image is v of the mesh
     high, materials = textured(
-        tmp_path, pixels, factor=(0.5, 1.0, 0.25), wrap="clamp", placing=turned
+        tmp_path, pixels, factor=(0.5, 1.0, 0.25), wraps=("clamp", "clamp"), placing=turned
     )
-    values = baked(high, "texture", materials=materials)["texture"].values
+    values = baked(high, "base-color", materials=materials)["base-color"].values
     np.testing.assert_allclose(values[:16], np.broadcast_to((0.5, 1.0, 0.25), (16, N, 3)))
     np.testing.assert_allclose(values[-16:], 0.0, atol=1e-7)
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("vertex-color", "no vertex colors"), ("texture", "names no base color")]
+    ("name", "message"),
+    [("vertex-color", "no vertex colors"), ("base-color", "names no base color")],
 )
 def test_a_mesh_without_colors_is_one_clear_error(name, message):
     with pytest.raises(MeshError, match=message):
@@ -362,7 +369,7 @@ def test_an_image_needs_texture_coordinates(tmp_path):
     high, materials = textured(tmp_path, np.zeros((2, 2, 3), dtype=np.float32))
     bare = Mesh(positions=high.positions, faces=high.faces)
     with pytest.raises(MeshError, match="no texture coordinates"):
-        baked(bare, "texture", materials=materials)
+        baked(bare, "base-color", materials=materials)
 
 
 # Opacity
@@ -423,8 +430,10 @@ def test_a_mask_is_written_as_linear_values(tmp_path):
 
 def test_all_maps_are_the_same_for_any_number_of_threads():
     high = halves(colors=ramp(plane(8, 8)))
+    every = {name: ChannelSource(channel.default) for name, channel in CHANNELS.items()}
     materials = Materials(
-        face_materials=high.face_groups, names=("a", "b"), base_colors=(BaseColor((0, 1, 0)), None)
+        face_materials=high.face_groups,
+        materials=(MeshMaterial(name="a", channels=every), MeshMaterial(name="b")),
     )
     names = [name for name, kind in MAPS.items() if kind.needs == "hits"]
     first, second = (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
+from texbake.baking.map_names import MATERIAL_MAPS
 from texbake.baking.maps import MAPS
 from texbake.baking.memory import STREAMED_CHUNKS, STREAMED_FACE, bake_memory
 from texbake.baking.options import BakeOptions
@@ -20,7 +21,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh, open_streamed
 from texbake.raycast.scene import RayScene
 
 WHOLE = {name for name, kind in MAPS.items() if kind.of_neighbors or kind.needs != "hits"}
-NAMES = tuple(name for name in MAPS if name not in WHOLE and name != "texture")
+NAMES = tuple(name for name in MAPS if name not in WHOLE and name not in MATERIAL_MAPS)
 OPTIONS = BakeOptions(maps=NAMES, size=(96, 80), samples=4, padding=2)
 
 

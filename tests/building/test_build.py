@@ -564,7 +564,7 @@ def test_materials_of_the_high_poly_mesh_are_baked_and_count(
 do = "bake"
 high = "high"
 low = "high"
-maps = ["texture", "material-id"]
+maps = ["base-color", "material-id"]
 size = 16
 padding = 0
 output = "{output}.{ext}"

@@ -125,7 +125,13 @@ def test_a_mesh_without_the_inputs_of_a_map_is_one_line(baked, tmp_path):
     bare = uv_sphere(8, 16)
     write_mesh(bare, tmp_path / "bare.obj")
     result = run(
-        "bake", tmp_path / "bare.obj", baked / "ball.obj", "-o", tmp_path / "m", "--maps", "texture"
+        "bake",
+        tmp_path / "bare.obj",
+        baked / "ball.obj",
+        "-o",
+        tmp_path / "m",
+        "--maps",
+        "base-color",
     )
     assert result.exit_code == 1
     assert "names no base color" in result.output

@@ -31,16 +31,19 @@ def test_factors_and_images_in_the_file(read):
     found = read([("Content", [b"picture"], [])])
     assert found.names == ("red", "blue")
     assert found.face_materials.tolist() == [0, 0, 1, 1, 0] * 2
-    assert found.base_colors[0].factor == (0.25, 0.5, 0.75)
-    assert found.base_colors[1].image == b"picture"
+    assert found.sources("base-color")[0].factor == (0.25, 0.5, 0.75)
+    assert found.sources("base-color")[1].image.data == b"picture"
     # As text files hold it.
-    assert read([("Content", [b"cGljdHVyZQ=="], [])]).base_colors[1].image == b"picture"
+    found = read([("Content", [b"cGljdHVyZQ=="], [])])
+    assert found.sources("base-color")[1].image.data == b"picture"
 
 
 @pytest.mark.parametrize("name", ["b.png", r"C:\work\b.png", "../b.png", "textures/b.png"])
 def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     (tmp_path / "b.png").write_bytes(b"outside")
     texture = [("RelativeFilename", [name], [])]
-    assert read(texture).base_colors[1].image is None
+    found = read(texture)
+    assert found.sources("base-color")[1] is None
+    assert "blue" in found.notes(["base-color"])[0]
     (tmp_path / "model" / "b.png").write_bytes(b"inside")
-    assert read(texture).base_colors[1].image == b"inside"
+    assert read(texture).sources("base-color")[1].image.data == b"inside"

@@ -6,9 +6,15 @@ import json
 import numpy as np
 import pytest
 
-from texbake.errors import FileError, FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.materials import UNPLACED, BaseColor, Materials, read_materials
+from texbake.mesh.materials import (
+    UNPLACED,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+    read_materials,
+)
 from texbake.mesh.shapes import cube, plane
 
 SQUARES = """mtllib {library}
@@ -47,16 +53,36 @@ def test_obj_materials_go_by_triangle_and_their_colors_by_name(tmp_path):
     assert found is not None
     assert found.names == ("default", "red paint", "wood")
     assert found.face_materials.tolist() == [0, 1, 2, 2]
-    assert found.base_colors[0] is None
-    assert found.base_colors[1] == BaseColor(factor=(0.5, 0.25, 0.0))
-    wood = found.base_colors[2]
-    assert (wood.image, wood.wrap, wood.factor) == (b"an image", "clamp", (1.0, 1.0, 1.0))
+    bare, red, wood = found.sources("base-color")
+    assert bare is None
+    assert red == ChannelSource((0.5, 0.25, 0.0))
+    assert (wood.image.data, wood.factor) == (b"an image", (1.0, 1.0, 1.0))
+    assert wood.image.wraps == ("clamp", "clamp")
+
+
+def test_obj_materials_have_the_channels_of_physically_based_ones(tmp_path):
+    for name in "rough", "bent":
+        (tmp_path / f"{name}.png").write_bytes(name.encode())
+    path = obj_with(
+        tmp_path,
+        "a.mtl",
+        "newmtl wood\nPm 0.25\nmap_Pr rough.png\nnorm bent.png\nKe 0 2 0\nd 0.5\nTr 0.9\n"
+        "newmtl red paint\nd 1\n",
+    )
+    _, red, wood = read_materials(path, read_mesh(path)).materials
+    assert (red.alpha_mode, wood.alpha_mode) == ("opaque", "blend")
+    assert {name: source.factor for name, source in wood.channels.items()} == {
+        "metallic": (0.25,), "roughness": (1.0,), "normal": (1.0, 1.0, 1.0),
+        "emissive": (0.0, 2.0, 0.0), "alpha": (0.5,),
+    }  # fmt: skip
+    assert wood.channels["roughness"].image.data == b"rough"
+    assert wood.channels["roughness"].image.components == (0,)
+    assert wood.channels["normal"].image.data == b"bent"
 
 
 @pytest.mark.parametrize(
     ("library", "error", "message"),
     [
-        ("newmtl wood\nmap_Kd none.png\n", FileError, "none.png"),
         ("newmtl wood\nKd blue\n", FileFormatError, "Kd 'blue' is not a color"),
         ("newmtl wood\nKd 1 2\n", FileFormatError, "Kd '1 2' is not a color"),
         ("newmtl wood\nKd nan 0 0\n", FileFormatError, "is not a color"),
@@ -70,8 +96,17 @@ def test_bad_libraries_are_one_clear_error(tmp_path, library, error, message):
 
 def test_a_library_that_is_missing_is_named(tmp_path):
     (tmp_path / "a.obj").write_text(SQUARES.format(library="gone.mtl"))
-    with pytest.raises(FileError, match=r"gone\.mtl"):
-        read_materials(tmp_path / "a.obj", read_mesh(tmp_path / "a.obj"))
+    found = read_materials(tmp_path / "a.obj", read_mesh(tmp_path / "a.obj"))
+    assert found.materials[1:] == (MeshMaterial(name="red paint"), MeshMaterial(name="wood"))
+    assert any("gone.mtl" in line for line in found.notes(["roughness"]))
+
+
+def test_an_image_that_is_missing_leaves_the_factor_and_a_note(tmp_path):
+    path = obj_with(tmp_path, "a.mtl", "newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd none.png\n")
+    found = read_materials(path, read_mesh(path))
+    assert found.sources("base-color")[2] == ChannelSource((0.5, 0.5, 0.5))
+    assert "none.png" in found.notes(["base-color"])[0]
+    assert found.notes(["roughness"]) == ()
 
 
 def test_files_without_materials_have_none(tmp_path):
@@ -79,7 +114,11 @@ def test_files_without_materials_have_none(tmp_path):
         path = tmp_path / f"cube.{suffix}"
         write_mesh(cube(), path)
         found = read_materials(path, read_mesh(path))
-        assert found is None or found.base_colors == (BaseColor(),)
+        assert found is None or found.materials[0].channels.keys() == {
+            "base-color",
+            "roughness",
+            "metallic",
+        }
 
 
 def gltf_with(tmp_path, material, **document):
@@ -113,7 +152,9 @@ def test_gltf_materials_go_by_primitive(tmp_path):
     assert found is not None
     assert found.names == ("skin", "material")
     assert found.face_materials.tolist() == [0, 1]
-    assert found.base_colors == (BaseColor((0.5, 0.25, 1.0)), BaseColor())
+    assert found.sources("base-color") == [
+        ChannelSource((0.5, 0.25, 1.0)), ChannelSource((1.0, 1.0, 1.0))
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("uri", ["beside me.bin", "data:image/png;base64,YW4gaW1hZ2U="])
@@ -125,8 +166,9 @@ def test_gltf_images_are_read_from_beside_and_from_inside(tmp_path, uri):
         images=[{"uri": uri.replace(" ", "%20")}],
         **IMAGED,
     )
-    color = read_materials(path, read_mesh(path)).base_colors[0]
-    assert (color.image, color.wrap, color.placing) == (b"an image", "mirror", UNPLACED)
+    image = read_materials(path, read_mesh(path)).sources("base-color")[0].image
+    assert (image.data, image.placing) == (b"an image", UNPLACED)
+    assert image.wraps == ("mirror", "repeat")
 
 
 @pytest.mark.parametrize("data", ["YQ", "\u00e9"])
@@ -148,45 +190,46 @@ def test_a_moved_gltf_texture_is_turned_for_v_up(tmp_path):
         images=[{"uri": "data:image/png;base64,YW4gaW1hZ2U="}],
         **IMAGED,
     )
-    placing = np.array(read_materials(path, read_mesh(path)).base_colors[0].placing)
+    image = read_materials(path, read_mesh(path)).sources("base-color")[0].image
+    placing = np.array(image.placing)
     for u, v in ((0.0, 0.0), (0.3, 0.9), (1.0, 1.0)):
         down = np.array([0.25 + 2.0 * u, 0.5 + 4.0 * (1.0 - v)])  # as glTF has it
         np.testing.assert_allclose(placing @ [u, v, 1.0], [down[0], 1.0 - down[1]], atol=1e-15)
 
 
-def test_a_base_color_on_other_coordinates_is_refused(tmp_path):
+def test_an_image_on_coordinates_that_are_not_there_is_noted(tmp_path):
     path = gltf_with(
         tmp_path,
         {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}},
-        images=[{"uri": "a.png"}],
+        images=[{"uri": "data:image/png;base64,YW4gaW1hZ2U="}],
         **IMAGED,
     )
-    with pytest.raises(FileFormatError, match="TEXCOORD_1"):
-        read_materials(path, read_mesh(path))
+    found = read_materials(path, read_mesh(path))
+    assert found.sources("base-color")[0].image is None
+    assert "TEXCOORD_1" in found.notes(["base-color"])[0]
 
 
 def test_real_files_have_theirs(data_dir):
     path = data_dir / "meshes" / "capsule.obj"
     found = read_materials(path, read_mesh(path))
-    (color,) = found.base_colors
-    assert color.image == (data_dir / "meshes" / "capsule0.jpg").read_bytes()
+    (color,) = found.sources("base-color")
+    assert color.image.data == (data_dir / "meshes" / "capsule0.jpg").read_bytes()
     path = next((data_dir / "gltf" / "ToyCar").rglob("*.gl*"))
     mesh = read_mesh(path)
     found = read_materials(path, mesh)
     assert len(found.face_materials) == mesh.n_faces
-    assert any(color.image for color in found.base_colors)
+    assert any(source.image for source in found.sources("base-color"))
+    assert "clearcoat" in found.materials[0].channels or len(found.materials) == 3
 
 
 def test_materials_are_checked():
     ids = np.array([0, 2], dtype=np.int32)
     with pytest.raises(MeshError, match="out of range"):
-        Materials(face_materials=ids, names=("a", "b"), base_colors=(None, None))
-    with pytest.raises(MeshError, match="1 base colors for 3 names"):
-        Materials(face_materials=ids, names=("a", "b", "c"), base_colors=(None,))
+        Materials(face_materials=ids, materials=(MeshMaterial(name="a"), MeshMaterial(name="b")))
 
 
 def test_an_image_can_stand_for_all_materials(tmp_path):
     (tmp_path / "a.png").write_bytes(b"an image")
     found = Materials.of_image(plane(), tmp_path / "a.png")
     assert found.face_materials.tolist() == [0, 0]
-    assert found.base_colors[0].image == b"an image"
+    assert found.sources("base-color")[0].image.data == b"an image"

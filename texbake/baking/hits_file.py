@@ -31,18 +31,19 @@ from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
 from texbake.mesh.compose import used_rows
 from texbake.mesh.files.source import require_file
-from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.raycast.fans import N_COLUMNS
 from texbake.raycast.rays import NO_HIT
+from texbake.texture.lookup import WRAPS
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 Arrays = dict[str, Any]  # of arrays
 
-_VERSION = 1
+_VERSION = 2
 # What numpy, zipfile and json raise for a damaged file. Headers of arrays are parsed as Python, and
 # a flipped bit may mark an entry as encrypted or compressed by an unknown method.
 _DAMAGE = (
@@ -51,6 +52,7 @@ _DAMAGE = (
 )  # fmt: skip
 _MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents",
                 "colors", "face_groups")  # fmt: skip
+_IMAGE_FIELDS = ("name", "components", "wraps", "placing", "uv_set", "is_nearest")
 
 
 def write_hits(result: BakeResult, path: PathLike) -> None:
@@ -82,6 +84,8 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
     arrays["texel_faces"] = result.texel_faces
     arrays["bounds"] = result.inputs.bounds
     arrays["curvatures"] = high.high_surface.curvatures
+    if high.high_surface.known_tangents is not None:
+        arrays["tangents"] = high.high_surface.known_tangents
     header: dict[str, Any] = {
         "version": _VERSION,
         "report": json.loads(_report_type().dump_json(result.report)),
@@ -165,27 +169,31 @@ def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
         "group_names": high.group_names,
         "name": high.name,
     }
+    materials = inputs.materials
+    uv_rows = np.zeros(0, np.intp)
     if high.uvs is not None and high.uv_faces is not None:
-        rows, part["uv_faces"] = used_rows(high.uv_faces[chosen], len(high.uvs))
-        part["uvs"] = high.uvs[rows]
+        uv_rows, part["uv_faces"] = used_rows(high.uv_faces[chosen], len(high.uvs))
+        part["uvs"] = high.uvs[uv_rows]
     if high.colors is not None:
         part["colors"] = high.colors[vertices]
     if high.face_groups is not None:
         part["face_groups"] = high.face_groups[chosen]
-    materials = inputs.materials
     if materials is not None:
-        materials = Materials(
-            face_materials=materials.face_materials[chosen],
-            names=materials.names,
-            base_colors=materials.base_colors,
-        )
+        materials = materials.of_faces(chosen, uv_rows)
     curvatures = inputs.high_surface.curvatures[vertices]
+    tangents = None
+    if inputs.has_normal_maps:
+        if high.tangents is None:
+            tangents = inputs.high_surface.tangents[chosen]
+        else:
+            part["tangents"] = high.tangents[chosen]
     reduced = BakeInputs.of(
         Mesh(**part),
         inputs.low,
         inputs.options,
         materials,
         known_curvatures=curvatures,
+        known_tangents=tangents,
         known_bounds=inputs.bounds,
     )
     return Hits(**columns), reduced
@@ -194,14 +202,28 @@ def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
 def _put_materials(materials: Materials, arrays: Arrays) -> dict[str, Any]:
     """Add the arrays of materials; return their entry in the header."""
     arrays["face_materials"] = materials.face_materials
-    colors = []
-    for i, color in enumerate(materials.base_colors):
-        if color is not None and color.image is not None:
-            arrays[f"image_{i}"] = np.frombuffer(color.image, dtype=np.uint8)
-        colors.append(
-            None if color is None else [color.factor, color.image_name, color.wrap, color.placing]
-        )
-    return {"names": materials.names, "colors": colors}
+    for number, coordinates in materials.uv_sets.items():
+        arrays[f"uv_set_{number}"] = coordinates
+    names: list[str] = []
+    for source in (s for m in materials.materials for s in m.channels.values()):
+        if source.image is not None and source.image.name not in names:
+            arrays[f"image_{len(names)}"] = np.frombuffer(source.image.data, dtype=np.uint8)
+            names.append(source.image.name)
+    found = []
+    for material in materials.materials:
+        channels: dict[str, Any] = {}
+        for name, source in material.channels.items():
+            image = None
+            if source.image is not None:
+                image = {f: getattr(source.image, f) for f in _IMAGE_FIELDS}
+                image["data"] = names.index(source.image.name)
+            channels[name] = [source.factor, image, source.offset]
+        found.append({"name": material.name, "channels": channels})
+    return {
+        "materials": found,
+        "uv_sets": list(materials.uv_sets),
+        "has_vertex_colors": materials.has_vertex_colors,
+    }
 
 
 def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
@@ -232,6 +254,7 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
         options,
         _taken_materials(header, arrays),
         known_curvatures=arrays["curvatures"],
+        known_tangents=arrays.get("tangents"),
         known_bounds=arrays["bounds"],
     )
     return BakeResult({}, report, hits, texel_faces, has_data.reshape(texel_faces.shape), inputs)
@@ -240,27 +263,53 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
 def _taken_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None:
     if "materials" not in header:
         return None
-    colors: list[BaseColor | None] = []
-    for i, stored in enumerate(header["materials"]["colors"]):
-        if stored is None:
-            colors.append(None)
-            continue
-        factor, name, wrap, (first, second) = stored
-        image = arrays.get(f"image_{i}")
-        colors.append(
-            BaseColor(
-                factor=tuple(factor),
-                image=None if image is None else image.tobytes(),
-                image_name=name,
-                wrap=wrap,
-                placing=(tuple(first), tuple(second)),
-            )
-        )
+    stored = header["materials"]
     return Materials(
         face_materials=arrays["face_materials"],
-        names=tuple(header["materials"]["names"]),
-        base_colors=tuple(colors),
+        materials=tuple(
+            MeshMaterial(
+                name=item["name"],
+                channels={
+                    name: _taken_source(name, stored, arrays)
+                    for name, stored in item["channels"].items()
+                },
+            )
+            for item in stored["materials"]
+        ),
+        uv_sets={number: arrays[f"uv_set_{number}"] for number in stored["uv_sets"]},
+        has_vertex_colors=stored["has_vertex_colors"],
     )
+
+
+def _taken_source(channel: str, stored: list[Any], arrays: Arrays) -> ChannelSource:
+    factor, image, offset = stored
+    width = len(CHANNELS[channel].default)
+    source = ChannelSource(tuple(factor), _taken_image(image, arrays), offset)
+    if len(factor) != width or not np.isfinite([*factor, offset]).all():
+        raise ValueError("a factor has another shape")
+    if source.image is not None and len(source.image.components) != width:
+        raise ValueError("an image has other components")
+    return source
+
+
+def _taken_image(stored: dict[str, Any] | None, arrays: Arrays) -> ChannelImage | None:
+    if stored is None:
+        return None
+    (first, second), number = stored["placing"], stored["uv_set"]
+    if number != 0 and f"uv_set_{number}" not in arrays:
+        raise ValueError("an image lies on texture coordinates that are not there")
+    if not set(stored["components"]) <= {0, 1, 2, 3} or not set(stored["wraps"]) <= set(WRAPS):
+        raise ValueError("an image has unknown components or wrapping")
+    if np.shape(stored["placing"]) != (2, 3) or not np.isfinite(stored["placing"]).all():
+        raise ValueError("an image has no place")
+    image = {
+        **stored,
+        "data": arrays[f"image_{stored['data']}"].tobytes(),
+        "components": tuple(stored["components"]),
+        "wraps": tuple(stored["wraps"]),
+        "placing": (tuple(first), tuple(second)),
+    }
+    return ChannelImage(**image)
 
 
 def _check(
@@ -296,6 +345,7 @@ def _check_shapes(hits: Hits, high: Mesh, arrays: Arrays) -> None:
         "offsets": (n, 3),
         "secondary": (n, N_COLUMNS),
         "curvatures": (high.n_vertices, 1),
+        "tangents": (high.n_faces, 3, 4),
     }
     for name, shape in expected.items():
         if name in arrays and (arrays[name].shape != shape or arrays[name].dtype != np.float32):
@@ -303,6 +353,12 @@ def _check_shapes(hits: Hits, high: Mesh, arrays: Arrays) -> None:
     bounds = arrays["bounds"]
     if bounds.shape != (2, 3) or bounds.dtype != np.float64:
         raise ValueError("the bounds are not a box")
+    n_uvs = 0 if high.uvs is None else len(high.uvs)
+    for name, array in arrays.items():
+        if name.startswith("uv_set_") and (
+            array.shape != (n_uvs, 2) or array.dtype != np.float64 or not np.isfinite(array).all()
+        ):
+            raise ValueError("texture coordinates have another shape or type")
     materials = arrays.get("face_materials")
     if materials is not None and materials.shape != (high.n_faces,):
         raise ValueError("there is not one material for each face")

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.channel_images import ChannelImages
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import ray_normals
@@ -44,6 +45,8 @@ class HighSurface:
         Its curvatures, where the mesh is only a part of the one they were computed for.
     known_normals : callable, optional
         Returns its smooth normals, (V, 3) float64, where the mesh is only a part of another.
+    known_tangents : (F, 3, 4) float32, optional
+        Its MikkTSpace tangents, where the mesh is only a part of another.
     threads : int, optional
     """
 
@@ -53,6 +56,7 @@ class HighSurface:
     colors_are_srgb: bool
     known_curvatures: Float32Array | None = None
     known_normals: Callable[[], FloatArray] | None = None
+    known_tangents: Float32Array | None = None
     threads: int | None = None
 
     @cached_property
@@ -94,13 +98,17 @@ class HighSurface:
         return frozen(np.ascontiguousarray(colors))
 
     @cached_property
-    def images(self) -> dict[str, Float32Array]:
-        """Images of the materials by name, (H, W, 3) float32 and linear."""
-        images: dict[str, Float32Array] = {}
-        for color in () if self.materials is None else self.materials.base_colors:
-            if color is not None and color.image is not None and color.image_name not in images:
-                images[color.image_name] = _decode(color.image, color.image_name)
-        return images
+    def images(self) -> ChannelImages:
+        """Images of the materials; nothing is decoded yet."""
+        mesh, sets = self.mesh, {} if self.materials is None else self.materials.uv_sets
+        assert mesh.uvs is not None and mesh.uv_faces is not None
+        return ChannelImages({0: mesh.uvs, **sets}, mesh.uv_faces, self.threads)
+
+    @cached_property
+    def tangents(self) -> Float32Array:
+        """(F, 3, 4) float32 corner tangents: those of the file, else MikkTSpace tangents."""
+        tangents = self.mesh.tangents if self.known_tangents is None else self.known_tangents
+        return frozen(corner_tangents(self.mesh) if tangents is None else tangents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +181,7 @@ class BakeInputs:
         materials: Materials | None = None,
         *,
         known_curvatures: Float32Array | None = None,
+        known_tangents: Float32Array | None = None,
         known_bounds: FloatArray | None = None,
     ) -> BakeInputs:
         """Return the inputs of a bake; nothing is computed yet."""
@@ -186,6 +195,7 @@ class BakeInputs:
             options.high_shading,
             options.colors_are_srgb(high.name),
             known_curvatures,
+            known_tangents=known_tangents,
             threads=options.threads,
         )
         return cls(surface, LowSurface(low, options.threads), options, known_bounds, stream)
@@ -231,6 +241,16 @@ class BakeInputs:
         """Materials of the high-poly mesh."""
         return self.high_surface.materials
 
+    @property
+    def has_normal_maps(self) -> bool:
+        """Whether normals are those of the high-poly mesh's own normal maps."""
+        return (
+            self.materials is not None
+            and self.options.high_normal_maps
+            and self.high.uvs is not None
+            and any(source is not None for source in self.materials.sources("normal"))
+        )
+
     def with_options(self, options: BakeOptions) -> BakeInputs:
         """Return the inputs with other options; what these do not change stays computed."""
         surface = self.high_surface
@@ -255,12 +275,3 @@ def joint_bounds(low: Mesh, high: Mesh | StreamedMesh) -> FloatArray:
     """(2, 3) float64: the box around both meshes."""
     (first, last), (other_first, other_last) = low.bounds, high.bounds
     return frozen(np.stack([np.minimum(first, other_first), np.maximum(last, other_last)]))
-
-
-def _decode(data: bytes, name: str) -> Float32Array:
-    """(H, W, 3) linear float32 image; gray becomes three equal channels, alpha is dropped."""
-    from texbake.texture.image import decode_image
-
-    pixels = decode_image(data, name, color=True).pixels
-    pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
-    return np.ascontiguousarray(pixels)

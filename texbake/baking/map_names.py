@@ -12,11 +12,29 @@ MAP_NAMES = (
     "object-id",
     "material-id",
     "vertex-color",
-    "texture",
+    "base-color",
+    "alpha",
+    "metallic",
+    "roughness",
+    "occlusion",
+    "emissive",
+    "clearcoat",
+    "clearcoat-roughness",
+    "transmission",
+    "sheen-color",
+    "sheen-roughness",
+    "specular",
+    "specular-color",
     "opacity",
     "ao",
     "bent-normal",
     "thickness",
+)
+
+# Maps made from the materials of the high-poly mesh.
+MATERIAL_MAPS = (
+    "material-id",
+    *MAP_NAMES[MAP_NAMES.index("base-color") : MAP_NAMES.index("opacity")],
 )
 
 # Maps for which rays are cast from every hit.

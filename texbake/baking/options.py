@@ -133,6 +133,13 @@ class BakeOptions(SecondaryOptions, TextureOptions):
             choices=SHADINGS,
         ),
     ] = "smooth"
+    high_normal_maps: Annotated[
+        bool,
+        Option(
+            "Take the normals of the high-poly mesh from its own normal maps, where it has any.",
+            flag="--high-normal-maps/--no-high-normal-maps",
+        ),
+    ] = True
     cull_back_faces: Annotated[
         bool,
         Option(

@@ -78,6 +78,40 @@ static struct frame frame_at(
     return frame;
 }
 
+/* Turn vectors of the tangent space at points of faces into unit vectors of model space, in place;
+   one that has no direction becomes the interpolated normal. */
+void from_tangent_space(
+    int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const float normals[n_normals][3],
+    const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], float values[n][3])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const int32_t *corner = corners[faces[i]];
+        double of_corners[3][3];
+        for (int k = 0; k < 3; k++)
+            for (int axis = 0; axis < 3; axis++)
+                of_corners[k][axis] = normals[corner[k]][axis];
+        const struct frame frame = frame_at(
+            barycentrics[i][0], barycentrics[i][1], (const double (*)[3])of_corners,
+            (const int32_t[3]){0, 1, 2}, tangents[faces[i]]);
+        const double x = values[i][0], y = values[i][1], z = values[i][2];
+        double vector[3], square = 0.0;
+        for (int axis = 0; axis < 3; axis++) {
+            vector[axis] = x * frame.t[axis] + y * frame.b[axis] + z * frame.n[axis];
+            square += vector[axis] * vector[axis];
+        }
+        if (square == 0.0) {
+            for (int axis = 0; axis < 3; axis++) {
+                vector[axis] = frame.n[axis];
+                square += vector[axis] * vector[axis];
+            }
+        }
+        const double length = square > 0.0 ? sqrt(square) : 1.0;
+        for (int axis = 0; axis < 3; axis++)
+            values[i][axis] = (float)(vector[axis] / length);
+    }
+}
+
 /* Express model-space vectors in the tangent space at points of faces, in place. */
 void to_tangent_space(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],

@@ -52,6 +52,11 @@ void interpolate_high_normals(
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], float values[n][3]);
 
+void from_tangent_space(
+    int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const float normals[n_normals][3],
+    const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], float values[n][3]);
+
 void to_tangent_space(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const double normals[n_normals][3],

@@ -12,6 +12,7 @@ from texbake.baking.bake import bake
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
+from texbake.baking.map_names import MATERIAL_MAPS
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
@@ -39,8 +40,6 @@ from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import read_image, write_image
 
 DEFAULT_FORMAT = "png"
-# Maps made from the materials of the high-poly mesh.
-_OF_MATERIALS = frozenset({"texture", "material-id"})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +142,7 @@ def bake_files(
             check_fit(high_mesh, low_mesh, threads=options.threads)
         if isinstance(high_mesh, StreamedMesh):
             _check_streamed(high_mesh, high_texture, html)
-        elif hits is not None or not _OF_MATERIALS.isdisjoint(files):
+        elif hits is not None or needs_materials(files, options):
             materials = materials_of(high, high_mesh, high_texture)
     baked = bake(
         high_mesh,
@@ -168,7 +167,8 @@ def bake_files(
         figures = replace(figures, budget=finished(figures.budget, clock))
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     why = why_missed(high_mesh, low_mesh, figures)
-    done = replace(done, warnings=(*done.warnings, *why))
+    notes = () if materials is None else materials.notes(files)
+    done = replace(done, warnings=(*done.warnings, *why, *notes))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):
@@ -349,6 +349,12 @@ def clipping_warnings(written: Iterable[WrittenMap]) -> tuple[str, ...]:
         for file in written
         if file.n_clipped
     )
+
+
+def needs_materials(maps: Iterable[str], options: BakeOptions) -> bool:
+    """Return whether maps are made from the materials of the high-poly mesh."""
+    of_materials = {*MATERIAL_MAPS, *(("normal",) if options.high_normal_maps else ())}
+    return not of_materials.isdisjoint(maps)
 
 
 def materials_of(path: PathLike, mesh: Mesh, image: PathLike | None) -> Materials | None:

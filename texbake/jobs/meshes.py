@@ -282,7 +282,7 @@ def _losses(source: PathLike, read: Mesh, output: PathLike) -> list[str]:
         materials = read_materials(source, read)
     except TexbakeError:  # it names images that are missing or damaged
         return [*lost, "materials"]
-    if materials is not None and any(color is not None for color in materials.base_colors):
+    if materials is not None and any(item.channels for item in materials.materials):
         lost.append("materials")
     return lost
 

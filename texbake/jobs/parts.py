@@ -30,6 +30,7 @@ from texbake.jobs.maps import (
     check_map_files,
     clipping_warnings,
     materials_of,
+    needs_materials,
     read_ray_image,
 )
 from texbake.jobs.outputs import (
@@ -48,7 +49,6 @@ from texbake.texture.image import write_image
 
 _SET_PATTERN = "{set}_{map}.{ext}"
 # Maps made from the materials of the high-poly meshes.
-_OF_MATERIALS = frozenset({"texture", "material-id"})
 
 NameFiles = Callable[[BakeTarget], dict[str, Path]]
 
@@ -149,13 +149,14 @@ def bake_parts_files(
         with stages.part("read meshes"):
             highs, lows = _read(high, progress), _read(low, progress)
             cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+        materials = _high_materials(high, highs, options, high_texture)
         result = bake_parts(
             highs,
             lows,
             options,
             parts,
             cage=cage_mesh,
-            high_materials=_high_materials(high, highs, options.maps, high_texture),
+            high_materials=materials,
             low_materials=_low_materials(low, lows, parts),
             ray_maps=_ray_maps(skew_mask, offset_map, asset),
             folder=Path(done_maps),
@@ -174,7 +175,11 @@ def bake_parts_files(
     done = PartsFiles(
         files=(*outputs, *misses.values(), *given(report)),
         report=result.report,
-        warnings=(*result.report.warnings, *clipping_warnings(written)),
+        warnings=(
+            *result.report.warnings,
+            *clipping_warnings(written),
+            *(line for item in materials or () if item for line in item.notes(options.maps)),
+        ),
         maps=tuple(written),
         options=options,
     )
@@ -268,10 +273,10 @@ def _check_names(paths: Sequence[Path], pattern: str) -> None:
 def _high_materials(
     files: Sequence[PathLike],
     meshes: Sequence[Mesh],
-    maps: Sequence[str],
+    options: BakeOptions,
     image: PathLike | None,
 ) -> list[Materials | None] | None:
-    if _OF_MATERIALS.isdisjoint(maps):
+    if not needs_materials(options.maps, options):
         return None
     return [materials_of(path, mesh, image) for path, mesh in zip(files, meshes, strict=True)]
 

@@ -1,16 +1,29 @@
-"""Materials of a mesh: their base colors, as far as baking them needs."""
+"""Materials of a mesh, channel by channel, as its file gives them.
+
+A channel is what a shading model reads at a point of the surface: a base color, a roughness, a
+normal. Each is a factor, times an image where there is one. The channels are those of glTF; other
+formats are read into them.
+
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and its
+extensions KHR_materials_clearcoat, KHR_materials_emissive_strength, KHR_materials_sheen,
+KHR_materials_specular and KHR_materials_transmission.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import IntArray, Mesh, frozen
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 
 # Rows of a matrix that takes (u, v, 1) to (u, v) of an image.
 Placing = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -18,28 +31,119 @@ UNPLACED: Placing = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True)
-class BaseColor:
-    """Base color of a material: a factor, times an image where there is one.
+class Channel:
+    """A quantity that materials have at each point of a surface.
 
     Attributes
     ----------
-    factor : (r, g, b)
-        Linear.
-    image : bytes, optional
-        The content of an image file; sRGB.
-    image_name : str
-        Its name in messages.
-    wrap : str
-        What lies outside the unit square: `repeat`, `mirror` or `clamp`.
-    placing : ((a, b, c), (d, e, f))
-        Texture coordinates of the mesh, v up, to those of the image.
+    name : str
+    default : tuple of float
+        Of a material that does not set it: one number, or three.
+    is_color : bool
+        Whether 8-bit images of it are coded in sRGB.
+    is_bounded : bool
+        Whether its values lie in [0, 1].
     """
 
-    factor: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    image: bytes | None = None
-    image_name: str = "image"
-    wrap: str = "repeat"
+    name: str
+    default: tuple[float, ...]
+    is_color: bool = False
+    is_bounded: bool = True
+
+
+_CHANNELS = (
+    Channel("base-color", (1.0, 1.0, 1.0), is_color=True),
+    Channel("alpha", (1.0,)),
+    Channel("metallic", (0.0,)),
+    Channel("roughness", (1.0,)),
+    Channel("occlusion", (1.0,)),
+    Channel("emissive", (0.0, 0.0, 0.0), is_color=True, is_bounded=False),
+    Channel("normal", (0.0, 0.0, 1.0), is_bounded=False),
+    Channel("clearcoat", (0.0,)),
+    Channel("clearcoat-roughness", (0.0,)),
+    Channel("transmission", (0.0,)),
+    Channel("sheen-color", (0.0, 0.0, 0.0), is_color=True),
+    Channel("sheen-roughness", (0.0,)),
+    Channel("specular", (1.0,)),
+    Channel("specular-color", (1.0, 1.0, 1.0), is_color=True, is_bounded=False),
+)
+CHANNELS: Mapping[str, Channel] = MappingProxyType({channel.name: channel for channel in _CHANNELS})
+
+
+@dataclass(frozen=True)
+class ChannelImage:
+    """What a channel reads of an image.
+
+    Attributes
+    ----------
+    data : bytes
+        The content of an image file.
+    name : str
+        Its name in messages. Images of one name are the same.
+    components : tuple of int
+        Components of a texel, counted from red, one for each number of the channel.
+    wraps : (str, str)
+        What lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`.
+    placing : ((a, b, c), (d, e, f))
+        Texture coordinates of the mesh, v up, to those of the image.
+    uv_set : int
+        Which set of texture coordinates of the mesh; 0 is `Mesh.uvs`.
+    is_nearest : bool
+        Whether a texel is one color up to its edges, as in pixel art.
+    """
+
+    data: bytes = field(repr=False)
+    name: str = "image"
+    components: tuple[int, ...] = (0, 1, 2)
+    wraps: tuple[str, str] = ("repeat", "repeat")
     placing: Placing = UNPLACED
+    uv_set: int = 0
+    is_nearest: bool = False
+
+
+@dataclass(frozen=True)
+class ChannelSource:
+    """Where the values of a channel come from: factor times image plus offset.
+
+    Attributes
+    ----------
+    factor : tuple of float
+        Linear, as many numbers as the channel has. For `normal` it scales the vector that the
+        image encodes.
+    image : ChannelImage, optional
+        Linear once decoded; 1 without one, and (0, 0, 1) for `normal`.
+    offset : float
+        Added to the product. It is that of an occlusion whose strength is less than 1.
+    """
+
+    factor: tuple[float, ...]
+    image: ChannelImage | None = None
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshMaterial:
+    """A material of a mesh file.
+
+    Attributes
+    ----------
+    name : str
+    channels : mapping of str to ChannelSource
+        By names of `CHANNELS`; those that the file does not set are missing.
+    alpha_mode : str
+        `opaque`, `mask` (opaque where alpha is at least `alpha_cutoff`, else not there) or `blend`.
+    alpha_cutoff : float
+    is_double_sided : bool
+    is_unlit : bool
+        Shown in its base color, whatever the light.
+    """
+
+    name: str
+    channels: Mapping[str, ChannelSource] = field(default_factory=dict)
+    alpha_mode: str = "opaque"
+    alpha_cutoff: float = 0.5
+    is_double_sided: bool = False
+    is_unlit: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,32 +153,63 @@ class Materials:
     Attributes
     ----------
     face_materials : (F,) int32
-        Index into `names`.
-    names : tuple of str
-    base_colors : tuple of BaseColor or None
-        One for each material; None where the file gives none.
+        Index into `materials`.
+    materials : tuple of MeshMaterial
+    uv_sets : mapping of int to (T, 2) float64
+        Further sets of texture coordinates, in the rows of `Mesh.uvs`.
+    has_vertex_colors : bool
+        Whether the colors of the mesh's vertices are factors of base color and alpha.
+    missing : tuple of (str, str)
+        What the file asks for and could not be read: a channel, or "" for all of them, and a line
+        that says so.
 
     Raises
     ------
     MeshError
-        An index is out of range, or there are not as many colors as names.
+        An index is out of range.
     """
 
     face_materials: IntArray
-    names: tuple[str, ...]
-    base_colors: tuple[BaseColor | None, ...]
+    materials: tuple[MeshMaterial, ...]
+    uv_sets: Mapping[int, FloatArray] = field(default_factory=dict)
+    has_vertex_colors: bool = False
+    missing: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         ids = self.face_materials
-        if len(self.base_colors) != len(self.names):
+        if len(ids) and (ids.min() < 0 or ids.max() >= len(self.materials)):
             raise MeshError(
-                f"materials: {len(self.base_colors)} base colors for {len(self.names)} names"
-            )
-        if len(ids) and (ids.min() < 0 or ids.max() >= len(self.names)):
-            raise MeshError(
-                f"materials: an index is out of range; there are {len(self.names)} names"
+                f"materials: an index is out of range; there are {len(self.materials)} materials"
             )
         object.__setattr__(self, "face_materials", frozen(ids))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the materials."""
+        return tuple(material.name for material in self.materials)
+
+    def sources(self, channel: str) -> list[ChannelSource | None]:
+        """Return where each material takes a channel from; None where it does not set it."""
+        return [material.channels.get(channel) for material in self.materials]
+
+    def notes(self, channels: Iterable[str]) -> tuple[str, ...]:
+        """Return a line for everything that is missing of some channels."""
+        names = {"", *channels}
+        return tuple(dict.fromkeys(line for name, line in self.missing if name in names))
+
+    def of_faces(
+        self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]
+    ) -> Materials:
+        """Return the materials of some faces, whose mesh keeps some rows of `uvs`.
+
+        Parameters
+        ----------
+        chosen : (F,) bool, or indices of faces
+        uv_rows
+            Indices into `Mesh.uvs`.
+        """
+        sets = {number: coordinates[uv_rows] for number, coordinates in self.uv_sets.items()}
+        return replace(self, face_materials=self.face_materials[chosen], uv_sets=sets)
 
     @classmethod
     def of_image(cls, mesh: Mesh, path: PathLike) -> Materials:
@@ -85,23 +220,21 @@ class Materials:
         FileError
             The file is missing or cannot be read.
         """
-        import numpy as np
-
         from texbake.mesh.files.source import map_file
 
-        name = Path(path).name
-        color = BaseColor(image=map_file(path).tobytes(), image_name=str(path))
+        image = ChannelImage(data=map_file(path).tobytes(), name=str(path))
+        color = ChannelSource(factor=CHANNELS["base-color"].default, image=image)
+        material = MeshMaterial(name=Path(path).name, channels={"base-color": color})
         return cls(
             face_materials=np.zeros(mesh.n_faces, dtype=np.int32),
-            names=(name,),
-            base_colors=(color,),
+            materials=(material,),
         )
 
 
 _READERS = {
-    ".obj": ("materials", "read_obj_materials"),
-    ".glb": ("materials", "read_gltf_materials"),
-    ".gltf": ("materials", "read_gltf_materials"),
+    ".obj": ("mtl", "read_obj_materials"),
+    ".glb": ("gltf_materials", "read_gltf_materials"),
+    ".gltf": ("gltf_materials", "read_gltf_materials"),
     ".fbx": ("fbx_materials", "read_fbx_materials"),
 }
 
@@ -124,9 +257,9 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     Raises
     ------
     FileError
-        A file that it names is missing or cannot be read.
+        The file is missing or cannot be read. Images that are missing are only noted.
     FileFormatError
-        It is damaged, or asks for what is not read.
+        It is damaged.
     """
     mesh = as_mesh(mesh)
     reader = _READERS.get(Path(path).suffix.lower())

@@ -12,7 +12,7 @@ from texbake.baking.parts.options import PartsOptions
 from texbake.baking.rays import RayMaps
 from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.materials import Materials
+from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
@@ -183,7 +183,8 @@ def test_sets_of_materials_may_overlap():
     )
     high = low.replace(positions=low.positions + np.array([0, 0, 0.1]))
     materials = Materials(
-        face_materials=low.face_groups, names=("skin", "cloth"), base_colors=(None, None)
+        face_materials=low.face_groups,
+        materials=(MeshMaterial(name="skin"), MeshMaterial(name="cloth")),
     )
     chosen = BakeOptions(size=16, maps=("displacement",), front=0.2, back=0.2)
     result = bake_parts(

@@ -7,6 +7,7 @@ Everything else (averaging the samples of a texel, padding, files) is the same f
 from __future__ import annotations
 
 from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.maps.channels import CHANNEL_MAPS
 from texbake.baking.maps.heights import (
     DISPLACEMENT,
     POSITION,
@@ -23,7 +24,6 @@ from texbake.baking.maps.surface import (
     MATERIAL_ID,
     OBJECT_ID,
     OPACITY,
-    TEXTURE,
     VERTEX_COLOR,
 )
 from texbake.errors import OptionError
@@ -40,7 +40,7 @@ _KINDS = (
     OBJECT_ID,
     MATERIAL_ID,
     VERTEX_COLOR,
-    TEXTURE,
+    *CHANNEL_MAPS,
     OPACITY,
     AMBIENT_OCCLUSION,
     BENT_NORMAL,

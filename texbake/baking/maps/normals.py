@@ -1,5 +1,8 @@
 """Where a hit becomes a normal: the high-poly mesh's shading normal in the low-poly tangent space.
 
+Where a material of the high-poly mesh has a normal map of its own, the shading normal is that of
+the map, in the tangent space of the high-poly mesh.
+
 Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008: a renderer computes
 x T + y B + z N from the interpolated tangent and normal without renormalizing them, with
 B = w cross(N, T). So the frame is inverted exactly as it is, and only the result is normalized.
@@ -16,6 +19,8 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
 from texbake.core import core
+from texbake.mesh.materials import ChannelImage, ChannelSource, Placing
+from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -36,9 +41,58 @@ def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
         )
 
     run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
+    if inputs.has_normal_maps:
+        _bend(hits, inputs, values)
     if inputs.options.space == "tangent":
         to_tangent_space(hits, inputs, values, normalize=True)
     return values
+
+
+def _bend(hits: Hits, inputs: BakeInputs, values: Float32Array) -> None:
+    """Replace normals where the high-poly mesh has a normal map, in place."""
+    assert inputs.materials is not None
+    ids = inputs.materials.face_materials[hits.high_faces]
+    for i, source in enumerate(inputs.materials.sources("normal")):
+        if source is not None and source.image is not None:
+            rows = np.flatnonzero(ids == i)
+            faces, barycentrics = hits.high_faces[rows], hits.high_barycentrics[rows]
+            values[rows] = _mapped_normals(source, source.image, faces, barycentrics, inputs)
+
+
+def _mapped_normals(
+    source: ChannelSource,
+    image: ChannelImage,
+    faces: IntArray,
+    barycentrics: Float32Array,
+    inputs: BakeInputs,
+) -> Float32Array:
+    """(n, 3) float32: unit normals of a normal map at points of the high-poly faces."""
+    surface = inputs.high_surface
+    normals, corners = surface.normals
+    tangents = surface.tangents
+    vectors = surface.images.values(image, faces, barycentrics, is_color=False)
+    vectors = (vectors * 2.0 - 1.0) * np.array(source.factor, np.float32)
+    if inputs.high.tangents is None:
+        vectors[:, :2] = vectors[:, :2] @ _image_axes(image.placing)
+
+    def work(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        core.from_tangent_space(
+            faces[band], barycentrics[band], normals, corners, tangents, vectors[band]
+        )
+
+    run_bands(work, len(faces), band=_BAND, threads=inputs.options.threads)
+    return vectors
+
+
+def _image_axes(placing: Placing) -> Float32Array:
+    """(2, 2) float32: directions of the axes of an image in texture coordinates, one a row."""
+    linear = np.array(placing)[:, :2]
+    if np.linalg.det(linear) == 0.0:
+        return np.eye(2, dtype=np.float32)
+    axes = np.linalg.inv(linear).T
+    unit: Float32Array = (axes / np.linalg.norm(axes, axis=1, keepdims=True)).astype(np.float32)
+    return unit
 
 
 def to_tangent_space(

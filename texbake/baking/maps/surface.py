@@ -1,7 +1,4 @@
-"""Maps of what the high-poly surface carries: ids, colors, textures, curvature, and opacity.
-
-Kernel: `core/barycentric.c`.
-"""
+"""Maps of what the high-poly surface carries: ids, vertex colors, curvature, and opacity."""
 
 from __future__ import annotations
 
@@ -9,18 +6,15 @@ import numpy as np
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.interpolation import interpolated
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
-from texbake.core import core
 from texbake.errors import MeshError
-from texbake.mesh.materials import BaseColor
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT
-from texbake.texture.lookup import lookup
 
 _BAND = 1 << 15
-_WHITE = (1.0, 1.0, 1.0)
 
 
 def _black(_: BakeOptions) -> tuple[float, ...]:
@@ -29,30 +23,6 @@ def _black(_: BakeOptions) -> tuple[float, ...]:
 
 def _zero(_: BakeOptions) -> tuple[float, ...]:
     return (0.0,)
-
-
-def _interpolate(
-    hits: Hits, values: Float32Array, corners: IntArray, threads: int | None
-) -> Float32Array:
-    """Values of corners, interpolated linearly at the hits: (n, C) float32.
-
-    Parameters
-    ----------
-    values : (N, C) float32
-        Read-only.
-    corners : (F, 3) int32
-        Row of each corner of the high-poly faces; read-only.
-    """
-    found = np.empty((len(hits), values.shape[1]), dtype=np.float32)
-
-    def work(start: int, stop: int) -> None:
-        band = slice(start, stop)
-        core.interpolate_corners(
-            hits.high_faces[band], hits.high_barycentrics[band], values, corners, found[band]
-        )
-
-    run_bands(work, len(hits), band=_BAND, threads=threads)
-    return found
 
 
 # Ids
@@ -101,7 +71,7 @@ def _material_names(inputs: BakeInputs) -> tuple[str, ...]:
 
 def vertex_color_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     """Vertex color at each hit, interpolated in linear light: (n, 3) float32."""
-    return _interpolate(hits, inputs.high_surface.colors, inputs.high.faces, inputs.options.threads)
+    return interpolated(hits, inputs.high_surface.colors, inputs.high.faces, inputs.options.threads)
 
 
 def _require_colors(inputs: BakeInputs) -> None:
@@ -109,72 +79,6 @@ def _require_colors(inputs: BakeInputs) -> None:
         raise MeshError(
             f"{inputs.high.name}: it has no vertex colors to bake; leave vertex-color out of "
             "`maps`, or give a high-poly mesh that has them"
-        )
-
-
-def texture_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Linear base color at each hit: (n, 3) float32.
-
-    White for a material without a known color. Images are looked up at each hit, bilinearly and in
-    linear light.
-    """
-    assert inputs.materials is not None
-    colors = inputs.materials.base_colors
-    if len(colors) == 1:
-        return _base_colors(hits.high_faces, hits.high_barycentrics, inputs, colors[0])
-    values = np.empty((len(hits), 3), dtype=np.float32)
-    ids = inputs.materials.face_materials[hits.high_faces]
-    for i, color in enumerate(colors):
-        rows = np.flatnonzero(ids == i)
-        values[rows] = _base_colors(
-            hits.high_faces[rows], hits.high_barycentrics[rows], inputs, color
-        )
-    return values
-
-
-def _base_colors(
-    faces: IntArray, barycentrics: Float32Array, inputs: BakeInputs, color: BaseColor | None
-) -> Float32Array:
-    """(n, 3) float32: the color of one material at points of faces that have it."""
-    factor = np.array(_WHITE if color is None else color.factor, dtype=np.float32)
-    if color is None or color.image is None:
-        return np.tile(factor, (len(faces), 1))
-    coordinates = _image_coordinates(faces, barycentrics, inputs, color)
-    image = inputs.high_surface.images[color.image_name]
-    found = lookup(image, coordinates, wrap=color.wrap, threads=inputs.options.threads)
-    return found if color.factor == _WHITE else found * factor
-
-
-def _image_coordinates(
-    faces: IntArray, barycentrics: Float32Array, inputs: BakeInputs, color: BaseColor
-) -> FloatArray:
-    """(n, 2) float64: texture coordinates in the image of a material."""
-    coordinates = np.empty((len(faces), 2))
-    placing = np.array(color.placing)
-    uvs, corners = inputs.high.uvs, inputs.high.uv_faces
-
-    def work(start: int, stop: int) -> None:
-        band = slice(start, stop)
-        core.place_in_image(
-            faces[band], barycentrics[band], uvs, corners, placing, coordinates[band]
-        )
-
-    run_bands(work, len(faces), band=_BAND, threads=inputs.options.threads)
-    return coordinates
-
-
-def _require_materials(inputs: BakeInputs) -> None:
-    high, materials = inputs.high, inputs.materials
-    colors = () if materials is None else materials.base_colors
-    if not any(color is not None for color in colors):
-        raise MeshError(
-            f"{high.name}: its file names no base color to bake; give its image as "
-            "`high_texture`, or leave texture out of `maps`"
-        )
-    if high.uvs is None and any(color is not None and color.image for color in colors):
-        raise MeshError(
-            f"{high.name}: it has no texture coordinates, which its image needs; "
-            "leave texture out of `maps`"
         )
 
 
@@ -187,7 +91,7 @@ def curvature_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     Computed once at the vertices of the high-poly mesh (see `texbake.mesh.normals`) and
     interpolated over its faces.
     """
-    return _interpolate(
+    return interpolated(
         hits, inputs.high_surface.curvatures, inputs.high.faces, inputs.options.threads
     )
 
@@ -224,9 +128,6 @@ VERTEX_COLOR = MapKind(
     _black,
     hides_misses=True,
     require=_require_colors,
-)
-TEXTURE = MapKind(
-    "texture", 3, "color", texture_values, _black, hides_misses=True, require=_require_materials
 )
 CURVATURE = MapKind("curvature", 1, "curvature", curvature_values, _zero, of_neighbors=True)
 CONVEXITY = MapKind(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from texbake.baking.parts.matching import has_suffix
 from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, join_meshes
-from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 
@@ -120,9 +120,7 @@ class HighMeshes:
         if known is None:
             return _join(meshes), None
         ids = np.concatenate(face_materials)
-        return _join(meshes), Materials(
-            face_materials=ids, names=known.names, base_colors=known.base_colors
-        )
+        return _join(meshes), replace(known, face_materials=ids, uv_sets={})
 
     def check_colors(self) -> None:
         """Raise `OptionError` if linear and sRGB vertex colors would be joined."""
@@ -159,23 +157,37 @@ def _with_common_names(
     """Materials numbered over all meshes; a mesh without any gets one without a color."""
     if not several or all(item is None for item in materials):
         return list(materials)
-    names: list[str] = []
-    colors: list[BaseColor | None] = []
+    found: list[MeshMaterial] = []
     ids = []
     for mesh, item in zip(meshes, materials, strict=True):
-        first = len(names)
-        names += [mesh.name] if item is None else item.names
-        # Images are identified by name, and each file may have an image 0.
-        colors += [
-            color and replace(color, image_name=f"{mesh.name}: {color.image_name}")
-            for color in ([None] if item is None else item.base_colors)
-        ]
+        first = len(found)
+        if item is None:
+            found.append(MeshMaterial(name=mesh.name))
+        else:
+            found += [_of_file(material, mesh.name) for material in item.materials]
         of_faces = np.zeros(mesh.n_faces, np.int32) if item is None else item.face_materials
         ids.append((of_faces + first).astype(np.int32))
+    of_colored = [
+        item is not None and item.has_vertex_colors
+        for mesh, item in zip(meshes, materials, strict=True)
+        if mesh.colors is not None
+    ]
+    has_colors = bool(of_colored) and all(of_colored)
     return [
-        Materials(face_materials=part, names=tuple(names), base_colors=tuple(colors))
+        Materials(face_materials=part, materials=tuple(found), has_vertex_colors=has_colors)
         for part in ids
     ]
+
+
+def _of_file(material: MeshMaterial, file: str) -> MeshMaterial:
+    """Material whose images are named after its file, since each file may have an image 0."""
+    channels = {
+        name: source
+        if source.image is None
+        else replace(source, image=replace(source.image, name=f"{file}: {source.image.name}"))
+        for name, source in material.channels.items()
+    }
+    return replace(material, channels=channels)
 
 
 def _join(meshes: list[Mesh]) -> Mesh:

@@ -15,7 +15,8 @@ from texbake.files import PathLike
 from texbake.mesh.files.fbx_materials import fbx_images
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.materials import image_bytes, library_paths, map_path
+from texbake.mesh.files.gltf_materials import image_bytes
+from texbake.mesh.files.mtl import library_paths, map_path
 from texbake.mesh.files.source import decode_name, map_file
 
 

@@ -1,8 +1,8 @@
-"""Base colors of FBX materials: factors, and images in the file or in its folder.
+"""Materials of FBX files: factors of their base colors, and images in the file or in its folder.
 
 Paths in such files are mostly those of the machine that wrote them. An image is looked for by its
 relative path, where that stays within the folder of the file, then by its name in that folder;
-where it is not there either, the material keeps its factor.
+where it is not there either, that is noted and the material keeps its factor.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from texbake.files import PathLike
 from texbake.mesh.files.fbx import read_parts
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
 from texbake.mesh.files.source import map_file
-from texbake.mesh.materials import BaseColor, Materials
+from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 
 _COLORS = ("DiffuseColor", "Diffuse")
@@ -53,25 +53,58 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         of_faces.append(np.array(of_used, np.int32)[faces])
     if not any(found) or sum(map(len, of_faces)) != mesh.n_faces:
         return None
+    missing: list[tuple[str, str]] = []
     return Materials(
         face_materials=np.concatenate(of_faces),
-        names=tuple("default" if item is None else item.name for item in found),
-        base_colors=tuple(None if item is None else _base_color(scene, item) for item in found),
+        materials=tuple(_material(scene, item, missing) for item in found),
+        missing=tuple(missing),
     )
 
 
-def _base_color(scene: FbxScene, material: FbxObject) -> BaseColor:
-    texture = scene.property_members(material.key).get("DiffuseColor")
-    if texture is not None:
-        for image, name in fbx_images(scene, texture):
-            return BaseColor(image=image, image_name=name)
+# Channels by the properties that textures are connected to.
+_TEXTURED = {
+    "DiffuseColor": "base-color", "EmissiveColor": "emissive", "NormalMap": "normal",
+    "ShininessExponent": "roughness", "ReflectionFactor": "metallic",
+    "Maya|TEX_color_map": "base-color", "Maya|TEX_normal_map": "normal",
+    "Maya|TEX_roughness_map": "roughness", "Maya|TEX_metallic_map": "metallic",
+    "Maya|TEX_emissive_map": "emissive", "Maya|TEX_ao_map": "occlusion",
+}  # fmt: skip
+_RED = (0,)
+
+
+def _material(
+    scene: FbxScene, material: FbxObject | None, missing: list[tuple[str, str]]
+) -> MeshMaterial:
+    if material is None:
+        return MeshMaterial(name="default")
+    channels = {}
+    color = _color(material)
+    if color is not None:
+        channels["base-color"] = ChannelSource(color)
+    for name, texture in scene.property_members(material.key).items():
+        channel = _TEXTURED.get(name)
+        if channel is None:
+            continue
+        data, label = next(fbx_images(scene, texture), (b"", ""))
+        if not data:
+            line = f"{material.name}: an image of it is missing; the material keeps its factors"
+            missing.append((channel, line))
+            continue
+        width = len(CHANNELS[channel].default)
+        components = _RED if width == 1 else (0, 1, 2)
+        image = ChannelImage(data=data, name=label, components=components)
+        channels[channel] = ChannelSource((1.0,) * width, image)
+    return MeshMaterial(name=material.name, channels=channels)
+
+
+def _color(material: FbxObject) -> tuple[float, float, float] | None:
+    """Return the diffuse color of a material; None where it has none of three numbers."""
     properties = material.properties()
     values = next((properties[name] for name in _COLORS if name in properties), [])
     if len(values) < 3 or not all(isinstance(v, int | float) for v in values[:3]):
-        return BaseColor()
+        return None
     red, green, blue = (float(value) for value in values[:3])
-    finite = all(math.isfinite(value) for value in (red, green, blue))
-    return BaseColor(factor=(red, green, blue)) if finite else BaseColor()
+    return (red, green, blue) if all(map(math.isfinite, (red, green, blue))) else None
 
 
 def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:

@@ -257,11 +257,33 @@ def read_primitive(
         positions=positions[kept],
         faces=vertices.astype(np.int32)[corners],
         corners=corners,
-        uvs=None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1),
+        uvs=_turned_up(uvs),
         normals=_attribute(document, arrays, "NORMAL", (3,), n),
         tangents=_attribute(document, arrays, "TANGENT", (4,), n),
         colors=None if colors is None else colors[kept].astype(np.float32),
     )
+
+
+def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
+    """Number of triangles that `read_primitive` finds, without reading them."""
+    mode = primitive.get("mode", _TRIANGLES)
+    attributes = document.mapping(primitive, "attributes")
+    if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
+        return 0
+    counted = primitive.get(_INDICES, attributes["POSITION"])
+    count = document.integer(document.item("accessors", counted), "count", 0)
+    return count // 3 if mode == _TRIANGLES else max(count - 2, 0)
+
+
+def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) -> FloatArray | None:
+    """(n, 2) float64: a set of texture coordinates of a primitive, v turned up; None without it."""
+    attributes = document.mapping(primitive, "attributes")
+    arrays = _primitive_arrays(document, primitive, attributes)
+    return _turned_up(_attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), None))
+
+
+def _turned_up(uvs: FloatArray | None) -> FloatArray | None:
+    return None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,121 @@
+"""Maps of the high-poly mesh's materials: one for each channel, except for the normal.
+
+Images are looked up at each hit, bilinearly and in linear light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from texbake.baking.hits import Hits
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps.interpolation import interpolated
+from texbake.baking.maps.kind import Float32Array, MapKind
+from texbake.baking.options import BakeOptions
+from texbake.errors import MeshError
+from texbake.mesh.materials import CHANNELS, Channel, ChannelSource
+from texbake.mesh.mesh import IntArray
+
+# Columns of vertex colors that are factors of a channel.
+_OF_VERTEX_COLORS = {"base-color": slice(0, 3), "alpha": slice(3, 4)}
+
+
+def channel_values(channel: Channel, hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """Linear values of a channel at each hit: (n, 1) or (n, 3) float32.
+
+    Its default for a material that does not set it.
+    """
+    assert inputs.materials is not None
+    sources = inputs.materials.sources(channel.name)
+    if len(set(sources)) == 1:
+        values = _source_values(
+            channel, sources[0], hits.high_faces, hits.high_barycentrics, inputs
+        )
+    else:
+        values = np.empty((len(hits), len(channel.default)), dtype=np.float32)
+        ids = inputs.materials.face_materials[hits.high_faces]
+        for i, source in enumerate(sources):
+            rows = np.flatnonzero(ids == i)
+            values[rows] = _source_values(
+                channel, source, hits.high_faces[rows], hits.high_barycentrics[rows], inputs
+            )
+    columns = _OF_VERTEX_COLORS.get(channel.name)
+    colors = inputs.high.colors
+    if inputs.materials.has_vertex_colors and columns is not None and colors is not None:
+        factors = colors[:, columns]
+        if factors.shape[1]:
+            factors = np.ascontiguousarray(factors)
+            values *= interpolated(hits, factors, inputs.high.faces, inputs.options.threads)
+    return values
+
+
+def _source_values(
+    channel: Channel,
+    source: ChannelSource | None,
+    faces: IntArray,
+    barycentrics: Float32Array,
+    inputs: BakeInputs,
+) -> Float32Array:
+    """(n, width) float32: a channel of one material at points of faces that have it."""
+    factor = np.array(channel.default if source is None else source.factor, dtype=np.float32)
+    if source is None or source.image is None:
+        return np.tile(factor, (len(faces), 1))
+    images = inputs.high_surface.images
+    values = images.values(source.image, faces, barycentrics, is_color=channel.is_color)
+    if (factor != 1.0).any():
+        values *= factor
+    if source.offset != 0.0:
+        values += np.float32(source.offset)
+    return values
+
+
+def _require(channel: Channel, inputs: BakeInputs) -> None:
+    """Raise `MeshError` if no material sets a channel, or an image has no place."""
+    high, materials = inputs.high, inputs.materials
+    known = [] if materials is None else [s for s in materials.sources(channel.name) if s]
+    of_vertices = (
+        materials is not None and materials.has_vertex_colors and channel.name in _OF_VERTEX_COLORS
+    )
+    if not known and not of_vertices:
+        remedy = "give its image as `high_texture`, or " if channel.name == "base-color" else ""
+        noun = channel.name.replace("-", " ")
+        raise MeshError(
+            f"{high.name}: its file names no {noun} to bake; {remedy}leave {channel.name} out of "
+            "`maps`"
+        )
+    known_sets = {0, *(() if materials is None else materials.uv_sets)}
+    images = [source.image for source in known if source.image is not None]
+    if any(image.uv_set not in known_sets for image in images):
+        raise MeshError(
+            f"{high.name}: an image of {channel.name} lies on texture coordinates after the first, "
+            "which parts of a mesh do not keep; bake the mesh as a whole"
+        )
+    if high.uvs is None and images:
+        raise MeshError(
+            f"{high.name}: it has no texture coordinates, which its image needs; "
+            f"leave {channel.name} out of `maps`"
+        )
+
+
+def _nothing(channel: Channel, _: BakeOptions) -> tuple[float, ...]:
+    """Return the value where nothing was baked: black for colors, else the default."""
+    return (0.0,) * 3 if channel.is_color else channel.default
+
+
+def _kind(channel: Channel) -> MapKind:
+    values: Callable[[Hits, BakeInputs], Float32Array] = partial(channel_values, channel)
+    return MapKind(
+        channel.name,
+        len(channel.default),
+        "color" if channel.is_color else "mask",
+        values,
+        partial(_nothing, channel),
+        hides_misses=True,
+        require=partial(_require, channel),
+    )
+
+
+CHANNEL_MAPS = tuple(_kind(channel) for channel in CHANNELS.values() if channel.name != "normal")

@@ -1,0 +1,209 @@
+"""Materials of OBJ files, from the .mtl files that they name.
+
+MTL does not say how colors are meant. Here Kd and Ke are linear, and where there is an image, it
+alone is the color, because programs that write one leave arbitrary values beside it. Options of
+images are skipped, except for `-clamp`. `Tr` is skipped, because programs do not agree on whether 0
+or 1 is opaque. Roughness and metallic are the statements Pr and Pm of the
+extension for physically based materials; normal maps are those of `norm`.
+
+Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1, and "MTL material format",
+1995; Dirk Guenther, "MTL extension for physically based rendering", Clara.io, 2015.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from texbake.errors import FileError, FileFormatError
+from texbake.files import PathLike
+from texbake.mesh.files.conversion import fan_corners
+from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
+from texbake.mesh.files.source import decode_name, map_file
+from texbake.mesh.materials import (
+    CHANNELS,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+)
+from texbake.mesh.mesh import Mesh
+
+_USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
+_LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
+_STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
+# Channels by the statements of their values, and by those of their images.
+_VALUES = {
+    "kd": "base-color", "ke": "emissive", "d": "alpha", "pr": "roughness", "pm": "metallic",
+}  # fmt: skip
+_IMAGES = {
+    "map_kd": "base-color", "map_ke": "emissive", "map_d": "alpha", "map_pr": "roughness",
+    "map_pm": "metallic", "norm": "normal",
+}  # fmt: skip
+_RED = (0,)
+# Options of a map, by how many words follow them at most.
+_OPTION_WORDS = {
+    "-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
+    "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
+}  # fmt: skip
+
+
+def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+    """Read the materials of an OBJ file; None where no face has one.
+
+    Faces before the first `usemtl` have the material `default`.
+
+    Raises
+    ------
+    FileError
+        The file is missing or cannot be read.
+    FileFormatError
+        A color or a factor is not a number, or not as many as it needs.
+    """
+    data = map_file(path)
+    if re.search(rb"usemtl", data.data) is None:
+        return None
+    lines = find_lines(data)
+    starts = np.searchsorted(lines[F], lines[MARK]).tolist()
+    uses = [
+        (decode_name(match[1].strip()) or "default", start)
+        for at, start in zip(lines[MARK].tolist(), starts, strict=True)
+        if (match := _USE.match(data.data, at))
+    ]
+    if not uses:
+        return None
+    n_polygons = len(lines[F])
+    polygons = np.zeros(n_polygons, dtype=np.int32)
+    ids: dict[str, int] = {"default": 0} if uses[0][1] > 0 else {}
+    stops = [start for _, start in uses[1:]]
+    for (name, start), stop in zip(uses, [*stops, n_polygons], strict=True):
+        if stop > start:
+            polygons[start:stop] = ids.setdefault(name, len(ids))
+    faces = polygons
+    if n_polygons != mesh.n_faces:
+        sizes, _ = read_corners(path, data, lines)
+        faces = polygons[fan_corners(sizes)[1]]
+    missing: list[tuple[str, str]] = []
+    known = _read_libraries(Path(path), data.data, missing)
+    return Materials(
+        face_materials=faces,
+        materials=tuple(known.get(name, MeshMaterial(name=name)) for name in ids),
+        missing=tuple(missing),
+    )
+
+
+def _read_libraries(
+    path: Path, data: memoryview, missing: list[tuple[str, str]]
+) -> dict[str, MeshMaterial]:
+    """Materials by their names; the first library that has a name counts."""
+    known: dict[str, MeshMaterial] = {}
+    for library in library_paths(path, data):
+        try:
+            known = {**_read_library(library, missing), **known}
+        except FileFormatError:
+            raise
+        except FileError as error:
+            missing.append(("", f"{error}; its materials are left out"))
+    return known
+
+
+def library_paths(path: Path, data: memoryview) -> Iterator[Path]:
+    """Yield the paths of the .mtl files that an OBJ file names."""
+    for match in _LIBRARY.finditer(data):
+        name = decode_name(match[1].strip())
+        # One name with spaces in it, or several without.
+        names = [name] if (path.parent / name).is_file() else name.split()
+        yield from (path.parent / library for library in names)
+
+
+def _read_library(path: Path, missing: list[tuple[str, str]]) -> dict[str, MeshMaterial]:
+    known: dict[str, MeshMaterial] = {}
+    name = "default"
+    for match in _STATEMENT.finditer(map_file(path).data):
+        statement, words = match[1].decode(), decode_name(match[2].strip())
+        if statement == "newmtl":
+            name = words
+            known[name] = MeshMaterial(name=name)
+        elif statement.lower() in _VALUES or statement.lower() in _IMAGES:
+            before = known.get(name, MeshMaterial(name=name))
+            known[name] = _with_statement(before, path, statement, words, missing)
+    return known
+
+
+def _with_statement(
+    material: MeshMaterial, path: Path, statement: str, words: str, missing: list[tuple[str, str]]
+) -> MeshMaterial:
+    """Return a material with what a statement says of it."""
+    channels = dict(material.channels)
+    if statement.lower() in _IMAGES:
+        channel = _IMAGES[statement.lower()]
+        try:
+            channels[channel] = _mapped(path, channel, words)
+        except FileFormatError:
+            raise
+        except FileError as error:
+            line = f"{material.name}: {error}; the material keeps its factors"
+            missing.append((channel, line))
+    else:
+        channel = _VALUES[statement.lower()]
+        known = channels.get(channel)
+        if known is None or known.image is None:
+            factor = _numbers(path, statement, words, len(CHANNELS[channel].default))
+            channels[channel] = ChannelSource(factor)
+    mode = "blend" if channels.get("alpha", _OPAQUE) != _OPAQUE else "opaque"
+    return replace(material, channels=channels, alpha_mode=mode)
+
+
+_OPAQUE = ChannelSource((1.0,))
+
+
+def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float, ...]:
+    """Parse the numbers of a statement; one alone stands for all of a color."""
+    try:
+        numbers = [float(word) for word in words.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, width) or not np.isfinite(numbers).all():
+        wanted = "a color of three numbers" if width == 3 else "a number"
+        raise FileFormatError(f"{path}: {statement} {words!r} is not {wanted}; correct it")
+    return tuple(numbers * width if len(numbers) == 1 else numbers)
+
+
+def _mapped(path: Path, channel: str, words: str) -> ChannelSource:
+    """Read the image that a statement names."""
+    file, wrap = map_path(path, words)
+    kind = CHANNELS[channel]
+    image = ChannelImage(
+        data=map_file(file).tobytes(),
+        name=str(file),
+        components=_RED if len(kind.default) == 1 else (0, 1, 2),
+        wraps=(wrap, wrap),
+    )
+    return ChannelSource((1.0,) * len(kind.default), image)
+
+
+def map_path(path: Path, words: str) -> tuple[Path, str]:
+    """File and wrapping of a map statement: options, then the name of a file, spaces and all."""
+    wrap, rest = "repeat", words
+    while (parts := rest.split(maxsplit=1)) and parts[0] in _OPTION_WORDS:
+        option, rest = parts[0], parts[1] if len(parts) > 1 else ""
+        for _ in range(_OPTION_WORDS[option]):
+            value, _, after = rest.partition(" ")
+            if _OPTION_WORDS[option] > 1 and not _is_number(value):
+                break
+            if option == "-clamp" and value == "on":
+                wrap = "clamp"
+            rest = after.lstrip()
+    return path.parent / rest.replace("\\", "/"), wrap
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
