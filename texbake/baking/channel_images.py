@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.hits import Hits
 from texbake.core import core
-from texbake.mesh.materials import ChannelImage
+from texbake.mesh.materials import ChannelImage, Placing
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.texture.lookup import lookup
@@ -16,6 +17,55 @@ from texbake.texture.lookup import lookup
 Float32Array = npt.NDArray[np.float32]
 
 _BAND = 1 << 15
+
+
+@dataclass(eq=False)
+class MaterialPoints:
+    """Points of faces that have one material, and where they lie in its images.
+
+    Attributes
+    ----------
+    rows : (n,) intp or slice
+        Which of all points they are.
+    faces : (n,) int32
+    barycentrics : (n, 2) float32
+        Weights of the second and third corner.
+    """
+
+    rows: npt.NDArray[np.intp] | slice
+    faces: IntArray
+    barycentrics: Float32Array
+    # By the set of texture coordinates and the placing: several channels share one.
+    _places: dict[tuple[int, Placing], FloatArray] = field(default_factory=dict)
+
+    def places(
+        self, image: ChannelImage, uvs: FloatArray, uv_faces: IntArray, threads: int | None
+    ) -> FloatArray:
+        """(n, 2) float64: texture coordinates in an image."""
+        key = image.uv_set, image.placing
+        if key not in self._places:
+            self._places[key] = places = np.empty((len(self.faces), 2))
+            placing = np.array(image.placing)
+
+            def work(start: int, stop: int) -> None:
+                band = slice(start, stop)
+                faces, barycentrics = self.faces[band], self.barycentrics[band]
+                core.place_in_image(faces, barycentrics, uvs, uv_faces, placing, places[band])
+
+            run_bands(work, len(self.faces), band=_BAND, threads=threads)
+        return self._places[key]
+
+
+def points_by_material(hits: Hits, face_materials: IntArray, n: int) -> list[MaterialPoints]:
+    """Divide the points hit by the materials of their faces, numbered from 0 to n."""
+    if n == 1:
+        return [MaterialPoints(slice(None), hits.high_faces, hits.high_barycentrics)]
+    ids = face_materials[hits.high_faces]
+    found = []
+    for i in range(n):
+        rows = np.flatnonzero(ids == i)
+        found.append(MaterialPoints(rows, hits.high_faces[rows], hits.high_barycentrics[rows]))
+    return found
 
 
 @dataclass(eq=False)
@@ -37,21 +87,19 @@ class ChannelImages:
     _decoded: dict[tuple[str, bool, tuple[int, ...]], Float32Array] = field(default_factory=dict)
 
     def values(
-        self, image: ChannelImage, faces: IntArray, barycentrics: Float32Array, *, is_color: bool
+        self, image: ChannelImage, points: MaterialPoints, *, is_color: bool
     ) -> Float32Array:
-        """(n, components) float32: linear values at points of faces, looked up bilinearly.
+        """(n, components) float32: linear values at points, looked up bilinearly.
 
         Parameters
         ----------
         image
-        faces : (n,) int32
-        barycentrics : (n, 2) float32
-            Weights of the second and third corner.
+        points
         is_color
             Whether an 8-bit image is coded in sRGB.
         """
         pixels = self._pixels(image, is_color)
-        places = self._places(image, faces, barycentrics)
+        places = points.places(image, self.uvs[image.uv_set], self.uv_faces, self.threads)
         if image.is_nearest:
             sizes = np.array([pixels.shape[1], pixels.shape[0]])
             places = (np.floor(places * sizes) + 0.5) / sizes
@@ -66,23 +114,6 @@ class ChannelImages:
         if key not in self._decoded:
             self._decoded[key] = decoded_image(image, is_color=is_color)
         return self._decoded[key]
-
-    def _places(
-        self, image: ChannelImage, faces: IntArray, barycentrics: Float32Array
-    ) -> FloatArray:
-        """(n, 2) float64: texture coordinates in an image."""
-        places = np.empty((len(faces), 2))
-        placing = np.array(image.placing)
-        uvs, corners = self.uvs[image.uv_set], self.uv_faces
-
-        def work(start: int, stop: int) -> None:
-            band = slice(start, stop)
-            core.place_in_image(
-                faces[band], barycentrics[band], uvs, corners, placing, places[band]
-            )
-
-        run_bands(work, len(faces), band=_BAND, threads=self.threads)
-        return places
 
 
 def decoded_image(image: ChannelImage, *, is_color: bool) -> Float32Array:

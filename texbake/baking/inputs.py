@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.channel_images import ChannelImages
+from texbake.baking.channel_images import ChannelImages, MaterialPoints, points_by_material
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import ray_normals
@@ -96,6 +97,19 @@ class HighSurface:
         if self.colors_are_srgb:
             colors = decode_srgb(np.clip(colors, 0.0, 1.0)).astype(np.float32)
         return frozen(np.ascontiguousarray(colors))
+
+    def material_points(self, hits: Hits) -> list[MaterialPoints]:
+        """Return the points hit of each material; those of the same hits are found once."""
+        assert self.materials is not None
+        if hits not in self._material_points:
+            self._material_points[hits] = points_by_material(
+                hits, self.materials.face_materials, len(self.materials.materials)
+            )
+        return self._material_points[hits]
+
+    @cached_property
+    def _material_points(self) -> WeakKeyDictionary[Hits, list[MaterialPoints]]:
+        return WeakKeyDictionary()
 
     @cached_property
     def images(self) -> ChannelImages:

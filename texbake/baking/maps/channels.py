@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from texbake.baking.channel_images import MaterialPoints
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.interpolation import interpolated
@@ -17,7 +18,6 @@ from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError
 from texbake.mesh.materials import CHANNELS, Channel, ChannelSource
-from texbake.mesh.mesh import IntArray
 
 # Columns of vertex colors that are factors of a channel.
 _OF_VERTEX_COLORS = {"base-color": slice(0, 3), "alpha": slice(3, 4)}
@@ -29,19 +29,10 @@ def channel_values(channel: Channel, hits: Hits, inputs: BakeInputs) -> Float32A
     Its default for a material that does not set it.
     """
     assert inputs.materials is not None
+    values = np.empty((len(hits), len(channel.default)), dtype=np.float32)
     sources = inputs.materials.sources(channel.name)
-    if len(set(sources)) == 1:
-        values = _source_values(
-            channel, sources[0], hits.high_faces, hits.high_barycentrics, inputs
-        )
-    else:
-        values = np.empty((len(hits), len(channel.default)), dtype=np.float32)
-        ids = inputs.materials.face_materials[hits.high_faces]
-        for i, source in enumerate(sources):
-            rows = np.flatnonzero(ids == i)
-            values[rows] = _source_values(
-                channel, source, hits.high_faces[rows], hits.high_barycentrics[rows], inputs
-            )
+    for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):
+        values[points.rows] = _source_values(channel, source, points, inputs)
     columns = _OF_VERTEX_COLORS.get(channel.name)
     colors = inputs.high.colors
     if inputs.materials.has_vertex_colors and columns is not None and colors is not None:
@@ -53,18 +44,13 @@ def channel_values(channel: Channel, hits: Hits, inputs: BakeInputs) -> Float32A
 
 
 def _source_values(
-    channel: Channel,
-    source: ChannelSource | None,
-    faces: IntArray,
-    barycentrics: Float32Array,
-    inputs: BakeInputs,
+    channel: Channel, source: ChannelSource | None, points: MaterialPoints, inputs: BakeInputs
 ) -> Float32Array:
-    """(n, width) float32: a channel of one material at points of faces that have it."""
+    """(n, width) float32, or (width,) for all points: a channel of one material."""
     factor = np.array(channel.default if source is None else source.factor, dtype=np.float32)
     if source is None or source.image is None:
-        return np.tile(factor, (len(faces), 1))
-    images = inputs.high_surface.images
-    values = images.values(source.image, faces, barycentrics, is_color=channel.is_color)
+        return factor
+    values = inputs.high_surface.images.values(source.image, points, is_color=channel.is_color)
     if (factor != 1.0).any():
         values *= factor
     if source.offset != 0.0:

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.baking.channel_images import MaterialPoints
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
 from texbake.core import core
 from texbake.mesh.materials import ChannelImage, ChannelSource, Placing
-from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -51,26 +51,20 @@ def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 def _bend(hits: Hits, inputs: BakeInputs, values: Float32Array) -> None:
     """Replace normals where the high-poly mesh has a normal map, in place."""
     assert inputs.materials is not None
-    ids = inputs.materials.face_materials[hits.high_faces]
-    for i, source in enumerate(inputs.materials.sources("normal")):
+    sources = inputs.materials.sources("normal")
+    for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):
         if source is not None and source.image is not None:
-            rows = np.flatnonzero(ids == i)
-            faces, barycentrics = hits.high_faces[rows], hits.high_barycentrics[rows]
-            values[rows] = _mapped_normals(source, source.image, faces, barycentrics, inputs)
+            values[points.rows] = _mapped_normals(source, source.image, points, inputs)
 
 
 def _mapped_normals(
-    source: ChannelSource,
-    image: ChannelImage,
-    faces: IntArray,
-    barycentrics: Float32Array,
-    inputs: BakeInputs,
+    source: ChannelSource, image: ChannelImage, points: MaterialPoints, inputs: BakeInputs
 ) -> Float32Array:
     """(n, 3) float32: unit normals of a normal map at points of the high-poly faces."""
     surface = inputs.high_surface
     normals, corners = surface.normals
     tangents = surface.tangents
-    vectors = surface.images.values(image, faces, barycentrics, is_color=False)
+    vectors = surface.images.values(image, points, is_color=False)
     vectors = (vectors * 2.0 - 1.0) * np.array(source.factor, np.float32)
     if inputs.high.tangents is None:
         vectors[:, :2] = vectors[:, :2] @ _image_axes(image.placing)
@@ -78,10 +72,10 @@ def _mapped_normals(
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
         core.from_tangent_space(
-            faces[band], barycentrics[band], normals, corners, tangents, vectors[band]
+            points.faces[band], points.barycentrics[band], normals, corners, tangents, vectors[band]
         )
 
-    run_bands(work, len(faces), band=_BAND, threads=inputs.options.threads)
+    run_bands(work, len(points.faces), band=_BAND, threads=inputs.options.threads)
     return vectors
 
 
