@@ -42,6 +42,7 @@ COMMANDS = {
     "compare": "Measure how close LOW with its maps comes to HIGH.",
     "export": "Write MESH and its maps for another program.",
     "run": "Do the whole job: from HIGH to a finished asset.",
+    "lighten": "Make MODEL smaller, with all of its materials.",
     "build": "Build the assets of a pipeline file.",
     "watch": "Build again whenever a file changes, until Ctrl-C.",
     "schema": "Print the JSON Schema of pipeline or scene files.",

@@ -74,6 +74,7 @@ from .jobs.comparison import (
     compare_files as compare_files,
     comparison_table as comparison_table,
 )
+from .jobs.demo import demo as demo
 from .jobs.export.export import (
     ExportResult as ExportResult,
     export_asset as export_asset,
@@ -92,6 +93,11 @@ from .jobs.light_maps import (
     bake_light_map_files as bake_light_map_files,
     bake_light_maps as bake_light_maps,
 )
+from .jobs.lighten import (
+    LightenReport as LightenReport,
+    lighten_file as lighten_file,
+)
+from .jobs.lighten_options import LightenOptions as LightenOptions
 from .jobs.maps import (
     MapFiles as MapFiles,
     bake_files as bake_files,
@@ -126,7 +132,6 @@ from .jobs.preview import (
 )
 from .jobs.run import (
     RunResult as RunResult,
-    demo as demo,
     run as run,
     run_files as run_files,
 )

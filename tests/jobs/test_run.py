@@ -118,7 +118,9 @@ def test_the_table_is_for_a_person(result: RunResult) -> None:
     rows = dict(result.table())
     assert rows["Stages"] == ""
     assert rows["  total"].endswith(" s")
-    assert "without maps" in rows["  PSNR of the picture"]
+    assert rows["  without maps"].startswith("normals ")
+    assert "PSNR" in rows["  with its normal map"]
+    assert "PSNR" in rows["  displaced as well"]
 
 
 def test_threads_change_no_byte(result: RunResult, high: Mesh, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from texbake.jobs.outputs import (
 )
 from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink
-from texbake.rendering.compare import Comparison, compare
+from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.options import RenderOptions
 from texbake.texture.image import write_image
 
@@ -165,24 +165,46 @@ def page_file(
 
 def comparison_report(comparison: Comparison) -> dict[str, Any]:
     """Return the figures of a comparison, with and without maps, as plain values."""
+    only = comparison.normals_only
     return {
         "mapped": asdict(comparison.mapped),
+        **({} if only is None else {"normals_only": asdict(only)}),
         "bare": asdict(comparison.bare),
         "views_deg": [list(view) for view in comparison.views],
     }
 
 
 def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return rows of a label and figures, with and without maps."""
-    bare, mapped = comparison.bare, comparison.mapped
+    """Return a row of figures for the low-poly mesh without maps, and for each use of the maps."""
+    return [(label, _figures(closeness)) for label, closeness in _variants(comparison)]
+
+
+def comparison_warnings(comparison: Comparison) -> list[str]:
+    """Return a sentence for each use of the maps that is further off than the mesh without."""
+    bare = comparison.bare
     return [
-        (
-            "Angle between normals, mean",
-            f"{mapped.mean_deg:.2f}° (without maps {bare.mean_deg:.2f}°)",
-        ),
-        ("  median", f"{mapped.median_deg:.2f}° (without maps {bare.median_deg:.2f}°)"),
-        ("  95th percentile", f"{mapped.p95_deg:.2f}° (without maps {bare.p95_deg:.2f}°)"),
-        ("PSNR of the picture", f"{mapped.psnr_db:.1f} dB (without maps {bare.psnr_db:.1f} dB)"),
-        ("SSIM of the picture", f"{mapped.ssim:.3f} (without maps {bare.ssim:.3f})"),
-        ("Silhouette differs in", f"{100 * mapped.silhouette_mismatch:.2f} % of the pixels"),
+        f"{label} the asset is further from the high-poly mesh than without maps: normals off by "
+        f"{closeness.mean_deg:.2f}° and not {bare.mean_deg:.2f}°; see the picture, and `texbake "
+        "check` for the reason"
+        for label, closeness in _variants(comparison)[1:]
+        if closeness.mean_deg > bare.mean_deg
     ]
+
+
+def _variants(comparison: Comparison) -> list[tuple[str, Closeness]]:
+    only = comparison.normals_only
+    if only is None:
+        return [("without maps", comparison.bare), ("with its maps", comparison.mapped)]
+    return [
+        ("without maps", comparison.bare),
+        ("with its normal map", only),
+        ("displaced as well", comparison.mapped),
+    ]
+
+
+def _figures(closeness: Closeness) -> str:
+    return (
+        f"normals {closeness.mean_deg:.2f}° off (95 % below {closeness.p95_deg:.2f}°), "
+        f"PSNR {closeness.psnr_db:.1f} dB, SSIM {closeness.ssim:.3f}, "
+        f"outline {100 * closeness.silhouette_mismatch:.2f} % off"
+    )

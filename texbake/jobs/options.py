@@ -72,10 +72,10 @@ class RunOptions(CheckedOptions):
         """Return how the low-poly mesh gets its texture coordinates."""
         return UnwrapOptions(size=self.size, padding=self.padding)
 
-    def bake_options(self) -> BakeOptions:
-        """Return how the maps are baked."""
+    def bake_options(self, channels: tuple[str, ...] = ()) -> BakeOptions:
+        """Return how the maps are baked, with some channels of the model's materials."""
         return BakeOptions(
-            maps=("normal", "displacement"),
+            maps=("normal", "displacement", *channels),
             size=self.size,
             padding=self.padding,
             samples=self._bake_samples,

@@ -4,12 +4,13 @@
       └───────────────────────────── compare ─► preview.png, compare.png ─► report.json
 
 Every file appears whole, and only when its stage has succeeded; until then a file of an earlier
-run is kept. The demo does the whole job on an orange with thousands of pores, made by code.
+run is kept.
 """
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,23 +19,30 @@ import numpy as np
 
 from texbake.baking.bake import bake
 from texbake.baking.result import BakeResult
-from texbake.files import PathLike, check_folder, check_writable, make_folder
-from texbake.jobs.comparison import comparison_report, comparison_table
-from texbake.jobs.options import DEMO_FOLDER, DemoOptions, RunOptions
+from texbake.files import PathLike, check_folder, check_writable, make_folder, replacing
+from texbake.jobs.carried import (
+    carried_channels,
+    encoded_channels,
+    image_names,
+    image_of,
+    model_materials,
+    shared_materials,
+)
+from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
+from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import orange
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import OrientationReport, oriented
-from texbake.rendering.camera import Camera
 from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.panels import Panel, side_by_side
-from texbake.rendering.render import render
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
 
@@ -74,6 +82,8 @@ class RunResult:
     comparison : Comparison
     stages : list of StageRecord
         What the stages took, including writing their files.
+    missing : tuple of str
+        Images of the high-poly mesh that could not be read, a sentence each.
     """
 
     files: dict[str, Path]
@@ -86,12 +96,14 @@ class RunResult:
     baked: BakeResult
     comparison: Comparison
     stages: list[StageRecord] = field(default_factory=list)
+    missing: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
         notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
-        return [*notes, *self.baked.report.warnings]
+        worse = comparison_warnings(self.comparison)
+        return [*self.missing, *notes, *self.baked.report.warnings, *worse]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
@@ -129,6 +141,7 @@ def run(
     folder: PathLike,
     options: RunOptions | None = None,
     *,
+    materials: Materials | None = None,
     progress: ProgressSink | None = None,
 ) -> RunResult:
     """Make a low-poly mesh with maps from a high-poly mesh, pictures of both, and a report.
@@ -141,6 +154,9 @@ def run(
         For the files; made if it is missing.
     options
         None for the defaults.
+    materials
+        Of the high-poly mesh, all channels of which are carried over; see `read_materials`. None
+        for none: the mesh in the GLB file then has the base color of the options.
     progress
         Receives the stages.
 
@@ -153,7 +169,8 @@ def run(
     """
     high = as_mesh(high)
     options = options or RunOptions()
-    files = _files_in(folder, high)
+    channels = () if materials is None else carried_channels(materials)
+    files = _files_in(folder, high, channels)
     stages = Stages()
     with stages.part("simplify"):
         high, orientation = oriented(high, options.orientation, threads=options.threads)
@@ -174,9 +191,14 @@ def run(
         )
         write_mesh(low, files["mesh"])
     with stages.part("bake"):
-        baked = bake(high, low, options.bake_options(), progress=progress)
+        chosen = options.bake_options(channels)
+        baked = bake(high, low, chosen, materials=materials, progress=progress)
     with stages.part("write maps"):
-        _write_maps(baked, low, files, options, progress)
+        _write_maps(baked, files, progress)
+        if materials is None:
+            _write_plain(baked, low, files, options)
+        else:
+            _write_materials(baked, (high, low), materials, files, options)
     with stages.part("compare"):
         comparison = _compared(high, low, files, options, progress)
     result = RunResult(
@@ -202,31 +224,52 @@ def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
     return [("Samples of the maps", ""), *rows] if rows else []
 
 
-def _files_in(folder: PathLike, high: Mesh) -> dict[str, Path]:
+def _files_in(folder: PathLike, high: Mesh, channels: Sequence[str]) -> dict[str, Path]:
     folder = make_folder(folder)
     asset = Path(high.name).stem or "mesh"
-    files = {name: folder / f"{asset}{ending}" for name, ending in _NAMES.items()}
+    endings = {**_NAMES, **{name: f"_{name}.png" for name in image_names(channels)}}
+    files = {name: folder / f"{asset}{ending}" for name, ending in endings.items()}
     for path in files.values():
         check_writable(path)
     return files
 
 
-def _write_maps(
-    baked: BakeResult,
-    low: Mesh,
-    files: dict[str, Path],
-    options: RunOptions,
-    progress: ProgressSink | None,
-) -> None:
+def _write_maps(baked: BakeResult, files: dict[str, Path], progress: ProgressSink | None) -> None:
     with Stages(progress).stage("write maps"):
         baked.maps["normal"].write(files["normal"])
         baked.maps["displacement"].write(files["displacement"])
-        # glTF normal maps are +Y whatever the user's other programs need, and have 8 bits.
-        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-            normal_map = Path(folder) / files["normal"].name
-            baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
-            color = decode_srgb(np.array(options.base_color)).tolist()
-            write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
+
+
+def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
+    """Write the low-poly mesh with its normal map and the base color of the options."""
+    # glTF normal maps are +Y whatever the user's other programs need, and have 8 bits.
+    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+        normal_map = Path(folder) / files["normal"].name
+        baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
+        color = decode_srgb(np.array(options.base_color)).tolist()
+        write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
+
+
+def _write_materials(
+    baked: BakeResult,
+    meshes: tuple[Mesh, Mesh],
+    materials: Materials,
+    files: dict[str, Path],
+    options: RunOptions,
+) -> None:
+    """Write the images of the materials, and the low-poly mesh with them."""
+    high, low = meshes
+    asset, threads = Path(high.name).stem, options.threads
+    channels = encoded_channels(baked.maps, materials, asset, threads=threads)
+    for name in image_names(channels):
+        image = image_of(name, channels)
+        if image is None:  # one value all over, which is a factor
+            files.pop(name)
+            continue
+        with replacing(files[name]) as temporary:
+            temporary.write_bytes(image.data)
+    shared = shared_materials(low, high, materials, channels, asset, threads=threads)
+    write_glb(low, files["glb"], materials=shared)
 
 
 def _compared(
@@ -247,15 +290,8 @@ def _compared(
         threads=options.threads,
         progress=progress,
     )
-    # As most viewers show it: the shape of the low-poly mesh with the high-poly mesh's normals.
-    with_normals = render(
-        low,
-        normal_map=files["normal"],
-        options=picture,
-        camera=Camera.framing(high, low, options=picture),
-        threads=options.threads,
-        progress=progress,
-    )
+    with_normals, normals_only = comparison.normals_frame, comparison.normals_only
+    assert with_normals is not None and normals_only is not None  # with both maps
     shown, bare, displaced = (
         comparison.high_frame,
         comparison.bare_frame,
@@ -265,7 +301,7 @@ def _compared(
     panels = [
         Panel(shown.color, high_name, ""),
         Panel(bare.color, low_name, _off_by(comparison.bare)),
-        Panel(with_normals.color, "... with its normal map", ""),
+        Panel(with_normals.color, "... with its normal map", _off_by(normals_only)),
         Panel(displaced.color, "... and displaced as well", _off_by(comparison.mapped)),
     ]
     seen = np.logical_or.reduce([frame.coverage > 0 for frame in (shown, bare, displaced)])
@@ -304,7 +340,10 @@ def run_files(
     check_page(html)
     check_folder(folder)
     mesh = read_mesh(high, progress=progress)
-    result = run(mesh, folder, options, progress=progress)
+    materials = model_materials(high, mesh)
+    result = run(mesh, folder, options, materials=materials, progress=progress)
+    if materials is not None:
+        result = replace(result, missing=materials.notes(CHANNELS))
     if html is None:
         return result
     from texbake.pages.asset_page import AssetPage, write_asset_page
@@ -322,41 +361,3 @@ def run_files(
     )
     write_asset_page(html, page)
     return replace(result, files={**result.files, "html": Path(html)})
-
-
-def demo(
-    folder: PathLike = DEMO_FOLDER,
-    options: DemoOptions | None = None,
-    *,
-    progress: ProgressSink | None = None,
-) -> RunResult:
-    """Make an orange as a high-poly mesh, and do the whole job on it.
-
-    Parameters
-    ----------
-    folder
-        For the files; made if it is missing. The high-poly mesh is written as well, as
-        `orange_high.ply`, the file `high` of the result.
-    options
-        None for the defaults.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    FileError
-        The folder cannot be made or written to.
-    """
-    options = options or DemoOptions()
-    check_folder(folder)
-    high_file = make_folder(folder) / "orange_high.ply"
-    stages = Stages(progress)
-    with stages.stage("make the orange"):
-        high = orange(options.triangles)
-        write_mesh(high, high_file)
-    result = run(high, folder, options.run_options(), progress=progress)
-    return replace(
-        result,
-        files={"high": high_file, **result.files},
-        stages=[*stages.records, *result.stages],
-    )

@@ -188,6 +188,15 @@ class Materials:
         """Names of the materials."""
         return tuple(material.name for material in self.materials)
 
+    @property
+    def has_images(self) -> bool:
+        """Whether any channel is read from an image."""
+        return any(
+            source.image is not None
+            for material in self.materials
+            for source in material.channels.values()
+        )
+
     def sources(self, channel: str) -> list[ChannelSource | None]:
         """Return where each material takes a channel from; None where it does not set it."""
         return [material.channels.get(channel) for material in self.materials]

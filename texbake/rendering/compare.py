@@ -29,6 +29,7 @@ from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
 from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage
@@ -83,10 +84,15 @@ class Comparison:
     ----------
     mapped, bare : Closeness
         Results for the low-poly mesh with and without its maps.
+    normals_only : Closeness, optional
+        With the normal map alone, as most viewers show an asset; None unless there is a
+        displacement map as well.
     views : tuple of (azimuth, elevation)
         Views, in degrees, in which angles and silhouettes were measured.
     high_frame, bare_frame, mapped_frame : Frame
         Pictures from the view in the options.
+    normals_frame : Frame, optional
+        With the normal map alone.
     angles_deg : (H, W) float32
         Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
         not show the same part.
@@ -102,6 +108,8 @@ class Comparison:
     mapped_frame: Frame
     angles_deg: FloatImage
     names: tuple[str, str, str]
+    normals_only: Closeness | None = None
+    normals_frame: Frame | None = None
 
     def difference(self) -> FloatImage:
         """(H, W, 3) float32: the angles as linear colors; gray where they are NaN."""
@@ -173,11 +181,7 @@ def compare(
     most = min(options.max_triangles, _MOST_PIECES)
     options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)
     with stages.stage("prepare"):
-        scenes = (
-            studio_scene(high, options=options),
-            studio_scene(low, options=options),
-            studio_scene(low, options=options, edge_px=None, **maps),
-        )
+        scenes = _scenes(high, low, options, maps)
         # Pictures of two sizes share everything that does not depend on the size.
         models = [prepare(scene, options, threads=threads) for scene in scenes]
 
@@ -190,7 +194,7 @@ def compare(
     with stages.stage("pictures"):
         frames = draw_all(options)
     depth_tolerance = _SAME_PART * _joint_diagonal(high, low)
-    errors: tuple[list[_Errors], list[_Errors]] = ([], [])
+    errors: list[list[_Errors]] = [[] for _ in frames[1:]]
     with stages.stage("angles", total=len(views), unit="views") as advance:
         for view in views:
             # One sample per pixel: its center.
@@ -201,7 +205,7 @@ def compare(
                 found.append(_errors(high_frame, low_frame, depth_tolerance))
             advance(1)
     with stages.stage("similarity"):
-        bare, mapped = (
+        bare, mapped, *normals_only = (
             _closeness(found, frames[0], frame)
             for found, frame in zip(errors, frames[1:], strict=True)
         )
@@ -218,7 +222,21 @@ def compare(
             f"{low.name}: {low.n_faces:,} triangles",
             f"{low.name} with its maps",
         ),
+        normals_only=normals_only[0] if normals_only else None,
+        normals_frame=frames[3] if normals_only else None,
     )
+
+
+def _scenes(high: Mesh, low: Mesh, options: RenderOptions, maps: dict[str, Any]) -> list[Scene]:
+    """Scenes of the high-poly mesh, of the low-poly mesh without maps, and of each use of them."""
+    scenes = [
+        studio_scene(high, options=options),
+        studio_scene(low, options=options),
+        studio_scene(low, options=options, edge_px=None, **maps),
+    ]
+    if maps["normal_map"] is not None and maps["displacement"] is not None:
+        scenes.append(studio_scene(low, options=options, **{**maps, "displacement": None}))
+    return scenes
 
 
 @dataclass(frozen=True, eq=False)

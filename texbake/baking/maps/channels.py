@@ -18,9 +18,9 @@ from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError
 from texbake.mesh.materials import CHANNELS, Channel, ChannelSource
+from texbake.mesh.mesh import frozen
 
-# Columns of vertex colors that are factors of a channel.
-_OF_VERTEX_COLORS = {"base-color": slice(0, 3), "alpha": slice(3, 4)}
+_OF_VERTEX_COLORS = ("base-color", "alpha")
 
 
 def channel_values(channel: Channel, hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -33,14 +33,21 @@ def channel_values(channel: Channel, hits: Hits, inputs: BakeInputs) -> Float32A
     sources = inputs.materials.sources(channel.name)
     for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):
         values[points.rows] = _source_values(channel, source, points, inputs)
-    columns = _OF_VERTEX_COLORS.get(channel.name)
-    colors = inputs.high.colors
-    if inputs.materials.has_vertex_colors and columns is not None and colors is not None:
-        factors = colors[:, columns]
-        if factors.shape[1]:
-            factors = np.ascontiguousarray(factors)
+    if inputs.materials.has_vertex_colors:
+        factors = _vertex_factors(channel, inputs)
+        if factors is not None:
             values *= interpolated(hits, factors, inputs.high.faces, inputs.options.threads)
     return values
+
+
+def _vertex_factors(channel: Channel, inputs: BakeInputs) -> Float32Array | None:
+    """(V, width) float32: the factor that colors of vertices are of a channel; None for none."""
+    colors = inputs.high.colors
+    if channel.name == "base-color":
+        return inputs.high_surface.colors
+    if channel.name == "alpha" and colors is not None and colors.shape[1] == 4:
+        return frozen(np.ascontiguousarray(colors[:, 3:]))
+    return None
 
 
 def _source_values(

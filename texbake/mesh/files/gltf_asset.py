@@ -50,7 +50,7 @@ class GltfAsset:
             **{kind: [] for kind in ("nodes", "meshes", "materials", "accessors", "bufferViews")},
         }
         if compress:
-            self._require(EXTENSION)
+            self.require(EXTENSION)
 
     def add_material(
         self,
@@ -81,8 +81,22 @@ class GltfAsset:
             material["emissiveFactor"] = [1.0, 1.0, 1.0]
         self._json["materials"].append(material)
 
+    def add(self, kind: str, item: dict[str, Any]) -> int:
+        """Add an object of a kind, such as `materials`, and return its index."""
+        items = self._json.setdefault(kind, [])
+        items.append(item)
+        return len(items) - 1
+
+    def add_image(self, data: bytes, media_type: str) -> int:
+        """Add the content of an image file, and return its index."""
+        return self.add("images", {"bufferView": self._add_view(data), "mimeType": media_type})
+
     def add_mesh(
-        self, name: str, columns: dict[str, npt.NDArray[np.float32]], indices: npt.NDArray[np.int64]
+        self,
+        name: str,
+        columns: dict[str, npt.NDArray[np.float32]],
+        indices: npt.NDArray[np.int64],
+        material: int = 0,
     ) -> int:
         """Add a mesh of one primitive, and return its index.
 
@@ -92,6 +106,8 @@ class GltfAsset:
         columns
             (n, width) values of each attribute at each vertex.
         indices : (3 F,) int64
+        material
+            Index of its material.
         """
         attributes = {
             attribute: self._add_accessor(values, _VERTICES, bounded=attribute == "POSITION")
@@ -102,7 +118,7 @@ class GltfAsset:
         primitive = {
             "attributes": attributes,
             "indices": self._add_accessor(indices.astype(index_type).reshape(-1, 1), _INDICES),
-            "material": 0,
+            "material": material,
         }
         self._json["meshes"].append({"name": as_text(name), "primitives": [primitive]})
         return len(self._json["meshes"]) - 1
@@ -118,7 +134,7 @@ class GltfAsset:
 
     def set_levels(self, node: int, others: list[int], coverages: Sequence[float]) -> None:
         """Say which nodes stand in for one where it is small in the picture (MSFT_lod)."""
-        self._use("MSFT_lod")
+        self.use("MSFT_lod")
         fields = self._json["nodes"][node]
         fields["extensions"] = {"MSFT_lod": {"ids": others}}
         fields["extras"] = {"MSFT_screencoverage": [float(share) for share in coverages]}
@@ -140,14 +156,18 @@ class GltfAsset:
             file.write(struct.pack("<II", self._n_bytes, 0x004E4942))
             file.writelines(self._parts)
 
-    def _use(self, extension: str) -> None:
+    def use(self, extension: str) -> None:
+        """Name an extension that the asset uses."""
         used = self._json.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
 
-    def _require(self, extension: str) -> None:
-        self._use(extension)
-        self._json.setdefault("extensionsRequired", []).append(extension)
+    def require(self, extension: str) -> None:
+        """Name an extension without which the asset cannot be read."""
+        self.use(extension)
+        required = self._json.setdefault("extensionsRequired", [])
+        if extension not in required:
+            required.append(extension)
 
     def _add_accessor(self, values: npt.NDArray[Any], target: int, *, bounded: bool = False) -> int:
         """Add the rows of an array, and return the index of the accessor that reads them."""
@@ -197,8 +217,7 @@ class GltfAsset:
 
     def _add_texture(self, path: PathLike) -> int:
         data, media_type = image_file(path)
-        images = self._json.setdefault("images", [])
-        images.append({"bufferView": self._add_view(data), "mimeType": media_type})
+        source = self.add_image(data, media_type)
         sampler = {
             "magFilter": _LINEAR,
             "minFilter": _TRILINEAR,
@@ -206,6 +225,4 @@ class GltfAsset:
             "wrapT": _REPEAT,
         }
         self._json["samplers"] = [sampler]
-        textures = self._json.setdefault("textures", [])
-        textures.append({"sampler": 0, "source": len(images) - 1})
-        return len(textures) - 1
+        return self.add("textures", {"sampler": 0, "source": source})

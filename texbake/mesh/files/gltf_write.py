@@ -28,6 +28,8 @@ from texbake.files import PathLike
 from texbake.mesh.files.conversion import far_origin
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import ordered_triangles
+from texbake.mesh.files.gltf_material_write import GltfMaterialWriter
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
@@ -52,6 +54,7 @@ def write_glb(
     levels: Sequence[Mesh] | None = None,
     coverages: Sequence[float] | None = None,
     compress: bool | None = None,
+    materials: Materials | None = None,
 ) -> None:
     """Write a mesh as binary glTF, textures embedded as they are.
 
@@ -80,6 +83,10 @@ def write_glb(
         Compress vertices and triangles by EXT_meshopt_compression: no value changes, but triangles
         are reordered. Programs without the extension cannot open such a file.
 
+    materials
+        Of the faces, with all their channels, in place of the textures above. Images are embedded
+        as they are; see `gltf_material_write` for what glTF asks of them.
+
     Raises
     ------
     UvError
@@ -97,7 +104,9 @@ def write_glb(
         `compress` is set, and meshoptimizer does not load.
     """
     textures = (normal_map, base_color, orm, emissive)
-    has_textures = any(isinstance(texture, str | os.PathLike) for texture in textures)
+    has_textures = any(isinstance(texture, str | os.PathLike) for texture in textures) or (
+        materials is not None and materials.has_images
+    )
     meshes = [mesh, *(levels or ())]
     shares = _coverages(len(meshes), coverages)
     for level in meshes:
@@ -108,17 +117,22 @@ def write_glb(
             )
     name = Path(path).stem if name is None else name
     asset = GltfAsset(compress=bool(compress))
-    asset.add_material(
-        name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive
-    )
+    if materials is None:
+        asset.add_material(
+            name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive
+        )
+    else:
+        writer = GltfMaterialWriter(asset)
+        for material in materials.materials:
+            writer.add(material)
     if len(meshes) == 1:
-        for node in _add_groups(asset, mesh, name, compress=bool(compress)):
+        for node in _add_groups(asset, mesh, name, materials, compress=bool(compress)):
             asset.place(node)
     else:
         nodes = []
         for number, level in enumerate(meshes):
             label = f"{name}_LOD{number}"
-            children = _add_groups(asset, level, label, compress=bool(compress))
+            children = _add_groups(asset, level, label, None, compress=bool(compress))
             nodes.append(asset.add_node(label, children=children))
         asset.place(nodes[0])
         asset.set_levels(nodes[0], nodes[1:], shares)
@@ -138,13 +152,15 @@ def _coverages(n_levels: int, coverages: Sequence[float] | None) -> Sequence[flo
     return coverages
 
 
-def _add_groups(asset: GltfAsset, mesh: Mesh, name: str, *, compress: bool) -> list[int]:
+def _add_groups(
+    asset: GltfAsset, mesh: Mesh, name: str, materials: Materials | None, *, compress: bool
+) -> list[int]:
     """Add each group as a mesh and a node; return the nodes."""
     origin = far_origin(mesh)
     place: dict[str, Any] = {"translation": origin.tolist()} if origin.any() else {}
     nodes = []
     with np.errstate(over="ignore"):
-        for group, corners in _groups(mesh, name, origin):
+        for group, material, corners in _groups(mesh, name, materials, origin):
             if not all(np.isfinite(values).all() for values in corners.values()):
                 raise MeshError(f"{mesh.name}: a coordinate is beyond float32; scale it down first")
             firsts = weld_rows(np.concatenate(list(corners.values()), axis=1))
@@ -153,40 +169,65 @@ def _add_groups(asset: GltfAsset, mesh: Mesh, name: str, *, compress: bool) -> l
                 indices, order = ordered_triangles(indices, len(kept))
                 kept = kept[order]
             columns = {attribute: values[kept] for attribute, values in corners.items()}
-            nodes.append(
-                asset.add_node(group, mesh=asset.add_mesh(group, columns, indices), **place)
-            )
+            made = asset.add_mesh(group, columns, indices, material)
+            nodes.append(asset.add_node(group, mesh=made, **place))
     return nodes
 
 
 def _groups(
-    mesh: Mesh, name: str, origin: FloatArray
-) -> Iterator[tuple[str, dict[str, FloatColumns]]]:
-    """Name of each group that has faces, and its attributes at each corner, (3 F, width)."""
+    mesh: Mesh, name: str, materials: Materials | None, origin: FloatArray
+) -> Iterator[tuple[str, int, dict[str, FloatColumns]]]:
+    """Faces of one group and one material: their names, material and attributes.
+
+    Attributes are those of each corner, (3 F, width).
+    """
     normals, normal_faces = shading_normals(mesh)
     unit_normals = _unit(normals, np.array([[0.0, 0.0, 1.0]]))
     tangents = None
     if mesh.uvs is not None:
         tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
-    groups = np.zeros(mesh.n_faces, np.int32) if mesh.face_groups is None else mesh.face_groups
-    names = mesh.group_names if mesh.face_groups is not None else (name,)
-    order = np.argsort(groups, kind="stable")
-    ends = np.cumsum(np.bincount(groups, minlength=len(names)))
-    for group, faces in zip(names, np.split(order, ends[:-1]), strict=True):
-        if len(faces) == 0:
-            continue
+    keeps_colors = materials is None or materials.has_vertex_colors
+    for group, material, faces in _parts(mesh, name, materials):
         vertices = mesh.faces[faces].ravel()
         columns = {"POSITION": (mesh.positions[vertices] - origin).astype(np.float32)}
         columns["NORMAL"] = unit_normals[normal_faces[faces].ravel()].astype(np.float32)
         if mesh.uvs is not None and mesh.uv_faces is not None and tangents is not None:
             uvs = mesh.uvs[mesh.uv_faces[faces].ravel()]
-            columns["TEXCOORD_0"] = np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], 1).astype(np.float32)
+            columns["TEXCOORD_0"] = _turned_down(uvs)
             columns["TANGENT"] = _sound_tangents(
                 tangents[faces].reshape(-1, 4), columns["NORMAL"].astype(np.float64)
             )
-        if mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
+            for number, coordinates in {} if materials is None else materials.uv_sets.items():
+                further = coordinates[mesh.uv_faces[faces].ravel()]
+                columns[f"TEXCOORD_{number}"] = _turned_down(further)
+        if keeps_colors and mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
             columns["COLOR_0"] = np.clip(mesh.colors[vertices], 0.0, 1.0)
-        yield group, columns
+        yield group, material, columns
+
+
+def _parts(
+    mesh: Mesh, name: str, materials: Materials | None
+) -> Iterator[tuple[str, int, npt.NDArray[np.intp]]]:
+    """Name, material and faces of each group that has faces, one for each of its materials."""
+    groups = np.zeros(mesh.n_faces, np.int32) if mesh.face_groups is None else mesh.face_groups
+    names = mesh.group_names if mesh.face_groups is not None else (name,)
+    n_materials = 1 if materials is None else len(materials.materials)
+    keys = groups.astype(np.int64) * n_materials
+    if materials is not None:
+        keys += materials.face_materials
+    order = np.argsort(keys, kind="stable")
+    used, firsts = np.unique(keys[order], return_index=True)
+    n_of_groups = np.bincount(used // n_materials, minlength=len(names))
+    for key, faces in zip(used.tolist(), np.split(order, firsts[1:]), strict=True):
+        group, material = divmod(key, n_materials)
+        label = names[group]
+        if materials is not None and n_of_groups[group] > 1:
+            label = f"{label} {materials.names[material]}"
+        yield label, material, faces
+
+
+def _turned_down(uvs: FloatArray) -> FloatColumns:
+    return np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1).astype(np.float32)
 
 
 def _sound_tangents(tangents: npt.NDArray[np.float32], normals: FloatArray) -> FloatColumns:

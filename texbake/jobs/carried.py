@@ -1,0 +1,320 @@
+"""The materials of a model, carried over onto another mesh as one set of images.
+
+Channels that are one number all over become factors, the others images. Channels that glTF reads
+from one image share one: occlusion, roughness and metallic; base color and alpha; and so on.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.result import BakedMap
+from texbake.files import PathLike
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.materials import (
+    CHANNELS,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+    read_materials,
+)
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.texture.encoding import encode_normals
+from texbake.texture.image import write_image
+
+Float32Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class ImageLayout:
+    """Which channels an image holds.
+
+    Attributes
+    ----------
+    name : str
+        End of its file name.
+    channels : tuple of (str, int)
+        Channels, each with the component at which it begins.
+    is_color : bool
+        Whether red, green and blue are coded in sRGB.
+    """
+
+    name: str
+    channels: tuple[tuple[str, int], ...]
+    is_color: bool = False
+
+
+LAYOUTS = (
+    ImageLayout("base_color", (("base-color", 0), ("alpha", 3)), is_color=True),
+    ImageLayout("orm", (("occlusion", 0), ("roughness", 1), ("metallic", 2))),
+    ImageLayout("emissive", (("emissive", 0),), is_color=True),
+    ImageLayout("clearcoat", (("clearcoat", 0), ("clearcoat-roughness", 1))),
+    ImageLayout("transmission", (("transmission", 0),)),
+    ImageLayout("sheen", (("sheen-color", 0), ("sheen-roughness", 3)), is_color=True),
+    ImageLayout("specular", (("specular-color", 0), ("specular", 3)), is_color=True),
+)
+
+
+def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+    """Return the materials of a model file; the colors of its vertices where it has none.
+
+    None where it has neither.
+    """
+    found = read_materials(path, mesh)
+    if found is not None and any(material.channels for material in found.materials):
+        return found
+    if mesh.colors is None:
+        return found
+    return Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name=mesh.name),),
+        has_vertex_colors=True,
+        missing=() if found is None else found.missing,
+    )
+
+
+def image_names(channels: Iterable[str]) -> list[str]:
+    """Return the names of the images that channels are read from, as ends of file names."""
+    names = set(channels)
+    return [layout.name for layout in LAYOUTS if names & {name for name, _ in layout.channels}]
+
+
+def image_of(name: str, channels: Mapping[str, ChannelSource]) -> ChannelImage | None:
+    """Return an image by the end of its name; None where its channels are only factors."""
+    layout = next(layout for layout in LAYOUTS if layout.name == name)
+    found = (channels.get(channel) for channel, _ in layout.channels)
+    return next((source.image for source in found if source and source.image), None)
+
+
+def carried_channels(materials: Materials) -> tuple[str, ...]:
+    """Return the channels that materials set, and that differ over the mesh or have images.
+
+    The normal is not among them: normal maps are part of the baked normals.
+    """
+    return tuple(
+        name
+        for name in _set_channels(materials)
+        if constant_source(materials, name) is None and name != "normal"
+    )
+
+
+def constant_source(materials: Materials, channel: str) -> ChannelSource | None:
+    """Return the one factor of a channel all over the mesh; None where it differs."""
+    sources = materials.sources(channel)
+    is_of_vertices = materials.has_vertex_colors and channel in ("base-color", "alpha")
+    default = CHANNELS[channel].default
+    factors = {default if source is None else source.factor for source in sources}
+    if is_of_vertices or len(factors) > 1 or any(source and source.image for source in sources):
+        return None
+    return ChannelSource(factors.pop())
+
+
+def _set_channels(materials: Materials) -> list[str]:
+    """Channels that any material sets, or the vertex colors."""
+    found = [name for name in CHANNELS if any(materials.sources(name))]
+    if materials.has_vertex_colors and "base-color" not in found:
+        found.insert(0, "base-color")
+    is_opaque = all(material.alpha_mode == "opaque" for material in materials.materials)
+    return [name for name in found if name != "alpha" or not is_opaque]
+
+
+def encoded_channels(
+    maps: Mapping[str, BakedMap], materials: Materials, name: str, *, threads: int | None = None
+) -> dict[str, ChannelSource]:
+    """Return channels for a mesh from the maps that were baked for it.
+
+    Parameters
+    ----------
+    maps
+        `normal`, and the maps of `carried_channels`.
+    materials
+        What the maps were baked from; channels that are the same all over are taken from them.
+    name
+        Of the asset, for the names of the images.
+    threads
+        None for every processor.
+    """
+    sources: dict[str, ChannelSource] = {}
+    for channel in _set_channels(materials):
+        constant = constant_source(materials, channel)
+        if constant is not None:
+            sources[channel] = constant
+    values = {}
+    for channel in carried_channels(materials):
+        found = _constant_of(maps[channel])
+        if found is None:
+            values[channel] = maps[channel].values
+        else:
+            sources[channel] = ChannelSource(found)
+    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+        for layout in LAYOUTS:
+            sources |= _of_layout(layout, values, Path(folder), name, threads)
+        if "normal" in maps:
+            pixels = encode_normals(
+                maps["normal"].values, bits=8, convention="opengl", threads=threads
+            )
+            path = Path(folder) / f"{name}_normal.png"
+            write_image(pixels, path, color=False, bits=8, threads=threads)
+            image = ChannelImage(path.read_bytes(), path.name)
+            sources["normal"] = ChannelSource((1.0, 1.0, 1.0), image)
+    return sources
+
+
+def _constant_of(baked: BakedMap) -> tuple[float, ...] | None:
+    """Return the value of a map that is the same wherever it has data, to half an 8-bit level."""
+    values = baked.values[baked.has_data]
+    if not len(values):
+        return CHANNELS[baked.kind.name].default
+    least, most = values.min(axis=0), values.max(axis=0)
+    if (most - least > 0.5 / 255.0).any():
+        return None
+    return tuple(float(value) for value in (least + most) / 2.0)
+
+
+def _of_layout(
+    layout: ImageLayout,
+    values: Mapping[str, Float32Array],
+    folder: Path,
+    name: str,
+    threads: int | None,
+) -> dict[str, ChannelSource]:
+    """Write the image of a layout, and return where its channels are read from."""
+    present = [(channel, first) for channel, first in layout.channels if channel in values]
+    if not present:
+        return {}
+    height, width = values[present[0][0]].shape[:2]
+    n = max(first + values[channel].shape[2] for channel, first in present)
+    # What no channel fills is 1, so that a viewer that reads it anyway multiplies by 1.
+    pixels = np.ones((height, width, 4 if n == 4 else 3), np.float32)
+    sources, scales = {}, {}
+    for channel, first in present:
+        scale = float(max(1.0, values[channel].max()))
+        of_channel = slice(first, first + values[channel].shape[2])
+        pixels[:, :, of_channel] = values[channel] / scale
+        scales[channel] = scale
+    path = folder / f"{name}_{layout.name}.png"
+    write_image(pixels, path, color=layout.is_color, bits=8, threads=threads)
+    data = path.read_bytes()
+    for channel, first in present:
+        width_of = len(CHANNELS[channel].default)
+        image = ChannelImage(data, path.name, components=tuple(range(first, first + width_of)))
+        sources[channel] = ChannelSource((scales[channel],) * width_of, image)
+    return sources
+
+
+def shared_materials(
+    low: Mesh,
+    high: Mesh,
+    materials: Materials,
+    channels: dict[str, ChannelSource],
+    name: str,
+    *,
+    threads: int | None = None,
+) -> Materials:
+    """Return materials of a mesh that share one set of images.
+
+    One material is enough unless the source is opaque in one place and not in another, or
+    double-sided, or unlit: a renderer asks that of a material as a whole. A face then has the
+    material of the nearest point of the source.
+
+    Parameters
+    ----------
+    low
+        The mesh that gets them.
+    high, materials
+        The mesh that they come from, and its materials.
+    channels
+        As `encoded_channels` returns them.
+    name
+        Of the materials.
+    threads
+        None for every processor.
+    """
+    kinds = [replace(material, name="", channels={}) for material in materials.materials]
+    used = np.unique(materials.face_materials).tolist()
+    distinct = list(dict.fromkeys(_as_key(kinds[i]) for i in used))
+    ids: IntArray = np.zeros(low.n_faces, np.int32)
+    if len(distinct) > 1:
+        of_material = np.array(
+            [distinct.index(key) if (key := _as_key(kind)) in distinct else 0 for kind in kinds],
+            np.int32,
+        )
+        nearest = _nearest_faces(low, high, threads)
+        ids = of_material[materials.face_materials[nearest]]
+    names = [name] if len(distinct) == 1 else [f"{name} {_title(key)}" for key in distinct]
+    return Materials(
+        face_materials=ids,
+        materials=tuple(
+            MeshMaterial(
+                name=title,
+                channels=_fitting(channels, key[0]),
+                alpha_mode=key[0],
+                alpha_cutoff=key[1],
+                is_double_sided=key[2],
+                is_unlit=key[3],
+            )
+            for title, key in zip(names, distinct, strict=True)
+        ),
+    )
+
+
+_Kind = tuple[str, float, bool, bool]
+
+
+def _as_key(material: MeshMaterial) -> _Kind:
+    cutoff = material.alpha_cutoff if material.alpha_mode == "mask" else 0.5
+    return material.alpha_mode, cutoff, material.is_double_sided, material.is_unlit
+
+
+def _title(kind: _Kind) -> str:
+    mode, _, is_double_sided, is_unlit = kind
+    words = [mode, *(["double-sided"] if is_double_sided else []), *(["unlit"] if is_unlit else [])]
+    return " ".join(words)
+
+
+def _fitting(channels: dict[str, ChannelSource], mode: str) -> dict[str, ChannelSource]:
+    """Channels of a material of an alpha mode: an opaque one has no alpha."""
+    return {name: found for name, found in channels.items() if name != "alpha" or mode != "opaque"}
+
+
+def _nearest_faces(low: Mesh, high: Mesh, threads: int | None) -> npt.NDArray[np.intp]:
+    """(F,) face of the source nearest to the center of each face of a mesh."""
+    frame = LocalFrame.around(high)
+    tree = TriangleTree.build(frame.to_local(high.positions), high.faces, threads=threads)
+    centers = frame.to_local(low.positions)[low.faces].mean(axis=1)
+    _, nearest, _ = tree.closest_points(centers, threads=threads)
+    return nearest.astype(np.intp)
+
+
+def texture_size(materials: Materials | None, least: int, most: int) -> int:
+    """Return a power of two at which an atlas holds about as many texels as the images do.
+
+    Parameters
+    ----------
+    materials
+    least, most
+        Bounds of the result.
+    """
+    from texbake.texture.image import image_shape
+
+    areas: dict[str, float] = {}
+    for material in () if materials is None else materials.materials:
+        shapes: Sequence[tuple[int, int, int]] = [
+            image_shape(source.image.data, source.image.name)
+            for source in material.channels.values()
+            if source.image is not None
+        ]
+        areas[material.name] = max((w * h for w, h, _ in shapes), default=0)
+    side = sum(areas.values()) ** 0.5
+    size = least
+    while size < side and size < most:
+        size *= 2
+    return size

@@ -1,0 +1,262 @@
+"""A model made smaller: fewer triangles, one set of images, all channels of its materials.
+
+model ─ simplify ─ unwrap ─► bake every channel ─► one GLB file
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from texbake.baking.bake import bake
+from texbake.baking.report import BakeReport
+from texbake.errors import FileFormatError
+from texbake.files import PathLike, check_writable
+from texbake.jobs.carried import (
+    carried_channels,
+    encoded_channels,
+    model_materials,
+    shared_materials,
+    texture_size,
+)
+from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
+from texbake.jobs.outputs import JobResult, check_distinct, check_report, given, write_report
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.texture import Size
+from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
+from texbake.mesh.files import read_mesh
+from texbake.mesh.files.gltf_document import read_document
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.simplify import SimplifyReport, simplify_with_report
+from texbake.mesh.simplify_options import MIN_FACES
+from texbake.mesh.wrapping import wrapped_if
+from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.raycast.orient import oriented
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightenReport:
+    """What `lighten` made of a model.
+
+    Attributes
+    ----------
+    n_faces_before, n_faces : int
+        Triangles.
+    n_bytes_before, n_bytes : int
+        Of the files: of the model with its buffers and images, and of the result.
+    n_materials_before, n_materials : int
+    size : (int, int)
+        Width and height of the images.
+    images : tuple of str
+        Names of the images in the result.
+    simplified : SimplifyReport, optional
+        None if the model had no more triangles than were asked for.
+    unwrapped : UnwrapReport
+    baked : BakeReport
+    stages : tuple of StageRecord
+    """
+
+    n_faces_before: int
+    n_faces: int
+    n_bytes_before: int
+    n_bytes: int
+    n_materials_before: int
+    n_materials: int
+    size: tuple[int, int]
+    images: tuple[str, ...]
+    simplified: SimplifyReport | None
+    unwrapped: UnwrapReport
+    baked: BakeReport
+    stages: tuple[StageRecord, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return every figure as plain values, for `json.dump`."""
+        plain = ("n_faces", "n_bytes", "n_materials")
+        return {
+            **{name: getattr(self, name) for name in (*(f"{n}_before" for n in plain), *plain)},
+            "size": list(self.size),
+            "images": list(self.images),
+            "simplify": None if self.simplified is None else self.simplified.to_json(),
+            "unwrap": self.unwrapped.to_json(),
+            "bake": self.baked.to_json(),
+            "stages": [asdict(stage) for stage in self.stages],
+        }
+
+
+def lighten_file(
+    model: PathLike,
+    output: PathLike,
+    options: LightenOptions | None = None,
+    *,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[LightenReport]:
+    """Write a model file with fewer triangles and all of its materials in one set of images.
+
+    Parameters
+    ----------
+    model
+        A model with materials: glTF, FBX or OBJ. One without any gets a normal map alone.
+    output
+        A .glb file.
+    options
+        None for the defaults.
+    report
+        File for the figures as JSON.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    FileError
+        A file cannot be read or written.
+    FileFormatError
+        The output is not a .glb file.
+    UnwrapError
+        No atlas could be made.
+    """
+    options = options or LightenOptions()
+    if Path(output).suffix.lower() != ".glb":
+        raise FileFormatError(f"{output}: a lightened model is one file with its images; use .glb")
+    check_distinct([output, report], [model])
+    check_writable(output)
+    check_report(report)
+    stages = Stages()
+    with stages.part("read"):
+        source = read_mesh(model, progress=progress)
+        materials = _materials(model, source)
+    warnings = [*materials.notes(channel for m in materials.materials for channel in m.channels)]
+    made = _lightened(source, materials, options, stages, progress)
+    with stages.part("write"):
+        written = shared_materials(
+            made.mesh, source, materials, made.channels, Path(output).stem, threads=options.threads
+        )
+        write_glb(made.mesh, output, materials=written, compress=options.compress)
+    figures = LightenReport(
+        n_faces_before=source.n_faces,
+        n_faces=made.mesh.n_faces,
+        n_bytes_before=model_bytes(model, materials),
+        n_bytes=Path(output).stat().st_size,
+        n_materials_before=len(materials.materials),
+        n_materials=len(written.materials),
+        size=made.size,
+        images=tuple(
+            dict.fromkeys(s.image.name for s in made.channels.values() if s.image is not None)
+        ),
+        simplified=made.simplified,
+        unwrapped=made.unwrapped,
+        baked=made.baked,
+        stages=tuple(stages.records),
+    )
+    if report is not None:
+        write_report(report, figures.to_json())
+    return JobResult(
+        files=given(output, report), report=figures, warnings=(*warnings, *made.warnings)
+    )
+
+
+def _materials(model: PathLike, mesh: Mesh) -> Materials:
+    """Return the materials of a model; one without channels where it has none."""
+    found = model_materials(model, mesh)
+    if found is not None:
+        return found
+    return Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name=mesh.name),),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Lightened:
+    """A mesh with its channels, and what was done."""
+
+    mesh: Mesh
+    channels: dict[str, ChannelSource]
+    size: tuple[int, int]
+    simplified: SimplifyReport | None
+    unwrapped: UnwrapReport
+    baked: BakeReport
+    warnings: tuple[str, ...]
+
+
+def _lightened(
+    source: Mesh,
+    materials: Materials,
+    options: LightenOptions,
+    stages: Stages,
+    progress: ProgressSink | None,
+) -> _Lightened:
+    with stages.part("simplify"):
+        high, turned = oriented(source, options.orientation, threads=options.threads)
+        low, simplified, notes = _simplified(high, options, progress)
+    size: Size = options.size or texture_size(materials, LEAST_SIZE, MOST_SIZE)
+    with stages.part("unwrap"):
+        atlas = UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True)
+        low, unwrapped = unwrap_with_report(low, options=atlas, progress=progress)
+    maps = carried_channels(materials)
+    if simplified is not None or any(materials.sources("normal")):
+        maps = ("normal", *maps)
+    with stages.part("bake"):
+        chosen = options.bake_options(maps, size)
+        baked = bake(high, low, chosen, materials=materials, progress=progress)
+    with stages.part("encode"):
+        name = Path(source.name).stem
+        channels = encoded_channels(baked.maps, materials, name, threads=options.threads)
+    return _Lightened(
+        mesh=low,
+        channels=channels,
+        size=(chosen.width_px, chosen.height_px),
+        simplified=simplified,
+        unwrapped=unwrapped,
+        baked=baked.report,
+        warnings=(*turned.notes, *notes, *baked.report.warnings),
+    )
+
+
+def _simplified(
+    high: Mesh, options: LightenOptions, progress: ProgressSink | None
+) -> tuple[Mesh, SimplifyReport | None, tuple[str, ...]]:
+    """Return the mesh that gets the maps, its report, and what the user should know."""
+    n_faces = options.n_faces
+    if n_faces is None:
+        n_faces = max(round(SHARE * high.n_faces), MIN_FACES)
+    # Of the attributes only hard edges matter: all others are baked.
+    bare = high.replace(
+        uvs=None, uv_faces=None, tangents=None, colors=None, face_groups=None, group_names=()
+    )
+    closed, why = wrapped_if(
+        bare, options.remesh, n_faces, threads=options.threads, progress=progress
+    )
+    if closed is bare and high.n_faces <= n_faces:
+        return bare, None, why
+    low, report = simplify_with_report(
+        closed, n_faces, quality=options.quality, threads=options.threads, progress=progress
+    )
+    return low, report, (*why, *report.notes)
+
+
+def model_bytes(model: PathLike, materials: Materials) -> int:
+    """Return the bytes of a model file with its buffers and images."""
+    path = Path(model)
+    total = path.stat().st_size
+    if path.suffix.lower() == ".glb":
+        return total
+    images = {
+        source.image.name: len(source.image.data)
+        for material in materials.materials
+        for source in material.channels.values()
+        if source.image is not None
+    }
+    total += sum(images.values())
+    if path.suffix.lower() == ".gltf":
+        document = read_document(path)
+        uris = [buffer.get("uri", "data:") for buffer in document.items("buffers")]
+        files = [path.parent / unquote(uri) for uri in uris if not uri.startswith("data:")]
+        total += sum(file.stat().st_size for file in files if file.is_file())
+    return total

@@ -1,0 +1,71 @@
+"""Options of `lighten`, without loading anything heavy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
+from texbake.mapping.options.texture import Size
+from texbake.mesh.orientation_options import ORIENTATION_OPTION
+from texbake.mesh.remesh_options import REMESH_OPTION
+from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
+from texbake.schema import CheckedOptions, Option, option
+
+LEAST_SIZE, MOST_SIZE = 1024, 2048
+# Of the triangles, where no number is given.
+SHARE = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightenOptions(CheckedOptions):
+    """How `lighten` makes a model smaller.
+
+    Its faces are neither turned over nor wrapped in a closed surface unless asked for: who made a
+    textured model has looked at it.
+    """
+
+    n_faces: Annotated[
+        int | None,
+        Option(
+            "Number of triangles to reach. With no fewer than the model has, only its maps and "
+            "texture coordinates are made anew.",
+            metavar="N",
+            low=MIN_FACES,
+            flag="--faces",
+            default="a tenth",
+        ),
+    ] = None
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+    remesh: Annotated[str, REMESH_OPTION] = "never"
+    orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
+    size: Annotated[
+        Size | None,
+        replace(
+            option(BakeOptions, "size"),
+            default=f"what the images of the model need, {LEAST_SIZE} to {MOST_SIZE}",
+        ),
+    ] = None
+    padding: Annotated[int, PADDING_OPTION] = 8
+    samples: Annotated[int | str, option(BakeOptions, "samples")] = 4
+    compress: Annotated[
+        bool,
+        Option(
+            "Compress vertices and triangles by EXT_meshopt_compression.",
+            flag="--compress/--no-compress",
+        ),
+    ] = False
+    threads: Annotated[int | None, THREADS_OPTION] = None
+
+    def bake_options(self, maps: tuple[str, ...], size: Size) -> BakeOptions:
+        """Return how the maps are baked."""
+        return BakeOptions(
+            maps=maps,
+            size=size,
+            padding=self.padding,
+            samples=self.samples,
+            fill="push-pull",
+            on_miss="closest",
+            orientation="keep",
+            threads=self.threads,
+        )
