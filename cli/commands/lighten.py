@@ -58,8 +58,9 @@ def _rows(report: LightenReport) -> list[tuple[str, str]]:
             f"{100.0 * report.n_bytes / max(report.n_bytes_before, 1):.1f} %",
         ),
         ("images", ", ".join(report.images) or "none"),
-        ("texels", "{} x {}".format(*report.size)),
     ]
+    if report.size is not None:
+        rows.append(("texels", "{} x {}".format(*report.size)))
     if report.simplified is not None:
         distance = report.simplified.distance
         rows.append(

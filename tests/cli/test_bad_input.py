@@ -130,6 +130,8 @@ BAKE = "bake-normals high.ply low.obj -o out.png --size 32"
         ("unwrap low.obj -o out.obj --method projector --matrix words.txt", 1, "words.txt"),
         ("preview low.obj -o out.png --size 100000", 2, "100000"),
         ("preview low.obj -o out.png --view 10,20,-1", 2, "view"),
+        ("lighten high.ply -o out.obj", 1, "use .glb"),
+        ("lighten high.ply -o out.glb --images gif", 2, "gif"),
         ("remesh high.ply -o out.obj --resolution 2", 2, "resolution: 2"),
         ("remesh high.ply -o out.obj --close wide", 2, "close: 'wide' is not a width"),
         ("simplify high.ply -o out.obj --faces 1", 2, "faces: 1"),

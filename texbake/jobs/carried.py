@@ -6,10 +6,8 @@ from one image share one: occlusion, roughness and metallic; base color and alph
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +25,9 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.texture.encoding import encode_normals
-from texbake.texture.image import write_image
+from texbake.parallel import run_bands
+from texbake.texture.encoded import ENCODINGS, encode_image, encoding_of
+from texbake.texture.encoding import encode_normals, quantize_srgb, quantize_unsigned
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -126,8 +125,25 @@ def _set_channels(materials: Materials) -> list[str]:
     return [name for name in found if name != "alpha" or not is_opaque]
 
 
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """An image to be encoded, and the channels that are read from it."""
+
+    name: str
+    codes: npt.NDArray[np.uint8]
+    is_color: bool
+    # Each with the component at which it begins, and its factor.
+    channels: tuple[tuple[str, int, float], ...]
+
+
 def encoded_channels(
-    maps: Mapping[str, BakedMap], materials: Materials, name: str, *, threads: int | None = None
+    maps: Mapping[str, BakedMap],
+    materials: Materials,
+    name: str,
+    *,
+    encoding: str = "png",
+    quality: int = 90,
+    threads: int | None = None,
 ) -> dict[str, ChannelSource]:
     """Return channels for a mesh from the maps that were baked for it.
 
@@ -139,6 +155,8 @@ def encoded_channels(
         What the maps were baked from; channels that are the same all over are taken from them.
     name
         Of the asset, for the names of the images.
+    encoding, quality
+        As for `encode_image`.
     threads
         None for every processor.
     """
@@ -154,18 +172,36 @@ def encoded_channels(
             values[channel] = maps[channel].values
         else:
             sources[channel] = ChannelSource(found)
-    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-        for layout in LAYOUTS:
-            sources |= _of_layout(layout, values, Path(folder), name, threads)
-        if "normal" in maps:
-            pixels = encode_normals(
-                maps["normal"].values, bits=8, convention="opengl", threads=threads
+    pictures = [_picture(layout, values, threads) for layout in LAYOUTS if _present(layout, values)]
+    if "normal" in maps:
+        vectors = maps["normal"].values
+        codes = encode_normals(vectors, bits=8, convention="opengl", threads=threads)
+        pictures.append(_Picture("normal", codes, False, (("normal", 0, 1.0),)))
+    files: list[bytes] = [b""] * len(pictures)
+
+    def encode(start: int, stop: int) -> None:
+        for i in range(start, stop):
+            picture = pictures[i]
+            files[i] = encode_image(
+                picture.codes, encoding, quality=quality, is_color=picture.is_color
             )
-            path = Path(folder) / f"{name}_normal.png"
-            write_image(pixels, path, color=False, bits=8, threads=threads)
-            image = ChannelImage(path.read_bytes(), path.name)
-            sources["normal"] = ChannelSource((1.0, 1.0, 1.0), image)
+
+    run_bands(encode, len(pictures), band=1, threads=threads)
+    for picture, data in zip(pictures, files, strict=True):
+        suffix = ENCODINGS[encoding_of(picture.codes, encoding)]
+        for channel, first, factor in picture.channels:
+            width = len(CHANNELS[channel].default)
+            image = ChannelImage(
+                data,
+                f"{name}_{picture.name}{suffix}",
+                components=tuple(range(first, first + width)),
+            )
+            sources[channel] = ChannelSource((factor,) * width, image)
     return sources
+
+
+def _present(layout: ImageLayout, values: Mapping[str, Float32Array]) -> list[tuple[str, int]]:
+    return [(channel, first) for channel, first in layout.channels if channel in values]
 
 
 def _constant_of(baked: BakedMap) -> tuple[float, ...] | None:
@@ -179,35 +215,26 @@ def _constant_of(baked: BakedMap) -> tuple[float, ...] | None:
     return tuple(float(value) for value in (least + most) / 2.0)
 
 
-def _of_layout(
-    layout: ImageLayout,
-    values: Mapping[str, Float32Array],
-    folder: Path,
-    name: str,
-    threads: int | None,
-) -> dict[str, ChannelSource]:
-    """Write the image of a layout, and return where its channels are read from."""
-    present = [(channel, first) for channel, first in layout.channels if channel in values]
-    if not present:
-        return {}
+def _picture(
+    layout: ImageLayout, values: Mapping[str, Float32Array], threads: int | None
+) -> _Picture:
+    """Put the channels of a layout into one image."""
+    present = _present(layout, values)
     height, width = values[present[0][0]].shape[:2]
     n = max(first + values[channel].shape[2] for channel, first in present)
     # What no channel fills is 1, so that a viewer that reads it anyway multiplies by 1.
     pixels = np.ones((height, width, 4 if n == 4 else 3), np.float32)
-    sources, scales = {}, {}
+    channels = []
     for channel, first in present:
-        scale = float(max(1.0, values[channel].max()))
+        factor = float(max(1.0, values[channel].max()))
         of_channel = slice(first, first + values[channel].shape[2])
-        pixels[:, :, of_channel] = values[channel] / scale
-        scales[channel] = scale
-    path = folder / f"{name}_{layout.name}.png"
-    write_image(pixels, path, color=layout.is_color, bits=8, threads=threads)
-    data = path.read_bytes()
-    for channel, first in present:
-        width_of = len(CHANNELS[channel].default)
-        image = ChannelImage(data, path.name, components=tuple(range(first, first + width_of)))
-        sources[channel] = ChannelSource((scales[channel],) * width_of, image)
-    return sources
+        pixels[:, :, of_channel] = values[channel] / factor
+        channels.append((channel, first, factor))
+    if layout.is_color:
+        codes = quantize_srgb(pixels, 8, n_colors=3, threads=threads)
+    else:
+        codes = quantize_unsigned(pixels, 8, threads=threads)
+    return _Picture(layout.name, codes, layout.is_color, tuple(channels))
 
 
 def shared_materials(

@@ -23,7 +23,13 @@ from texbake.jobs.carried import (
     shared_materials,
     texture_size,
 )
-from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
+from texbake.jobs.lighten_options import (
+    LEAST_FACES,
+    LEAST_SIZE,
+    MOST_SIZE,
+    SHARE,
+    LightenOptions,
+)
 from texbake.jobs.outputs import JobResult, check_distinct, check_report, given, write_report
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
@@ -34,7 +40,6 @@ from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.mesh.simplify_options import MIN_FACES
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import oriented
@@ -51,14 +56,14 @@ class LightenReport:
     n_bytes_before, n_bytes : int
         Of the files: of the model with its buffers and images, and of the result.
     n_materials_before, n_materials : int
-    size : (int, int)
-        Width and height of the images.
+    size : (int, int), optional
+        Width and height of the images; None without any.
     images : tuple of str
         Names of the images in the result.
     simplified : SimplifyReport, optional
         None if the model had no more triangles than were asked for.
-    unwrapped : UnwrapReport
-    baked : BakeReport
+    unwrapped : UnwrapReport, optional
+    baked : BakeReport, optional
     stages : tuple of StageRecord
     """
 
@@ -68,11 +73,11 @@ class LightenReport:
     n_bytes: int
     n_materials_before: int
     n_materials: int
-    size: tuple[int, int]
+    size: tuple[int, int] | None
     images: tuple[str, ...]
     simplified: SimplifyReport | None
-    unwrapped: UnwrapReport
-    baked: BakeReport
+    unwrapped: UnwrapReport | None
+    baked: BakeReport | None
     stages: tuple[StageRecord, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -80,11 +85,11 @@ class LightenReport:
         plain = ("n_faces", "n_bytes", "n_materials")
         return {
             **{name: getattr(self, name) for name in (*(f"{n}_before" for n in plain), *plain)},
-            "size": list(self.size),
+            "size": None if self.size is None else list(self.size),
             "images": list(self.images),
             "simplify": None if self.simplified is None else self.simplified.to_json(),
-            "unwrap": self.unwrapped.to_json(),
-            "bake": self.baked.to_json(),
+            "unwrap": None if self.unwrapped is None else self.unwrapped.to_json(),
+            "bake": None if self.baked is None else self.baked.to_json(),
             "stages": [asdict(stage) for stage in self.stages],
         }
 
@@ -178,11 +183,11 @@ class _Lightened:
 
     mesh: Mesh
     channels: dict[str, ChannelSource]
-    size: tuple[int, int]
     simplified: SimplifyReport | None
-    unwrapped: UnwrapReport
-    baked: BakeReport
     warnings: tuple[str, ...]
+    size: tuple[int, int] | None = None
+    unwrapped: UnwrapReport | None = None
+    baked: BakeReport | None = None
 
 
 def _lightened(
@@ -195,27 +200,37 @@ def _lightened(
     with stages.part("simplify"):
         high, turned = oriented(source, options.orientation, threads=options.threads)
         low, simplified, notes = _simplified(high, options, progress)
+    maps = carried_channels(materials)
+    if simplified is not None or any(materials.sources("normal")):
+        maps = ("normal", *maps)
+    warnings = (*turned.notes, *notes)
+    if not maps:  # the shape is as it was, and every channel is one number
+        channels = encoded_channels({}, materials, "")
+        return _Lightened(mesh=low, channels=channels, simplified=simplified, warnings=warnings)
     size: Size = options.size or texture_size(materials, LEAST_SIZE, MOST_SIZE)
     with stages.part("unwrap"):
         atlas = UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True)
         low, unwrapped = unwrap_with_report(low, options=atlas, progress=progress)
-    maps = carried_channels(materials)
-    if simplified is not None or any(materials.sources("normal")):
-        maps = ("normal", *maps)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size)
         baked = bake(high, low, chosen, materials=materials, progress=progress)
-    with stages.part("encode"):
-        name = Path(source.name).stem
-        channels = encoded_channels(baked.maps, materials, name, threads=options.threads)
+    with stages.part("encode images"):
+        channels = encoded_channels(
+            baked.maps,
+            materials,
+            Path(source.name).stem,
+            encoding=options.images,
+            quality=options.image_quality,
+            threads=options.threads,
+        )
     return _Lightened(
         mesh=low,
         channels=channels,
-        size=(chosen.width_px, chosen.height_px),
         simplified=simplified,
+        warnings=(*warnings, *baked.report.warnings),
+        size=(chosen.width_px, chosen.height_px),
         unwrapped=unwrapped,
         baked=baked.report,
-        warnings=(*turned.notes, *notes, *baked.report.warnings),
     )
 
 
@@ -225,7 +240,7 @@ def _simplified(
     """Return the mesh that gets the maps, its report, and what the user should know."""
     n_faces = options.n_faces
     if n_faces is None:
-        n_faces = max(round(SHARE * high.n_faces), MIN_FACES)
+        n_faces = max(round(SHARE * high.n_faces), LEAST_FACES)
     # Of the attributes only hard edges matter: all others are baked.
     bare = high.replace(
         uvs=None, uv_faces=None, tangents=None, colors=None, face_groups=None, group_names=()

@@ -13,8 +13,9 @@ from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option
 
 LEAST_SIZE, MOST_SIZE = 1024, 2048
-# Of the triangles, where no number is given.
-SHARE = 0.1
+ENCODINGS = ("webp", "jpeg", "png")
+# Of the triangles, where no number is given, and how many at least.
+SHARE, LEAST_FACES = 0.1, 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,7 @@ class LightenOptions(CheckedOptions):
             metavar="N",
             low=MIN_FACES,
             flag="--faces",
-            default="a tenth",
+            default=f"a tenth, and {LEAST_FACES} at least",
         ),
     ] = None
     quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
@@ -48,6 +49,18 @@ class LightenOptions(CheckedOptions):
     ] = None
     padding: Annotated[int, PADDING_OPTION] = 8
     samples: Annotated[int | str, option(BakeOptions, "samples")] = 4
+    images: Annotated[
+        str,
+        Option(
+            "Format of the images. Programs need the extension EXT_texture_webp for webp; every "
+            "program reads jpeg and png.",
+            choices=ENCODINGS,
+        ),
+    ] = "webp"
+    image_quality: Annotated[
+        int,
+        Option("Quality of webp and jpeg images.", metavar="N", low=1, high=100),
+    ] = 90
     compress: Annotated[
         bool,
         Option(

@@ -1,0 +1,204 @@
+"""`lighten`: fewer triangles, one set of images, and all that the materials say."""
+
+import numpy as np
+import pytest
+
+from texbake.errors import FileFormatError
+from texbake.jobs.lighten import lighten_file
+from texbake.jobs.lighten_options import LightenOptions
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.files import read_mesh
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.materials import (
+    CHANNELS,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+    read_materials,
+)
+from texbake.mesh.shapes import uv_sphere
+from texbake.texture.image import decode_image, write_image
+
+OPTIONS = LightenOptions(n_faces=600, size=256, images="png")
+
+
+def picture(folder, name, pixels, components=(0, 1, 2)):
+    write_image(pixels, folder / name, color=False, bits=8)
+    return ChannelImage((folder / name).read_bytes(), name, components=components)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """Two spheres: a painted one, seen from both sides in places, and one of plain copper."""
+    folder = tmp_path_factory.mktemp("model")
+    ball = uv_sphere(48, 96)
+    mesh = join_meshes([ball, ball.replace(positions=ball.positions + np.array([3.0, 0.0, 0.0]))])
+    ramp = np.linspace(0, 255, 64).astype(np.uint8)
+    codes = np.full((64, 64, 4), 255, np.uint8)
+    codes[:, :, 0] = ramp
+    codes[:, :, 1] = ramp[:, np.newaxis]
+    codes[:32, :, 3] = 64
+    surface = np.full((64, 64, 3), 255, np.uint8)
+    surface[:, :, 1] = ramp[:, np.newaxis]
+    surface[:, :, 2] = 51
+    paint = picture(folder, "paint.png", codes)
+    rough = picture(folder, "rough.png", surface, (1,))
+    materials = Materials(
+        face_materials=np.repeat(np.array([0, 1], np.int32), ball.n_faces),
+        materials=(
+            MeshMaterial(
+                name="paint",
+                channels={
+                    "base-color": ChannelSource((1.0, 1.0, 0.5), paint),
+                    "alpha": ChannelSource(
+                        (1.0,), ChannelImage(paint.data, paint.name, components=(3,))
+                    ),
+                    "roughness": ChannelSource((1.0,), rough),
+                    "metallic": ChannelSource(
+                        (1.0,), ChannelImage(rough.data, rough.name, components=(2,))
+                    ),
+                    "emissive": ChannelSource((0.0, 4.0, 0.0)),
+                },
+                alpha_mode="mask",
+                alpha_cutoff=0.25,
+                is_double_sided=True,
+            ),
+            MeshMaterial(
+                name="copper",
+                channels={
+                    "base-color": ChannelSource((0.9, 0.4, 0.2)),
+                    "roughness": ChannelSource((0.3,)),
+                    "metallic": ChannelSource((1.0,)),
+                    "clearcoat": ChannelSource((0.8,)),
+                },
+            ),
+        ),
+    )
+    path = folder / "two.glb"
+    write_glb(mesh, path, materials=materials)
+    return path
+
+
+@pytest.fixture(scope="module")
+def light(model, tmp_path_factory):
+    path = tmp_path_factory.mktemp("light") / "light.glb"
+    done = lighten_file(model, path, OPTIONS)
+    mesh = read_mesh(path)
+    return done, mesh, read_materials(path, mesh)
+
+
+def pixels_of(source, *, is_color):
+    image = source.image
+    pixels = decode_image(image.data, image.name, color=is_color).pixels
+    return pixels[:, :, list(image.components)] * source.factor
+
+
+def test_the_model_is_smaller_and_says_so(model, light):
+    done, mesh, _ = light
+    report = done.report
+    assert mesh.n_faces == report.n_faces <= 600 < report.n_faces_before == read_mesh(model).n_faces
+    assert report.n_bytes_before == model.stat().st_size
+    assert report.n_bytes == done.files[0].stat().st_size
+    assert report.simplified is not None and report.simplified.distance.rms_relative < 0.01
+
+
+def test_what_a_renderer_asks_of_a_whole_material_stays_apart(light):
+    _, mesh, materials = light
+    modes = {m.alpha_mode: (m.alpha_cutoff, m.is_double_sided) for m in materials.materials}
+    assert modes == {"mask": (0.25, True), "opaque": (0.5, False)}
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    is_copper = np.array([m.alpha_mode == "opaque" for m in materials.materials])
+    assert np.array_equal(is_copper[materials.face_materials], centers[:, 0] > 1.5)
+
+
+def test_each_face_has_the_channels_of_its_material(light):
+    _, mesh, materials = light
+    (first, second) = materials.materials
+    assert first.channels["base-color"].image == second.channels["base-color"].image
+    copper = mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 1.5
+    # Centers of the faces in the images, v down.
+    u, v = mesh.corner_uvs().mean(axis=1).T
+    expected = {
+        "base-color": (0.9, 0.4, 0.2),
+        "roughness": (0.3,),
+        "metallic": (1.0,),
+        "clearcoat": (0.8,),
+        "emissive": (0.0, 0.0, 0.0),
+    }
+    for name, value in expected.items():
+        pixels = pixels_of(first.channels[name], is_color=CHANNELS[name].is_color)
+        height, width = pixels.shape[:2]
+        found = pixels[((1 - v) * height).astype(int), (u * width).astype(int)]
+        assert np.abs(found[copper] - value).max() < 0.02, name
+        if name == "emissive":
+            assert np.abs(found[~copper] - (0.0, 4.0, 0.0)).max() < 0.04
+        if name == "metallic":
+            assert np.abs(found[~copper] - 0.2).max() < 0.01
+
+
+def test_alpha_is_there_only_where_it_is_asked_for(light):
+    _, _, materials = light
+    by_mode = {m.alpha_mode: m for m in materials.materials}
+    assert "alpha" not in by_mode["opaque"].channels
+    alpha = pixels_of(by_mode["mask"].channels["alpha"], is_color=True)
+    assert alpha.min() < 0.3
+    assert alpha.max() == 1.0
+
+
+def test_the_same_model_gives_the_same_bytes(model, light, tmp_path):
+    done, _, _ = light
+    first = done.files[0].read_bytes()
+    for threads in 1, 3:
+        again = lighten_file(
+            model,
+            tmp_path / "light.glb",
+            LightenOptions(n_faces=600, size=256, images="png", threads=threads),
+        )
+        assert again.files[0].read_bytes() == first
+
+
+def test_a_channel_that_is_one_number_needs_no_image(tmp_path):
+    mesh = uv_sphere(24, 48)
+    channels = {"roughness": ChannelSource((0.25,)), "base-color": ChannelSource((0.5, 0.5, 0.5))}
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name="gray", channels=channels),),
+    )
+    write_glb(mesh, tmp_path / "gray.glb", materials=materials)
+    done = lighten_file(tmp_path / "gray.glb", tmp_path / "light.glb", OPTIONS)
+    assert done.report.images == ("gray_normal.png",)
+    found = read_materials(tmp_path / "light.glb", read_mesh(tmp_path / "light.glb"))
+    assert found.materials[0].channels["roughness"] == ChannelSource((0.25,))
+
+
+def test_a_model_without_materials_gets_its_vertex_colors(tmp_path):
+    ball = uv_sphere(24, 48)
+    colors = (0.5 + 0.5 * ball.positions).astype(np.float32)
+    write_glb(ball.replace(colors=colors), tmp_path / "colored.glb")
+    lighten_file(tmp_path / "colored.glb", tmp_path / "light.glb", OPTIONS)
+    mesh = read_mesh(tmp_path / "light.glb")
+    assert mesh.colors is None
+    (material,) = read_materials(tmp_path / "light.glb", mesh).materials
+    assert np.ptp(pixels_of(material.channels["base-color"], is_color=True)) > 0.5
+
+
+def test_a_missing_image_is_a_warning(model, tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl skin\nKd 0.5 0.25 0\nmap_Kd gone.png\n")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl skin\n"
+        "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    )
+    done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", OPTIONS)
+    assert any("gone.png" in warning for warning in done.warnings)
+    # The shape is as it was, so there is nothing to bake.
+    assert done.report.images == ()
+    assert done.report.baked is None
+    mesh = read_mesh(tmp_path / "light.glb")
+    (material,) = read_materials(tmp_path / "light.glb", mesh).materials
+    assert material.channels["base-color"] == ChannelSource((0.5, 0.25, 0.0))
+
+
+def test_only_glb_files_hold_a_lightened_model(model, tmp_path):
+    with pytest.raises(FileFormatError, match=r"use \.glb"):
+        lighten_file(model, tmp_path / "light.obj", OPTIONS)

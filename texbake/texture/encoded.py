@@ -1,0 +1,83 @@
+"""Images as the bytes of a file, for formats that models carry: PNG, JPEG and WebP.
+
+PNG keeps every code. JPEG and WebP lose some, the more the lower the quality; JPEG keeps as many
+colors as brightnesses here (4:4:4), which normal maps need, and has no alpha. Pillow encodes both.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.texture.png_files import write_png
+
+# Names of the formats, with the suffixes of their files.
+ENCODINGS = {"webp": ".webp", "jpeg": ".jpg", "png": ".png"}
+# How long WebP looks for fewer bytes: from 4 on, twice the time saves less than a tenth.
+_WEBP_METHOD = 4
+
+
+def encode_image(
+    codes: npt.NDArray[np.uint8],
+    encoding: str,
+    *,
+    quality: int = 90,
+    is_color: bool = False,
+    threads: int | None = 1,
+) -> bytes:
+    r"""Encode an image as the bytes of a file.
+
+    Parameters
+    ----------
+    codes : (H, W, 3) or (H, W, 4) uint8
+    encoding
+        A name in `ENCODINGS`. An image with alpha is encoded as PNG where JPEG is asked for.
+    quality
+        Of JPEG and WebP, from 1 to 100.
+    is_color
+        Whether a PNG file is marked as sRGB.
+    threads
+        For PNG; None for every processor.
+
+    Returns
+    -------
+    bytes
+        The same for the same image and versions of the libraries.
+
+    Raises
+    ------
+    OptionError
+        The encoding is unknown.
+
+    Examples
+    --------
+    >>> encode_image(np.zeros((8, 8, 3), np.uint8), "jpeg")[:2]
+    b'\xff\xd8'
+    """
+    if encoding not in ENCODINGS:
+        raise OptionError(f"encoding: {encoding!r} is not known; use {', '.join(ENCODINGS)}")
+    encoding = encoding_of(codes, encoding)
+    if encoding == "png":
+        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+            path = Path(folder) / "image.png"
+            write_png(path, codes, srgb=is_color, threads=threads)
+            return path.read_bytes()
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    options: dict[str, Any] = {"quality": quality, "subsampling": "4:4:4"}
+    if encoding == "webp":
+        options = {"quality": quality, "method": _WEBP_METHOD, "exact": True}
+    Image.fromarray(codes).save(buffer, encoding.upper(), **options)
+    return buffer.getvalue()
+
+
+def encoding_of(codes: npt.NDArray[np.uint8], encoding: str) -> str:
+    """Return the encoding that an image gets: PNG in place of JPEG where it has alpha."""
+    return "png" if encoding == "jpeg" and codes.shape[2] == 4 else encoding
