@@ -293,6 +293,7 @@ from .texture.cube_lookup import (
 from .texture.cube_map import CubeMap as CubeMap
 from .texture.cube_options import CubeOptions as CubeOptions
 from .texture.encoding import decode_srgb as decode_srgb
+from .texture.gltf_images import gltf_images as gltf_images
 from .texture.height_options import (
     HeightToNormalOptions as HeightToNormalOptions,
     NormalToHeightOptions as NormalToHeightOptions,

@@ -13,10 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from texbake.mesh.files.gltf import read_gltf
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.obj import read_obj
+from texbake.mesh.materials import read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
+from texbake.texture.gltf_images import gltf_images
 from texbake.texture.png_files import write_png
 
 SCRIPT = Path(__file__).with_name("validate_gltf.cjs")
@@ -142,4 +145,21 @@ def test_real_meshes_with_real_maps_are_sound(validate, tmp_path, data_dir, name
 def test_torture_meshes_are_sound(validate, tmp_path, data_dir, normal_map, name):
     mesh = read_obj(data_dir / "mikktspace" / f"{name}.obj")
     write_glb(mesh, tmp_path / "a.glb", normal_map=normal_map)
+    assert_sound(validate(tmp_path / "a.glb"))
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    "name",
+    ["ClearCoatTest.glb", "GlamVelvetSofa.glb", "MultiUVTest.glb", "SpecularTest.glb",
+     "EmissiveStrengthTest.glb", "TextureTransformMultiTest.glb", "VertexColorTest.glb",
+     "GlassVaseFlowers.glb", "ToyCar.gltf"],
+)  # fmt: skip
+def test_materials_of_real_files_are_sound(validate, tmp_path, data_dir, name):
+    path = next((data_dir / "gltf").rglob(name))
+    mesh = read_gltf(path)
+    materials = read_materials(path, mesh)
+    # What stands where glTF reads it is not touched.
+    assert gltf_images(materials).materials == materials.materials
+    write_glb(mesh, tmp_path / "a.glb", materials=materials)
     assert_sound(validate(tmp_path / "a.glb"))

@@ -7,15 +7,13 @@ colors as brightnesses here (4:4:4), which normal maps need, and has no alpha. P
 from __future__ import annotations
 
 import io
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.texture.png_files import write_png
+from texbake.texture.png_files import png_parts
 
 # Names of the formats, with the suffixes of their files.
 ENCODINGS = {"webp": ".webp", "jpeg": ".jpg", "png": ".png"}
@@ -64,10 +62,7 @@ def encode_image(
         raise OptionError(f"encoding: {encoding!r} is not known; use {', '.join(ENCODINGS)}")
     encoding = encoding_of(codes, encoding)
     if encoding == "png":
-        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-            path = Path(folder) / "image.png"
-            write_png(path, codes, srgb=is_color, threads=threads)
-            return path.read_bytes()
+        return b"".join(png_parts(codes, srgb=is_color, threads=threads))
     from PIL import Image
 
     buffer = io.BytesIO()

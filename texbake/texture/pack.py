@@ -148,7 +148,7 @@ def pack_textures(
     places = []
     for image, size, (left, top) in zip(images, sizes, corners, strict=True):
         w, h = _scaled(size, scale)
-        texels = _resized(_with_channels(image, n_channels), w, h)
+        texels = resized(_with_channels(image, n_channels), w, h)
         padded = np.pad(texels, ((pad, pad), (pad, pad), (0, 0)), _NP_PAD[options.edges])  # type: ignore[call-overload]
         pixels[top : top + h + 2 * pad, left : left + w + 2 * pad] = padded
         places.append(PlacedImage(left + pad, top + pad, w, h))
@@ -216,7 +216,7 @@ def _with_channels(image: npt.NDArray[Any], n_channels: int) -> FloatImage:
     return full
 
 
-def _resized(image: FloatImage, width: int, height: int) -> FloatImage:
+def resized(image: FloatImage, width: int, height: int) -> FloatImage:
     """Scale an image down with a triangle filter, which never rings."""
     if image.shape[:2] == (height, width):
         return image

@@ -40,6 +40,26 @@ def write_png(
 ) -> None:
     """Write integer codes as a PNG file.
 
+    Parameters
+    ----------
+    path
+    codes, srgb, description, threads
+        As for `png_parts`.
+    """
+    parts = png_parts(codes, srgb=srgb, description=description, threads=threads)
+    with Path(path).open("wb") as file:
+        file.writelines(parts)
+
+
+def png_parts(
+    codes: npt.NDArray[Any],
+    *,
+    srgb: bool = False,
+    description: str = "",
+    threads: int | None = None,
+) -> list[bytes]:
+    """Return the bytes of a PNG file, in parts.
+
     Rows are stored as differences from what the neighbors predict, compressed by run lengths and
     Huffman codes only. For smooth maps, the files are smaller than with differences from the left
     and the usual search for repeats, and are written many times as fast.
@@ -64,8 +84,7 @@ def write_png(
         parts.append(_chunk(b"tEXt", b"Description\0" + description.encode("ascii")))
     parts += _compressed(codes, threads)
     parts.append(_chunk(b"IEND", b""))
-    with Path(path).open("wb") as file:
-        file.writelines(parts)
+    return parts
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

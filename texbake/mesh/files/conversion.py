@@ -104,7 +104,23 @@ def far_origin(mesh: Mesh) -> FloatArray:
     return center
 
 
-_JPEG_START = b"\xff\xd8\xff"
+_MEDIA_TYPES = (
+    (0, SIGNATURE, "image/png"),
+    (0, b"\xff\xd8\xff", "image/jpeg"),
+    (8, b"WEBP", "image/webp"),
+    (0, b"\xabKTX 20\xbb\r\n\x1a\n", "image/ktx2"),
+)
+
+
+def media_type(data: bytes) -> str | None:
+    """Media type of an image that glTF holds, by its first bytes; None for other formats.
+
+    >>> media_type(b"BM6")
+    """
+    for start, signature, name in _MEDIA_TYPES:
+        if data[start : start + len(signature)] == signature:
+            return name
+    return None
 
 
 def image_file(path: PathLike) -> tuple[bytes, str]:
@@ -123,18 +139,19 @@ def image_file(path: PathLike) -> tuple[bytes, str]:
         data = Path(path).read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if data.startswith(SIGNATURE):
+    kind = media_type(data)
+    if kind == "image/png":
         png_description(path)  # raises where it is damaged
-        return data, "image/png"
-    if data.startswith(_JPEG_START):
-        return data, "image/jpeg"
+        return data, kind
+    if kind == "image/jpeg":
+        return data, kind
     raise OptionError(f"{path}: the images of a material must be PNG or JPEG; save it as PNG")
 
 
 def check_normal_map(path: PathLike) -> None:
     """Raise `OptionError` for a normal map that says it is not in tangent space with +Y."""
-    _, media_type = image_file(path)
-    if media_type != "image/png":
+    _, kind = image_file(path)
+    if kind != "image/png":
         return
     facts = from_description(png_description(path))
     if facts.get(SPACE, "tangent") != "tangent":

@@ -20,7 +20,13 @@ import numpy.typing as npt
 from texbake import __version__
 from texbake.errors import FileFormatError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import as_text, check_normal_map, color_factors, image_file
+from texbake.mesh.files.conversion import (
+    as_text,
+    check_normal_map,
+    color_factors,
+    image_file,
+    media_type,
+)
 from texbake.mesh.files.gltf_compression import (
     ATTRIBUTES,
     EXTENSION,
@@ -31,7 +37,10 @@ from texbake.mesh.files.gltf_compression import (
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
-_REPEAT, _LINEAR, _TRILINEAR = 10497, 9729, 9987
+_NEAREST, _LINEAR, _NEAREST_MIPS, _TRILINEAR = 9728, 9729, 9984, 9987
+_WRAPS = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
+# Images that glTF itself does not name, by the extensions that do.
+_IMAGE_EXTENSIONS = {"image/webp": "EXT_texture_webp", "image/ktx2": "KHR_texture_basisu"}
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
@@ -49,8 +58,14 @@ class GltfAsset:
             "scenes": [{"nodes": []}],
             **{kind: [] for kind in ("nodes", "meshes", "materials", "accessors", "bufferViews")},
         }
+        self._images: dict[bytes, int] = {}
         if compress:
             self.require(EXTENSION)
+
+    def append_material(self, content: dict[str, Any]) -> int:
+        """Add a material as glTF has it, and return its index."""
+        self._json["materials"].append(content)
+        return len(self._json["materials"]) - 1
 
     def add_material(
         self,
@@ -66,48 +81,41 @@ class GltfAsset:
         material: dict[str, Any] = {"name": as_text(name), "pbrMetallicRoughness": surface}
         if normal_map is not None:
             check_normal_map(normal_map)
-            material["normalTexture"] = {"index": self._add_texture(normal_map)}
+            material["normalTexture"] = {"index": self._add_texture_file(normal_map)}
         if isinstance(base_color, str | os.PathLike):
-            surface["baseColorTexture"] = {"index": self._add_texture(base_color)}
+            surface["baseColorTexture"] = {"index": self._add_texture_file(base_color)}
         elif base_color is not None:
             surface["baseColorFactor"] = color_factors(base_color)
         if orm is not None:
-            texture = {"index": self._add_texture(orm)}
+            texture = {"index": self._add_texture_file(orm)}
             surface |= {"metallicFactor": 1.0, "roughnessFactor": 1.0}
             surface["metallicRoughnessTexture"] = texture
             material["occlusionTexture"] = texture
         if emissive is not None:
-            material["emissiveTexture"] = {"index": self._add_texture(emissive)}
+            material["emissiveTexture"] = {"index": self._add_texture_file(emissive)}
             material["emissiveFactor"] = [1.0, 1.0, 1.0]
-        self._json["materials"].append(material)
+        self.append_material(material)
 
-    def add(self, kind: str, item: dict[str, Any]) -> int:
-        """Add an object of a kind, such as `materials`, and return its index."""
-        items = self._json.setdefault(kind, [])
-        items.append(item)
-        return len(items) - 1
+    def add_mesh(self, name: str, primitives: list[dict[str, Any]]) -> int:
+        """Add a mesh, and return its index."""
+        self._json["meshes"].append({"name": as_text(name), "primitives": primitives})
+        return len(self._json["meshes"]) - 1
 
-    def add_image(self, data: bytes, media_type: str) -> int:
-        """Add the content of an image file, and return its index."""
-        return self.add("images", {"bufferView": self._add_view(data), "mimeType": media_type})
-
-    def add_mesh(
+    def add_primitive(
         self,
-        name: str,
         columns: dict[str, npt.NDArray[np.float32]],
         indices: npt.NDArray[np.int64],
-        material: int = 0,
-    ) -> int:
-        """Add a mesh of one primitive, and return its index.
+        material: int,
+    ) -> dict[str, Any]:
+        """Add the arrays of a primitive, and return it.
 
         Parameters
         ----------
-        name
         columns
             (n, width) values of each attribute at each vertex.
         indices : (3 F,) int64
         material
-            Index of its material.
+            Its index.
         """
         attributes = {
             attribute: self._add_accessor(values, _VERTICES, bounded=attribute == "POSITION")
@@ -115,13 +123,11 @@ class GltfAsset:
         }
         # The greatest index of a type restarts a primitive, so 65535 vertices fit 16 bits.
         index_type = np.uint16 if len(columns["POSITION"]) <= 65535 else np.uint32
-        primitive = {
+        return {
             "attributes": attributes,
             "indices": self._add_accessor(indices.astype(index_type).reshape(-1, 1), _INDICES),
             "material": material,
         }
-        self._json["meshes"].append({"name": as_text(name), "primitives": [primitive]})
-        return len(self._json["meshes"]) - 1
 
     def add_node(self, name: str, **fields: Any) -> int:
         """Add a node that is in no scene yet, and return its index."""
@@ -157,13 +163,13 @@ class GltfAsset:
             file.writelines(self._parts)
 
     def use(self, extension: str) -> None:
-        """Name an extension that the asset uses."""
+        """Name an extension among those that the file uses."""
         used = self._json.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
 
     def require(self, extension: str) -> None:
-        """Name an extension without which the asset cannot be read."""
+        """Name an extension among those without which the file cannot be read."""
         self.use(extension)
         required = self._json.setdefault("extensionsRequired", [])
         if extension not in required:
@@ -215,14 +221,52 @@ class GltfAsset:
         self._parts += [data, padding]
         self._n_bytes += len(data) + len(padding)
 
-    def _add_texture(self, path: PathLike) -> int:
-        data, media_type = image_file(path)
-        source = self.add_image(data, media_type)
+    def _add_texture_file(self, path: PathLike) -> int:
+        data, _ = image_file(path)
+        return self.add_texture(data)
+
+    def add_texture(
+        self,
+        data: bytes,
+        *,
+        wraps: tuple[str, str] = ("repeat", "repeat"),
+        is_nearest: bool = False,
+    ) -> int:
+        """Add a texture, and return its index; one that is there already is not added again.
+
+        Parameters
+        ----------
+        data
+            Content of a PNG, JPEG, WebP or KTX2 file.
+        wraps, is_nearest
+            As in `ChannelImage`.
+        """
+        source = self._add_image(data)
         sampler = {
-            "magFilter": _LINEAR,
-            "minFilter": _TRILINEAR,
-            "wrapS": _REPEAT,
-            "wrapT": _REPEAT,
+            "magFilter": _NEAREST if is_nearest else _LINEAR,
+            "minFilter": _NEAREST_MIPS if is_nearest else _TRILINEAR,
+            "wrapS": _WRAPS[wraps[0]],
+            "wrapT": _WRAPS[wraps[1]],
         }
-        self._json["samplers"] = [sampler]
-        return self.add("textures", {"sampler": 0, "source": source})
+        texture: dict[str, Any] = {"sampler": self._index("samplers", sampler)}
+        extension = _IMAGE_EXTENSIONS.get(media_type(data) or "")
+        if extension is None:
+            texture["source"] = source
+        else:
+            self.require(extension)
+            texture["extensions"] = {extension: {"source": source}}
+        return self._index("textures", texture)
+
+    def _add_image(self, data: bytes) -> int:
+        images = self._json.setdefault("images", [])
+        if data not in self._images:
+            self._images[data] = len(images)
+            images.append({"bufferView": self._add_view(data), "mimeType": media_type(data)})
+        return self._images[data]
+
+    def _index(self, kind: str, item: dict[str, Any]) -> int:
+        """Index of an item of a list, which is added where it is not there."""
+        items: list[dict[str, Any]] = self._json.setdefault(kind, [])
+        if item not in items:
+            items.append(item)
+        return items.index(item)

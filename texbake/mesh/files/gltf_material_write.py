@@ -1,17 +1,16 @@
-"""Writing materials with all of their channels into a glTF asset.
+"""Materials as glTF files hold them: what `gltf_materials` reads, written back.
 
-Images are embedded as they are, so each channel must be where glTF reads it: roughness in green,
-and so on, as `gltf_channels` lists. Channels of one texture share an image.
+A channel without an image whose texture has one keeps its factor: the image is taken to be 1 there,
+as `texbake.texture.gltf_images` makes it.
 
-Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and its
-extensions KHR_texture_transform, EXT_texture_webp, KHR_texture_basisu, KHR_materials_unlit and
-KHR_materials_emissive_strength.
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
+extensions KHR_texture_transform and KHR_materials_emissive_strength.
 """
 
 from __future__ import annotations
 
 import math
-from itertools import groupby
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,181 +18,145 @@ import numpy as np
 from texbake.errors import OptionError
 from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf_asset import GltfAsset
-from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
-from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, MeshMaterial
-
-_WRAPS = {"clamp": 33071, "mirror": 33648, "repeat": 10497}
-_NEAREST, _LINEAR, _TRILINEAR = 9728, 9729, 9987
-_TRANSFORM = "KHR_texture_transform"
-_UNLIT = "KHR_materials_unlit"
-# First bytes of image files, where they begin, the media type, and the extension that allows it.
-_FORMATS = (
-    (b"\x89PNG\r\n\x1a\n", 0, "image/png", None),
-    (b"\xff\xd8\xff", 0, "image/jpeg", None),
-    (b"WEBP", 8, "image/webp", "EXT_texture_webp"),
-    (b"\xabKTX 20\xbb", 0, "image/ktx2", "KHR_texture_basisu"),
+from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS
+from texbake.mesh.files.gltf_materials import FLIP
+from texbake.mesh.files.gltf_slots import SLOTS, Slot
+from texbake.mesh.materials import (
+    CHANNELS,
+    UNPLACED,
+    ChannelImage,
+    Materials,
+    MeshMaterial,
+    Placing,
 )
-# v down to v up, and back.
-_FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
+
+_UNLIT = "KHR_materials_unlit"
+_TRANSFORM = "KHR_texture_transform"
+# What rounding leaves of axes that are perpendicular, as a cosine.
+_SQUARE = 1e-6
 
 
-class GltfMaterialWriter:
-    """Adds materials to an asset; images and textures that they share are added once.
+def uv_numbers(materials: Materials) -> dict[int, int]:
+    """Numbers that the file gives to sets of texture coordinates: 0, 1, 2 without a gap."""
+    used = {
+        source.image.uv_set
+        for material in materials.materials
+        for source in material.channels.values()
+        if source.image is not None
+    }
+    return {uv_set: number for number, uv_set in enumerate(sorted(used | {0}))}
+
+
+def add_material(asset: GltfAsset, material: MeshMaterial, numbers: Mapping[int, int]) -> int:
+    """Add a material with its textures, and return its index.
 
     Parameters
     ----------
-    asset : GltfAsset
+    asset
+    material
+    numbers
+        As from `uv_numbers`.
+
+    Raises
+    ------
+    OptionError
+        An image is not where glTF reads it, or is placed as glTF cannot place it.
     """
-
-    def __init__(self, asset: GltfAsset) -> None:
-        self._asset = asset
-        self._images: dict[str, int] = {}
-        self._samplers: dict[tuple[str, str, bool], int] = {}
-        self._textures: dict[tuple[int, int], int] = {}
-
-    def add(self, material: MeshMaterial) -> int:
-        """Add a material, and return its index.
-
-        Raises
-        ------
-        OptionError
-            An image is in a format that glTF does not have, a channel is not where glTF reads it,
-            or an image is placed with a shear.
-        """
-        made: dict[str, Any] = {"name": as_text(material.name)}
-        for _, slot in groupby(GLTF_CHANNELS, key=lambda where: (where.owner, where.texture)):
-            self._add_slot(made, list(slot), material)
-        if material.alpha_mode != "opaque":
-            made["alphaMode"] = material.alpha_mode.upper()
-        if material.alpha_mode == "mask":
-            made["alphaCutoff"] = material.alpha_cutoff
-        if material.is_double_sided:
-            made["doubleSided"] = True
-        if material.is_unlit:
-            made.setdefault("extensions", {})[_UNLIT] = {}
-        for name in made.get("extensions", {}):
-            self._asset.use(name)
-        return self._asset.add("materials", made)
-
-    def _add_slot(
-        self, made: dict[str, Any], slot: list[GltfChannel], material: MeshMaterial
-    ) -> None:
-        """Add the channels of one texture, with their factors."""
-        sources = {
-            where: material.channels[where.name]
-            for where in slot
-            if where.name in material.channels
-        }
-        if not sources:
-            # glTF takes a metallic for 1 where it is not given, and we for 0.
-            if slot[0].texture == "metallicRoughnessTexture":
-                made.setdefault("pbrMetallicRoughness", {})["metallicFactor"] = 0.0
-            return
-        holder = made
-        owner = slot[0].owner
-        if owner:
-            parent = made.setdefault("extensions", {}) if slot[0].is_extension else made
-            holder = parent.setdefault(owner, {})
-        factors: dict[str, list[float]] = {}
-        for where, source in sources.items():
-            if where.factor:
-                numbers = factors.setdefault(where.factor, list(where.defaults))
-                for component, value in zip(where.factor_components, source.factor, strict=True):
-                    numbers[component] = value
-        if slot[0].name == "emissive":
-            strength = max(1.0, *factors[slot[0].factor])
-            factors[slot[0].factor] = [v / strength for v in factors[slot[0].factor]]
-            if strength > 1.0:
-                extension = made.setdefault("extensions", {})
-                extension[EMISSIVE_STRENGTH] = {"emissiveStrength": strength}
-        for name, numbers in factors.items():
-            holder[name] = numbers if len(numbers) > 1 else numbers[0]
-        if "metallicFactor" not in holder and slot[0].texture == "metallicRoughnessTexture":
-            holder["metallicFactor"] = 0.0
-        image = self._common_image(sources)
-        if image is not None:
-            holder[slot[0].texture] = self._texture_info(image, slot[0], sources.get(slot[0]))
-
-    def _common_image(self, sources: dict[GltfChannel, ChannelSource]) -> ChannelImage | None:
-        """Return the image of a texture, which all of its channels must share."""
-        images = {where: source.image for where, source in sources.items() if source.image}
-        if not images:
-            return None
-        first = next(iter(images.values()))
-        for where, image in images.items():
-            if image.components != where.components:
-                raise OptionError(
-                    f"{image.name}: glTF reads {where.name} from other components of an image; "
-                    "pack it first"
-                )
-            same = (image.name, image.placing, image.wraps, image.uv_set, image.is_nearest)
-            if same != (first.name, first.placing, first.wraps, first.uv_set, first.is_nearest):
-                names = " and ".join(where.name for where in images)
-                raise OptionError(
-                    f"{image.name}: glTF reads {names} from one image; pack them first"
-                )
-        return first
-
-    def _texture_info(
-        self, image: ChannelImage, where: GltfChannel, source: ChannelSource | None
-    ) -> dict[str, Any]:
-        info: dict[str, Any] = {"index": self._texture(image)}
-        if image.uv_set:
-            info["texCoord"] = image.uv_set
-        if source is not None and where.name == "normal" and source.factor[0] != 1.0:
-            info["scale"] = source.factor[0]
-        if source is not None and where.name == "occlusion" and source.factor[0] != 1.0:
-            info["strength"] = source.factor[0]
-        if image.placing != UNPLACED:
-            info["extensions"] = {_TRANSFORM: _transform(image)}
-            self._asset.use(_TRANSFORM)
-        return info
-
-    def _texture(self, image: ChannelImage) -> int:
-        """Index of a texture, added if it is new."""
-        kind = *image.wraps, image.is_nearest
-        if kind not in self._samplers:
-            wrap_s, wrap_t, is_nearest = kind
-            self._samplers[kind] = self._asset.add(
-                "samplers",
-                {
-                    "magFilter": _NEAREST if is_nearest else _LINEAR,
-                    "minFilter": _NEAREST if is_nearest else _TRILINEAR,
-                    "wrapS": _WRAPS[wrap_s],
-                    "wrapT": _WRAPS[wrap_t],
-                },
+    extensions: dict[str, Any] = {}
+    content: dict[str, Any] = {"name": as_text(material.name), "pbrMetallicRoughness": {}}
+    for slot in SLOTS:
+        is_extension = slot.channels[0].is_extension
+        if is_extension and not any(where.name in material.channels for where in slot.channels):
+            continue
+        owner = content
+        if slot.owner:
+            owner = (extensions if is_extension else content).setdefault(slot.owner, {})
+        if not slot.holds(material):
+            raise OptionError(
+                f"{material.name}: glTF has no place for the image of its "
+                f"{' and '.join(where.name for where, _ in slot.sources(material))}; "
+                "rearrange it with texbake.gltf_images"
             )
-        media_type, extension = _format(image)
-        if image.name not in self._images:
-            self._images[image.name] = self._asset.add_image(image.data, media_type)
-        key = self._samplers[kind], self._images[image.name]
-        if key not in self._textures:
-            sampler, source = key
-            texture: dict[str, Any] = {"sampler": sampler}
-            if extension is None:
-                texture["source"] = source
-            else:
-                texture["extensions"] = {extension: {"source": source}}
-                self._asset.require(extension)
-            self._textures[key] = self._asset.add("textures", texture)
-        return self._textures[key]
+        image = slot.image(material)
+        if image is not None:
+            owner[slot.texture] = _texture_info(asset, material, slot, image, numbers)
+    _add_factors(content, extensions, material)
+    if material.alpha_mode != "opaque":
+        content["alphaMode"] = material.alpha_mode.upper()
+    if material.alpha_mode == "mask":
+        content["alphaCutoff"] = material.alpha_cutoff
+    if material.is_double_sided:
+        content["doubleSided"] = True
+    if material.is_unlit:
+        extensions[_UNLIT] = {}
+    if extensions:
+        content["extensions"] = extensions
+        for extension in extensions:
+            asset.use(extension)
+    return asset.append_material(content)
 
 
-def _format(image: ChannelImage) -> tuple[str, str | None]:
-    """Media type of an image, and the extension that allows it in glTF."""
-    for magic, start, media_type, extension in _FORMATS:
-        if image.data[start : start + len(magic)] == magic:
-            return media_type, extension
-    raise OptionError(f"{image.name}: glTF has no images of this format; save it as PNG")
+def _add_factors(
+    content: dict[str, Any], extensions: dict[str, Any], material: MeshMaterial
+) -> None:
+    """Set the factors that differ from those that glTF assumes."""
+    for where in GLTF_CHANNELS:
+        owners = extensions if where.is_extension else content
+        if not where.factor or (where.is_extension and where.owner not in extensions):
+            continue
+        owner = owners[where.owner] if where.owner else content
+        source = material.channels.get(where.name)
+        factor = CHANNELS[where.name].default if source is None else source.factor
+        if where.name == "alpha" and material.alpha_mode == "opaque":
+            factor = (1.0,)
+        if where.name == "emissive" and max(factor) > 1.0:
+            extensions[EMISSIVE_STRENGTH] = {"emissiveStrength": max(factor)}
+            factor = tuple(value / max(factor) for value in factor)
+        if CHANNELS[where.name].is_bounded:
+            factor = tuple(min(max(value, 0.0), 1.0) for value in factor)
+        if len(where.defaults) == 1:
+            if factor != where.defaults:
+                owner[where.factor] = factor[0]
+            continue
+        values = list(owner.get(where.factor, where.defaults))
+        for component, value in zip(where.factor_components, factor, strict=True):
+            values[component] = value
+        if tuple(values) != where.defaults:
+            owner[where.factor] = values
 
 
-def _transform(image: ChannelImage) -> dict[str, Any]:
-    """KHR_texture_transform of a placing, for coordinates with v down."""
-    matrix = _FLIP @ np.array([*image.placing, (0.0, 0.0, 1.0)]) @ _FLIP
-    angle = math.atan2(-matrix[1, 0], matrix[0, 0])
-    sine, cosine = math.sin(angle), math.cos(angle)
-    scale = (math.hypot(matrix[0, 0], matrix[1, 0]), sine * matrix[0, 1] + cosine * matrix[1, 1])
-    turned = np.array([[cosine, sine], [-sine, cosine]]) * scale
-    if not np.allclose(turned, matrix[:2, :2], atol=1e-9 * max(1.0, abs(matrix).max())):
-        raise OptionError(f"{image.name}: glTF cannot place an image with a shear; bake it first")
-    return {"offset": matrix[:2, 2].tolist(), "rotation": angle, "scale": list(scale)}
+def _texture_info(
+    asset: GltfAsset,
+    material: MeshMaterial,
+    slot: Slot,
+    image: ChannelImage,
+    numbers: Mapping[int, int],
+) -> dict[str, Any]:
+    texture = asset.add_texture(image.data, wraps=image.wraps, is_nearest=image.is_nearest)
+    info: dict[str, Any] = {"index": texture}
+    if numbers[image.uv_set]:
+        info["texCoord"] = numbers[image.uv_set]
+    for where, source in slot.sources(material):
+        if where.name == "normal" and source.factor[0] != 1.0:
+            info["scale"] = source.factor[0]
+        if where.name == "occlusion" and source.factor[0] != 1.0:
+            info["strength"] = source.factor[0]
+    if image.placing != UNPLACED:
+        asset.use(_TRANSFORM)
+        info["extensions"] = {_TRANSFORM: _transform(material, image.placing)}
+    return info
+
+
+def _transform(material: MeshMaterial, placing: Placing) -> dict[str, Any]:
+    """KHR_texture_transform object of a matrix for coordinates with v up."""
+    matrix = FLIP @ np.array([*placing, (0.0, 0.0, 1.0)]) @ FLIP
+    (a, b, x), (c, d, y), _ = matrix.tolist()
+    # [a b; c d] = [cos sin; -sin cos] diag(scale)
+    angle = math.atan2(-c, a) if (a, c) != (0.0, 0.0) else math.atan2(b, d)
+    if abs(a * b + c * d) > _SQUARE * math.hypot(a, c) * math.hypot(b, d):
+        raise OptionError(f"{material.name}: an image is sheared, which glTF cannot do")
+    cos, sin = math.cos(angle), math.sin(angle)
+    found: dict[str, Any] = {"offset": [x, y], "scale": [a * cos - c * sin, b * sin + d * cos]}
+    if angle:
+        found["rotation"] = angle
+    return found

@@ -40,7 +40,7 @@ _NEAREST = 9728
 _ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _UNNAMED = "material"
 # v down to v up, and back.
-_FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
+FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
 
 
 def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
@@ -292,5 +292,5 @@ def _placing(document: Document, moved: dict[str, Any]) -> Placing:
     matrix: FloatArray = np.eye(3)
     matrix[:2, :2] = turn * (1.0 if scale is None else scale)
     matrix[:2, 2] = 0.0 if offset is None else offset
-    (a, b, c), (d, e, f), _ = (_FLIP @ matrix @ _FLIP).tolist()
+    (a, b, c), (d, e, f), _ = (FLIP @ matrix @ FLIP).tolist()
     return (a, b, c), (d, e, f)

@@ -1,9 +1,9 @@
-"""Writing binary glTF 2.0: one primitive per group, with tangents and textures.
+"""Writing binary glTF 2.0: a primitive per group and material, with tangents and textures.
 
-Corners become vertices of a GPU stream: corners of a group whose attributes all agree, bit for bit,
-become one vertex. Triangles keep their order, except in a compressed file, where neighbors follow
-one another. The format has no place for names of primitives, so each group is a mesh and a node
-with its name.
+Corners become vertices of a GPU stream: corners of a primitive whose attributes all agree, bit for
+bit, become one vertex. Triangles keep their order within a primitive, except in a compressed file,
+where neighbors follow one another. The format has no place for names of primitives, so each group
+is a mesh and a node with its name.
 
 Levels of detail are nodes outside the scene: a reader that does not know MSFT_lod shows only the
 finest level.
@@ -23,23 +23,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError, OptionError, UvError
+from texbake.errors import OptionError, UvError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import far_origin
 from texbake.mesh.files.gltf_asset import GltfAsset
-from texbake.mesh.files.gltf_compression import ordered_triangles
-from texbake.mesh.files.gltf_material_write import GltfMaterialWriter
+from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
+from texbake.mesh.files.gltf_vertices import CornerVertices
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.normals import shading_normals
-from texbake.mesh.tangents import corner_tangents
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.mesh import Mesh
 
 # Share of the picture's area that the finest level is shown from on; each next one from a quarter
 # of it, which is half the height.
 _FINEST_COVERAGE = 0.25
-
-FloatColumns = npt.NDArray[np.float32]
 
 
 def write_glb(
@@ -51,10 +46,10 @@ def write_glb(
     orm: PathLike | None = None,
     emissive: PathLike | None = None,
     name: str | None = None,
+    materials: Materials | None = None,
     levels: Sequence[Mesh] | None = None,
     coverages: Sequence[float] | None = None,
     compress: bool | None = None,
-    materials: Materials | None = None,
 ) -> None:
     """Write a mesh as binary glTF, textures embedded as they are.
 
@@ -74,6 +69,11 @@ def write_glb(
         PNG or JPEG file in sRGB.
     name
         Of the mesh and the material; by default that of the file.
+    materials
+        Of the faces, with their channels, instead of those files. Images are embedded as they are:
+        PNG, JPEG or WebP, with components where glTF reads them, as `texbake.gltf_images` puts
+        them. Materials without a face are left out. Vertex colors are written only where
+        `has_vertex_colors` says that they are factors of the base color.
     levels
         Coarser meshes that replace this one where it is small in the picture, the finest first.
     coverages
@@ -83,17 +83,16 @@ def write_glb(
         Compress vertices and triangles by EXT_meshopt_compression: no value changes, but triangles
         are reordered. Programs without the extension cannot open such a file.
 
-    materials
-        Of the faces, with all their channels, in place of the textures above. Images are embedded
-        as they are; see `gltf_material_write` for what glTF asks of them.
-
     Raises
     ------
     UvError
-        A texture is given, and a mesh has no texture coordinates.
+        A texture is given, and a mesh has no texture coordinates, or not the set of them that an
+        image lies on.
     OptionError
-        A texture is neither PNG nor JPEG, the normal map says that it is in another space or
-        convention, a factor is out of range, or the coverages do not fit the levels.
+        `materials` are given together with a file or with `levels`, or an image of them is not
+        where glTF reads it; a texture is neither PNG nor JPEG, the normal map says that it is in
+        another space or convention, a factor is out of range, or the coverages do not fit the
+        levels.
     MeshError
         A coordinate is beyond the float32 that the format holds.
     FileError
@@ -104,27 +103,19 @@ def write_glb(
         `compress` is set, and meshoptimizer does not load.
     """
     textures = (normal_map, base_color, orm, emissive)
-    has_textures = any(isinstance(texture, str | os.PathLike) for texture in textures) or (
-        materials is not None and materials.has_images
-    )
     meshes = [mesh, *(levels or ())]
     shares = _coverages(len(meshes), coverages)
-    for level in meshes:
-        if level.uvs is None and has_textures:
-            raise UvError(
-                f"{level.name}: it has no texture coordinates, which a texture needs; "
-                f"make some with: texbake unwrap {level.name} -o OUT"
-            )
+    if materials is not None:
+        _check_materials(mesh, materials, alone=len(meshes) == 1 and not any(textures))
+    elif any(isinstance(texture, str | os.PathLike) for texture in textures):
+        for level in meshes:
+            _check_uvs(level)
     name = Path(path).stem if name is None else name
     asset = GltfAsset(compress=bool(compress))
     if materials is None:
         asset.add_material(
             name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive
         )
-    else:
-        writer = GltfMaterialWriter(asset)
-        for material in materials.materials:
-            writer.add(material)
     if len(meshes) == 1:
         for node in _add_groups(asset, mesh, name, materials, compress=bool(compress)):
             asset.place(node)
@@ -152,98 +143,74 @@ def _coverages(n_levels: int, coverages: Sequence[float] | None) -> Sequence[flo
     return coverages
 
 
+def _check_uvs(mesh: Mesh) -> None:
+    if mesh.uvs is None:
+        raise UvError(
+            f"{mesh.name}: it has no texture coordinates, which a texture needs; "
+            f"make some with: texbake unwrap {mesh.name} -o OUT"
+        )
+
+
+def _check_materials(mesh: Mesh, materials: Materials, *, alone: bool) -> None:
+    if not alone:
+        raise OptionError("materials: give them without levels and without files of a material")
+    if len(materials.face_materials) != mesh.n_faces:
+        raise OptionError(
+            f"materials: they are those of {len(materials.face_materials):,} faces; "
+            f"{mesh.name} has {mesh.n_faces:,}"
+        )
+    for uv_set in uv_numbers(materials):
+        if uv_set and uv_set not in materials.uv_sets:
+            raise UvError(f"{mesh.name}: an image lies on texture coordinates {uv_set}, not there")
+    if materials.has_images:
+        _check_uvs(mesh)
+
+
 def _add_groups(
     asset: GltfAsset, mesh: Mesh, name: str, materials: Materials | None, *, compress: bool
 ) -> list[int]:
-    """Add each group as a mesh and a node; return the nodes."""
-    origin = far_origin(mesh)
-    place: dict[str, Any] = {"translation": origin.tolist()} if origin.any() else {}
+    """Add each group as a mesh and a node, with a primitive for each material; return the nodes."""
+    vertices = CornerVertices(mesh, far_origin(mesh), materials)
+    place: dict[str, Any] = {}
+    if vertices.origin.any():
+        place["translation"] = vertices.origin.tolist()
+    numbers = {} if materials is None else uv_numbers(materials)
+    written: dict[int, int] = {}
     nodes = []
     with np.errstate(over="ignore"):
-        for group, material, corners in _groups(mesh, name, materials, origin):
-            if not all(np.isfinite(values).all() for values in corners.values()):
-                raise MeshError(f"{mesh.name}: a coordinate is beyond float32; scale it down first")
-            firsts = weld_rows(np.concatenate(list(corners.values()), axis=1))
-            kept, indices = np.unique(firsts, return_inverse=True)
-            if compress:
-                indices, order = ordered_triangles(indices, len(kept))
-                kept = kept[order]
-            columns = {attribute: values[kept] for attribute, values in corners.items()}
-            made = asset.add_mesh(group, columns, indices, material)
-            nodes.append(asset.add_node(group, mesh=made, **place))
+        for group, faces in _groups(mesh, name):
+            primitives = []
+            for of_faces, part in _by_material(faces, materials):
+                if of_faces not in written:
+                    written[of_faces] = 0
+                    if materials is not None:
+                        material = materials.materials[of_faces]
+                        written[of_faces] = add_material(asset, material, numbers)
+                columns, indices = vertices.stream(part, of_faces, compress=compress)
+                primitives.append(asset.add_primitive(columns, indices, written[of_faces]))
+            nodes.append(asset.add_node(group, mesh=asset.add_mesh(group, primitives), **place))
     return nodes
 
 
-def _groups(
-    mesh: Mesh, name: str, materials: Materials | None, origin: FloatArray
-) -> Iterator[tuple[str, int, dict[str, FloatColumns]]]:
-    """Faces of one group and one material: their names, material and attributes.
-
-    Attributes are those of each corner, (3 F, width).
-    """
-    normals, normal_faces = shading_normals(mesh)
-    unit_normals = _unit(normals, np.array([[0.0, 0.0, 1.0]]))
-    tangents = None
-    if mesh.uvs is not None:
-        tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
-    keeps_colors = materials is None or materials.has_vertex_colors
-    for group, material, faces in _parts(mesh, name, materials):
-        vertices = mesh.faces[faces].ravel()
-        columns = {"POSITION": (mesh.positions[vertices] - origin).astype(np.float32)}
-        columns["NORMAL"] = unit_normals[normal_faces[faces].ravel()].astype(np.float32)
-        if mesh.uvs is not None and mesh.uv_faces is not None and tangents is not None:
-            uvs = mesh.uvs[mesh.uv_faces[faces].ravel()]
-            columns["TEXCOORD_0"] = _turned_down(uvs)
-            columns["TANGENT"] = _sound_tangents(
-                tangents[faces].reshape(-1, 4), columns["NORMAL"].astype(np.float64)
-            )
-            for number, coordinates in {} if materials is None else materials.uv_sets.items():
-                further = coordinates[mesh.uv_faces[faces].ravel()]
-                columns[f"TEXCOORD_{number}"] = _turned_down(further)
-        if keeps_colors and mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
-            columns["COLOR_0"] = np.clip(mesh.colors[vertices], 0.0, 1.0)
-        yield group, material, columns
+def _groups(mesh: Mesh, name: str) -> Iterator[tuple[str, npt.NDArray[np.intp]]]:
+    """Name and faces of each group that has some."""
+    if mesh.face_groups is None:
+        yield name, np.arange(mesh.n_faces)
+        return
+    order = np.argsort(mesh.face_groups, kind="stable")
+    ends = np.cumsum(np.bincount(mesh.face_groups, minlength=len(mesh.group_names)))
+    for group, faces in zip(mesh.group_names, np.split(order, ends[:-1]), strict=True):
+        if len(faces):
+            yield group, faces
 
 
-def _parts(
-    mesh: Mesh, name: str, materials: Materials | None
-) -> Iterator[tuple[str, int, npt.NDArray[np.intp]]]:
-    """Name, material and faces of each group that has faces, one for each of its materials."""
-    groups = np.zeros(mesh.n_faces, np.int32) if mesh.face_groups is None else mesh.face_groups
-    names = mesh.group_names if mesh.face_groups is not None else (name,)
-    n_materials = 1 if materials is None else len(materials.materials)
-    keys = groups.astype(np.int64) * n_materials
-    if materials is not None:
-        keys += materials.face_materials
-    order = np.argsort(keys, kind="stable")
-    used, firsts = np.unique(keys[order], return_index=True)
-    n_of_groups = np.bincount(used // n_materials, minlength=len(names))
-    for key, faces in zip(used.tolist(), np.split(order, firsts[1:]), strict=True):
-        group, material = divmod(key, n_materials)
-        label = names[group]
-        if materials is not None and n_of_groups[group] > 1:
-            label = f"{label} {materials.names[material]}"
-        yield label, material, faces
-
-
-def _turned_down(uvs: FloatArray) -> FloatColumns:
-    return np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1).astype(np.float32)
-
-
-def _sound_tangents(tangents: npt.NDArray[np.float32], normals: FloatArray) -> FloatColumns:
-    """Unit tangents with w of 1 or -1; where there is none, some perpendicular to the normal."""
-    # The coordinate axis that is least along the normal spans a plane with it.
-    axes = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    perpendicular = _unit(np.cross(axes, normals), axes)
-    directions = _unit(tangents[:, :3].astype(np.float64), perpendicular)
-    signs = np.where(tangents[:, 3:] < 0.0, -1.0, 1.0)
-    return np.concatenate([directions, signs], axis=1).astype(np.float32)
-
-
-def _unit(vectors: FloatArray, instead: FloatArray) -> FloatArray:
-    """Vectors of length 1; the rows of `instead` where there is no direction."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    # 1e-6: what float32 leaves of a unit vector, which stays as it is, bit for bit.
-    divisors = np.where((np.abs(lengths - 1.0) <= 1e-6) | (lengths == 0.0), 1.0, lengths)
-    unit: FloatArray = np.where(lengths > 0.0, vectors / divisors, instead)
-    return unit
+def _by_material(
+    faces: npt.NDArray[np.intp], materials: Materials | None
+) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
+    """Yield each material of some faces, and those that have it."""
+    if materials is None:
+        yield 0, faces
+        return
+    of_faces = materials.face_materials[faces]
+    for material in np.unique(of_faces).tolist():
+        yield material, faces[of_faces == material]
