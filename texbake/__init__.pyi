@@ -74,6 +74,10 @@ from .jobs.comparison import (
     compare_files as compare_files,
     comparison_table as comparison_table,
 )
+from .jobs.convert import (
+    repair_file as repair_file,
+    transform_file as transform_file,
+)
 from .jobs.demo import demo as demo
 from .jobs.export.export import (
     ExportResult as ExportResult,
@@ -109,10 +113,8 @@ from .jobs.meshes import (
     info_file as info_file,
     make_file as make_file,
     remesh_file as remesh_file,
-    repair_file as repair_file,
     simplify_file as simplify_file,
     simplify_levels as simplify_levels,
-    transform_file as transform_file,
 )
 from .jobs.options import (
     DEMO_FOLDER as DEMO_FOLDER,

@@ -148,7 +148,7 @@ def test_one_that_changes_after_the_plan(tmp_path: Path, write: Any, inline: Any
 def test_one_that_changes_while_it_is_read(
     tmp_path: Path, write: Any, run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from texbake.jobs import meshes
+    from texbake.jobs import convert
     from texbake.mesh.repair import RepairReport
 
     (tmp_path / "a.obj").write_text(OBJ)
@@ -158,7 +158,7 @@ def test_one_that_changes_while_it_is_read(
         (tmp_path / "my stuff.mtl").write_text("# another")
         return mesh, RepairReport(mesh.n_faces, {})
 
-    monkeypatch.setattr(meshes, "repair", change)
+    monkeypatch.setattr(convert, "repair", change)
     result, _ = run(write('[[assets]]\ninputs.high = "a.obj"\n', STEPS))
     assert "my stuff.mtl: it changed while r read it" in result.failed[0].error
 

@@ -32,7 +32,7 @@ def test_units_and_the_axis_that_points_up(workplace: Path, invoke: Invoke) -> N
 
 @pytest.mark.parametrize(
     ("target", "lost"),
-    [("a.glb", "materials"), ("a.stl", "texture coordinates, materials")],
+    [("a.ply", "materials"), ("a.stl", "texture coordinates, materials")],
 )
 def test_what_is_lost_is_said(target: str, lost: str, workplace: Path, invoke: Invoke) -> None:
     text = Path("low.obj").read_text("utf-8").replace("\nf ", "\nusemtl red\nf ", 1)

@@ -9,10 +9,9 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from texbake.errors import FileFormatError, TexbakeError
+from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.jobs.outputs import (
-    BARE_MESH_SUFFIXES,
     JobResult,
     check_distinct,
     check_mesh,
@@ -25,20 +24,15 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import FileContents, read_contents
 from texbake.mesh.info import MeshInfo, mesh_info
-from texbake.mesh.materials import read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import MakeOptions
 from texbake.mesh.remesh_options import RemeshOptions
-from texbake.mesh.repair import RepairReport, repair
-from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.shapes import orange
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY
-from texbake.mesh.transform import transform
-from texbake.mesh.transform_options import TransformOptions
 from texbake.progress import ProgressSink
 from texbake.texture.image import image_shape, read_image
 
@@ -211,80 +205,6 @@ def _raised(mesh: Mesh, relief: Relief, threads: int | None) -> Mesh:
     return mesh.replace(
         positions=mesh.positions + raised * normals, normals=None, normal_faces=None
     )
-
-
-def repair_file(
-    mesh: PathLike,
-    output: PathLike,
-    options: RepairOptions | None = None,
-    *,
-    progress: ProgressSink | None = None,
-) -> JobResult[RepairReport]:
-    """Repair a mesh file without moving its surface, and write the result.
-
-    Parameters
-    ----------
-    mesh
-    output
-        It may replace `mesh`.
-    options
-        Which repairs; None for all of them.
-    progress
-        Receives the stages.
-    """
-    check_mesh(output)
-    repaired, report = repair(read_mesh(mesh, progress=progress), options)
-    write_mesh(repaired, output)
-    return JobResult(files=given(output), report=report)
-
-
-def transform_file(
-    mesh: PathLike,
-    output: PathLike,
-    options: TransformOptions | None = None,
-    *,
-    progress: ProgressSink | None = None,
-) -> JobResult[Mesh]:
-    """Scale, turn and move a mesh file, and write the result in the format of the output.
-
-    Parameters
-    ----------
-    mesh
-    output
-        It may replace `mesh`.
-    options
-        None leaves the mesh as it is, so that only the format changes.
-    progress
-        Receives the stages.
-
-    Returns
-    -------
-    JobResult of Mesh
-        The report is the mesh that was written. A warning names what the output cannot hold.
-    """
-    check_mesh(output)
-    read = read_mesh(mesh, progress=progress)
-    moved = transform(read, options)
-    lost = _losses(mesh, read, output)
-    write_mesh(moved, output)
-    warnings = (f"{output}: written without {', '.join(lost)}",) if lost else ()
-    return JobResult(files=given(output), report=moved, warnings=warnings)
-
-
-_TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
-
-
-def _losses(source: PathLike, read: Mesh, output: PathLike) -> list[str]:
-    """Name what a mesh file has and an output does not get."""
-    is_bare = Path(output).suffix.lower() in BARE_MESH_SUFFIXES
-    lost = [t for name, t in _TITLES.items() if is_bare and getattr(read, name) is not None]
-    try:
-        materials = read_materials(source, read)
-    except TexbakeError:  # it names images that are missing or damaged
-        return [*lost, "materials"]
-    if materials is not None and any(item.channels for item in materials.materials):
-        lost.append("materials")
-    return lost
 
 
 def remesh_file(

@@ -16,8 +16,9 @@ from texbake.errors import FileFormatError
 from texbake.mesh.files.gltf_channels import GltfChannel
 from texbake.mesh.files.gltf_slots import SLOTS, Slot, is_scale, same_place
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.texture.encoding import encode_srgb, quantize_unsigned
-from texbake.texture.image import FloatImage, decode_image
+from texbake.texture.channel_codes import components_of, image_codes
+from texbake.texture.encoding import quantize_unsigned
+from texbake.texture.image import FloatImage
 from texbake.texture.pack import resized
 from texbake.texture.png_files import png_parts
 
@@ -114,7 +115,7 @@ class _Arranger:
             if source.image is not None:
                 found = self._pixels(source.image, where)
                 assert not isinstance(found, str)
-                values = _components(found[0], source.image.components)
+                values = components_of(found[0], source.image.components)
                 pieces[where] = _scaled(values, where, source)
                 bits = max(bits, found[1])
         height = max(piece.shape[0] for piece in pieces.values())
@@ -139,38 +140,18 @@ class _Arranger:
     def _pixels(self, image: ChannelImage, where: GltfChannel) -> tuple[FloatImage, int] | str:
         """(H, W, C) float32 codes of an image in [0, 1], and their bits; or why there are none."""
         if image.name not in self._decoded:
-            self._decoded[image.name] = self._decode(image, is_color=CHANNELS[where.name].is_color)
+            try:
+                is_color = CHANNELS[where.name].is_color
+                codes = image_codes(image, is_color=is_color, threads=self.threads)
+                self._decoded[image.name] = codes
+            except FileFormatError as error:
+                self._decoded[image.name] = str(error)
         return self._decoded[image.name]
-
-    def _decode(self, image: ChannelImage, *, is_color: bool) -> tuple[FloatImage, int] | str:
-        try:
-            found = decode_image(image.data, image.name, color=False, threads=self.threads)
-        except FileFormatError as error:
-            return str(error)
-        pixels = found.pixels
-        if found.is_float:
-            pixels = np.clip(np.nan_to_num(pixels), 0.0, 1.0)
-            pixels = encode_srgb(pixels).astype(np.float32) if is_color else pixels
-        return pixels, 8 if found.bits == 8 else 16
 
 
 def _shares(image: ChannelImage, first: ChannelImage) -> bool:
     """Whether two images lie at the same place of a surface."""
     return same_place(replace(image, data=b""), replace(first, data=b""))
-
-
-def _components(pixels: FloatImage, components: tuple[int, ...]) -> FloatImage:
-    """(H, W, n) components of pixels; gray is in all colors, and alpha is 1 where there is none."""
-    n = pixels.shape[2]
-    columns = []
-    for component in components:
-        if component == _ALPHA and n in (1, 3):
-            columns.append(np.ones(pixels.shape[:2], np.float32))
-        else:
-            columns.append(
-                pixels[..., min(component, n - 1) if n > 2 else int(component == _ALPHA)]
-            )
-    return np.stack(columns, axis=2)
 
 
 def _scaled(codes: FloatImage, where: GltfChannel, source: ChannelSource) -> FloatImage:

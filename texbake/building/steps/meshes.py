@@ -121,10 +121,14 @@ class RepairStep(RepairOptions):
 
 
 def _repair(job: Job) -> dict[str, Any]:
-    from texbake.jobs.meshes import repair_file
+    from texbake.jobs.convert import repair_file
 
-    done = repair_file(job.file("mesh"), job.outputs["mesh"], REPAIR.made(job.settings))
-    return {"faces": done.report.n_faces, "repairs": dict(done.report.counts)}
+    done = repair_file(job.file("mesh"), job.outputs["mesh"], REPAIR.made(job.settings), mtl=False)
+    return {
+        "faces": done.report.n_faces,
+        "repairs": dict(done.report.counts),
+        "notes": list(done.warnings),
+    }
 
 
 REPAIR = StepKind(
@@ -147,9 +151,10 @@ class TransformStep(TransformOptions):
 
 
 def _transform(job: Job) -> dict[str, Any]:
-    from texbake.jobs.meshes import transform_file
+    from texbake.jobs.convert import transform_file
 
-    done = transform_file(job.file("mesh"), job.outputs["mesh"], TRANSFORM.made(job.settings))
+    options = TRANSFORM.made(job.settings)
+    done = transform_file(job.file("mesh"), job.outputs["mesh"], options, mtl=False)
     return {"faces": done.report.n_faces, "notes": list(done.warnings)}
 
 

@@ -37,10 +37,10 @@ _USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 # Channels by the statements of their values, and by those of their images.
-_VALUES = {
+VALUES = {
     "kd": "base-color", "ke": "emissive", "d": "alpha", "pr": "roughness", "pm": "metallic",
 }  # fmt: skip
-_IMAGES = {
+IMAGES = {
     "map_kd": "base-color", "map_ke": "emissive", "map_d": "alpha", "map_pr": "roughness",
     "map_pm": "metallic", "norm": "normal",
 }  # fmt: skip
@@ -128,7 +128,7 @@ def _read_library(path: Path, missing: list[tuple[str, str]]) -> dict[str, MeshM
         if statement == "newmtl":
             name = words
             known[name] = MeshMaterial(name=name)
-        elif statement.lower() in _VALUES or statement.lower() in _IMAGES:
+        elif statement.lower() in VALUES or statement.lower() in IMAGES:
             before = known.get(name, MeshMaterial(name=name))
             known[name] = _with_statement(before, path, statement, words, missing)
     return known
@@ -139,8 +139,8 @@ def _with_statement(
 ) -> MeshMaterial:
     """Return a material with what a statement says of it."""
     channels = dict(material.channels)
-    if statement.lower() in _IMAGES:
-        channel = _IMAGES[statement.lower()]
+    if statement.lower() in IMAGES:
+        channel = IMAGES[statement.lower()]
         try:
             channels[channel] = _mapped(path, channel, words)
         except FileFormatError:
@@ -149,7 +149,7 @@ def _with_statement(
             line = f"{material.name}: {error}; the material keeps its factors"
             missing.append((channel, line))
     else:
-        channel = _VALUES[statement.lower()]
+        channel = VALUES[statement.lower()]
         known = channels.get(channel)
         if known is None or known.image is None:
             factor = _numbers(path, statement, words, len(CHANNELS[channel].default))

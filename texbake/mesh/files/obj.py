@@ -24,7 +24,7 @@ Kernel: `core/obj_rows.c`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -242,12 +242,30 @@ def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArra
     return sizes, corners
 
 
-def write_obj(mesh: Mesh, path: PathLike) -> None:
-    """Write positions, colors, texture coordinates, normals, faces and groups.
+def write_obj(
+    mesh: Mesh,
+    path: PathLike,
+    *,
+    library: str = "",
+    face_materials: IntArray | None = None,
+    material_names: Sequence[str] = (),
+) -> None:
+    """Write positions, colors, texture coordinates, normals, faces, groups and materials.
 
     What `read_obj` reads back is equal bit for bit, faces in their order; but groups are numbered
     in the order in which faces use them, names without a face are dropped, and control characters
     in a name become spaces. Corner tangents have no place in the format.
+
+    Parameters
+    ----------
+    mesh
+    path
+    library
+        Name of the .mtl file with the materials.
+    face_materials : (F,) int32, optional
+        Index into `material_names` of each face.
+    material_names
+        As they stand in the library.
 
     Raises
     ------
@@ -255,6 +273,8 @@ def write_obj(mesh: Mesh, path: PathLike) -> None:
         The file cannot be written; one that stood there is left as it was.
     """
     with replacing(path) as temporary, temporary.open("wb") as file:
+        if library:
+            file.write(f"mtllib {library}\n".encode("utf-8", "replace"))
         points = mesh.positions
         if mesh.colors is not None:
             points = np.concatenate([points, mesh.colors.astype(np.float64)], axis=1)
@@ -270,9 +290,15 @@ def write_obj(mesh: Mesh, path: PathLike) -> None:
             (False, True): " %d//%d",
             (True, True): " %d/%d/%d",
         }[mesh.uvs is not None, mesh.normals is not None]
-        for name, start, stop in _group_runs(mesh):
-            if name is not None:
+        group, material = None, None
+        for start, stop in _runs(mesh, face_materials):
+            if mesh.face_groups is not None and mesh.face_groups[start] != group:
+                group = mesh.face_groups[start]
+                name = plain_name(mesh.group_names[group])
                 file.write(f"g {name}\n".encode("utf-8", "replace"))
+            if face_materials is not None and face_materials[start] != material:
+                material = face_materials[start]
+                file.write(f"usemtl {material_names[material]}\n".encode("utf-8", "replace"))
             write_rows(file, "f" + 3 * corner_format + "\n", corners[start:stop])
 
 
@@ -286,12 +312,17 @@ def _corner_indices(mesh: Mesh) -> IntArray:
     return np.stack(indices, axis=2).reshape(mesh.n_faces, -1) + np.int32(1)
 
 
-def _group_runs(mesh: Mesh) -> Iterator[tuple[str | None, int, int]]:
-    """Name, first and last + 1 of each run of faces of one group; None for a mesh without."""
-    if mesh.face_groups is None:
-        yield None, 0, mesh.n_faces
-        return
-    starts = np.flatnonzero(np.diff(mesh.face_groups, prepend=-1)).tolist()
-    for start, stop in zip(starts, [*starts[1:], mesh.n_faces], strict=True):
-        name = mesh.group_names[mesh.face_groups[start]]
-        yield "".join(" " if ord(sign) < 32 else sign for sign in name).strip(), start, stop
+def _runs(mesh: Mesh, face_materials: IntArray | None) -> Iterator[tuple[int, int]]:
+    """First and last + 1 of each run of faces of one group and one material."""
+    begins = np.zeros(mesh.n_faces, np.bool_)
+    begins[0] = True
+    for ids in (mesh.face_groups, face_materials):
+        if ids is not None:
+            begins[1:] |= np.diff(ids) != 0
+    starts = np.flatnonzero(begins).tolist()
+    yield from zip(starts, [*starts[1:], mesh.n_faces], strict=True)
+
+
+def plain_name(name: str) -> str:
+    """Return a name for one line of a file, without control characters."""
+    return "".join(" " if ord(sign) < 32 else sign for sign in name).strip()
