@@ -214,12 +214,17 @@ from .mesh.tangents import corner_tangents as corner_tangents
 from .mesh.transform import transform as transform
 from .mesh.transform_options import TransformOptions as TransformOptions
 from .pages.asset_page import write_bake_page as write_bake_page
+from .pages.slider_page import write_slider_page as write_slider_page
 from .progress import ProgressSink as ProgressSink
 from .rendering.camera import Camera as Camera
 from .rendering.compare import (
     Closeness as Closeness,
     Comparison as Comparison,
     compare as compare,
+)
+from .rendering.compare_models import (
+    ModelComparison as ModelComparison,
+    compare_models as compare_models,
 )
 from .rendering.effect import Plan as Plan
 from .rendering.options import RenderOptions as RenderOptions

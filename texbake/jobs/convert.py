@@ -13,7 +13,7 @@ from texbake.files import PathLike
 from texbake.jobs.outputs import BARE_MESH_SUFFIXES, JobResult, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
-from texbake.mesh.materials import ChannelSource, Materials, read_materials
+from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.repair import RepairReport, repair
 from texbake.mesh.repair_options import RepairOptions
@@ -135,15 +135,7 @@ def _of_uvs(mesh: Mesh, materials: Materials, lost: list[str]) -> Materials:
     if mesh.uvs is not None or not materials.has_images:
         return materials
     lost.append("images, for which there are no texture coordinates")
-    changed = []
-    for material in materials.materials:
-        channels = {
-            name: ChannelSource(source.factor)
-            for name, source in material.channels.items()
-            if name != "normal"
-        }
-        changed.append(replace(material, channels=channels))
-    return replace(materials, materials=tuple(changed), uv_sets={})
+    return materials.without_images()
 
 
 def _of_colors(mesh: Mesh, materials: Materials, lost: list[str]) -> Materials:

@@ -197,6 +197,18 @@ class Materials:
             for source in material.channels.values()
         )
 
+    def without_images(self) -> Materials:
+        """Return the materials with their factors alone, for a mesh without coordinates."""
+        changed = []
+        for material in self.materials:
+            channels = {
+                name: ChannelSource(source.factor)
+                for name, source in material.channels.items()
+                if name != "normal"
+            }
+            changed.append(replace(material, channels=channels))
+        return replace(self, materials=tuple(changed), uv_sets={})
+
     def sources(self, channel: str) -> list[ChannelSource | None]:
         """Return where each material takes a channel from; None where it does not set it."""
         return [material.channels.get(channel) for material in self.materials]

@@ -1,0 +1,214 @@
+"""Comparing a model with another version of it: pictures of both from all around, and their error.
+
+Both are drawn with their own materials in the light of a room with soft lamps, which glossy and
+metallic surfaces reflect, from the same cameras. The views are spread evenly over a sphere.
+
+Based on: González, "Measurement of areas on a sphere using Fibonacci and latitude-longitude
+lattices", Mathematical Geosciences 42, 2010, for the views.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.files import PathLike
+from texbake.mesh.files import read_mesh
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.materials import read_materials
+from texbake.progress import ProgressSink, Stages
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import Prepared, draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.gltf import read_gltf_scene
+from texbake.rendering.scene.lights import Environment, Lighting
+from texbake.rendering.scene.scene import Scene, outline
+from texbake.rendering.studio import STUDIO_ROOM
+from texbake.texture.encoding import quantize_srgb
+from texbake.texture.gltf_images import gltf_images
+
+N_VIEWS = 12
+_PICTURE_PX = 512
+_GOLDEN_ANGLE = 180.0 * (3.0 - math.sqrt(5.0))
+_GLTF = (".glb", ".gltf")
+_ROOM_PX = 128  # of a face of its cube map; its lamps are wide
+
+Picture = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelComparison:
+    """How a model differs in pictures from another version of it.
+
+    Attributes
+    ----------
+    psnr_db : tuple of float
+        PSNR of each view, of the sRGB codes of those pixels that either model touches; infinite for
+        equal pictures.
+    mean_db : float
+        PSNR of all those pixels of all views together.
+    views : tuple of (azimuth, elevation)
+        In degrees.
+    before, after : tuple of (H, W, 3) uint8
+        The pictures of each view, coded in sRGB.
+    names : (str, str)
+        Of the files.
+    n_faces : (int, int)
+        Triangles of each.
+    notes : tuple of str
+        What of the files the pictures do not show.
+    """
+
+    psnr_db: tuple[float, ...]
+    mean_db: float
+    views: tuple[tuple[float, float], ...]
+    before: tuple[Picture, ...]
+    after: tuple[Picture, ...]
+    names: tuple[str, str]
+    n_faces: tuple[int, int]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def worst_db(self) -> float:
+        """PSNR of the view with the lowest."""
+        return min(self.psnr_db)
+
+    @property
+    def worst_view(self) -> int:
+        """Number of the view with the lowest PSNR, from 0."""
+        return self.psnr_db.index(self.worst_db)
+
+
+def compare_models(
+    before: PathLike,
+    after: PathLike,
+    *,
+    n_views: int = N_VIEWS,
+    options: RenderOptions | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> ModelComparison:
+    """Draw two versions of a model from all around, and measure how much the pictures differ.
+
+    Parameters
+    ----------
+    before, after
+        Model files, in the same coordinate system: glTF with its materials, others with those that
+        `read_materials` finds.
+    n_views
+        Number of views, at least 1.
+    options
+        Size of the pictures, background and samples; None for 512 x 512 pixels.
+    threads
+        None for every processor. The result does not depend on it.
+    progress
+        Receives the stages.
+
+    Raises
+    ------
+    OptionError
+        `n_views` is below 1.
+    FileError, FileFormatError
+        A model cannot be read, or its pictures need an extension that is not supported.
+    """
+    if n_views < 1:
+        raise OptionError(f"n_views: {n_views} is below 1; give at least one view")
+    options = options or RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)
+    # Every sample is shaded, so that detail finer than a pixel counts in full.
+    options = replace(options, edges="supersample")
+    stages = Stages(progress)
+    with stages.stage("read models"):
+        scenes = [model_scene(path) for path in (before, after)]
+        models = [prepare(scene, options, threads=threads) for scene in scenes]
+    shapes = [outline(item) for scene in scenes for item in scene.objects]
+    views = sphere_views(n_views)
+    pictures: tuple[list[Picture], list[Picture]] = ([], [])
+    errors: list[tuple[float, int]] = []
+    with stages.stage("compare pictures", total=n_views, unit="views") as advance:
+        for view in views:
+            seen = replace(options, view=(*view, None))
+            camera = Camera.framing(*shapes, options=seen)
+            frames = [draw(replace(model, options=seen), camera) for model in models]
+            codes = [_codes(frame) for frame in frames]
+            for found, picture in zip(pictures, codes, strict=True):
+                found.append(picture)
+            errors.append(_squared_error(frames, codes))
+            advance(1)
+    return ModelComparison(
+        psnr_db=tuple(_psnr(total, count) for total, count in errors),
+        mean_db=_psnr(sum(total for total, _ in errors), sum(count for _, count in errors)),
+        views=views,
+        before=tuple(pictures[0]),
+        after=tuple(pictures[1]),
+        names=(Path(before).name, Path(after).name),
+        n_faces=(_n_faces(models[0]), _n_faces(models[1])),
+        notes=tuple(f"{scene.name}: {note}" for scene in scenes for note in scene.notes),
+    )
+
+
+def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
+    """Azimuths and elevations in degrees of n views, spread evenly over the sphere.
+
+    >>> sphere_views(1)
+    ((0.0, 0.0),)
+    """
+    return tuple(
+        (
+            i * _GOLDEN_ANGLE % 360.0,
+            math.degrees(math.asin(1.0 - (2 * i + 1) / n)),
+        )
+        for i in range(n)
+    )
+
+
+def model_scene(path: PathLike) -> Scene:
+    """Read a model file with its materials as a scene in the light of a room.
+
+    Lights and cameras of the file are left out.
+
+    Raises
+    ------
+    FileError, FileFormatError
+        As for `compare_models`.
+    """
+    if Path(path).suffix.lower() in _GLTF:
+        scene = read_gltf_scene(path)
+    else:
+        mesh = read_mesh(path)
+        materials = read_materials(path, mesh)
+        if materials is not None:
+            materials = gltf_images(
+                materials if mesh.uvs is not None else materials.without_images()
+            )
+        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+            copy = Path(folder) / "model.glb"
+            write_glb(mesh, copy, materials=materials)
+            scene = replace(read_gltf_scene(copy), files=(Path(path),))
+    room = Environment(image=STUDIO_ROOM, background=False, lighting=True, size=_ROOM_PX)
+    return replace(scene, lighting=Lighting(environment=room), view=None, name=Path(path).name)
+
+
+def _n_faces(model: Prepared) -> int:
+    return sum(item.mesh.n_faces for item in model.scene.objects)
+
+
+def _codes(frame: Frame) -> Picture:
+    return np.asarray(quantize_srgb(frame.color[..., :3], 8), np.uint8)
+
+
+def _squared_error(frames: list[Frame], codes: list[Picture]) -> tuple[float, int]:
+    """Sum of the squared differences of the codes of two pictures, and how many there are."""
+    seen = (frames[0].coverage > 0) | (frames[1].coverage > 0)
+    apart = codes[0][seen].astype(np.int64) - codes[1][seen]
+    return float((apart**2).sum()), apart.size
+
+
+def _psnr(total: float, count: int) -> float:
+    return math.inf if total == 0.0 else 10.0 * math.log10(255.0**2 * count / total)
