@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from texbake.checks.options import CheckOptions
+from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.weld import weld_rows
 
 
 class Case(NamedTuple):
@@ -275,17 +277,23 @@ def sheets(*heights: tuple) -> Mesh:
     return flat(mesh.replace(faces=faces, uv_faces=faces))
 
 
+def joined_along_edges(mesh: Mesh) -> Mesh:
+    """Mesh with one vertex for each position."""
+    vertices, faces = used_rows(weld_rows(mesh.positions)[mesh.faces], mesh.n_vertices)
+    return mesh.replace(positions=mesh.positions[vertices], faces=faces)
+
+
 def thin_walls() -> Case:
-    """A wall of 0.05, beside a face whose high-poly surface lies 0.1 behind it."""
-    low, high = (sheets((0, 0, 1), (0, -0.05, -1), (3, z, 1)) for z in (0.0, -0.1))
-    return Case(high, low, 4, {0, 1, 2, 3})
+    """A wall of 0.05 that goes on as a sheet, whose high-poly surface lies 0.06 behind it."""
+    low, high = (sheets((0, 0, 1), (0, -0.05, -1), (1, z, 1)) for z in (0.0, -0.06))
+    return Case(high, joined_along_edges(low), 4, {0, 1, 2, 3})
 
 
 def other_parts() -> Case:
-    """A gap of 0.03 below a slab of 0.02, beside a face 0.1 below the high-poly surface."""
+    """A gap of 0.03 below a slab of 0.02; beside it the sheet is 0.06 below the high-poly one."""
     slab = ((0, 0, 1), (0, 0.03, -1), (0, 0.05, 1))
-    low, high = (sheets(*slab, (3, z, 1)) for z in (0.0, 0.1))
-    return Case(high, low, 2, {0, 1})
+    low, high = (sheets(*slab, (1, z, 1)) for z in (0.0, 0.06))
+    return Case(high, joined_along_edges(low), 2, {0, 1})
 
 
 def opposite_sides() -> Case:

@@ -48,7 +48,6 @@ def test_rays_miss_where_there_is_no_surface(case_of_pair):
 # What the checks must report for each pair; for the others, nothing but notes.
 SAID = {
     "high-poly mesh coarser than the low-poly one": "high-is-coarser",
-    "wall thinner than the cage": "thin-walls",
     "high-poly mesh with a hole": "far-from-high",
     "high-poly mesh inside out": "opposite-sides",
     "high-poly mesh elsewhere": "differing-place",

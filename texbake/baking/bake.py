@@ -273,6 +273,7 @@ def _result(
         stages=stages.records,
         versions=library_versions(),
         sampling=sampling,
+        median_reach=trace.median_reach,
     )
     kept = None if hits is None else inputs
     return BakeResult(maps, report, hits, trace.texel_faces, has_data, kept)

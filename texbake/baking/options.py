@@ -51,7 +51,7 @@ PADDING_OPTION = Option(
 CONVENTION_OPTION = Option(
     "Green channel of normal maps: +Y up (opengl) or +Y down (directx).", choices=CONVENTIONS
 )
-MEASURED = "measured from the two meshes"
+MEASURED = "fitted at each vertex"
 
 
 @dataclass(frozen=True, kw_only=True)

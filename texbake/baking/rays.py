@@ -15,6 +15,7 @@ Kernels: `core/sample_rays.c`.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -137,6 +138,8 @@ class RayField:
         The faces of the low-poly mesh with other positions; replaces `kind` and `front`.
     maps : RayMaps, optional
         Images over the texture coordinates of the low-poly mesh.
+    reaches : (F, 3, 2) float64, optional
+        Front and back at each corner, in the frame; replaces both. Not with a cage or images.
 
     Raises
     ------
@@ -156,8 +159,10 @@ class RayField:
         back: float,
         cage: Mesh | None = None,
         maps: RayMaps | None = None,
+        reaches: FloatArray | None = None,
         threads: int | None = None,
     ) -> None:
+        self.reaches = None if reaches is None else frozen(reaches)
         self.front = float(frame.length_to_local(front))
         self.back = float(frame.length_to_local(back))
         self.positions = frozen(frame.to_local(low.positions))
@@ -177,6 +182,12 @@ class RayField:
                 low, frame, kind="face", front=front, back=back, threads=threads
             )
 
+    def with_reaches(self, reaches: FloatArray) -> RayField:
+        """Return the rays with distances of their own at each corner, (F, 3, 2) in the frame."""
+        field = copy(self)
+        field.reaches = frozen(reaches)
+        return field
+
     def rays(self, samples: Samples, *, threads: int | None = None) -> Rays:
         """Return the rays of some samples, in their order; `threads` are those given, for None."""
         threads = self._threads if threads is None else threads
@@ -193,6 +204,7 @@ class RayField:
                 self.faces,
                 self.normals,
                 self.normal_faces,
+                self.reaches,
                 self.front,
                 self.back,
                 *rays.where(band).arrays(),

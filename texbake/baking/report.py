@@ -106,6 +106,9 @@ class BakeReport:
         Errors of adaptive samples, as estimated and as checked.
     budget : TimeBudget or None
         The settings that a time budget led to.
+    median_reach : (float, float) or None
+        Front and back at the median vertex, where each vertex has its own; `front` and `back` are
+        then the greatest, which rays that find nothing take.
     """
 
     high: str
@@ -131,6 +134,7 @@ class BakeReport:
     orientation: OrientationReport | None = None
     sampling: SamplingReport | None = None
     budget: TimeBudget | None = None
+    median_reach: tuple[float, float] | None = None
 
     @property
     def miss_percent(self) -> float:
@@ -195,12 +199,27 @@ class BakeReport:
                 f"{self.options.width_px} x {self.options.height_px}, {self._samples()}",
             ),
             ("distances", f"front {front}, back {self.back:.6g}{measured}"),
+            *(
+                [
+                    (
+                        "at each vertex",
+                        "median front {:.4g}, back {:.4g}".format(*self.median_reach),
+                    )
+                ]
+                if self.median_reach is not None
+                else []
+            ),
             ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
             ("texels missed", f"{self.texels_missed:,} ({self.miss_percent:.3f} %)"),
             (
                 "rays",
                 f"{counts.rays_cast:,} cast, {counts.rays_missed:,} missed, "
                 f"{counts.rays_past_back_faces:,} past back faces",
+            ),
+            *(
+                [("longer rays", f"{counts.rays_lengthened:,}, where those of the vertices missed")]
+                if counts.rays_lengthened
+                else []
             ),
             *(
                 [("closest points", f"{counts.rays_to_closest:,} for rays that missed")]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from texbake.baking.rays import RayField
+from texbake.baking.reach import LEAST_EXTENT, MARGIN, CornerReach, Look, measure_reach
 from texbake.baking.texels import Samples
 from texbake.errors import MeshError
 from texbake.mesh.compose import used_rows
@@ -24,15 +25,13 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import Stages
-from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
 _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000
-# Points between the samples lie a little farther than the farthest sample.
-_MARGIN = 1.1
-# The least extent, of the local frame's unit size, above the rounding of float32 rays (1e-7).
-LEAST_EXTENT = 1e-4
+# Points of the low-poly mesh for each of its faces, where distances are measured vertex by vertex.
+_POINTS_PER_FACE = 4
 # Size of both meshes in model units: float32 holds a ten millionth of it with all its digits, and
 # as many times it as rays are long without overflow.
 _SIZES = (1e-30, 1e37)
@@ -59,13 +58,18 @@ class BakeScenes:
     ----------
     high : RayScene
         The high-poly mesh.
+    low : Mesh
+        The low-poly mesh; bakes of only some of its faces can use these scenes as well.
     occluders : RayScene, optional
         What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
     """
 
     high: RayScene
+    low: Mesh
     occluders: RayScene | None = None
     _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
+    _looks: dict[str, Look] = field(default_factory=dict, init=False, repr=False)
+    _reaches: dict[str, CornerReach] = field(default_factory=dict, init=False, repr=False)
     _tree: TriangleTree | None = field(default=None, init=False, repr=False)
 
     @classmethod
@@ -95,7 +99,7 @@ class BakeScenes:
         _check_size(frame, low)
         with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
             scene = RayScene.build(high, frame, chunk_faces=chunk_faces, threads=threads)
-        return cls(scene, occluders)
+        return cls(scene, low, occluders)
 
     @property
     def frame(self) -> LocalFrame:
@@ -106,11 +110,36 @@ class BakeScenes:
         """Greatest extent of rays of some kinds; measured once for all that use these scenes."""
         key = tuple(kinds)
         if key not in self._extents:
-            measured = [measure_extent(self.high, low, kind, threads=threads) for kind in kinds]
+            measured = []
+            for kind in kinds:
+                extent, look = _measured(self.high, low, kind, threads)
+                measured.append(extent)
+                if low is self.low:
+                    self._looks[kind] = look
             self._extents[key] = RayExtent(
                 max(extent.front for extent in measured), max(extent.back for extent in measured)
             )
         return self._extents[key]
+
+    def reach(self, kind: str, threads: int | None) -> CornerReach:
+        """How far rays of a kind reach at each vertex of the low-poly mesh; measured once."""
+        if kind not in self._reaches:
+            extent = self.extent(self.low, (kind,), threads)
+            look = self._looks.get(kind)
+            n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
+            if look is None or n_points > len(look.faces):
+                limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
+                n_points = max(n_points, _LOW_POINTS)
+                look = look_both_ways(self.high, self.low, kind, n_points, limit, threads)
+            self._reaches[kind] = measure_reach(
+                self.high.source, self.low, self.frame, look, threads=threads
+            )
+        return self._reaches[kind]
+
+    def fitted(self, field: RayField, low: Mesh, kind: str, threads: int | None) -> RayField:
+        """Return rays that reach as far as each vertex needs, and never farther than a field's."""
+        reach = self.reach(kind, threads).at(low)
+        return field.with_reaches(np.minimum(reach, (field.front, field.back)))
 
     def closest_tree(self, threads: int | None) -> TriangleTree:
         """Return a tree for the closest points of the high-poly mesh; it is built only once."""
@@ -129,7 +158,7 @@ class BakeScenes:
         """
         with stages.stage("build ray tree", total=turned.n_faces, unit="triangles"):
             scene = RayScene.build(turned, self.frame, threads=self.high.threads)
-        return BakeScenes(scene, self.occluders, self._extents)
+        return BakeScenes(scene, self.low, self.occluders, self._extents)
 
     def close(self) -> None:
         """Free the scene of the high-poly mesh."""
@@ -158,14 +187,21 @@ def measure_extent(
     kind
         Direction of the rays: `smooth`, `vertex` or `face`.
     """
+    return _measured(scene, low, kind, threads)[0]
+
+
+def _measured(scene: RayScene, low: Mesh, kind: str, threads: int | None) -> tuple[RayExtent, Look]:
+    """As `measure_extent`; also return what the rays of the low-poly mesh met."""
     out_high, in_high = _from_high(scene, low, threads)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-    out_low, in_low = _from_low(scene, low, kind, limit, threads)
+    look = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
+    out_low, in_low = _from_low(look)
     front, back = max(out_high, out_low), max(in_high, in_low)
-    return RayExtent(
-        float(scene.frame.length_to_model(front * _MARGIN + LEAST_EXTENT)),
-        float(scene.frame.length_to_model(back * _MARGIN + LEAST_EXTENT)),
+    extent = RayExtent(
+        float(scene.frame.length_to_model(front * MARGIN + LEAST_EXTENT)),
+        float(scene.frame.length_to_model(back * MARGIN + LEAST_EXTENT)),
     )
+    return extent, look
 
 
 def _from_high(scene: RayScene, low: Mesh, threads: int | None) -> tuple[float, float]:
@@ -191,11 +227,9 @@ def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
     return high.positions[vertices]
 
 
-def _from_low(
-    scene: RayScene, low: Mesh, kind: str, limit: float, threads: int | None
-) -> tuple[float, float]:
-    """Greatest distance out and in along rays to the nearer high-poly surface within `limit`."""
-    hits = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
+def _from_low(look: Look) -> tuple[float, float]:
+    """Greatest distance out and in along rays to the nearer high-poly surface."""
+    hits = look.out, look.into
     out, into = (np.where(found.faces == NO_HIT, np.inf, found.distances) for found in hits)
     return (
         _greatest(out[(out < into) & np.isfinite(out)]),
@@ -205,7 +239,7 @@ def _from_low(
 
 def look_both_ways(
     scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float, threads: int | None
-) -> tuple[RayHits, RayHits]:
+) -> Look:
     """Cast rays out and in from points of the low-poly mesh, to front and back faces alike.
 
     Parameters
@@ -231,7 +265,8 @@ def look_both_ways(
     )
     # On its way out a ray hits the high-poly surface from behind.
     found = scene.cast(rays, cull_back_faces=False)
-    return found.where(slice(len(inward))), found.where(slice(len(inward), None))
+    n = len(inward)
+    return Look(faces, found.where(slice(n)), found.where(slice(n, None)))
 
 
 def _greatest(distances: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -36,6 +36,7 @@ class TraceCounts:
     """Figures of a trace, counted while it runs.
 
     `rays_to_closest` of the `rays_missed` took the closest point of the high-poly mesh instead.
+    `rays_lengthened` found nothing as far as their vertices reach, and something further away.
     """
 
     samples_covered: int = 0
@@ -45,6 +46,7 @@ class TraceCounts:
     rays_cast: int = 0
     rays_missed: int = 0
     rays_to_closest: int = 0
+    rays_lengthened: int = 0
     rays_past_back_faces: int = 0
     secondary_rays: int = 0
 
@@ -65,6 +67,8 @@ class Trace:
     front, back : float or None
         How far rays go in front of and behind the low-poly surface, in model units; measured once
         the trace has begun, if not given. The front stays None with a cage.
+    median_reach : (float, float) or None
+        Front and back at the median vertex, where each vertex has its own.
     caster : str
         What casts the rays, once the trace has begun.
     texel_faces : (H, W) int32
@@ -85,6 +89,7 @@ class Trace:
         # A cage has a front distance of its own at each vertex.
         self.front = self.options.front if self.cage is None else None
         self.back = self.options.back
+        self.median_reach: tuple[float, float] | None = None
         self.caster = ""
         self.texel_faces: IntArray = np.full(
             (self.options.height_px, self.options.width_px), NO_FACE, dtype=np.int32
@@ -134,12 +139,12 @@ class Trace:
         scenes = self.scenes or self.own_scenes()
         self.caster = scenes.high.caster
         try:
-            ray_field = self._field(scenes)
+            ray_field, longest = self._fields(scenes)
             with self.stages.part("prepare low-poly mesh"):
                 _ = ray_field.layout  # made here, before threads ask for it
             secondary = self.secondary
             reach = None if secondary is None else secondary.occlusion_range(scenes)
-            yield SampleCaster(self, scenes, ray_field, reach)
+            yield SampleCaster(self, scenes, ray_field, longest, reach)
         finally:
             if self.scenes is None:
                 scenes.close()
@@ -166,8 +171,11 @@ class Trace:
             self.high, self.low, self.stages, chunk_faces=chunk, threads=self.options.threads
         )
 
-    def _field(self, scenes: BakeScenes) -> RayField:
-        """Make the rays; distances that were not given are measured first."""
+    def _fields(self, scenes: BakeScenes) -> tuple[RayField, RayField | None]:
+        """Make the rays, and those for what they do not find, which reach as far as any.
+
+        Distances that were not given are measured first: at each vertex, where neither is given.
+        """
         options = self.options
         if self.back is None or (self.front is None and self.cage is None):
             # Where a mask changes their direction, rays may be those of the faces.
@@ -175,11 +183,13 @@ class Trace:
             kinds = (options.rays, "face") if skewed else (options.rays,)
             with self.stages.stage("measure distances"):
                 extent = scenes.extent(self.low, kinds, options.threads)
+                if self.fits_vertices:
+                    scenes.reach(options.rays, options.threads)
             if self.front is None and self.cage is None:
                 self.front = extent.front
             self.back = extent.back if self.back is None else self.back
         with self.stages.part("prepare low-poly mesh"):
-            return RayField(
+            longest = RayField(
                 self.low,
                 scenes.frame,
                 kind=options.rays,
@@ -189,6 +199,21 @@ class Trace:
                 maps=self.ray_maps,
                 threads=options.threads,
             )
+            if not self.fits_vertices:
+                return longest, None
+            fitted = scenes.fitted(longest, self.low, options.rays, options.threads)
+            assert fitted.reaches is not None
+            medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
+            front, back = scenes.frame.length_to_model(medians).tolist()
+            self.median_reach = front, back
+            return fitted, longest
+
+    @property
+    def fits_vertices(self) -> bool:
+        """Whether each vertex has ray distances of its own."""
+        options = self.options
+        is_given = options.front is not None or options.back is not None
+        return not is_given and self.cage is None and self.ray_maps is None
 
 
 # About as many samples are cast before their hits become maps; in chunks more of them, because all
@@ -207,6 +232,9 @@ class SampleCaster:
 
     Attributes
     ----------
+    longest : RayField, optional
+        Rays for the samples whose own miss, or meet a surface from behind; None: they are cast
+        once.
     occlusion_range : OcclusionRange, optional
         Of the secondary rays; None: none are cast.
     """
@@ -214,6 +242,7 @@ class SampleCaster:
     trace: Trace
     scenes: BakeScenes
     field: RayField
+    longest: RayField | None
     occlusion_range: OcclusionRange | None
 
     def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
@@ -232,8 +261,9 @@ class SampleCaster:
                 hits, counted = self._cast_by_bands(samples, grid)
             counts = self.trace.counts
             counts.rays_cast += len(samples)
-            counts.rays_missed += sum(n for n, _ in counted)
-            counts.rays_past_back_faces += sum(n for _, n in counted)
+            counts.rays_missed += sum(n for n, _, _ in counted)
+            counts.rays_past_back_faces += sum(n for _, n, _ in counted)
+            counts.rays_lengthened += sum(n for _, _, n in counted)
         if self.trace.options.on_miss == "closest":
             self._take_closest(samples, hits)
         return self._cast_secondary(hits, grid.per_side**2)
@@ -264,45 +294,84 @@ class SampleCaster:
 
     def _cast_by_chunks(
         self, samples: Samples, grid: SampleGrid
-    ) -> tuple[Hits, list[tuple[int, int]]]:
+    ) -> tuple[Hits, list[tuple[int, int, int]]]:
         """Cast all samples into one chunk of the high-poly mesh after another."""
         scene, options = self.scenes.high, self.trace.options
 
-        def make(band: slice) -> tuple[Rays, RayPlaces]:
-            some = samples.where(band)
-            return self.field.rays(some, threads=1), self.field.places(some, grid)
+        def cast_all(some: Samples, rays_of: RayField) -> tuple[Hits, RayHits]:
+            def make(band: slice) -> tuple[Rays, RayPlaces]:
+                of_band = some.where(band)
+                return rays_of.rays(of_band, threads=1), self.field.places(of_band, grid)
 
-        found = scene.cast_made(len(samples), make, cull_back_faces=options.cull_back_faces)
-        hits = Hits.empty(samples)
+            found = scene.cast_made(len(some), make, cull_back_faces=options.cull_back_faces)
+            hits = Hits.empty(some)
 
-        def fill(start: int, stop: int) -> None:
-            band = slice(start, stop)
-            some = samples.where(band)
-            rays = self.field.rays(some, threads=1)
-            hits.where(band).fill(some, rays, found.where(band), scene.frame)
+            def fill(start: int, stop: int) -> None:
+                band = slice(start, stop)
+                rays = rays_of.rays(some.where(band), threads=1)
+                hits.where(band).fill(some.where(band), rays, found.where(band), scene.frame)
 
-        run_bands(fill, len(samples), band=_SAMPLES_PER_BAND, threads=options.threads)
-        return hits, [_counts(found)]
+            run_bands(fill, len(some), band=_SAMPLES_PER_BAND, threads=options.threads)
+            return hits, found
+
+        hits, found = cast_all(samples, self.field)
+        return hits, [self._lengthen(samples, hits, found, cast_all)]
 
     def _cast_by_bands(
         self, samples: Samples, grid: SampleGrid
-    ) -> tuple[Hits, list[tuple[int, int]]]:
+    ) -> tuple[Hits, list[tuple[int, int, int]]]:
         """Cast band by band from samples to hits, so that rays need no memory."""
         scene, options = self.scenes.high, self.trace.options
         hits = Hits.empty(samples)
-        counted: list[tuple[int, int]] = []
+        counted: list[tuple[int, int, int]] = []
+
+        def cast_some(some: Samples, rays_of: RayField) -> tuple[Hits, RayHits]:
+            rays = rays_of.rays(some, threads=1)
+            places = self.field.places(some, grid)
+            found = scene.cast_band(rays, places, cull_back_faces=options.cull_back_faces)
+            of_some = Hits.empty(some)
+            of_some.fill(some, rays, found, scene.frame)
+            return of_some, found
 
         def cast(start: int, stop: int) -> None:
             some = samples.where(slice(start, stop))
-            rays = self.field.rays(some, threads=1)
-            found = scene.cast_band(
-                rays, self.field.places(some, grid), cull_back_faces=options.cull_back_faces
-            )
-            hits.where(slice(start, stop)).fill(some, rays, found, scene.frame)
-            counted.append(_counts(found))
+            of_some, found = cast_some(some, self.field)
+            counted.append(self._lengthen(some, of_some, found, cast_some))
+            hits.where(slice(start, stop)).take(of_some)
 
         run_bands(cast, len(samples), band=_SAMPLES_PER_BAND, threads=options.threads)
         return hits, counted
+
+    def _lengthen(
+        self,
+        samples: Samples,
+        hits: Hits,
+        found: RayHits,
+        cast: Callable[[Samples, RayField], tuple[Hits, RayHits]],
+    ) -> tuple[int, int, int]:
+        """Cast the longest rays for what was not found, and change the hits in place.
+
+        A ray that met a surface from behind may have started inside of a part that stands out; it
+        keeps its hit where the longest ray passes a back face as well.
+
+        Returns
+        -------
+        Numbers of rays that missed, that passed back faces, and whose hits are those of the longest
+        rays.
+        """
+        missed, passed = found.faces == NO_HIT, found.passed_back
+        rows = np.flatnonzero(missed | passed)
+        n_missed, n_passed = int(np.count_nonzero(missed)), int(np.count_nonzero(passed))
+        if self.longest is None or len(rows) == 0:
+            return n_missed, n_passed, 0
+        longer, found_again = cast(samples.where(rows), self.longest)
+        is_hit = found_again.faces != NO_HIT
+        better = is_hit & (missed[rows] | ~found_again.passed_back)
+        hits.take(longer.where(better), rows[better])
+        n_missed -= int(np.count_nonzero(better & missed[rows]))
+        n_passed += int(np.count_nonzero(found_again.passed_back[better]))
+        n_passed -= int(np.count_nonzero(passed[rows[better]]))
+        return n_missed, n_passed, int(np.count_nonzero(better))
 
     def _cast_secondary(self, hits: Hits, n_samples: int) -> Hits:
         """Add what rays from the hits meet, where a map needs it."""
@@ -313,8 +382,3 @@ class SampleCaster:
             hits, n_rays = secondary.cast(hits, self.scenes, self.occlusion_range, n_samples)
         self.trace.counts.secondary_rays += n_rays
         return hits
-
-
-def _counts(found: RayHits) -> tuple[int, int]:
-    """How many rays missed, and how many passed back faces."""
-    return int(np.count_nonzero(found.faces == NO_HIT)), int(np.count_nonzero(found.passed_back))

@@ -1,7 +1,7 @@
 """Thin walls and narrow gaps of the low-poly mesh that the rays of a bake pass through.
 
 A ray of the bake starts in front of the low-poly surface and ends behind it, at the ray distances
-that the bake itself measures. It should hit the high-poly surface next to where it crosses the
+that the bake fits to each vertex. It should hit the high-poly surface next to where it crosses the
 low-poly one. Behind a wall thinner than the ray distance, or across a gap narrower than it, there
 is another wall of the low-poly mesh; a ray that hits the high-poly surface only there takes the
 detail of the wrong wall. One ray is cast from the center of each face.
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
-from texbake.baking.scenes import RayExtent, measure_extent
+from texbake.baking.scenes import BakeScenes, RayExtent
 from texbake.baking.texels import Samples
 from texbake.checks.checked_mesh import BoolArray, make_finding
 from texbake.checks.finding import Finding
@@ -48,7 +48,7 @@ class WallProbe:
     heights : (n,) float64
         Height of the hit on the high-poly surface above the face; NaN where the ray misses.
     reach : RayExtent
-        Ray distances of the bake, in model units.
+        Greatest ray distances of the bake, in model units.
     """
 
     faces: npt.NDArray[np.int64]
@@ -68,20 +68,20 @@ def probe_walls(pair: MeshPair) -> WallProbe:
     middles = np.full((len(faces), 2), 1.0 / 3.0)
     samples = Samples(np.zeros(len(faces), np.int32), faces.astype(np.int32), middles)
     with RayScene.build(pair.high.mesh, frame, threads=threads) as scene:
-        kind = BakeOptions.rays
-        reach = measure_extent(scene, low.mesh, kind, threads=threads)
-        field = RayField(
+        kind, scenes = BakeOptions.rays, BakeScenes(scene, low.mesh)
+        reach = scenes.extent(low.mesh, (kind,), threads)
+        longest = RayField(
             low.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
         )
-        rays = field.rays(samples)
+        rays = scenes.fitted(longest, low.mesh, kind, threads).rays(samples)
         hits = scene.cast(rays)
     heights = np.where(hits.faces == NO_HIT, np.nan, rays.fronts - hits.distances)
     on_face = rays.origins + rays.fronts[:, None] * rays.directions
     with RayScene.build(low.mesh, frame, threads=threads) as scene:
         distances = []
-        for sign, length in ((1.0, field.back), (-1.0, field.front)):
+        for sign, reaches in ((1.0, rays.lengths - rays.fronts), (-1.0, rays.fronts)):
             there = sign * rays.directions
-            lengths = np.where(rays.lengths > 0.0, max(length - _LEAVES, 0.0), 0.0)
+            lengths = np.where(rays.lengths > 0.0, np.maximum(reaches - _LEAVES, 0.0), 0.0)
             probe = Rays(on_face + _LEAVES * there, there, lengths, np.zeros(len(faces)))
             met = scene.cast(probe, cull_back_faces=False)
             # A ray that leaves a wall meets its back, which faces along the ray.

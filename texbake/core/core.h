@@ -847,9 +847,9 @@ void cast_from_samples(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const double barycentrics[n][2], const double positions[n_vertices][3],
     OPTIONAL const double starts[n_vertices][3], const int32_t corners[n_faces][3],
-    const double normals[n_normals][3], const int32_t normal_corners[n_faces][3], double front,
-    double back, double origins[n][3], double directions[n][3], double lengths[n],
-    double fronts[n]);
+    const double normals[n_normals][3], const int32_t normal_corners[n_faces][3],
+    OPTIONAL const double reaches[n_faces][3][2], double front, double back, double origins[n][3],
+    double directions[n][3], double lengths[n], double fronts[n]);
 void reshape_rays(
     int64_t n, int64_t n_vertices, int64_t n_faces, const int32_t faces[n],
     const double barycentrics[n][2], const double positions[n_vertices][3],

@@ -55,7 +55,7 @@ static inline int end_of_run(const int32_t *faces, int first, int n)
 struct block {
     double weights[3][BLOCK];
     double points[3][BLOCK], outward[3][BLOCK]; /* on the surface, and where a ray comes from */
-    double lengths[BLOCK], fronts[BLOCK];
+    double lengths[BLOCK], fronts[BLOCK], backs[BLOCK];
 };
 
 /* Rows of a face's corners, and those of what its rays come from. */
@@ -93,6 +93,27 @@ static void measure_outward(int n, struct block *block, bool from_starts, double
     }
 }
 
+/* Write how far behind the surface the rays end; with distances of each corner, also how far in front
+   of it they start. */
+static void set_reaches(
+    int n, struct block *block, const int32_t *faces, const double (*reaches)[3][2], double back)
+{
+    for (int k = 0; k < n; k++)
+        block->backs[k] = back;
+    if (!reaches)
+        return;
+    for (int k = 0; k < n; k++) {
+        const double (*of_corners)[2] = reaches[faces[k]];
+        double reach[2];
+        for (int side = 0; side < 2; side++)
+            reach[side] = block->weights[0][k] * of_corners[0][side] +
+                          block->weights[1][k] * of_corners[1][side] +
+                          block->weights[2][k] * of_corners[2][side];
+        block->fronts[k] = reach[0];
+        block->backs[k] = reach[1];
+    }
+}
+
 /* Make the outward vectors unit vectors, or zero where there is none, and move the points to where the
    rays start. */
 static void start_outside(int n, struct block *block)
@@ -109,14 +130,14 @@ static void start_outside(int n, struct block *block)
 }
 
 /* Write the rays of samples. With `starts`, those of a cage, a ray starts at the point of the cage; else
-   at the front distance along the normals. */
+   at the front distance along the normals, or at that of `reaches`, front and back at each corner. */
 void cast_from_samples(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const double barycentrics[n][2], const double positions[n_vertices][3],
     OPTIONAL const double starts[n_vertices][3], const int32_t corners[n_faces][3],
-    const double normals[n_normals][3], const int32_t normal_corners[n_faces][3], double front,
-    double back, double origins[n][3], double directions[n][3], double lengths[n],
-    double fronts[n])
+    const double normals[n_normals][3], const int32_t normal_corners[n_faces][3],
+    OPTIONAL const double reaches[n_faces][3][2], double front, double back, double origins[n][3],
+    double directions[n][3], double lengths[n], double fronts[n])
 {
     struct block block;
     for (int64_t start = 0; start < n; start += BLOCK) {
@@ -135,12 +156,14 @@ void cast_from_samples(
             mean_corners(&block, first, end, &rows, starts);
         }
         measure_outward(n_here, &block, starts, front);
+        set_reaches(n_here, &block, some, reaches, back);
         for (int k = 0; k < n_here; k++) {
             /* A cage that touches the surface, or unit normals that cancel: there is no direction. */
             if (block.lengths[k] < 1e-12) {
                 double normal[3];
                 block.lengths[k] = face_normal(positions, corners[some[k]], normal);
-                block.fronts[k] = starts ? 0.0 : front;
+                if (starts || !reaches)
+                    block.fronts[k] = starts ? 0.0 : front;
                 for (int axis = 0; axis < 3; axis++)
                     block.outward[axis][k] = normal[axis];
             }
@@ -152,7 +175,7 @@ void cast_from_samples(
                 directions[start + k][axis] = -block.outward[axis][k];
             }
             fronts[start + k] = block.fronts[k];
-            lengths[start + k] = block.lengths[k] > 0.0 ? block.fronts[k] + back : 0.0;
+            lengths[start + k] = block.lengths[k] > 0.0 ? block.fronts[k] + block.backs[k] : 0.0;
         }
     }
 }

@@ -264,7 +264,7 @@ def _write_materials(
     for name in image_names(channels):
         image = image_of(name, channels)
         if image is None:  # one value all over, which is a factor
-            files.pop(name)
+            files.pop(name, None)
             continue
         with replacing(files[name]) as temporary:
             temporary.write_bytes(image.data)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.baking.cage.points import OuterPoints, find_outer_points
-from texbake.baking.scenes import LEAST_EXTENT
+from texbake.baking.reach import LEAST_EXTENT
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame

@@ -128,6 +128,16 @@ class StreamedMesh:
             self._source.vertices.release()
         return np.concatenate(points)
 
+    def spread_corners(self, step: int) -> FloatArray:
+        """(3 n, 3) float64: the corners of every `step`-th triangle, one triangle after another."""
+        points, first = [], 0
+        for faces in self._source.blocks(self._threads):
+            chosen = faces[-first % step :: step].reshape(-1)
+            points.append(self._source.vertices.read(chosen))
+            first += len(faces)
+            self._source.vertices.release()
+        return np.concatenate(points)
+
     def part(self, face_ids: IntArray) -> MeshPart:
         """Return some triangles by themselves, in their order.
 

@@ -1,0 +1,188 @@
+"""How far rays reach at each vertex of a low-poly mesh: as far as the high-poly surface there.
+
+One distance for all rays is that of the worst place. On a hand it lets the rays of a finger start
+inside of the next one. Here each vertex has its own two distances, out and in, on each side of a
+sharp edge others, and rays take those between their corners.
+
+Points of both surfaces tell how far they are apart: a point of the high-poly mesh speaks for the
+face of the low-poly mesh that is closest to it, if that faces as the point does; a point of the
+low-poly mesh speaks for its own face, by the nearer of the surfaces that its ray meets out and in.
+A vertex reaches as far as the farthest point of the faces around it and around its neighbors, and
+no less than a quarter of all vertices.
+
+What is not found so is not lost: a ray that misses, or that meets a surface from behind, is cast
+again as far as the greatest distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mapping.seams import merged_labels
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals
+from texbake.mesh.streamed.mesh import StreamedMesh
+from texbake.mesh.topology import edge_neighbors
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import weld_rows
+from texbake.raycast.rays import NO_HIT, RayHits
+
+# Points between those looked at lie a little farther than these.
+MARGIN = 1.1
+# The least distance, of the local frame's unit size, above the rounding of float32 rays (1e-7).
+LEAST_EXTENT = 1e-4
+# Triangles of the high-poly mesh whose corners are looked at, more or less.
+_HIGH_TRIANGLES = 40_000
+# Share of the vertices that reach less far than any does in the end.
+_FLOOR = 0.25
+# Cosine of the angle between faces from which on an edge is sharp: 60 degrees.
+_EDGE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What rays met that were cast out and in from points of a low-poly mesh.
+
+    Attributes
+    ----------
+    faces : (n,) int32
+        Face of each point.
+    out, into : RayHits
+    """
+
+    faces: IntArray
+    out: RayHits
+    into: RayHits
+
+
+@dataclass(frozen=True, eq=False)
+class CornerReach:
+    """How far rays start in front of each corner of each face, and how far behind it they end.
+
+    Attributes
+    ----------
+    low : Mesh
+    distances : (F, 3, 2) float64
+        Front and back, in the local frame.
+    """
+
+    low: Mesh
+    distances: FloatArray
+
+    def at(self, mesh: Mesh) -> FloatArray:
+        """(F, 3, 2) float64: the distances of a mesh with some of its faces, in any order."""
+        if mesh.faces is self.low.faces:
+            return self.distances
+        points = np.concatenate([self.low.positions, mesh.positions])
+        ids = weld_rows(points)
+        known = ids[self.low.faces]
+        asked = ids[mesh.faces + self.low.n_vertices]
+        rows = weld_rows(np.concatenate([known, asked]).astype(np.float64))[len(known) :]
+        return np.asarray(self.distances[np.minimum(rows, len(known) - 1)])
+
+
+def measure_reach(
+    high: Mesh | StreamedMesh,
+    low: Mesh,
+    frame: LocalFrame,
+    look: Look,
+    *,
+    threads: int | None = None,
+) -> CornerReach:
+    """Measure how far rays must reach at each vertex of a low-poly mesh.
+
+    Parameters
+    ----------
+    high, low
+        The meshes.
+    frame
+        Around both.
+    look
+        What rays of the low-poly mesh met out and in.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    CornerReach
+        The same for any number of threads, and whether or not the high-poly mesh is in memory.
+    """
+    of_faces = np.zeros((low.n_faces, 2))
+    _add_high(of_faces, high, low, frame, threads)
+    _add_low(of_faces, look)
+    sides = _sides(low)
+    for _ in range(2):  # the faces around a vertex, then those around its neighbors
+        distances = np.zeros((int(sides.max()) + 1, 2))
+        for corner in range(3):
+            np.maximum.at(distances, sides[:, corner], of_faces)
+        of_faces = distances[sides].max(axis=1)
+    floor = np.quantile(distances, _FLOOR, axis=0)
+    distances = np.maximum(distances, floor) * MARGIN + LEAST_EXTENT
+    return CornerReach(low, distances[sides])
+
+
+def _sides(low: Mesh) -> npt.NDArray[np.intp]:
+    """(F, 3) number of the side of a vertex that each corner lies on.
+
+    Faces that meet at less than `_EDGE` are of one side, also by way of others.
+    """
+    faces = weld_rows(low.positions)[low.faces].astype(np.int32)
+    pairs = edge_neighbors(faces)
+    normals = face_normals(low)
+    cosines = np.einsum("ij,ij->i", normals[pairs.first], normals[pairs.second])
+    smooth = cosines > _EDGE
+    labels = merged_labels(
+        low.n_faces, pairs.first[smooth].astype(np.int32), pairs.second[smooth].astype(np.int32)
+    )
+    keys = faces.astype(np.int64) * low.n_faces + labels[:, np.newaxis]
+    numbers: npt.NDArray[np.intp] = np.unique(keys, return_inverse=True)[1].reshape(-1, 3)
+    return numbers
+
+
+def _add_high(
+    of_faces: FloatArray,
+    high: Mesh | StreamedMesh,
+    low: Mesh,
+    frame: LocalFrame,
+    threads: int | None,
+) -> None:
+    """Raise the distances of faces to those of the high-poly points that are closest to them."""
+    step = max(1, high.n_faces // _HIGH_TRIANGLES)
+    if isinstance(high, StreamedMesh):
+        corners = frame.to_local(high.spread_corners(step))
+    else:
+        corners = frame.to_local(high.positions[high.faces[::step].ravel()])
+    triangles = corners.reshape(-1, 3, 3)
+    facing = np.repeat(_normals(triangles), 3, axis=0)
+    positions = frame.to_local(low.positions)
+    tree = TriangleTree.build(positions, low.faces, threads=threads)
+    distances, faces, weights = tree.closest_points(corners, threads=threads)
+    low_triangles = positions[low.faces[faces]]
+    normals = _normals(low_triangles)
+    offsets = corners - np.einsum("ni,nij->nj", weights, low_triangles)
+    agrees = np.einsum("ij,ij->i", facing, normals) > 0.0
+    is_out = np.einsum("ij,ij->i", offsets, normals) >= 0.0
+    for side, chosen in enumerate((agrees & is_out, agrees & ~is_out)):
+        np.maximum.at(of_faces[:, side], faces[chosen], distances[chosen])
+
+
+def _normals(triangles: FloatArray) -> FloatArray:
+    """Normals of triangles (n, 3, 3), as long as twice their areas."""
+    first, second, third = np.moveaxis(triangles, 1, 0)
+    return np.cross(second - first, third - first)
+
+
+def _add_low(of_faces: FloatArray, look: Look) -> None:
+    """Raise the distances of faces to what the rays of their points met first."""
+    # On its way out a ray meets the surface from behind, on its way in from the front.
+    distances = [
+        np.where((hits.faces != NO_HIT) & (hits.passed_back == is_behind), hits.distances, np.inf)
+        for hits, is_behind in ((look.out, True), (look.into, False))
+    ]
+    is_out = distances[0] < distances[1]
+    for side, chosen in enumerate((is_out, ~is_out & np.isfinite(distances[1]))):
+        np.maximum.at(of_faces[:, side], look.faces[chosen], distances[side][chosen])
