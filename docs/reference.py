@@ -134,10 +134,14 @@ def pipeline_page() -> str:
     return _page(parts)
 
 
+# What a kind of step must be told, besides its defaults, to have outputs.
+_TOLD = {"simplify": {"faces": 500}}
+
+
 def _outputs(kind: Any) -> list[str]:
     """Names of the outputs of a kind of step with its default options."""
     try:
-        return list(kind.outputs(kind.settings({})))
+        return list(kind.outputs(kind.settings(_TOLD.get(kind.name, {}))))
     except (OptionError, TypeError):
         return []
 

@@ -113,8 +113,6 @@ from .jobs.meshes import (
     info_file as info_file,
     make_file as make_file,
     remesh_file as remesh_file,
-    simplify_file as simplify_file,
-    simplify_levels as simplify_levels,
 )
 from .jobs.options import (
     DEMO_FOLDER as DEMO_FOLDER,
@@ -136,6 +134,10 @@ from .jobs.run import (
     RunResult as RunResult,
     run as run,
     run_files as run_files,
+)
+from .jobs.simplifying import (
+    simplify_file as simplify_file,
+    simplify_levels as simplify_levels,
 )
 from .jobs.textures import bake_texture_files as bake_texture_files
 from .jobs.unwrapping import (

@@ -27,12 +27,13 @@ from ..terminal import Terminal, terminal_options
     Example:
       texbake run scan.ply -o asset --faces 500 --size 2048
       texbake run scan.ply -o asset --faces 2000 --quality best --convention directx
+      texbake run scan.ply -o asset --error 0.5%
       texbake run scan.ply -o asset --faces 500 --max-error 0.5deg,0.01%
     """
 )
 @mesh_argument("high")
 @output_folder("Folder for the files, which is made if it is missing.", required=True)
-@options_of(RunOptions, without=("base_color",), required=("n_faces",))
+@options_of(RunOptions, without=("base_color",), defaults={"n_faces": None})
 @html_option
 @terminal_options
 def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choices: Any) -> None:

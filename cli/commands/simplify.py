@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     Example:
       texbake simplify scan.ply -o low.obj --faces 500
       texbake simplify scan.ply -o low.obj --faces 2000 --quality best
+      texbake simplify scan.ply -o low.obj --error 0.1%
     """
 )
 @mesh_argument("mesh")
@@ -43,12 +45,10 @@ if TYPE_CHECKING:
 def simplify(
     mesh: Path,
     output: Path,
-    n_faces: int,
-    quality: str,
-    orientation: str,
     report: Path | None,
     threads: int | None,
     terminal: Terminal,
+    **choices: Any,
 ) -> None:
     """Reduce MESH to fewer triangles.
 
@@ -59,9 +59,7 @@ def simplify(
         done = texbake.simplify_file(
             mesh,
             output,
-            n_faces,
-            quality=quality,
-            orientation=orientation,
+            **asdict(SimplifyOptions(**choices)),
             report=report,
             threads=threads,
             progress=progress,

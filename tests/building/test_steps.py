@@ -86,6 +86,15 @@ def test_levels_of_detail(do: Do, ball: Path) -> None:
     assert figures["levels"][0]["faces"] <= 100 and figures["levels"][1]["faces"] <= 40
 
 
+def test_levels_of_detail_stay_within_an_error(do: Do, ball: Path) -> None:
+    files, figures = do("simplify", {"error": "10%"}, mesh=ball)
+    assert list(files) == ["lod0"]
+    (level,) = figures["levels"]
+    assert level["faces"] < read_mesh(ball).n_faces and level["distance_max_relative"] <= 0.1
+    with pytest.raises(OptionError, match="faces, error: neither is given"):
+        do("simplify", {}, mesh=ball)
+
+
 def test_maps_in_several_formats(do: Do, ball: Path) -> None:
     given = {
         "maps": ("normal", "displacement"), "format": {"displacement": "exr"}, "size": 32,

@@ -126,6 +126,16 @@ def test_simplify_reaches_the_count(workplace: Path, invoke: Invoke) -> None:
     assert read_mesh("low_1.ply").n_faces <= 300
 
 
+def test_simplify_stays_within_an_error(workplace: Path, invoke: Invoke) -> None:
+    invoke("simplify high.ply -o low_1.ply --error 0.5% --report r.json --quiet")
+    report = json.loads(Path("r.json").read_text())
+    assert report["n_faces"] < report["n_faces_before"] and report["n_faces_asked"] is None
+    assert report["distance"]["max"] <= report["error_asked"]
+    assert invoke("simplify high.ply -o low_2.ply --error x", 2).stderr.startswith(
+        "texbake simplify: --error: 'x' is not a distance"
+    )
+
+
 def test_unwrap_keeps_positions(workplace: Path, invoke: Invoke) -> None:
     invoke("unwrap low.obj -o out.obj")
     before, after = read_mesh("low.obj"), read_mesh("out.obj")

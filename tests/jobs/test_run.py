@@ -168,6 +168,8 @@ def test_an_impossible_folder_is_refused_before_the_work(
     ("wrong", "message"),
     [
         ({"n_faces": 3}, "faces: 3"),
+        ({"n_faces": None}, "neither is given"),
+        ({"error": "wide"}, "error: 'wide' is not a distance"),
         ({"quality": "worst"}, "quality: worst"),
         ({"size": 0}, "size: 0"),
         ({"size": 16, "padding": 8}, "padding: 8"),

@@ -382,6 +382,90 @@ def test_wrong_options_are_errors():
         simplify(icosphere(2), 10, quality="worst")
 
 
+def measured_anew(mesh, low):
+    """Their distance at other and more points than `simplify` measured it at."""
+    return surface_distance(mesh, low, n_samples=300_000, seed=7).max
+
+
+@BOTH
+@pytest.mark.parametrize("share", [0.004, 0.001])
+def test_an_error_is_a_distance_that_no_point_exceeds(share, quality):
+    mesh = orange(20_000)
+    low, report = simplify_with_report(mesh, error=f"{100 * share}%", quality=quality)
+    limit = share * mesh.diagonal
+    assert report.error_asked == pytest.approx(limit)
+    assert report.distance.max == surface_distance(mesh, low).max <= limit
+    assert measured_anew(mesh, low) <= 1.01 * limit  # between the points of one measurement
+    assert report.notes == ()
+    # As few as fit: a tenth fewer faces lie further off.
+    assert low.n_faces < 0.9 * mesh.n_faces
+    fewer = simplify(mesh, int(0.9 * low.n_faces), quality=quality)
+    assert surface_distance(mesh, fewer).max > 0.9 * limit
+
+
+def test_of_a_count_and_an_error_the_first_stops():
+    mesh = orange(20_000)
+    by_count, report = simplify_with_report(mesh, 3_000, error="1%")
+    assert report.reached
+    assert_same(by_count, simplify(mesh, 3_000))
+    limit = 0.002 * mesh.diagonal
+    by_error, report = simplify_with_report(mesh, 100, error=limit)
+    assert not report.reached
+    assert report.distance.max <= limit
+    assert report.notes == (
+        f"fewer than {by_error.n_faces} faces would lie further from it than allowed",
+    )
+
+
+def test_an_error_in_model_units_grows_with_the_model():
+    mesh = orange(6_000)
+    large = mesh.replace(positions=1024.0 * mesh.positions)
+    near, far = simplify(mesh, error=0.01), simplify(large, error=10.24)
+    assert np.array_equal(near.faces, far.faces)
+
+
+def test_a_flat_sheet_needs_two_triangles_for_any_error_but_four_are_the_least():
+    sheet = plane(20, 20).replace(uvs=None, uv_faces=None)
+    assert simplify(sheet, error=1e-6).n_faces <= 4
+
+
+def test_an_error_gives_up_neither_seams_nor_parts():
+    # Every face its own island in texture space: no edge is free to collapse.
+    mesh = icosphere(3)
+    corner_ids = np.arange(3 * mesh.n_faces).reshape(-1, 3)
+    uvs = np.random.default_rng(0).uniform(size=(3 * mesh.n_faces, 2))
+    mesh = mesh.replace(uvs=uvs, uv_faces=corner_ids)
+    low, report = simplify_with_report(mesh, error="50%")
+    assert low is mesh
+    assert report.method == "unchanged"
+
+
+def test_an_error_does_not_depend_on_threads():
+    mesh = orange(20_000)
+    assert_same(simplify(mesh, error="0.3%", threads=1), simplify(mesh, error="0.3%", threads=3))
+
+
+@pytest.mark.realdata
+@BOTH
+@pytest.mark.parametrize("name", ["pairs/spot/high.obj", "meshes/teapot.stl"])
+def test_real_meshes_stay_within_an_error(data_dir, name, quality):
+    mesh = read_mesh(data_dir / name)
+    low, _ = simplify_with_report(mesh, error="0.5%", quality=quality)
+    assert low.n_faces < mesh.n_faces
+    assert measured_anew(mesh, low) <= 1.01 * 0.005 * mesh.diagonal
+
+
+@pytest.mark.parametrize("error", [-1.0, "far", "nan", "-2%", float("inf")])
+def test_wrong_errors_are_errors(error):
+    with pytest.raises(OptionError, match=r"error: .* is not a distance"):
+        simplify(icosphere(2), error=error)
+
+
+def test_neither_count_nor_error_is_an_error():
+    with pytest.raises(OptionError, match="neither is given"):
+        simplify(icosphere(2))
+
+
 def test_report_is_plain_data():
     import json
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from texbake.errors import FileFormatError
@@ -26,13 +24,10 @@ from texbake.mesh.files.contents import FileContents, read_contents
 from texbake.mesh.info import MeshInfo, mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import MakeOptions
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.shapes import orange
-from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.mesh.simplify_options import DEFAULT_QUALITY
 from texbake.progress import ProgressSink
 from texbake.texture.image import image_shape, read_image
 
@@ -240,81 +235,3 @@ def remesh_file(
     if report is not None:
         write_report(report, figures.to_json())
     return JobResult(files=given(output, report), report=figures, warnings=figures.notes)
-
-
-def simplify_file(
-    mesh: PathLike,
-    output: PathLike,
-    n_faces: int,
-    *,
-    quality: str = DEFAULT_QUALITY,
-    orientation: str = DEFAULT_ORIENTATION,
-    report: PathLike | None = None,
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-) -> JobResult[SimplifyReport]:
-    """Reduce the triangles of a mesh file, and write the result.
-
-    Parameters
-    ----------
-    mesh
-    output
-        The low-poly mesh; it may replace `mesh`.
-    n_faces, quality, threads, progress
-        As for `simplify`.
-    orientation
-        `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
-    report
-        File for the figures as JSON.
-    """
-    check_distinct([output, report])
-    check_distinct([report], [mesh])  # the output may replace the mesh
-    check_report(report)
-    (done,) = simplify_levels(
-        mesh,
-        [(n_faces, output)],
-        quality=quality,
-        orientation=orientation,
-        threads=threads,
-        progress=progress,
-    )
-    if report is None:
-        return done
-    write_report(report, done.report.to_json())
-    return replace(done, files=(*done.files, Path(report)))
-
-
-def simplify_levels(
-    mesh: PathLike,
-    levels: Sequence[tuple[int, PathLike]],
-    *,
-    quality: str = DEFAULT_QUALITY,
-    orientation: str = DEFAULT_ORIENTATION,
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-) -> list[JobResult[SimplifyReport]]:
-    """Write several levels of detail of a mesh file.
-
-    Parameters
-    ----------
-    mesh
-    levels
-        Number of triangles and file of each level.
-    quality, orientation, threads, progress
-        As for `simplify_file`.
-    """
-    from texbake.raycast.orient import oriented
-
-    for _, output in levels:
-        check_mesh(output)
-    high, turned = oriented(read_mesh(mesh, progress=progress), orientation, threads=threads)
-    done = []
-    for n_faces, output in levels:
-        # Each from the mesh itself: the errors of levels made from one another add up.
-        low, figures = simplify_with_report(
-            high, n_faces, quality=quality, threads=threads, progress=progress
-        )
-        write_mesh(low, output)
-        figures = replace(figures, notes=(*turned.notes, *figures.notes))
-        done.append(JobResult(files=given(output), report=figures, warnings=figures.notes))
-    return done

@@ -15,11 +15,12 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.remesh_options import DEFAULT_REMESH, REMESH_OPTION
-from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
+from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions, check_target
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import CheckedOptions, Option, option
 
 DEMO_FOLDER = "texbake_demo"
+DEFAULT_FACES = 500
 DEFAULT_SAMPLES = 4  # rays per texel where no error and no time is given
 MIN_TRIANGLES = 1000  # an orange of fewer has no pores
 _PICTURE_SIZE = 720  # pixels per side of each picture
@@ -33,7 +34,8 @@ class RunOptions(CheckedOptions):
     is sRGB-coded.
     """
 
-    n_faces: Annotated[int, option(SimplifyOptions, "n_faces")] = 500
+    n_faces: Annotated[int | None, option(SimplifyOptions, "n_faces")] = DEFAULT_FACES
+    error: Annotated[str | float | None, option(SimplifyOptions, "error")] = None
     quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     remesh: Annotated[str, REMESH_OPTION] = DEFAULT_REMESH
@@ -63,6 +65,7 @@ class RunOptions(CheckedOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_target(self.n_faces, self.error)
         # These check their values, now and not when half of the work is done.
         self.unwrap_options()
         self.bake_options()
@@ -117,7 +120,7 @@ class DemoOptions(CheckedOptions):
     ] = 1_000_000
     faces: Annotated[
         int, Option("Number of triangles of the low-poly mesh.", metavar="N", low=MIN_FACES)
-    ] = RunOptions.n_faces
+    ] = DEFAULT_FACES
     size: Annotated[Size, option(BakeOptions, "size")] = RunOptions.size
     threads: Annotated[int | None, THREADS_OPTION] = None
 

@@ -180,6 +180,7 @@ def run(
         low, simplified = simplify_with_report(
             closed,
             options.n_faces,
+            error=options.error,
             quality=options.quality,
             threads=options.threads,
             progress=progress,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from texbake.errors import OptionError
+from texbake.mesh.length_options import length_of
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option
 
@@ -80,17 +79,7 @@ class RemeshOptions(CheckedOptions):
         >>> RemeshOptions(close="2%").gap(50.0)
         1.0
         """
-        word = str(self.close).strip()
-        try:
-            value = float(word.removesuffix("%"))
-        except ValueError:
-            value = math.nan
-        if not 0.0 <= value < math.inf:
-            raise OptionError(
-                f"close: {self.close!r} is not a width; give a length such as 0.02, or a share of "
-                "the diagonal such as 1%"
-            )
-        return 0.01 * value * diagonal if word.endswith("%") else value
+        return length_of("close", "a width", self.close, diagonal)
 
     @property
     def n_components(self) -> int | None:

@@ -1,62 +1,37 @@
 """Fewer triangles by collapsing edges, as close to the surface as their number allows.
 
-Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
-SIGGRAPH 1997; Jarek Rossignac, Paul Borrel, "Multi-resolution 3D approximations for rendering
-complex scenes", Modeling in Computer Graphics 1993 (clusters of vertices, where the topology must
-be given up).
+Down to a number of faces, as `reduction` does it, or to the fewest found whose distance from the
+mesh, measured on each, stays within an error.
 
-`fast` keeps a subset of the vertices, bit for bit. `best` puts vertices where the quadric error is
-least; it is compared with `fast` by measured distance, and the closer of the two is returned.
-
-Both keep what is a surface a surface, of the same topology. Seams and hard edges are kept by their
-topology: a vertex for each side, which move together. Weights for the attributes themselves changed
-neither distances nor texture coordinates measurably on real meshes, and are not used.
+Both qualities keep what is a surface a surface, of the same topology. Seams and hard edges are kept
+by their topology: a vertex for each side, which move together. Weights for the attributes
+themselves changed neither distances nor texture coordinates measurably on real meshes, and are not
+used.
 """
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import Any
 
-import numpy as np
-
-from texbake.errors import MeshError, OptionError
-from texbake.mesh.decimate import (
-    boundary_fits,
-    bring_down,
-    cluster_stream,
-    collapse_stream,
-    drop_parts,
-    move_and_collapse,
-)
+from texbake.errors import OptionError
 from texbake.mesh.distance import SurfaceDistance, surface_distance
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.error_search import Trial, search_fewest
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, QUALITIES
-from texbake.mesh.topology import find_edges
-from texbake.mesh.triangle_tree import with_nearest_attributes
-from texbake.mesh.vertex_stream import (
-    VertexStream,
-    gather,
-    weld_corners,
-    weld_positions,
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.reduction import Reduction, noted, reduced
+from texbake.mesh.simplify_options import (
+    DEFAULT_QUALITY,
+    MIN_FACES,
+    QUALITIES,
+    check_target,
+    error_limit,
 )
 from texbake.progress import ProgressSink, Stages
 
-_GIVEN_UP = "too few faces to keep its"
-
-# A result this much under the count is tried again, this often at most.
-_SLACK = 0.02
-_TRIES = 6
-
-_COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
-
-# Share of the requested faces that an attempt must leave, or else further attempts are made.
-_ENOUGH = 0.75
+_FIRST_FACES = 2_000  # what is tried first for an error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +40,12 @@ class SimplifyReport:
 
     Attributes
     ----------
-    n_faces_before, n_faces_asked, n_faces : int
-        Of the given mesh, requested, and of the result. `n_faces` is above `n_faces_asked` where
-        no attempt came down to it.
+    n_faces_before, n_faces : int
+        Of the given mesh and of the result.
+    n_faces_asked : int, optional
+        `n_faces` is above it where no attempt came down to it, or where the error stopped it.
+    error_asked : float, optional
+        Greatest distance allowed, in model units; `distance.max` is no greater.
     n_vertices : int
         Positions of the result.
     quality : str
@@ -83,7 +61,8 @@ class SimplifyReport:
     """
 
     n_faces_before: int
-    n_faces_asked: int
+    n_faces_asked: int | None
+    error_asked: float | None
     n_faces: int
     n_vertices: int
     quality: str
@@ -94,8 +73,8 @@ class SimplifyReport:
 
     @property
     def reached(self) -> bool:
-        """Whether the result has at most the requested number of faces."""
-        return self.n_faces <= self.n_faces_asked
+        """Whether the result has at most the requested number of faces, if one was."""
+        return self.n_faces_asked is None or self.n_faces <= self.n_faces_asked
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -108,23 +87,19 @@ class SimplifyReport:
         return values
 
 
-@dataclass(frozen=True)
-class _Result:
-    mesh: Mesh
-    start: VertexStream  # what the last step began with
-    method: str
-    notes: tuple[str, ...] = ()
-
-
 def simplify(
     mesh: MeshLike,
-    n_faces: int,
+    n_faces: int | None = None,
     *,
+    error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> Mesh:
-    """Reduce a mesh to at most `n_faces` triangles that stay as close to its surface as possible.
+    """Reduce a mesh to few triangles that stay as close to its surface as possible.
+
+    To at most `n_faces`, or to the fewest found whose distance from the mesh is at most `error`, or
+    with both to whichever comes first.
 
     Boundaries, seams of texture coordinates, hard edges (where the mesh's own normals differ at one
     position) and borders between groups are kept, as long as the count can be reached with them.
@@ -141,6 +116,10 @@ def simplify(
     n_faces
         Number of triangles wanted, at least 4. A mesh with no more than that is returned
         unchanged.
+    error
+        Greatest distance of the two surfaces, either way: a length in model units, or a percentage
+        of the diagonal such as `"0.5%"`. It is measured on the result, as `surface_distance` does
+        at its default number of samples. For an error alone, nothing is given up of what is kept.
     quality
         `fast`: a subset of the vertices, bit-equal, with their texture coordinates, hard normals,
         groups and colors. `best`: moved vertices, closer to the surface, and slower; groups and
@@ -160,7 +139,7 @@ def simplify(
     Raises
     ------
     OptionError
-        `n_faces` or `quality` is not possible.
+        `n_faces`, `error` or `quality` is not possible, or neither of the first two is given.
     MeshError
         The mesh has no face with three distinct positions.
 
@@ -171,13 +150,14 @@ def simplify(
     500
     """
     mesh = as_mesh(mesh)
-    return _simplified(mesh, n_faces, quality, Stages(progress), threads)[0]
+    return _simplified(mesh, n_faces, error, quality, Stages(progress), threads).mesh
 
 
 def simplify_with_report(
     mesh: MeshLike,
-    n_faces: int,
+    n_faces: int | None = None,
     *,
+    error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
     progress: ProgressSink | None = None,
     threads: int | None = None,
@@ -186,18 +166,21 @@ def simplify_with_report(
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
-    low, method, notes = _simplified(mesh, n_faces, quality, stages, threads)
+    result = _simplified(mesh, n_faces, error, quality, stages, threads)
     seconds = time.perf_counter() - start
-    with stages.stage("measure distance"):
-        distance = surface_distance(mesh, low, threads=threads)
+    low, distance = result.mesh, result.distance
+    if distance is None:
+        with stages.stage("measure distance"):
+            distance = surface_distance(mesh, low, threads=threads)
     report = SimplifyReport(
         n_faces_before=mesh.n_faces,
         n_faces_asked=n_faces,
+        error_asked=error_limit(error, mesh.diagonal),
         n_faces=low.n_faces,
         n_vertices=low.n_vertices,
         quality=quality,
-        method=method,
-        notes=notes,
+        method=result.method,
+        notes=result.notes,
         distance=distance,
         seconds=seconds,
     )
@@ -205,134 +188,56 @@ def simplify_with_report(
 
 
 def _simplified(
-    mesh: Mesh, n_faces: int, quality: str, stages: Stages, threads: int | None
-) -> tuple[Mesh, str, tuple[str, ...]]:
+    mesh: Mesh,
+    n_faces: int | None,
+    error: str | float | None,
+    quality: str,
+    stages: Stages,
+    threads: int | None,
+) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
-    if n_faces < MIN_FACES:
+    check_target(n_faces, error)
+    if n_faces is not None and n_faces < MIN_FACES:
         raise OptionError(f"n_faces: {n_faces} is too few; it must be at least {MIN_FACES}")
     if quality not in QUALITIES:
         raise OptionError(f"quality: {quality} is not one of {', '.join(QUALITIES)}")
+    limit = error_limit(error, mesh.diagonal)
+    if limit is not None:
+        with stages.stage("simplify"):
+            return _within(mesh, n_faces, limit, quality, threads)
+    assert n_faces is not None
     if n_faces >= mesh.n_faces:
-        return mesh, "unchanged", ("it has no more faces than requested",)
+        return _unchanged(mesh, "it has no more faces than requested")
     with stages.stage("simplify"):
-        start = bring_down(weld_corners(mesh, threads=threads), n_faces, threads=threads)
-        if gather(mesh, start, start.faces) is None:
-            raise MeshError(
-                f"{mesh.name}: none of its faces has three distinct corners; repair it first"
-            )
-        fast = _fast(mesh, start, n_faces, threads)
-        result = _best(mesh, fast, n_faces, threads) if quality == "best" else fast
-    if result.mesh.n_faces > n_faces:
-        least = result.mesh.n_faces
-        result = _noted(result, f"its topology does not allow fewer than {least} faces")
-    return with_nearest_attributes(result.mesh, mesh, threads), result.method, result.notes
+        return reduced(mesh, n_faces, quality, threads)
 
 
-def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> _Result:
-    """The first attempt that comes close to the count from below, else the one nearest to it.
-
-    Dropping separate parts can leave next to nothing of a mesh of many parts; clustering vertices
-    then keeps more of it.
-    """
-    results: list[_Result] = []
-    for stream, reduce, method, notes in _attempts(mesh, start, n_faces, threads):
-        low = _reduce_to(mesh, stream, reduce, n_faces)
-        if low is None:
-            continue
-        results.append(_Result(low, stream, method, notes))
-        if _ENOUGH * n_faces <= low.n_faces <= n_faces:
-            return results[-1]
-    reached = [result for result in results if result.mesh.n_faces <= n_faces]
-    if reached:
-        result = max(reached, key=lambda result: result.mesh.n_faces)
-        few = f"only {result.mesh.n_faces} of the {n_faces} requested faces are left"
-        return result if 2 * result.mesh.n_faces > n_faces else _noted(result, few)
-    return min(results, key=lambda result: result.mesh.n_faces)
+def _unchanged(mesh: Mesh, note: str) -> Reduction:
+    return Reduction(mesh, None, "unchanged", (note,))
 
 
-def _noted(result: _Result, note: str) -> _Result:
-    return replace(result, notes=(*result.notes, note))
+def _within(
+    mesh: Mesh, n_faces: int | None, limit: float, quality: str, threads: int | None
+) -> Reduction:
+    """The result of fewest faces found, not below a number, that lies within a distance."""
+    if mesh.n_faces <= (n_faces or MIN_FACES):
+        return _unchanged(mesh, "it has no more faces than requested")
+    fitting = _unchanged(mesh, "fewer faces would lie further from it than the error allows")
 
+    def attempt(n_asked: int) -> Trial:
+        nonlocal fitting
+        result = reduced(mesh, n_asked, quality, threads)
+        distance = surface_distance(mesh, result.mesh, threads=threads)
+        n_left = result.mesh.n_faces
+        if result.gave_up and n_asked != n_faces:
+            return Trial(n_left, math.inf)
+        if distance.max <= limit:
+            fitting = replace(result, distance=distance)
+        return Trial(n_left, distance.max)
 
-def _attempts(
-    mesh: Mesh, stream: VertexStream, n_faces: int, threads: int | None
-) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
-    """Yield attempts to reach the count, each giving up more than the one before, with notes.
-
-    Clusters of vertices are the last one. They are not for an oriented surface, because they seldom
-    leave one.
-    """
-    notes: tuple[str, ...] = ()
-    while True:
-        collapse = partial(collapse_stream, stream)
-        if boundary_fits(stream, n_faces):
-            yield stream, partial(collapse, lock_boundary=True), "collapsed edges", notes
-        yield stream, collapse, "collapsed edges", notes
-        pruned = (*notes, "small separate parts were dropped")
-        yield stream, partial(_pruned, stream), "collapsed edges, dropped parts", pruned
-        if not stream.has_seams:
-            break
-        notes = (f"{_GIVEN_UP} {_seams(stream)}",)
-        welded = weld_positions(mesh, threads=threads)
-        stream = bring_down(welded, n_faces, threads=threads)
-    edges = find_edges(stream.position_ids[stream.faces])
-    if edges.non_manifold.any() or edges.misoriented.any():
-        clustered = (*notes, "its topology was given up: vertices were joined in clusters")
-        yield stream, partial(cluster_stream, stream), "clustered vertices", clustered
-    yield stream, lambda _: stream.faces, "unchanged", notes
-
-
-def _pruned(stream: VertexStream, n_faces: int) -> IntArray:
-    """Collapse, and drop parts of what cannot come down to the count."""
-    return drop_parts(stream, collapse_stream(stream, n_faces), n_faces)
-
-
-def _reduce_to(
-    mesh: Mesh, stream: VertexStream, reduce: Callable[[int], IntArray], n_faces: int
-) -> Mesh | None:
-    """Reduce to the count, asking for more where degenerate faces or clusters leave fewer."""
-    nearest: Mesh | None = None
-    n_asked = n_faces
-    for _ in range(_TRIES):
-        low = gather(mesh, stream, reduce(n_asked))
-        n_left = 0 if low is None else low.n_faces
-        if low is not None and (nearest is None or nearest.n_faces < n_left <= n_faces):
-            nearest = low
-        if n_left >= (1.0 - _SLACK) * n_faces:
-            break
-        n_asked += n_faces - n_left
-    return nearest
-
-
-def _seams(stream: VertexStream) -> str:
-    names = {
-        "texture coordinates": stream.uv_ids,
-        "hard edges": stream.normal_ids,
-        "group borders": stream.group_ids,
-    }
-    return " and ".join(name for name, ids in names.items() if ids is not None)
-
-
-def _best(mesh: Mesh, fast: _Result, n_faces: int, threads: int | None) -> _Result:
-    """Of both results the one that reaches the count, or else the closest."""
-    start = fast.start
-    if start.uv_ids is not None or start.normal_ids is not None:
-        return replace(fast, notes=(*fast.notes, f"only fast keeps {_seams(start)}"))
-    welded = gather(mesh, start, start.faces)
-    if welded is None:
-        return fast
-    stream = weld_positions(welded, threads=threads)
-    points, faces = move_and_collapse(stream, n_faces, lock_boundary=boundary_fits(stream, n_faces))
-    moved = Mesh(positions=LocalFrame.around(welded).to_model(points), faces=faces, name=mesh.name)
-    low = gather(moved, replace(stream, position_ids=np.arange(len(points), dtype=np.int32)), faces)
-    if low is None:
-        return fast
-    given_up = tuple(note for note in fast.notes if note.startswith(_GIVEN_UP))
-    results = [fast, _Result(low, start, "moved vertices", given_up)]
-
-    def order(result: _Result) -> tuple[int, float]:
-        beyond = max(result.mesh.n_faces - n_faces, 0)
-        distance = surface_distance(mesh, result.mesh, n_samples=_COMPARED, threads=threads)
-        return beyond, distance.rms
-
-    return min(results, key=order)
+    first = n_faces or max(MIN_FACES, min(_FIRST_FACES, mesh.n_faces // 4))
+    search_fewest(attempt, limit, n_faces or MIN_FACES, mesh.n_faces, first)
+    n_left = fitting.mesh.n_faces
+    if n_faces is None or n_left <= n_faces or fitting.start is None:
+        return fitting
+    return noted(fitting, f"fewer than {n_left} faces would lie further from it than allowed")

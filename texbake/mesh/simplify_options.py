@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, get_args
 
+from texbake.errors import OptionError
+from texbake.mesh.length_options import length_of
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.schema import CheckedOptions, Option
 
@@ -17,14 +19,39 @@ MIN_FACES: Final = 4
 """The faces of a tetrahedron: fewer enclose nothing."""
 
 
+FACES_OPTION: Final = Option(
+    "Number of triangles to reach.",
+    metavar="N",
+    low=MIN_FACES,
+    flag="--faces",
+    default="as few as the error allows",
+)
+ERROR_OPTION: Final = Option(
+    "Stop where the two surfaces would lie further apart anywhere: 0.02 (model units) or 0.5% (of "
+    "the diagonal). With a number of triangles, whichever comes first.",
+    metavar="D",
+    default="no limit",
+)
+
+
+def error_limit(error: str | float | None, diagonal: float) -> float | None:
+    """Return the greatest distance that an error allows, in the units of the diagonal."""
+    return None if error is None else length_of("error", "a distance", error, diagonal)
+
+
+def check_target(n_faces: int | None, error: str | float | None) -> None:
+    """Raise `OptionError` unless a number of faces, an error, or both are given."""
+    if n_faces is None and error is None:
+        raise OptionError("n_faces, error: neither is given; give one of them, or both")
+    error_limit(error, 1.0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class SimplifyOptions(CheckedOptions):
     """How far and how well a mesh is simplified."""
 
-    n_faces: Annotated[
-        int,
-        Option("Number of triangles to reach.", metavar="N", low=MIN_FACES, flag="--faces"),
-    ]
+    n_faces: Annotated[int | None, FACES_OPTION] = None
+    error: Annotated[str | float | None, ERROR_OPTION] = None
     quality: Annotated[
         str,
         Option(
@@ -33,3 +60,7 @@ class SimplifyOptions(CheckedOptions):
         ),
     ] = DEFAULT_QUALITY
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_target(self.n_faces, self.error)

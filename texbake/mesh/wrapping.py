@@ -93,7 +93,7 @@ def _share_inside(mesh: Mesh, wrap: Mesh, report: RemeshReport, threads: int | N
 def wrapped_if(
     mesh: Mesh,
     choice: str,
-    n_faces: int,
+    n_faces: int | None,
     *,
     threads: int | None = None,
     progress: ProgressSink | None = None,
@@ -105,11 +105,12 @@ def wrapped_if(
     mesh
     choice : {"auto", "always", "never"}
     n_faces
-        What the mesh will be reduced to. One that has no more is never better wrapped.
+        What the mesh will be reduced to, None where an error decides. One that has no more is never
+        better wrapped.
     threads, progress
         As for `remesh`.
     """
-    may_help = choice == "auto" and mesh.n_faces > n_faces
+    may_help = choice == "auto" and (n_faces is None or mesh.n_faces > n_faces)
     reason = reason_to_wrap(mesh, threads=threads) if may_help else None
     if choice != "always" and reason is None:
         return mesh, ()

@@ -28,7 +28,13 @@ from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.repair_options import RepairOptions
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, MIN_FACES, SimplifyOptions
+from texbake.mesh.simplify_options import (
+    DEFAULT_QUALITY,
+    ERROR_OPTION,
+    MIN_FACES,
+    SimplifyOptions,
+    error_limit,
+)
 from texbake.mesh.transform_options import TransformOptions
 from texbake.schema import CheckedOptions, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES
@@ -206,12 +212,14 @@ class SimplifyStep(CheckedOptions):
     """How many triangles a mesh is reduced to."""
 
     faces: Annotated[
-        int | tuple[int, ...],
+        int | tuple[int, ...] | None,
         Option(
             "Triangles of each level of detail, the finest first; lod0 is the first.",
             low=MIN_FACES,
+            default="one level, as small as the error allows",
         ),
-    ] = 500
+    ] = None
+    error: Annotated[str | float | None, ERROR_OPTION] = None
     quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
@@ -220,23 +228,29 @@ class SimplifyStep(CheckedOptions):
         if not self.levels:
             raise OptionError("faces: it is empty; give the triangles of at least one level")
         super().__post_init__()
-        if any(fine <= coarse for fine, coarse in zip(self.levels, self.levels[1:], strict=False)):
+        if self.faces is None and self.error is None:
+            raise OptionError("faces, error: neither is given; give one of them, or both")
+        error_limit(self.error, 1.0)
+        if isinstance(self.faces, tuple) and any(
+            fine <= coarse for fine, coarse in zip(self.faces, self.faces[1:], strict=False)
+        ):
             raise OptionError("faces: each level must have fewer triangles than the one before")
 
     @property
-    def levels(self) -> tuple[int, ...]:
-        """Triangles of each level."""
+    def levels(self) -> tuple[int | None, ...]:
+        """Triangles of each level; None for as few as the error allows."""
         return self.faces if isinstance(self.faces, tuple) else (self.faces,)
 
 
 def _simplify(job: Job) -> dict[str, Any]:
-    from texbake.jobs.meshes import simplify_levels
+    from texbake.jobs.simplifying import simplify_levels
 
     options: SimplifyStep = SIMPLIFY.made(job.settings)
     levels = list(zip(options.levels, job.outputs.values(), strict=True))
     done = simplify_levels(
         job.file("mesh"),
         levels,
+        error=options.error,
         quality=options.quality,
         orientation=options.orientation,
         threads=job.threads,
@@ -264,7 +278,6 @@ SIMPLIFY = StepKind(
     does="reduces a mesh to one or several levels of detail",
     options=SimplifyStep,
     without=(),
-    required=("faces",),
     inputs=(InputRole(name="mesh"),),
     outputs=_levels,
     run=_simplify,

@@ -1,0 +1,104 @@
+"""Mesh files with fewer triangles: one, or several levels of detail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from texbake.files import PathLike
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_mesh,
+    check_report,
+    given,
+    write_report,
+)
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
+from texbake.mesh.simplify import SimplifyReport, simplify_with_report
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, check_target
+from texbake.progress import ProgressSink
+
+
+def simplify_file(
+    mesh: PathLike,
+    output: PathLike,
+    n_faces: int | None = None,
+    *,
+    error: str | float | None = None,
+    quality: str = DEFAULT_QUALITY,
+    orientation: str = DEFAULT_ORIENTATION,
+    report: PathLike | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[SimplifyReport]:
+    """Reduce the triangles of a mesh file, and write the result.
+
+    Parameters
+    ----------
+    mesh
+    output
+        The low-poly mesh; it may replace `mesh`.
+    n_faces, error, quality, threads, progress
+        As for `simplify`.
+    orientation
+        `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
+    report
+        File for the figures as JSON.
+    """
+    check_distinct([output, report])
+    check_distinct([report], [mesh])  # the output may replace the mesh
+    check_report(report)
+    (done,) = simplify_levels(
+        mesh,
+        [(n_faces, output)],
+        error=error,
+        quality=quality,
+        orientation=orientation,
+        threads=threads,
+        progress=progress,
+    )
+    if report is None:
+        return done
+    write_report(report, done.report.to_json())
+    return replace(done, files=(*done.files, Path(report)))
+
+
+def simplify_levels(
+    mesh: PathLike,
+    levels: Sequence[tuple[int | None, PathLike]],
+    *,
+    error: str | float | None = None,
+    quality: str = DEFAULT_QUALITY,
+    orientation: str = DEFAULT_ORIENTATION,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> list[JobResult[SimplifyReport]]:
+    """Write several levels of detail of a mesh file.
+
+    Parameters
+    ----------
+    mesh
+    levels
+        Number of triangles and file of each level; without a number, as few as `error` allows.
+    error, quality, orientation, threads, progress
+        As for `simplify_file`.
+    """
+    from texbake.raycast.orient import oriented
+
+    for n_faces, output in levels:
+        check_target(n_faces, error)
+        check_mesh(output)
+    high, turned = oriented(read_mesh(mesh, progress=progress), orientation, threads=threads)
+    done = []
+    for n_faces, output in levels:
+        # Each from the mesh itself: the errors of levels made from one another add up.
+        low, figures = simplify_with_report(
+            high, n_faces, error=error, quality=quality, threads=threads, progress=progress
+        )
+        write_mesh(low, output)
+        figures = replace(figures, notes=(*turned.notes, *figures.notes))
+        done.append(JobResult(files=given(output), report=figures, warnings=figures.notes))
+    return done
