@@ -337,6 +337,8 @@ def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
     fail(OptionError, r"differ in size \(ao 4 x 4, roughness 32 x 32\)", sizes)
     bare = grid_sphere(4, 6)
     fail(UvError, "no texture coordinates", {"normal": maps / "rock_normal.png"}, of=bare)
+    fail(UvError, "levels of detail share one set", {}, levels=[mesh, bare])
+    fail(UvError, "levels of detail share one set", {}, of=bare, levels=[mesh])
     compressed = ExportOptions(to="blender", compress=True)
     fail(OptionError, "Blender does not read compressed", {}, compressed)
     fail(OptionError, "levels: a obj file has none", {}, ExportOptions(to="unity"),
