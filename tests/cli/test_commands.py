@@ -18,7 +18,10 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 # A command line and the files that it leaves behind.
 LINES = {
     "info high.ply": [],
-    "lighten high.ply -o light.glb --faces 500 --size 256 --report r.json": ["light.glb", "r.json"],
+    "lighten high.ply -o light.glb --faces 500 --size 256 --views 1 --report r.json": [
+        "light.glb",
+        "r.json",
+    ],
     "remesh high.ply -o closed.ply --resolution 32 --report r.json": ["closed.ply", "r.json"],
     "simplify high.ply -o low_1.obj --faces 200 --report r.json": ["low_1.obj", "r.json"],
     "unwrap low.obj -o out.glb --size 256x128 --padding 2 --layout l.png --report r.json": [

@@ -1,9 +1,12 @@
 """`lighten`: fewer triangles, one set of images, and all that the materials say."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, OptionError
 from texbake.jobs.lighten import lighten_file
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.mesh.compose import join_meshes
@@ -20,7 +23,7 @@ from texbake.mesh.materials import (
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import decode_image, write_image
 
-OPTIONS = LightenOptions(n_faces=600, size=256, images="png")
+OPTIONS = LightenOptions(n_faces=600, size=256, images="png", views=0)
 
 
 def picture(folder, name, pixels, components=(0, 1, 2)):
@@ -153,7 +156,7 @@ def test_the_same_model_gives_the_same_bytes(model, light, tmp_path):
         again = lighten_file(
             model,
             tmp_path / "light.glb",
-            LightenOptions(n_faces=600, size=256, images="png", threads=threads),
+            replace(OPTIONS, threads=threads),
         )
         assert again.files[0].read_bytes() == first
 
@@ -197,6 +200,25 @@ def test_a_missing_image_is_a_warning(model, tmp_path):
     mesh = read_mesh(tmp_path / "light.glb")
     (material,) = read_materials(tmp_path / "light.glb", mesh).materials
     assert material.channels["base-color"] == ChannelSource((0.5, 0.25, 0.0))
+
+
+def test_pictures_of_both_are_compared(model, tmp_path):
+    page = tmp_path / "light.html"
+    done = lighten_file(
+        model,
+        tmp_path / "light.glb",
+        replace(OPTIONS, n_faces=4000, views=2),
+        report=tmp_path / "light.json",
+        html=page,
+        command="texbake lighten",
+    )
+    assert done.files[-1] == page
+    assert "two.glb" in page.read_text(encoding="utf-8")
+    figures = json.loads((tmp_path / "light.json").read_text())["compare"]
+    assert len(figures["psnr_db"]) == 2
+    assert figures["worst_db"] > 25.0
+    with pytest.raises(OptionError, match="one view or more"):
+        lighten_file(model, tmp_path / "light.glb", OPTIONS, html=page)
 
 
 def test_only_glb_files_hold_a_lightened_model(model, tmp_path):

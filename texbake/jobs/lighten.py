@@ -14,7 +14,7 @@ import numpy as np
 
 from texbake.baking.bake import bake
 from texbake.baking.report import BakeReport
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, check_writable
 from texbake.jobs.carried import (
     carried_channels,
@@ -30,7 +30,14 @@ from texbake.jobs.lighten_options import (
     SHARE,
     LightenOptions,
 )
-from texbake.jobs.outputs import JobResult, check_distinct, check_report, given, write_report
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_page,
+    check_report,
+    given,
+    write_report,
+)
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -43,6 +50,7 @@ from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import oriented
+from texbake.rendering.compare_models import ModelComparison, compare_models
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +73,8 @@ class LightenReport:
     unwrapped : UnwrapReport, optional
     baked : BakeReport, optional
     stages : tuple of StageRecord
+    comparison : ModelComparison, optional
+        In pictures; None without views.
     """
 
     n_faces_before: int
@@ -79,6 +89,39 @@ class LightenReport:
     unwrapped: UnwrapReport | None
     baked: BakeReport | None
     stages: tuple[StageRecord, ...]
+    comparison: ModelComparison | None = None
+
+    def table(self) -> list[tuple[str, str]]:
+        """Return rows of a label and a figure."""
+        rows = [
+            ("triangles", f"{self.n_faces_before:,} to {self.n_faces:,}"),
+            ("materials", f"{self.n_materials_before:,} to {self.n_materials:,}"),
+            (
+                "size",
+                f"{self.n_bytes_before:,} bytes to {self.n_bytes:,}, "
+                f"{100.0 * self.n_bytes / max(self.n_bytes_before, 1):.1f} %",
+            ),
+            ("images", ", ".join(self.images) or "none"),
+        ]
+        if self.size is not None:
+            rows.append(("texels", "{} x {}".format(*self.size)))
+        if self.simplified is not None:
+            distance = self.simplified.distance
+            rows.append(
+                (
+                    "distance of the surfaces",
+                    f"RMS {100 * distance.rms_relative:.3f} %, "
+                    f"greatest {100 * distance.max_relative:.3f} % of the diagonal",
+                )
+            )
+        if self.comparison is not None:
+            rows.append(
+                (
+                    f"PSNR in {len(self.comparison.views)} views",
+                    f"{self.comparison.mean_db:.1f} dB, worst {self.comparison.worst_db:.1f} dB",
+                )
+            )
+        return [*rows, ("time", f"{sum(stage.seconds for stage in self.stages):.2f} s")]
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -90,8 +133,20 @@ class LightenReport:
             "simplify": None if self.simplified is None else self.simplified.to_json(),
             "unwrap": None if self.unwrapped is None else self.unwrapped.to_json(),
             "bake": None if self.baked is None else self.baked.to_json(),
+            "compare": None if self.comparison is None else _pictures(self.comparison),
             "stages": [asdict(stage) for stage in self.stages],
         }
+
+
+def _pictures(comparison: ModelComparison) -> dict[str, Any]:
+    """Return the figures of pictures as plain values; null for equal ones."""
+    return {
+        "mean_db": comparison.mean_db,
+        "worst_db": comparison.worst_db,
+        "psnr_db": list(comparison.psnr_db),
+        "views_deg": [list(view) for view in comparison.views],
+        "notes": list(comparison.notes),
+    }
 
 
 def lighten_file(
@@ -100,6 +155,8 @@ def lighten_file(
     options: LightenOptions | None = None,
     *,
     report: PathLike | None = None,
+    html: PathLike | None = None,
+    command: str = "",
     progress: ProgressSink | None = None,
 ) -> JobResult[LightenReport]:
     """Write a model file with fewer triangles and all of its materials in one set of images.
@@ -114,6 +171,10 @@ def lighten_file(
         None for the defaults.
     report
         File for the figures as JSON.
+    html
+        File for a page where model and result lie over each other; it needs `views`.
+    command
+        What the page shows as the command that made it.
     progress
         Receives the stages.
 
@@ -129,7 +190,10 @@ def lighten_file(
     options = options or LightenOptions()
     if Path(output).suffix.lower() != ".glb":
         raise FileFormatError(f"{output}: a lightened model is one file with its images; use .glb")
-    check_distinct([output, report], [model])
+    if html is not None and options.views == 0:
+        raise OptionError("html, views: the page shows the views; ask for one view or more")
+    check_distinct([output, report, html], [model])
+    check_page(html)
     check_writable(output)
     check_report(report)
     stages = Stages()
@@ -143,6 +207,12 @@ def lighten_file(
             made.mesh, source, materials, made.channels, Path(output).stem, threads=options.threads
         )
         write_glb(made.mesh, output, materials=written, compress=options.compress)
+    comparison = None
+    if options.views:
+        with stages.part("compare"):
+            comparison = compare_models(
+                model, output, n_views=options.views, threads=options.threads, progress=progress
+            )
     figures = LightenReport(
         n_faces_before=source.n_faces,
         n_faces=made.mesh.n_faces,
@@ -157,12 +227,32 @@ def lighten_file(
         simplified=made.simplified,
         unwrapped=made.unwrapped,
         baked=made.baked,
+        comparison=comparison,
         stages=tuple(stages.records),
+    )
+    done = JobResult(
+        files=given(output, report, html), report=figures, warnings=(*warnings, *made.warnings)
     )
     if report is not None:
         write_report(report, figures.to_json())
-    return JobResult(
-        files=given(output, report), report=figures, warnings=(*warnings, *made.warnings)
+    if html is not None and comparison is not None:
+        _write_page(html, comparison, done, command)
+    return done
+
+
+def _write_page(
+    html: PathLike, comparison: ModelComparison, done: JobResult[LightenReport], command: str
+) -> None:
+    from texbake.pages.slider_page import write_slider_page
+
+    report = done.report
+    write_slider_page(
+        html,
+        comparison,
+        n_bytes=(report.n_bytes_before, report.n_bytes),
+        figures=report.table(),
+        warnings=done.warnings,
+        command=command,
     )
 
 

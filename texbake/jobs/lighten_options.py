@@ -68,6 +68,14 @@ class LightenOptions(CheckedOptions):
             flag="--compress/--no-compress",
         ),
     ] = False
+    views: Annotated[
+        int,
+        Option(
+            "Number of views in which the result is compared with the model; 0 for none.",
+            metavar="N",
+            low=0,
+        ),
+    ] = 12
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def bake_options(self, maps: tuple[str, ...], size: Size) -> BakeOptions:
