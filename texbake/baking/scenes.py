@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from texbake.baking.clearance import ClearRays
 from texbake.baking.rays import RayField
 from texbake.baking.reach import LEAST_EXTENT, MARGIN, CornerReach, Look, measure_reach
 from texbake.baking.texels import Samples
@@ -71,6 +72,7 @@ class BakeScenes:
     _looks: dict[str, Look] = field(default_factory=dict, init=False, repr=False)
     _reaches: dict[str, CornerReach] = field(default_factory=dict, init=False, repr=False)
     _tree: TriangleTree | None = field(default=None, init=False, repr=False)
+    _low_scene: RayScene | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def build(
@@ -140,6 +142,14 @@ class BakeScenes:
         """Return rays that reach as far as each vertex needs, and never farther than a field's."""
         reach = self.reach(kind, threads).at(low)
         return field.with_reaches(np.minimum(reach, (field.front, field.back)))
+
+    def clear(self, field: RayField, threads: int | None) -> ClearRays:
+        """Return the rays of a field, not through other parts of the low-poly mesh."""
+        if self._low_scene is None:
+            scene = RayScene.build(self.low, self.frame, threads=threads)
+            object.__setattr__(self, "_low_scene", scene)
+        assert self._low_scene is not None
+        return ClearRays(field, self._low_scene)
 
     def closest_tree(self, threads: int | None) -> TriangleTree:
         """Return a tree for the closest points of the high-poly mesh; it is built only once."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from texbake.baking.clearance import ClearRays
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField, RayMaps
@@ -171,7 +172,7 @@ class Trace:
             self.high, self.low, self.stages, chunk_faces=chunk, threads=self.options.threads
         )
 
-    def _fields(self, scenes: BakeScenes) -> tuple[RayField, RayField | None]:
+    def _fields(self, scenes: BakeScenes) -> tuple[RayField, ClearRays | None]:
         """Make the rays, and those for what they do not find, which reach as far as any.
 
         Distances that were not given are measured first: at each vertex, where neither is given.
@@ -206,7 +207,7 @@ class Trace:
             medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
             front, back = scenes.frame.length_to_model(medians).tolist()
             self.median_reach = front, back
-            return fitted, longest
+            return fitted, scenes.clear(longest, options.threads)
 
     @property
     def fits_vertices(self) -> bool:
@@ -232,7 +233,7 @@ class SampleCaster:
 
     Attributes
     ----------
-    longest : RayField, optional
+    longest : ClearRays, optional
         Rays for the samples whose own miss, or meet a surface from behind; None: they are cast
         once.
     occlusion_range : OcclusionRange, optional
@@ -242,7 +243,7 @@ class SampleCaster:
     trace: Trace
     scenes: BakeScenes
     field: RayField
-    longest: RayField | None
+    longest: ClearRays | None
     occlusion_range: OcclusionRange | None
 
     def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
@@ -298,7 +299,7 @@ class SampleCaster:
         """Cast all samples into one chunk of the high-poly mesh after another."""
         scene, options = self.scenes.high, self.trace.options
 
-        def cast_all(some: Samples, rays_of: RayField) -> tuple[Hits, RayHits]:
+        def cast_all(some: Samples, rays_of: RayField | ClearRays) -> tuple[Hits, RayHits]:
             def make(band: slice) -> tuple[Rays, RayPlaces]:
                 of_band = some.where(band)
                 return rays_of.rays(of_band, threads=1), self.field.places(of_band, grid)
@@ -325,7 +326,7 @@ class SampleCaster:
         hits = Hits.empty(samples)
         counted: list[tuple[int, int, int]] = []
 
-        def cast_some(some: Samples, rays_of: RayField) -> tuple[Hits, RayHits]:
+        def cast_some(some: Samples, rays_of: RayField | ClearRays) -> tuple[Hits, RayHits]:
             rays = rays_of.rays(some, threads=1)
             places = self.field.places(some, grid)
             found = scene.cast_band(rays, places, cull_back_faces=options.cull_back_faces)
@@ -347,7 +348,7 @@ class SampleCaster:
         samples: Samples,
         hits: Hits,
         found: RayHits,
-        cast: Callable[[Samples, RayField], tuple[Hits, RayHits]],
+        cast: Callable[[Samples, RayField | ClearRays], tuple[Hits, RayHits]],
     ) -> tuple[int, int, int]:
         """Cast the longest rays for what was not found, and change the hits in place.
 

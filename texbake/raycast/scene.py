@@ -198,6 +198,11 @@ class RayScene:
         """As `cast`, in this thread alone."""
         return self._cast_in_order(_bands_of(rays, places), cull_back_faces, 1)
 
+    def cast_alone(self, rays: Rays) -> RayHits:
+        """As `cast`, each ray by itself, in this thread alone, to front and back faces alike."""
+        alone = np.arange(len(rays), dtype=np.int32)
+        return self._cast_in_order(_bands_of(rays, alone), False, 1)
+
     def cast_made(
         self,
         n: int,
