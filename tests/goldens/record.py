@@ -61,7 +61,7 @@ cage high.obj low_uv.obj -o cage.obj
 bake high.obj low_uv.obj -o plain --size 256 --maps normal,displacement,vector-displacement,\
 position,world-position,curvature,convexity,concavity,object-id,material-id,opacity \
 --hits hits.npz --miss-map misses.png
-bake colored.ply low_uv.obj -o colors --size 128 --maps vertex-color,texture \
+bake colored.ply low_uv.obj -o colors --size 128 --maps vertex-color,base-color \
 --high-texture picture.png
 bake high.obj low_uv.obj -o occlusion --size 128 --maps ao,bent-normal,thickness \
 --secondary-rays 16
@@ -106,6 +106,8 @@ export low_uv.obj --to unity --maps plain -o unity --mesh-format usda
 export low_uv.obj --to godot --maps plain -o godot --textures dds
 export low_uv.obj --to threejs --maps plain --level fast.glb -o threejs
 run high.obj -o whole --faces 300 --size 256
+run colored.ply -o painted --faces 300 --size 128
+lighten colored.ply -o light.glb --faces 300 --size 128 --images png --views 0
 """
 
 
