@@ -69,7 +69,7 @@ def bake(
 
     HIGH is the high-poly mesh, LOW the low-poly mesh that the maps are for. All maps are made
     with the same rays. LOW needs texture coordinates (texbake unwrap). Without --front, --back
-    and --cage the ray distance is measured from the two meshes.
+    and --cage, ray distances are fitted at each vertex.
     """
     asked = taken(context, high, low, name_pattern, options)
     options |= {"maps": maps, "format": suffix, "name_pattern": name_pattern}

@@ -36,7 +36,7 @@ from ..terminal import Terminal, terminal_options
 def bake_normals(high: Path, low: Path, output: Path, terminal: Terminal, **options: Any) -> None:
     """Bake a normal map of HIGH for LOW.
 
-    LOW needs texture coordinates (texbake unwrap). Without --front, --back and --cage the ray
-    distance is measured from the two meshes; the summary and the report contain it.
+    LOW needs texture coordinates (texbake unwrap). Without --front, --back and --cage, ray
+    distances are fitted at each vertex; the summary and the report contain them.
     """
     bake_one(high, low, {"normal": output}, terminal, **options)

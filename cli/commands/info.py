@@ -124,6 +124,8 @@ def _content_rows(found: MeshFileInfo) -> list[tuple[str, str]]:
         for material in contents.materials
     ]
     images = [(f"image {name}", _image(shape)) for name, shape in found.image_shapes.items()]
+    if contents.passed_over:
+        rows.append(("not read", ", ".join(contents.passed_over)))
     for listed, what in ((materials, "materials"), (images, "images")):
         rows += listed[:_GROUPS_SHOWN]
         if len(listed) > _GROUPS_SHOWN:

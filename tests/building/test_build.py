@@ -574,7 +574,7 @@ output = "{output}.{ext}"
     assert result.ok, result.failed
 
     def colors() -> tuple[list[int], list[int]]:
-        texture = read_image(path.parent / "build" / "texture.png", color=True).pixels
+        texture = read_image(path.parent / "build" / "base-color.png", color=True).pixels
         return texture[12, 14].round().tolist(), texture[2, 3].round().tolist()
 
     assert colors() == ([1, 0, 0], [0, 0, 1])

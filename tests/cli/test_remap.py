@@ -35,7 +35,7 @@ def baked(tmp_path_factory):
     write_image(np.random.default_rng(1).random((9, 9, 3)), folder / "image.png", color=True)
     result = run(
         "bake", folder / "ball high.ply", folder / "ball.obj", "-o", folder / "maps",
-        "--size", "48", "--maps", "normal,texture,vertex-color,material-id",
+        "--size", "48", "--maps", "normal,base-color,vertex-color,material-id",
         "--high-texture", folder / "image.png", "--hits", folder / "a.npz",
         "--report", folder / "a.json",
     )  # fmt: skip
@@ -48,7 +48,7 @@ def test_the_same_maps_come_from_the_trace_alone(baked, tmp_path):
     result = run("remap", baked / "a.npz", "-o", tmp_path / "maps")
     assert result.exit_code == 0, result.output
     files = sorted(path.name for path in (tmp_path / "maps").iterdir())
-    assert files == ["material-id.png", "normal.png", "texture.png", "vertex-color.png"]
+    assert files == ["base-color.png", "material-id.png", "normal.png", "vertex-color.png"]
     for name in files:
         assert (tmp_path / "maps" / name).read_bytes() == (baked / "maps" / name).read_bytes()
 

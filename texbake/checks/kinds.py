@@ -352,7 +352,7 @@ _PAIR = (
         name="thin-walls",
         title="walls thinner than the ray distance",
         low="note",
-        problem="Rays end {reach:.3g} model units behind the surface, but the thinnest of these "
+        problem="Rays end up to {reach:.3g} model units behind the surface; the thinnest of these "
         "walls is {least:.3g} thick. A ray that misses its own side goes on through the other: it "
         "hits that side where back faces are not culled, or else what lies beyond.{part}",
         remedy="Bake with `back` below the thickness of the wall, or keep back-face culling on.",
@@ -363,7 +363,7 @@ _PAIR = (
         low="warning",
         problem="The rays from the centers of these faces hit the high-poly surface only beyond "
         "another part of the low-poly mesh, which is {least:.3g} model units away where it is "
-        "nearest; rays start {reach:.3g} outside. The wrong part is baked.{part}",
+        "nearest; rays start up to {reach:.3g} outside. The wrong part is baked.{part}",
         remedy="Bake with `front` below that distance, with a cage, or with the parts moved apart "
         "in both meshes.",
     ),

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
 from texbake.files import PathLike
+from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import (
     CHANNELS,
@@ -78,6 +79,12 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         has_vertex_colors=True,
         missing=() if found is None else found.missing,
     )
+
+
+def left_out(path: PathLike) -> tuple[str, ...]:
+    """Return a sentence about what of a model file is not carried over; none for nothing."""
+    found = passed_over(path)
+    return (f"{path}: {', '.join(found)} left out",) if found else ()
 
 
 def image_names(channels: Iterable[str]) -> list[str]:

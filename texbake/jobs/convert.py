@@ -13,6 +13,7 @@ from texbake.files import PathLike
 from texbake.jobs.outputs import BARE_MESH_SUFFIXES, JobResult, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
+from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.repair import RepairReport, repair
@@ -125,6 +126,7 @@ def _written(
         materials, without = mtl_images(_of_uvs(mesh, materials, lost))
         lost += without
         files = write_obj_materials(mesh, output, materials)
+    lost += passed_over(source)
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")
     return files, tuple(notes)

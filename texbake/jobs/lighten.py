@@ -19,6 +19,7 @@ from texbake.files import PathLike, check_writable
 from texbake.jobs.carried import (
     carried_channels,
     encoded_channels,
+    left_out,
     model_materials,
     shared_materials,
     texture_size,
@@ -44,7 +45,7 @@ from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
+from texbake.mesh.materials import CHANNELS, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
@@ -200,7 +201,7 @@ def lighten_file(
     with stages.part("read"):
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
-    warnings = [*materials.notes(channel for m in materials.materials for channel in m.channels)]
+    warnings = [*left_out(model), *materials.notes(CHANNELS)]
     made = _lightened(source, materials, options, stages, progress)
     with stages.part("write"):
         written = shared_materials(

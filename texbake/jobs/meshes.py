@@ -67,6 +67,7 @@ class MeshFileInfo:
                 "uv_sets": self.contents.uv_sets,
                 "meters_per_unit": self.contents.meters_per_unit,
                 "up": self.contents.up,
+                "passed_over": self.contents.passed_over,
             }
         if self.distortion is not None:
             figures["distortion"] = self.distortion.to_json()

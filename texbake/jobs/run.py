@@ -25,6 +25,7 @@ from texbake.jobs.carried import (
     encoded_channels,
     image_names,
     image_of,
+    left_out,
     model_materials,
     shared_materials,
 )
@@ -83,7 +84,7 @@ class RunResult:
     stages : list of StageRecord
         What the stages took, including writing their files.
     missing : tuple of str
-        Images of the high-poly mesh that could not be read, a sentence each.
+        What of the high-poly file is not carried over, a sentence each.
     """
 
     files: dict[str, Path]
@@ -343,8 +344,8 @@ def run_files(
     mesh = read_mesh(high, progress=progress)
     materials = model_materials(high, mesh)
     result = run(mesh, folder, options, materials=materials, progress=progress)
-    if materials is not None:
-        result = replace(result, missing=materials.notes(CHANNELS))
+    missing = (*left_out(high), *(() if materials is None else materials.notes(CHANNELS)))
+    result = replace(result, missing=missing)
     if html is None:
         return result
     from texbake.pages.asset_page import AssetPage, write_asset_page

@@ -6,7 +6,7 @@ Nothing is decoded, and what is missing is only noted.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_materials import image_bytes
 from texbake.mesh.files.mtl import library_paths, map_path
+from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import decode_name, map_file
 
 
@@ -50,6 +51,8 @@ class FileContents:
         None where the file does not say it.
     up : str or None
         The axis that points up in the file, such as `+Y`.
+    passed_over : tuple of str
+        What is not read, such as `2 animations`.
     """
 
     materials: tuple[MaterialContent, ...] = ()
@@ -57,6 +60,7 @@ class FileContents:
     uv_sets: tuple[str, ...] = ()
     meters_per_unit: float | None = None
     up: str | None = None
+    passed_over: tuple[str, ...] = ()
 
 
 def read_contents(path: PathLike) -> FileContents | None:
@@ -71,9 +75,9 @@ def read_contents(path: PathLike) -> FileContents | None:
     """
     suffix = Path(path).suffix.lower()
     if suffix in (".gltf", ".glb"):
-        return _of_gltf(read_document(path))
+        return replace(_of_gltf(read_document(path)), passed_over=passed_over(path))
     if suffix == ".fbx":
-        return _of_fbx(read_scene(path))
+        return replace(_of_fbx(read_scene(path)), passed_over=passed_over(path))
     return _of_obj(Path(path)) if suffix == ".obj" else None
 
 

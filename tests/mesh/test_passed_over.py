@@ -1,0 +1,54 @@
+"""What a model file holds that a mesh has no place for is named."""
+
+import json
+
+from tests.hard_cases.fbx_writer import binary, rich_scene
+from texbake.jobs.convert import transform_file
+from texbake.mesh.files.contents import read_contents
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.files.passed_over import passed_over
+from texbake.mesh.shapes import cube
+
+
+def gltf_with(path, **fields):
+    """A cube in a GLB file, with further objects in its JSON."""
+    write_glb(cube(), path)
+    data = path.read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    document = {**json.loads(data[20 : 20 + length]), **fields}
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    total = 12 + 8 + len(text) + len(rest)
+    header = b"glTF" + (2).to_bytes(4, "little") + total.to_bytes(4, "little")
+    path.write_bytes(header + len(text).to_bytes(4, "little") + data[16:20] + text + rest)
+    return path
+
+
+def test_animations_and_lights_of_gltf_are_counted(tmp_path):
+    path = gltf_with(
+        tmp_path / "a.glb",
+        animations=[{"channels": [], "samplers": []}] * 2,
+        skins=[{"joints": [0]}],
+        extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+    )
+    assert passed_over(path) == ("2 animations", "1 skin", "1 light")
+    assert read_contents(path).passed_over == passed_over(path)
+    (warning,) = transform_file(path, tmp_path / "b.glb").warnings
+    assert "written without 2 animations, 1 skin, 1 light" in warning
+
+
+def test_a_plain_file_has_nothing_to_pass_over(tmp_path):
+    write_glb(cube(), tmp_path / "a.glb")
+    assert passed_over(tmp_path / "a.glb") == ()
+    assert passed_over(tmp_path / "a.obj") == ()
+
+
+def test_fbx_animations_and_skins_are_counted(tmp_path):
+    nodes = rich_scene(7400)
+    _, _, objects = nodes[1]
+    objects.append(("AnimationStack", [70, "walk\0\1AnimStack", ""], []))
+    objects.append(("Deformer", [71, "\0\1Deformer", "Skin"], []))
+    path = tmp_path / "a.fbx"
+    path.write_bytes(binary(nodes))
+    assert passed_over(path) == ("1 animation", "1 skin")
