@@ -202,6 +202,20 @@ def test_a_missing_image_is_a_warning(model, tmp_path):
     assert material.channels["base-color"] == ChannelSource((0.5, 0.25, 0.0))
 
 
+def test_images_without_texture_coordinates_are_a_warning(tmp_path):
+    (tmp_path / "paint.png").write_bytes(b"never read")
+    (tmp_path / "a.mtl").write_text("newmtl skin\nKd 0.5 0.25 0\nPr 0.5\nmap_Kd paint.png\n")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl skin\n"
+        "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    )
+    done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", OPTIONS)
+    assert any("no texture coordinates" in warning for warning in done.warnings)
+    mesh = read_mesh(tmp_path / "light.glb")
+    (material,) = read_materials(tmp_path / "light.glb", mesh).materials
+    assert material.channels["roughness"] == ChannelSource((0.5,))
+
+
 def test_pictures_of_both_are_compared(model, tmp_path):
     page = tmp_path / "light.html"
     done = lighten_file(

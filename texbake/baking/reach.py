@@ -1,17 +1,17 @@
 """How far rays reach at each vertex of a low-poly mesh: as far as the high-poly surface there.
 
 One distance for all rays is that of the worst place. On a hand it lets the rays of a finger start
-inside of the next one. Here each vertex has its own two distances, out and in, on each side of a
-sharp edge others, and rays take those between their corners.
+inside of the next one. Here each vertex has two distances of its own, out and in, and another pair
+on each side of a sharp edge. A ray interpolates those at the corners of its face.
 
-Points of both surfaces tell how far they are apart: a point of the high-poly mesh speaks for the
-face of the low-poly mesh that is closest to it, if that faces as the point does; a point of the
-low-poly mesh speaks for its own face, by the nearer of the surfaces that its ray meets out and in.
-A vertex reaches as far as the farthest point of the faces around it and around its neighbors, and
-no less than a quarter of all vertices.
+Points of both surfaces tell how far apart they are. A point of the high-poly mesh counts for the
+closest face of the low-poly mesh, if both face alike. A point of the low-poly mesh counts for its
+own face, with the nearer of the surfaces that its ray meets out and in. A vertex reaches as far as
+the farthest point of the faces around it and around its neighbors, and no less far than a quarter
+of all vertices do.
 
-What is not found so is not lost: a ray that misses, or that meets a surface from behind, is cast
-again as far as the greatest distance.
+Nothing is lost: a ray that misses, or that meets a surface from behind, is cast again as far as
+the greatest distance.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MARGIN = 1.1
 LEAST_EXTENT = 1e-4
 # Triangles of the high-poly mesh whose corners are looked at, more or less.
 _HIGH_TRIANGLES = 40_000
-# Share of the vertices that reach less far than any does in the end.
+# Share of the vertices that the least distance of all is taken from.
 _FLOOR = 0.25
 # Cosine of the angle between faces from which on an edge is sharp: 60 degrees.
 _EDGE = 0.5

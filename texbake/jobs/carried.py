@@ -6,7 +6,7 @@ from one image share one: occlusion, roughness and metallic; base color and alph
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,6 +69,9 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     None where it has neither.
     """
     found = read_materials(path, mesh)
+    if found is not None and mesh.uvs is None and found.has_images:
+        line = f"{path}: it has no texture coordinates; its images are left out"
+        found = replace(found.without_images(), missing=(*found.missing, ("", line)))
     if found is not None and any(material.channels for material in found.materials):
         return found
     if mesh.colors is None:
@@ -339,15 +342,12 @@ def texture_size(materials: Materials | None, least: int, most: int) -> int:
     """
     from texbake.texture.image import image_shape
 
-    areas: dict[str, float] = {}
+    area = 0
     for material in () if materials is None else materials.materials:
-        shapes: Sequence[tuple[int, int, int]] = [
-            image_shape(source.image.data, source.image.name)
-            for source in material.channels.values()
-            if source.image is not None
-        ]
-        areas[material.name] = max((w * h for w, h, _ in shapes), default=0)
-    side = sum(areas.values()) ** 0.5
+        images = {s.image.name: s.image for s in material.channels.values() if s.image is not None}
+        shapes = [image_shape(image.data, image.name) for image in images.values()]
+        area += max((width * height for width, height, _ in shapes), default=0)
+    side = area**0.5
     size = least
     while size < side and size < most:
         size *= 2

@@ -11,7 +11,7 @@ KHR_materials_specular and KHR_materials_transmission.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -145,6 +145,19 @@ class MeshMaterial:
     is_double_sided: bool = False
     is_unlit: bool = False
 
+    def on_uv_sets(self, uv_sets: Collection[int]) -> MeshMaterial:
+        """Return the material without the images that lie on other texture coordinates.
+
+        The factors of normal and occlusion mean something with an image only, and go with it.
+        """
+        channels = {}
+        for name, source in self.channels.items():
+            if source.image is None or source.image.uv_set in uv_sets:
+                channels[name] = source
+            elif name not in ("normal", "occlusion"):
+                channels[name] = ChannelSource(source.factor)
+        return replace(self, channels=channels)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Materials:
@@ -199,15 +212,8 @@ class Materials:
 
     def without_images(self) -> Materials:
         """Return the materials with their factors alone, for a mesh without coordinates."""
-        changed = []
-        for material in self.materials:
-            channels = {
-                name: ChannelSource(source.factor)
-                for name, source in material.channels.items()
-                if name != "normal"
-            }
-            changed.append(replace(material, channels=channels))
-        return replace(self, materials=tuple(changed), uv_sets={})
+        materials = tuple(material.on_uv_sets(()) for material in self.materials)
+        return replace(self, materials=materials, uv_sets={})
 
     def sources(self, channel: str) -> list[ChannelSource | None]:
         """Return where each material takes a channel from; None where it does not set it."""

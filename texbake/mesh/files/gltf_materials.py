@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import base64
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import unquote
 
@@ -74,7 +74,7 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     uv_sets = reader.uv_sets(materials, primitives, mesh)
     return Materials(
         face_materials=of_groups[mesh.face_groups],
-        materials=tuple(_on_sets(material, {0, *uv_sets}) for material in materials),
+        materials=tuple(material.on_uv_sets({0, *uv_sets}) for material in materials),
         uv_sets=uv_sets,
         has_vertex_colors=mesh.colors is not None,
         missing=tuple(reader.missing),
@@ -243,17 +243,6 @@ class _MaterialReader:
         ):
             self.document.fail(f"{key!r} is {value!r}, which is not a valid number")
         return float(value)
-
-
-def _on_sets(material: MeshMaterial, uv_sets: set[int]) -> MeshMaterial:
-    """Material without the images that lie on other texture coordinates than these."""
-    channels = {
-        name: source
-        if source.image is None or source.image.uv_set in uv_sets
-        else replace(source, image=None, offset=0.0)
-        for name, source in material.channels.items()
-    }
-    return replace(material, channels=channels)
 
 
 def image_bytes(document: Document, index: Any) -> bytes:
