@@ -51,7 +51,7 @@ from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import oriented
-from texbake.rendering.compare_models import ModelComparison, compare_models
+from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,12 +116,8 @@ class LightenReport:
                 )
             )
         if self.comparison is not None:
-            rows.append(
-                (
-                    f"PSNR in {len(self.comparison.views)} views",
-                    f"{self.comparison.mean_db:.1f} dB, worst {self.comparison.worst_db:.1f} dB",
-                )
-            )
+            mean, worst = decibels(self.comparison.mean_db), decibels(self.comparison.worst_db)
+            rows.append((f"PSNR in {len(self.comparison.views)} views", f"{mean}, worst {worst}"))
         return [*rows, ("time", f"{sum(stage.seconds for stage in self.stages):.2f} s")]
 
     def to_json(self) -> dict[str, Any]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from texbake.files import PathLike
 from texbake.pages.page import asset, page_html, render, write_page
 from texbake.pages.pictures import data_uri
-from texbake.rendering.compare_models import ModelComparison, Picture
+from texbake.rendering.compare_models import ModelComparison, Picture, decibels
 from texbake.texture.encoded import encode_image
 
 # Of the pictures on the page: no difference that JPEG makes is seen next to those of the models.
@@ -79,15 +78,6 @@ def write_slider_page(
         scripts=[asset("page.js"), asset("slider.js")],
     )
     write_page(path, html)
-
-
-def decibels(error: float) -> str:
-    """Return a PSNR in words.
-
-    >>> decibels(34.56), decibels(math.inf)
-    ('34.6 dB', 'equal')
-    """
-    return "equal" if math.isinf(error) else f"{error:.1f} dB"
 
 
 def _tiles(comparison: ModelComparison, n_bytes: tuple[int, int] | None) -> list[tuple[str, str]]:

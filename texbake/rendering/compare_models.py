@@ -153,6 +153,15 @@ def compare_models(
     )
 
 
+def decibels(error: float) -> str:
+    """Return a PSNR in words.
+
+    >>> decibels(34.56), decibels(math.inf)
+    ('34.6 dB', 'equal')
+    """
+    return "equal" if math.isinf(error) else f"{error:.1f} dB"
+
+
 def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
     """Azimuths and elevations in degrees of n views, spread evenly over the sphere.
 
