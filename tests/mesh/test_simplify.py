@@ -447,7 +447,7 @@ def test_an_error_does_not_depend_on_threads():
 
 @pytest.mark.realdata
 @BOTH
-@pytest.mark.parametrize("name", ["pairs/spot/high.obj", "meshes/teapot.stl"])
+@pytest.mark.parametrize("name", ["pairs/spot/high.obj", "meshes/fish.obj"])
 def test_real_meshes_stay_within_an_error(data_dir, name, quality):
     mesh = read_mesh(data_dir / name)
     low, _ = simplify_with_report(mesh, error="0.5%", quality=quality)

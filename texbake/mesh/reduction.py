@@ -27,6 +27,7 @@ from texbake.mesh.decimate import (
     move_and_collapse,
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.flat_shading import is_flat_shaded
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.topology import find_edges
@@ -64,6 +65,9 @@ class Reduction:
 
 def reduced(mesh: Mesh, n_faces: int, quality: str, threads: int | None) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible."""
+    if is_flat_shaded(mesh, threads=threads):
+        low = reduced(mesh.replace(normals=None, normal_faces=None), n_faces, quality, threads)
+        return noted(low, "its normals are those of its facets: none of its edges counts as hard")
     start = bring_down(weld_corners(mesh, threads=threads), n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
         raise MeshError(

@@ -1,0 +1,37 @@
+"""Meshes whose normals are those of their facets, and say nothing of where an edge is hard.
+
+Scans, marching cubes and many exporters write one normal for each face. Read as hard edges, every
+edge of a curved surface would be one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.topology import edge_neighbors
+from texbake.mesh.weld import weld_rows
+
+# A surface is curved where half its facets turn by less than this from one to the next. Edges of
+# what is built of flat sides, such as a crate, turn by more.
+_CURVED = np.cos(np.radians(30.0))
+
+
+def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
+    """Whether a curved surface has a single normal on each of its facets.
+
+    A facet is a triangle or a polygon that was cut into triangles. False for a mesh without normals
+    and for one whose facets mostly meet at sharp edges.
+    """
+    if mesh.normals is None or mesh.normal_faces is None:
+        return False
+    corners = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
+    if (corners != corners[:, :1]).any():
+        return False
+    neighbors = edge_neighbors(weld_rows(mesh.positions, threads=threads)[mesh.faces])
+    a, b = corners[neighbors.first, 0], corners[neighbors.second, 0]
+    hard = a != b
+    if 2 * np.count_nonzero(hard) < len(a) or not len(a):
+        return False
+    cosines = np.einsum("ij,ij->i", mesh.normals[a[hard]], mesh.normals[b[hard]])
+    return bool(np.median(cosines) > _CURVED)
