@@ -132,12 +132,38 @@ def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray,
 
 
 def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None) -> FloatArray:
-    """Sum over faces in their order, in bands of vertices."""
-    normals = np.zeros((len(positions), 3))
+    return weighted_normals(positions, faces, faces, len(positions), threads=threads)
+
+
+def weighted_normals(
+    positions: FloatArray,
+    faces: IntArray,
+    rows: IntArray,
+    n_normals: int,
+    *,
+    threads: int | None = None,
+) -> FloatArray:
+    """Angle-weighted unit normals, each of the corners that share it.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+    faces : (F, 3) int32
+    rows : (F, 3) int32
+        Normal of each corner.
+    n_normals
+
+    Returns
+    -------
+    (n_normals, 3) float64
+        Summed over faces in their order, in bands of normals; as `vertex_normals` for special
+        cases.
+    """
+    normals = np.zeros((n_normals, 3))
     scale = _position_scale(positions)
-    add_angle_weighted(normals, positions, faces, faces, scale, threads)
+    add_angle_weighted(normals, positions, faces, rows, scale, threads)
     if normalize_sums(normals, threads):
-        fill_canceled(normals, positions, faces, faces)
+        fill_canceled(normals, positions, faces, rows)
     return normals
 
 

@@ -196,9 +196,9 @@ def _add_statement(
 # Channels of FBX, by the properties that textures are connected to.
 _FBX_CHANNELS = {
     "DiffuseColor": "base-color", "SpecularColor": "specular", "EmissiveColor": "emissive",
-    "TransparentColor": "opacity", "NormalMap": "normal", "Bump": "bump",
-    "ShininessExponent": "roughness", "ReflectionFactor": "metallic",
-    "DisplacementColor": "displacement",
+    "TransparentColor": "opacity", "TransparencyFactor": "opacity",
+    "NormalMap": "normal", "Bump": "bump", "ShininessExponent": "roughness",
+    "ReflectionFactor": "metallic", "DisplacementColor": "displacement",
 }  # fmt: skip
 _AXES = "XYZ"
 

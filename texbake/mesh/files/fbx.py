@@ -9,8 +9,8 @@ twice. Differences between files are removed, as the reader of USD does:
 Each model is a group of its name, and where its polygons are of several materials, each of those,
 named ``model/material``. Polygons are fanned out; a subdivision surface is read as its control
 mesh, a mesh with bones or shapes in the pose it is stored in, without animation. Models that are
-hidden, curves, lights, cameras and smoothing groups are left out. Of several sets of texture
-coordinates or colors the first is read. Corners without one get zeros.
+hidden, curves, lights and cameras are left out. Of several sets of texture coordinates or colors
+the first is that of the mesh. Corners without one get zeros.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
 format specification", Blender developers' blog, 2013.
@@ -36,6 +36,7 @@ from texbake.mesh.files.fbx_scene import (
     placed_models,
     read_scene,
 )
+from texbake.mesh.files.source import decode_name
 from texbake.mesh.mesh import FloatArray, Mesh
 
 # Corners that a file may place: instances can ask for far more than it has.
@@ -45,8 +46,8 @@ _LEAST_CORNERS, _CORNERS_PER_BYTE = 1 << 24, 4
 def read_fbx(path: PathLike) -> Mesh:
     """Read an FBX file; see the module for how a scene is converted.
 
-    Positions, normals, the first set of texture coordinates, vertex colors (of several at one
-    vertex the first), and materials as groups.
+    Positions, normals, or those that smoothing makes, the first set of texture coordinates, vertex
+    colors (of several at one vertex the first), and materials as groups.
 
     Raises
     ------
@@ -100,11 +101,12 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
     """Geometry of a scene as its models show it, in the order of the tree."""
     read: dict[Id, FbxGeometry | None] = {}
     most = max(_LEAST_CORNERS, _CORNERS_PER_BYTE * scene.n_bytes)
+    uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
     for placed in placed_models(scene):
         for item in model_geometry(scene, placed.model):
             if item.key not in read:
                 name = item.name or placed.model.name
-                read[item.key] = read_geometry(scene.path, name, item.node, most)
+                read[item.key] = read_geometry(scene.path, name, item.node, most, uv_names)
             geometry = read[item.key]
             if geometry is None:
                 continue
@@ -116,3 +118,9 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
                 )
             materials = scene.members_of(placed.model.key, "Material")
             yield FbxPart(placed.model, placed.matrix, geometry, materials)
+
+
+def uv_set_name(texture: FbxObject) -> str:
+    """Name of the set of texture coordinates that a texture lies on; empty where it names none."""
+    value = next(iter(texture.properties().get("UVSet", ())), b"")
+    return decode_name(value) if isinstance(value, bytes) else ""

@@ -4,11 +4,14 @@ The last corner of a polygon is written as -1 - index. Polygons of fewer than th
 those with a corner that is no vertex, are left out, and so are those that are marked as holes.
 Layers hold values for corners, vertices, polygons or the whole, listed or by index; corners whose
 index is -1 get zeros. Vertex colors differ from corner to corner; the first of each vertex counts.
+Of several sets of texture coordinates the first is that of the mesh; sets that textures name are
+read besides, in rows that all sets share. Where there are no normals, smoothing makes some.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,10 +21,14 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.fbx_nodes import Node
+from texbake.mesh.files.fbx_smoothing import Polygons, edge_mapping, smoothed_normals
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.weld import weld_rows
 
 Indices = npt.NDArray[np.int64]
+# Values, the row of each corner, and whether there is one row for each corner.
+_Layer = tuple[FloatArray, Indices, bool]
+_MOST_UV_SETS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +41,22 @@ class FbxGeometry:
         Fields of `Mesh` but groups and name.
     face_materials : (F,) int64
         Number of each triangle's material among those of the model.
+    uv_sets : dict of str to (T, 2) float64
+        Sets of texture coordinates after the first, by their names, in the rows of the first.
     """
 
     fields: dict[str, Any]
     face_materials: Indices
+    uv_sets: dict[str, FloatArray] = field(default_factory=dict)
 
 
-def read_geometry(path: PathLike, name: str, node: Node, most: int) -> FbxGeometry | None:
+def read_geometry(
+    path: PathLike, name: str, node: Node, most: int, uv_names: Collection[str] = ()
+) -> FbxGeometry | None:
     """Triangles of a node with `Vertices` and `PolygonVertexIndex`; None where there are none.
 
-    `most` corners are read at most, so that an array that packs well cannot fill the memory.
+    `most` corners are read at most, so that an array that packs well cannot fill the memory. Of the
+    sets of texture coordinates after the first, those are read that `uv_names` has.
 
     Raises
     ------
@@ -52,7 +65,7 @@ def read_geometry(path: PathLike, name: str, node: Node, most: int) -> FbxGeomet
     MeshError
         A number is not finite.
     """
-    return _Reader(path, name, node, most).read()
+    return _Reader(path, name, node, most).read(uv_names)
 
 
 class _Reader:
@@ -105,7 +118,7 @@ class _Reader:
         kept = ~bad[polygons]
         return slots[kept], polygons[kept]
 
-    def read(self) -> FbxGeometry | None:
+    def read(self, uv_names: Collection[str]) -> FbxGeometry | None:
         """Return the whole."""
         if len(self.slots) == 0:
             return None
@@ -113,26 +126,69 @@ class _Reader:
             "positions": self.positions,
             "faces": self.vertices[self.slots],
         }
-        for layer, values, width, field, corners in (
-            ("LayerElementNormal", "Normals", 3, "normals", "normal_faces"),
-            ("LayerElementUV", "UV", 2, "uvs", "uv_faces"),
-        ):
-            found = self._layer(layer, values, width)
-            if found is not None:
-                fields[field], indices, is_listed = found
-                if is_listed:
-                    fields[field], indices = self._welded(fields[field], indices)
-                fields[corners] = indices[self.slots]
-        colors = self._layer("LayerElementColor", "Colors", 4)
+        normals = self._layer(self._first("LayerElementNormal"), "Normals", 3)
+        if normals is not None:
+            fields["normals"], rows = self._welded(normals)
+            fields["normal_faces"] = rows[self.slots]
+        else:
+            fields |= self._smoothing()
+        sets = self._uv_sets(uv_names)
+        if sets is not None:
+            (fields["uvs"], *_), rows, _ = sets
+            fields["uv_faces"] = rows[self.slots]
+        colors = self._layer(self._first("LayerElementColor"), "Colors", 4)
         if colors is not None:
             fields["colors"] = self._vertex_colors(*colors[:2])
-        return FbxGeometry(fields, self._materials())
+        further = {} if sets is None else dict(zip(sets[2], sets[0][1:], strict=True))
+        return FbxGeometry(fields, self._materials(), further)
 
-    def _layer(self, layer: str, name: str, width: int) -> tuple[FloatArray, Indices, bool] | None:
-        """Values, the row of each corner, and whether there is one row for each corner."""
-        layers = self.node.named(layer)
-        # The first set is that of the least number.
-        node = min(layers, key=_number, default=None)
+    def _first(self, layer: str) -> Node | None:
+        """Return the layer of the least number."""
+        return min(self.node.named(layer), key=_number, default=None)
+
+    def _uv_sets(
+        self, names: Collection[str]
+    ) -> tuple[list[FloatArray], Indices, list[str]] | None:
+        """Values of the sets in rows that they share, the row of each corner, further names."""
+        layers = sorted(self.node.named("LayerElementUV"), key=_number)
+        first = self._layer(next(iter(layers), None), "UV", 2)
+        if first is None:
+            return None
+        found = [self._welded(first)]
+        further: dict[str, None] = {}
+        for layer in layers[1:_MOST_UV_SETS]:
+            name = layer.child_text("Name")
+            if name not in names or name in (layers[0].child_text("Name"), *further):
+                continue
+            if (values := self._layer(layer, "UV", 2)) is not None:
+                found.append(self._welded(values))
+                further[name] = None
+        if not further:
+            return [found[0][0]], found[0][1], []
+        table = np.stack([rows for _, rows in found], axis=1).astype(np.int32)
+        kept, rows = np.unique(weld_rows(table), return_inverse=True)
+        return [values[of_corner[kept]] for values, of_corner in found], rows, list(further)
+
+    def _smoothing(self) -> dict[str, Any]:
+        """Return normals that smoothing makes, as fields; none where no edge is hard."""
+        node = self._first("LayerElementSmoothing")
+        if node is None:
+            return {}
+        values = _integers(node.numbers("Smoothing"))
+        edges = None
+        if node.child_text("MappingInformationType") == "ByEdge":
+            edges = _integers(self.node.numbers("Edges"))
+            edges, values = edge_mapping(edges, values, len(self.vertices))
+        else:
+            places = self._places(node)
+            if places is None:
+                return {}
+            values = np.maximum(_looked_up(values, places), 0)
+        polygons = Polygons(self.vertices, self.sizes)
+        return smoothed_normals(self.positions, polygons, self.slots, values, edges)
+
+    def _layer(self, node: Node | None, name: str, width: int) -> _Layer | None:
+        """Read a layer; None where it has nothing to say."""
         if node is None:
             return None
         values = self.floats(node, name)
@@ -163,8 +219,11 @@ class _Reader:
             return np.repeat(np.arange(len(self.sizes)), self.sizes)
         return np.zeros_like(self.vertices) if mapping == "AllSame" else None
 
-    def _welded(self, values: FloatArray, rows: Indices) -> tuple[FloatArray, Indices]:
-        """Make one row of equal values of one vertex."""
+    def _welded(self, layer: _Layer) -> tuple[FloatArray, Indices]:
+        """Make one row of equal values of one vertex, where there is one for each corner."""
+        values, rows, is_listed = layer
+        if not is_listed:
+            return values, rows
         listed = values[rows]
         keys = np.concatenate([self.vertices[:, None].astype(np.float64), listed], axis=1)
         kept, rows = np.unique(weld_rows(keys + 0.0), return_inverse=True)

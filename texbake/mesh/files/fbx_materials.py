@@ -1,8 +1,12 @@
-"""Materials of FBX files: factors of their base colors, and images in the file or in its folder.
+"""Materials of FBX files: base color, opacity, and images in the file or in its folder.
 
 Paths in such files are mostly those of the machine that wrote them. An image is looked for by its
 relative path, where that stays within the folder of the file, then by its name in that folder;
 where it is not there either, that is noted and the material keeps its factor.
+
+An image of opacity is its alpha channel where it has one, else its red, white where the surface is
+opaque, as in other programs that read FBX. Textures name the set of texture coordinates that they
+lie on; one whose name a geometry does not have lies on the first.
 """
 
 from __future__ import annotations
@@ -10,16 +14,17 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from texbake.files import PathLike
-from texbake.mesh.files.fbx import read_parts
+from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
 from texbake.mesh.files.source import map_file
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 
 _COLORS = ("DiffuseColor", "Diffuse")
 _FILES = ("RelativeFilename", "FileName", "Filename")
@@ -39,7 +44,8 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     numbers: dict[Id | None, int] = {}
     found: list[FbxObject | None] = []
     of_faces = []
-    for part in read_parts(scene):
+    parts = list(read_parts(scene))
+    for part in parts:
         ids = part.geometry.face_materials
         used, faces = np.unique(ids, return_inverse=True)
         of_used = []
@@ -53,48 +59,150 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         of_faces.append(np.array(of_used, np.int32)[faces])
     if not any(found) or sum(map(len, of_faces)) != mesh.n_faces:
         return None
-    missing: list[tuple[str, str]] = []
+    reader = _MaterialReader(scene, _uv_numbers(parts))
+    materials = tuple(reader.material(item) for item in found)
+    uv_sets = _uv_sets(parts, mesh, reader.uv_numbers)
     return Materials(
         face_materials=np.concatenate(of_faces),
-        materials=tuple(_material(scene, item, missing) for item in found),
-        missing=tuple(missing),
+        materials=tuple(material.on_uv_sets({0, *uv_sets}) for material in materials),
+        uv_sets=uv_sets,
+        missing=tuple(reader.missing),
     )
+
+
+def _uv_numbers(parts: list[FbxPart]) -> dict[str, int]:
+    """Numbers of the sets of texture coordinates that textures name, but for the first sets."""
+    names = dict.fromkeys(name for part in parts for name in part.geometry.uv_sets)
+    return {name: 1 + i for i, name in enumerate(names)}
+
+
+def _uv_sets(parts: list[FbxPart], mesh: Mesh, numbers: dict[str, int]) -> dict[int, FloatArray]:
+    """Sets by their numbers, in the rows of the mesh; where a geometry has none, its first."""
+    sets = {}
+    for name, number in numbers.items():
+        rows = []
+        for part in parts:
+            geometry = part.geometry
+            first = geometry.fields.get("uvs", np.zeros((1, 2)))
+            rows.append(geometry.uv_sets.get(name, first))
+        if mesh.uvs is not None and sum(map(len, rows)) == len(mesh.uvs):
+            sets[number] = np.concatenate(rows)
+    return sets
 
 
 # Channels by the properties that textures are connected to.
 _TEXTURED = {
     "DiffuseColor": "base-color", "EmissiveColor": "emissive", "NormalMap": "normal",
     "ShininessExponent": "roughness", "ReflectionFactor": "metallic",
+    "TransparentColor": "alpha", "TransparencyFactor": "alpha", "Opacity": "alpha",
     "Maya|TEX_color_map": "base-color", "Maya|TEX_normal_map": "normal",
     "Maya|TEX_roughness_map": "roughness", "Maya|TEX_metallic_map": "metallic",
     "Maya|TEX_emissive_map": "emissive", "Maya|TEX_ao_map": "occlusion",
 }  # fmt: skip
-_RED = (0,)
+_RED, _ALPHA = (0,), (3,)
+_CLAMP = 1
+_UNMOVED = {"Translation": (0.0, 0.0), "Rotation": (0.0, 0.0, 0.0), "Scaling": (1.0, 1.0)}
 
 
-def _material(
-    scene: FbxScene, material: FbxObject | None, missing: list[tuple[str, str]]
-) -> MeshMaterial:
-    if material is None:
-        return MeshMaterial(name="default")
-    channels = {}
-    color = _color(material)
-    if color is not None:
-        channels["base-color"] = ChannelSource(color)
-    for name, texture in scene.property_members(material.key).items():
-        channel = _TEXTURED.get(name)
-        if channel is None:
-            continue
-        data, label = next(fbx_images(scene, texture), (b"", ""))
+@dataclass(frozen=True, eq=False)
+class _MaterialReader:
+    """Reads the materials of a scene.
+
+    Attributes
+    ----------
+    scene : FbxScene
+    uv_numbers : dict of str to int
+        Sets of texture coordinates by their names, but for the first.
+    missing : list of (str, str)
+        What could not be read, as in `Materials`; appended to.
+    """
+
+    scene: FbxScene
+    uv_numbers: dict[str, int]
+    missing: list[tuple[str, str]] = field(default_factory=list)
+
+    def material(self, material: FbxObject | None) -> MeshMaterial:
+        """Read a material; the default one where there is none."""
+        if material is None:
+            return MeshMaterial(name="default")
+        channels = {}
+        color = _color(material)
+        if color is not None:
+            channels["base-color"] = ChannelSource(color)
+        alpha = _opacity(material)
+        if alpha < 1.0:
+            channels["alpha"] = ChannelSource((alpha,))
+        for name, texture in self.scene.property_members(material.key).items():
+            channel = _TEXTURED.get(name)
+            if channel is None:
+                continue
+            image = self._image(material, channel, texture)
+            if image is not None:
+                channels[channel] = ChannelSource((1.0,) * len(CHANNELS[channel].default), image)
+        mode = "blend" if "alpha" in channels else "opaque"
+        return MeshMaterial(name=material.name, channels=channels, alpha_mode=mode)
+
+    def _image(self, material: FbxObject, channel: str, texture: FbxObject) -> ChannelImage | None:
+        """Read the image of a texture; None, and a note, where it is missing."""
+        data, label = next(fbx_images(self.scene, texture), (b"", ""))
         if not data:
             line = f"{material.name}: an image of it is missing; the material keeps its factors"
-            missing.append((channel, line))
-            continue
-        width = len(CHANNELS[channel].default)
-        components = _RED if width == 1 else (0, 1, 2)
-        image = ChannelImage(data=data, name=label, components=components)
-        channels[channel] = ChannelSource((1.0,) * width, image)
-    return MeshMaterial(name=material.name, channels=channels)
+            self.missing.append((channel, line))
+            return None
+        properties = texture.properties()
+        if any(
+            tuple(properties.get(name, default))[: len(default)] != default
+            for name, default in _UNMOVED.items()
+        ):
+            line = f"{material.name}: a texture transform is left out; texbake does not read it"
+            self.missing.append((channel, line))
+        components = _RED if len(CHANNELS[channel].default) == 1 else (0, 1, 2)
+        if channel == "alpha" and has_alpha(data):
+            components = _ALPHA
+        u, v = (
+            "clamp" if properties.get(f"WrapMode{axis}", [0])[:1] == [_CLAMP] else "repeat"
+            for axis in "UV"
+        )
+        return ChannelImage(
+            data=data,
+            name=label,
+            components=components,
+            wraps=(u, v),
+            uv_set=self.uv_numbers.get(uv_set_name(texture), 0),
+        )
+
+
+def _opacity(material: FbxObject) -> float:
+    """Return the opacity of a material; 1 where it says nothing.
+
+    Programs write it as a number, or as a color that is let through, times a factor.
+    """
+    properties = material.properties()
+
+    def numbers(name: str) -> list[float]:
+        values = properties.get(name, [])
+        is_sound = all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+        return values if is_sound else []
+
+    opacity, color, factor = map(numbers, ("Opacity", "TransparentColor", "TransparencyFactor"))
+    if len(opacity) == 1:
+        alpha = opacity[0]
+    elif len(color) >= 3 or len(factor) == 1:
+        alpha = 1.0 - (sum(color[:3]) / 3.0 if len(color) >= 3 else 1.0) * (factor or [1.0])[0]
+    else:
+        alpha = 1.0
+    return float(min(max(alpha, 0.0), 1.0))
+
+
+def has_alpha(data: bytes) -> bool:
+    """Whether an image file says in its header that it has an alpha channel: PNG, TGA or WebP."""
+    if data.startswith(b"\x89PNG"):
+        return data[25:26] in (b"\4", b"\6") or b"tRNS" in data[:4096]
+    if data.startswith(b"RIFF") and data[8:12] == b"WEBP":
+        flag = {b"VP8X": (20, 0x10), b"VP8L": (24, 0x10)}.get(data[12:16])
+        return flag is not None and bool(int.from_bytes(data[flag[0] : flag[0] + 1]) & flag[1])
+    is_tga = data[1:3] in (b"\0\2", b"\0\n", b"\0\3", b"\0\x0b") and len(data) > 18
+    return is_tga and bool(data[17] & 0x0F)
 
 
 def _color(material: FbxObject) -> tuple[float, float, float] | None:
@@ -117,8 +225,8 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
             yield _unwrapped(value), f"{scene.path}: {holder.name}"
     folder = Path(scene.path).resolve().parent
     for holder in holders:
-        for field in _FILES:
-            words = PurePosixPath(holder.node.child_text(field).replace("\\", "/"))
+        for entry in _FILES:
+            words = PurePosixPath(holder.node.child_text(entry).replace("\\", "/"))
             for place in (folder / words, folder / words.name):
                 try:
                     is_there = place.resolve().is_relative_to(folder) and place.is_file()
