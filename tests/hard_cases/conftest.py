@@ -28,7 +28,7 @@ from catalog.pairs import PAIRS  # noqa: E402
 from catalog.rays import RAYS  # noqa: E402
 from catalog.scenes import SCENES  # noqa: E402
 from catalog.texture_space import TEXTURE_SPACE  # noqa: E402
-from fuzz_files import FORMATS  # noqa: E402
+from fuzz_formats import FORMATS  # noqa: E402
 
 MESHES = GEOMETRY + TEXTURE_SPACE
 CASES: dict[str, tuple[Any, ...]] = {

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import time
 import fuzz_files
 import numpy as np
 import pytest
-from fuzz_files import FORMATS
+from fuzz_formats import FORMATS
 
 import texbake
 
@@ -20,10 +21,7 @@ N_BYTES = 1_000_000
 
 @pytest.fixture(scope="module")
 def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
-    """The result of each format, all in one process, and the output of that if it ended early.
-
-    Its last mutant, in the folder of the first format that is missing, is what ended it.
-    """
+    """The result of each format, and what was printed beside it."""
     limit = 300.0 + len(FORMATS) * 60.0 * fuzz_minutes
     command = [
         sys.executable, str(hard_cases_dir / "fuzz_files.py"), "--bytes", str(N_BYTES),
@@ -50,6 +48,45 @@ def test_an_image_whose_complaint_is_no_text_is_refused(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"chlist", b"chl\xffst"))
     with pytest.raises(texbake.FileFormatError):
         texbake.read_image(path, color=False)
+
+
+READERS = """
+import os, signal, sys
+import numpy as np
+sys.path.insert(0, os.environ["HARD_CASES"])
+import fuzz_files
+
+def end(path):
+    if path.stem == "mutant":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+def fill(path):
+    if path.stem == "mutant":
+        np.ones(fuzz_files.MEMORY // 8 + 1)
+
+for read in end, fill:
+    make = lambda path: path.write_text("a file")
+    fuzz_files.FORMATS[read.__name__] = (".txt", make, read)
+sys.exit(fuzz_files.main())
+"""
+
+
+def test_a_reader_that_ends_the_process_or_fills_the_memory_is_at_fault(hard_cases_dir, tmp_path):
+    script = tmp_path / "readers.py"
+    script.write_text(READERS)
+    command = [sys.executable, str(script), "end", "fill", "--files", "3"]
+    environment = {**os.environ, "HARD_CASES": str(hard_cases_dir)}
+    run = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=60.0, check=False
+    )
+    found = [json.loads(line) for line in run.stdout.splitlines()]
+    assert run.returncode == 1, run.stderr
+    assert [(row["format"], row["files"], len(row["faults"])) for row in found] == [
+        ("end", 3, 3),
+        ("fill", 3, 3),
+    ]
+    assert all("ended the process with -9" in fault for fault in found[0]["faults"])
+    assert all("MemoryError" in fault for fault in found[1]["faults"])
 
 
 @pytest.mark.parametrize("hidden", [Exception, BaseException])

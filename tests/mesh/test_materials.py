@@ -8,6 +8,7 @@ import pytest
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import (
     UNPLACED,
     ChannelSource,
@@ -99,6 +100,17 @@ def test_a_library_that_is_missing_is_named(tmp_path):
     found = read_materials(tmp_path / "a.obj", read_mesh(tmp_path / "a.obj"))
     assert found.materials[1:] == (MeshMaterial(name="red paint"), MeshMaterial(name="wood"))
     assert any("gone.mtl" in line for line in found.notes(["roughness"]))
+
+
+@pytest.mark.parametrize("statement", ["map_Kd {}", "mtllib {}"])
+def test_a_name_that_no_file_can_have_is_a_file_that_is_missing(tmp_path, statement):
+    line = statement.format("a b" * 2000)
+    library = f"newmtl wood\nKd 0.5 0.5 0.5\n{line}\n" if "map" in line else "newmtl wood\n"
+    path = obj_with(tmp_path, "a.mtl", library)
+    if "mtllib" in line:
+        path.write_text(f"{line}\n" + path.read_text())
+    assert len(read_materials(path, read_mesh(path)).missing) >= 1
+    assert read_contents(path).materials[-1].name == "wood"
 
 
 def test_an_image_that_is_missing_leaves_the_factor_and_a_note(tmp_path):

@@ -203,6 +203,13 @@ def test_position_that_is_not_finite(read, order, value):
         read(ply(order, [("vertex", XYZ, points), ("face", POLYGON, SQUARE)]))
 
 
+def test_a_signaling_nan_is_refused_without_a_warning(read):
+    content = ply(ORDERS[1], [("vertex", XYZ, POINTS), ("face", POLYGON, SQUARE)])
+    at = content.index(b"end_header\n") + len(b"end_header\n")
+    with pytest.raises(MeshError, match="not finite"):
+        read(content[:at] + b"\x01\0\x80\x7f" + content[at + 4 :])
+
+
 @orders
 def test_no_faces(read, order):
     for elements in ([], [("face", POLYGON, [])], [("face", POLYGON, [([0, 1],)])]):

@@ -18,7 +18,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_materials import image_bytes
 from texbake.mesh.files.mtl import library_paths, map_path
 from texbake.mesh.files.passed_over import passed_over
-from texbake.mesh.files.source import decode_name, map_file
+from texbake.mesh.files.source import decode_name, is_file, map_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +163,7 @@ def _of_obj(path: Path) -> FileContents:
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
     for library in library_paths(path, data):
-        if library.is_file():
+        if is_file(library):
             for match in _STATEMENT.finditer(map_file(library).data):
                 _add_statement(library, match[1], match[2], materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
@@ -190,7 +190,7 @@ def _add_statement(
             return
         image = map_path(library, words)[0]
         channels[channel] = image.name
-        images[image.name] = map_file(image).tobytes() if image.is_file() else None
+        images[image.name] = map_file(image).tobytes() if is_file(image) else None
 
 
 # Channels of FBX, by the properties that textures are connected to.

@@ -23,7 +23,7 @@ from texbake.errors import FileError, FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
-from texbake.mesh.files.source import decode_name, map_file
+from texbake.mesh.files.source import decode_name, is_file, map_file
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -116,7 +116,7 @@ def library_paths(path: Path, data: memoryview) -> Iterator[Path]:
     for match in _LIBRARY.finditer(data):
         name = decode_name(match[1].strip())
         # One name with spaces in it, or several without.
-        names = [name] if (path.parent / name).is_file() else name.split()
+        names = [name] if is_file(path.parent / name) else name.split()
         yield from (path.parent / library for library in names)
 
 

@@ -107,8 +107,9 @@ def stack_columns(columns: Columns, names: tuple[str, ...]) -> FloatArray | None
     if len(found) < len(names):
         return None
     stacked = np.empty((len(found[0]), len(names)))
-    for axis, column in enumerate(found):
-        stacked[:, axis] = column
+    with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
+        for axis, column in enumerate(found):
+            stacked[:, axis] = column
     return stacked
 
 

@@ -42,6 +42,14 @@ def map_file(path: PathLike) -> ByteArray:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
+def is_file(path: PathLike) -> bool:
+    """Whether there is a regular file of this name; False for a name that no file can have."""
+    try:
+        return Path(path).is_file()
+    except OSError:  # such as a name that is too long
+        return False
+
+
 def require_file(path: PathLike) -> None:
     """Raise `FileError` where there is no regular file of this name.
 

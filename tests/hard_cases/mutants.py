@@ -1,0 +1,121 @@
+"""Changes of valid files: of bits, bytes, lengths, words and numbers; cuts, and moved blocks."""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+
+import numpy as np
+
+# Numbers and words put into text, which readers take for counts, indices and keys.
+WORDS = (
+    b"-1", b"0", b"1e999", b"nan", b"-inf", b"4294967295", b"9999999999999", b"1e-400", b"\x00",
+    b"\xff\xfe", b"'", b"[", b"{}", b"null", b"true", b"\n", b" ", b"//", b"\\\n", b"#", b'"',
+)  # fmt: skip
+
+
+LENGTHS = (0, 1, 2**15, 2**16, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**63 - 1, 2**63, 2**64 - 1)
+_NUMBER = re.compile(rb"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+_MOST = 1 << 16  # bytes that a repeated block adds at most
+
+
+def mutant(content: bytes, rng: np.random.Generator) -> bytes:
+    """Return the content with a few changes of one kind or of several."""
+    data = bytearray(content)
+    for _ in range(int(rng.integers(1, 5))):
+        _CHANGES[int(rng.integers(len(_CHANGES)))](data, rng)
+    return bytes(data)
+
+
+def _block(data: bytearray, rng: np.random.Generator) -> tuple[int, int]:
+    """Return where a short block begins and ends."""
+    at = int(rng.integers(len(data) + 1))
+    return at, min(len(data), at + int(rng.integers(1, 64)))
+
+
+def _flip_bit(data: bytearray, rng: np.random.Generator) -> None:
+    if data:
+        data[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
+
+
+def _set_byte(data: bytearray, rng: np.random.Generator) -> None:
+    if data:
+        data[int(rng.integers(len(data)))] = int(rng.integers(256))
+
+
+def _delete(data: bytearray, rng: np.random.Generator) -> None:
+    at, until = _block(data, rng)
+    del data[at:until]
+
+
+def _reverse(data: bytearray, rng: np.random.Generator) -> None:
+    at, until = _block(data, rng)
+    data[at:until] = data[at:until][::-1]
+
+
+def _repeat(data: bytearray, rng: np.random.Generator) -> None:
+    """Once, or so often that counts and depths overflow."""
+    at, until = _block(data, rng)
+    n = 1 if rng.random() < 0.7 else int(rng.integers(2, 2000))
+    data[at:at] = (data[at:until] * n)[:_MOST]
+
+
+def _splice(data: bytearray, rng: np.random.Generator) -> None:
+    """Put a block of the file over another place of it."""
+    at, until = _block(data, rng)
+    to = int(rng.integers(len(data) + 1))
+    data[to : to + until - at] = data[at:until]
+
+
+def _splice_number(data: bytearray, rng: np.random.Generator) -> None:
+    """Put a number of the text, or one of the lengths, in place of another."""
+    start = int(rng.integers(len(data) + 1))
+    old = _NUMBER.search(data, start, start + 4096)
+    if old is None:
+        return
+    other = _NUMBER.search(data, int(rng.integers(len(data) + 1)))
+    is_length = other is None or rng.random() < 0.4
+    number = (
+        str(LENGTHS[int(rng.integers(len(LENGTHS)))])
+        if is_length or other is None
+        else other[0].decode()
+    )
+    data[old.start() : old.end()] = number.encode()
+
+
+def _set_length(data: bytearray, rng: np.random.Generator) -> None:
+    """A length of four or eight bytes, in either order."""
+    at = int(rng.integers(len(data) + 1))
+    width = 4 if rng.random() < 0.6 else 8
+    order = "little" if rng.random() < 0.7 else "big"
+    length = LENGTHS[int(rng.integers(len(LENGTHS)))] % (1 << 8 * width)
+    data[at : at + width] = length.to_bytes(width, order)  # type: ignore[arg-type]
+
+
+def _insert_word(data: bytearray, rng: np.random.Generator) -> None:
+    at = int(rng.integers(len(data) + 1))
+    data[at:at] = WORDS[int(rng.integers(len(WORDS)))]
+
+
+def _truncate(data: bytearray, rng: np.random.Generator) -> None:
+    if rng.random() < 0.3:
+        del data[int(rng.integers(len(data) + 1)) :]
+
+
+_CHANGES = (
+    _flip_bit, _set_byte, _delete, _reverse, _repeat, _splice, _splice_number, _set_length,
+    _insert_word, _truncate,
+)  # fmt: skip
+
+
+def zip_mutant(content: bytes, rng: np.random.Generator) -> bytes:
+    """Return a zip archive with changes in one of its files, and checksums that fit them."""
+    changed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(changed, "w") as new:
+        entries = old.infolist()
+        at = int(rng.integers(len(entries)))
+        for i, entry in enumerate(entries):
+            data = old.read(entry)
+            new.writestr(entry, mutant(data, rng) if i == at else data)
+    return changed.getvalue()
