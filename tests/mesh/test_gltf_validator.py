@@ -115,14 +115,17 @@ def test_degenerate_faces_are_sound(validate, tmp_path, normal_map):
 
 
 @pytest.mark.parametrize("compress", [False, True])
-def test_levels_and_compressed_views_are_sound(validate, tmp_path, normal_map, compress, request):
-    """The validator knows neither extension, but all that they refer to."""
+@pytest.mark.parametrize("quantize", [False, True])
+def test_levels_and_compressed_views_are_sound(
+    validate, tmp_path, normal_map, compress, quantize, request
+):
+    """The validator knows neither of levels nor of compression, but all that they refer to."""
     if compress:
         request.getfixturevalue("meshoptimizer")
     levels = [uv_sphere(8, 12), uv_sphere(4, 6)]
     write_glb(
         uv_sphere(16, 24), tmp_path / "a.glb", normal_map=normal_map, levels=levels,
-        compress=compress,
+        compress=compress, quantize=quantize,
     )  # fmt: skip
     report = validate(tmp_path / "a.glb")
     assert_sound(report)
@@ -161,5 +164,6 @@ def test_materials_of_real_files_are_sound(validate, tmp_path, data_dir, name):
     materials = read_materials(path, mesh)
     # What stands where glTF reads it is not touched.
     assert gltf_images(materials).materials == materials.materials
-    write_glb(mesh, tmp_path / "a.glb", materials=materials)
-    assert_sound(validate(tmp_path / "a.glb"))
+    for quantize in False, True:
+        write_glb(mesh, tmp_path / "a.glb", materials=materials, quantize=quantize)
+        assert_sound(validate(tmp_path / "a.glb"))

@@ -203,7 +203,13 @@ def lighten_file(
         written = shared_materials(
             made.mesh, source, materials, made.channels, Path(output).stem, threads=options.threads
         )
-        write_glb(made.mesh, output, materials=written, compress=options.compress)
+        write_glb(
+            made.mesh,
+            output,
+            materials=written,
+            compress=options.compress,
+            quantize=options.quantize,
+        )
     comparison = None
     if options.views:
         with stages.part("compare"):

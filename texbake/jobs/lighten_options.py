@@ -68,6 +68,14 @@ class LightenOptions(CheckedOptions):
             flag="--compress/--no-compress",
         ),
     ] = False
+    quantize: Annotated[
+        bool | None,
+        Option(
+            "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization).",
+            flag="--quantize/--no-quantize",
+            default="with --compress",
+        ),
+    ] = None
     views: Annotated[
         int,
         Option(

@@ -204,11 +204,17 @@ class Materials:
     @property
     def has_images(self) -> bool:
         """Whether any channel is read from an image."""
-        return any(
-            source.image is not None
+        return bool(self.image_uv_sets)
+
+    @property
+    def image_uv_sets(self) -> set[int]:
+        """Sets of texture coordinates that images lie on."""
+        return {
+            source.image.uv_set
             for material in self.materials
             for source in material.channels.values()
-        )
+            if source.image is not None
+        }
 
     def without_images(self) -> Materials:
         """Return the materials with their factors alone, for a mesh without coordinates."""

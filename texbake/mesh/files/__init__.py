@@ -38,7 +38,7 @@ _FORMATS = {
     ".glb": _Format(
         ("gltf", "read_gltf"),
         ("gltf_write", "write_glb"),
-        (*_MATERIAL, "materials", "levels", "coverages", "compress"),
+        (*_MATERIAL, "materials", "levels", "coverages", "compress", "quantize"),
     ),
     ".gltf": _Format(("gltf", "read_gltf")),
     ".fbx": _Format(("fbx", "read_fbx")),
@@ -115,8 +115,9 @@ def write_mesh(mesh: MeshLike, path: PathLike, **options: Any) -> None:
         keeps.
     **options
         For GLB and USD: `normal_map`, `base_color`, `orm` and `emissive`, the images of the
-        material, and its `name`. For GLB also `materials`, `levels`, `coverages` and `compress`;
-        see `texbake.mesh.files.gltf_write.write_glb`. An option that is None counts as not given.
+        material, and its `name`. For GLB also `materials`, `levels`, `coverages`, `compress` and
+        `quantize`; see `texbake.mesh.files.gltf_write.write_glb`. An option that is None
+        counts as not given.
 
     Raises
     ------

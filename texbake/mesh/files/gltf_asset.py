@@ -36,7 +36,7 @@ from texbake.mesh.files.gltf_compression import (
 )
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
-_FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
+_COMPONENTS = {"float32": 5126, "int8": 5120, "uint8": 5121, "uint16": 5123, "uint32": 5125}
 _NEAREST, _LINEAR, _NEAREST_MIPS, _TRILINEAR = 9728, 9729, 9984, 9987
 _WRAPS = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
 # Images that glTF itself does not name, by the extensions that do.
@@ -48,7 +48,7 @@ class GltfAsset:
     """A glTF asset in the making; `write` ends it."""
 
     def __init__(self, *, compress: bool = False) -> None:
-        self._compress = compress
+        self.is_compressed = compress
         self._parts: list[bytes] = []
         self._n_bytes = 0
         self._n_plain = 0  # bytes of what is compressed, as they were
@@ -103,7 +103,7 @@ class GltfAsset:
 
     def add_primitive(
         self,
-        columns: dict[str, npt.NDArray[np.float32]],
+        columns: dict[str, npt.NDArray[Any]],
         indices: npt.NDArray[np.int64],
         material: int,
     ) -> dict[str, Any]:
@@ -112,7 +112,8 @@ class GltfAsset:
         Parameters
         ----------
         columns
-            (n, width) values of each attribute at each vertex.
+            (n, width) values of each attribute at each vertex. Integers are normalized, except
+            those of positions.
         indices : (3 F,) int64
         material
             Its index.
@@ -148,7 +149,7 @@ class GltfAsset:
     def write(self, path: PathLike) -> None:
         """Write the file, whole or not at all."""
         buffers: list[dict[str, Any]] = [{"byteLength": self._n_bytes}]
-        if self._compress:
+        if self.is_compressed:
             fallback = {EXTENSION: {"fallback": True}}
             buffers.append({"byteLength": self._n_plain, "extensions": fallback})
         text = json.dumps({**self._json, "buffers": buffers}, separators=(",", ":")).encode("ascii")
@@ -177,13 +178,14 @@ class GltfAsset:
 
     def _add_accessor(self, values: npt.NDArray[Any], target: int, *, bounded: bool = False) -> int:
         """Add the rows of an array, and return the index of the accessor that reads them."""
-        component = {"float32": _FLOAT, "uint16": _UINT16, "uint32": _UINT32}[values.dtype.name]
         accessor: dict[str, Any] = {
             "bufferView": self._add_rows(values, target),
-            "componentType": component,
+            "componentType": _COMPONENTS[values.dtype.name],
             "count": len(values),
             "type": _TYPES[values.shape[1]],
         }
+        if target == _VERTICES and values.dtype.kind in "iu" and not bounded:
+            accessor["normalized"] = True
         if bounded:
             accessor["min"] = values.min(axis=0).tolist()
             accessor["max"] = values.max(axis=0).tolist()
@@ -192,9 +194,14 @@ class GltfAsset:
 
     def _add_rows(self, values: npt.NDArray[Any], target: int) -> int:
         """Add the rows of an array as a buffer view, compressed if the asset is."""
-        if not self._compress:
-            return self._add_view(values.tobytes(), target=target)
+        padding = 0
+        if target == _VERTICES:  # whose rows are a multiple of 4 bytes
+            padding = -values.itemsize * values.shape[1] % 4 // values.itemsize
+            values = np.pad(values, ((0, 0), (0, padding)))
         stride = values.itemsize * values.shape[1]
+        if not self.is_compressed:
+            fields = {"byteStride": stride} if padding else {}
+            return self._add_view(values.tobytes(), target=target, **fields)
         code: dict[str, Any] = {"byteStride": stride, "count": len(values)}
         if target == _VERTICES:
             data, code["mode"] = encode_vertices(values), ATTRIBUTES

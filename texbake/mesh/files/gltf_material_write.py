@@ -29,6 +29,7 @@ from texbake.mesh.materials import (
     MeshMaterial,
     Placing,
 )
+from texbake.mesh.mesh import FloatArray
 
 _UNLIT = "KHR_materials_unlit"
 _TRANSFORM = "KHR_texture_transform"
@@ -38,16 +39,16 @@ _SQUARE = 1e-6
 
 def uv_numbers(materials: Materials) -> dict[int, int]:
     """Numbers that the file gives to sets of texture coordinates: 0, 1, 2 without a gap."""
-    used = {
-        source.image.uv_set
-        for material in materials.materials
-        for source in material.channels.values()
-        if source.image is not None
-    }
-    return {uv_set: number for number, uv_set in enumerate(sorted(used | {0}))}
+    used = materials.image_uv_sets | {0}
+    return {uv_set: number for number, uv_set in enumerate(sorted(used))}
 
 
-def add_material(asset: GltfAsset, material: MeshMaterial, numbers: Mapping[int, int]) -> int:
+def add_material(
+    asset: GltfAsset,
+    material: MeshMaterial,
+    numbers: Mapping[int, int],
+    uv_matrices: Mapping[int, FloatArray],
+) -> int:
     """Add a material with its textures, and return its index.
 
     Parameters
@@ -56,6 +57,9 @@ def add_material(asset: GltfAsset, material: MeshMaterial, numbers: Mapping[int,
     material
     numbers
         As from `uv_numbers`.
+    uv_matrices
+        (3, 3) matrices that take texture coordinates as the file has them, v down, to those of the
+        mesh, by sets; a set that is written as it is has none.
 
     Raises
     ------
@@ -79,7 +83,7 @@ def add_material(asset: GltfAsset, material: MeshMaterial, numbers: Mapping[int,
             )
         image = slot.image(material)
         if image is not None:
-            owner[slot.texture] = _texture_info(asset, material, slot, image, numbers)
+            owner[slot.texture] = _texture_info(asset, material, slot, image, numbers, uv_matrices)
     _add_factors(content, extensions, material)
     if material.alpha_mode != "opaque":
         content["alphaMode"] = material.alpha_mode.upper()
@@ -131,6 +135,7 @@ def _texture_info(
     slot: Slot,
     image: ChannelImage,
     numbers: Mapping[int, int],
+    uv_matrices: Mapping[int, FloatArray],
 ) -> dict[str, Any]:
     texture = asset.add_texture(image.data, wraps=image.wraps, is_nearest=image.is_nearest)
     info: dict[str, Any] = {"index": texture}
@@ -141,15 +146,16 @@ def _texture_info(
             info["scale"] = source.factor[0]
         if where.name == "occlusion" and source.factor[0] != 1.0:
             info["strength"] = source.factor[0]
-    if image.placing != UNPLACED:
+    if image.placing != UNPLACED or image.uv_set in uv_matrices:
         asset.use(_TRANSFORM)
-        info["extensions"] = {_TRANSFORM: _transform(material, image.placing)}
+        stored = uv_matrices.get(image.uv_set, np.eye(3))
+        info["extensions"] = {_TRANSFORM: _transform(material, image.placing, stored)}
     return info
 
 
-def _transform(material: MeshMaterial, placing: Placing) -> dict[str, Any]:
-    """KHR_texture_transform object of a matrix for coordinates with v up."""
-    matrix = FLIP @ np.array([*placing, (0.0, 0.0, 1.0)]) @ FLIP
+def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> dict[str, Any]:
+    """KHR_texture_transform object of a matrix for coordinates with v up, after another one."""
+    matrix = FLIP @ np.array([*placing, (0.0, 0.0, 1.0)]) @ FLIP @ stored
     (a, b, x), (c, d, y), _ = matrix.tolist()
     # [a b; c d] = [cos sin; -sin cos] diag(scale)
     angle = math.atan2(-c, a) if (a, c) != (0.0, 0.0) else math.atan2(b, d)

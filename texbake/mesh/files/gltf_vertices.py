@@ -1,8 +1,8 @@
 """Vertices of glTF primitives: corners of a mesh whose attributes all agree, bit for bit, are one.
 
-Further sets of texture coordinates are numbered without gaps. Tangents, which only normal maps
-need, are those of the mesh, else those of MikkTSpace for the texture coordinates that the normal
-map of the material lies on.
+Of quantized attributes the codes are compared. Further sets of texture coordinates are numbered
+without gaps. Tangents, which only normal maps need, are those of the mesh, else those of MikkTSpace
+for the texture coordinates that the normal map of the material lies on.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.7.2.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from texbake.errors import MeshError
 from texbake.mesh.files.gltf_compression import ordered_triangles
 from texbake.mesh.files.gltf_material_write import uv_numbers
+from texbake.mesh.files.gltf_quantization import Quantization, color_codes, unit_codes
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
@@ -25,6 +27,8 @@ from texbake.mesh.tangents import corner_tangents
 from texbake.mesh.weld import weld_rows
 
 FloatColumns = npt.NDArray[np.float32]
+Columns = dict[str, npt.NDArray[Any]]
+_CODES = {"NORMAL": unit_codes, "TANGENT": unit_codes, "COLOR_0": color_codes}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +42,19 @@ class CornerVertices:
         Of the positions that are written.
     materials
         Of the faces; None where they have none of their own.
+    quantization
+        Of the file; None for float32.
     """
 
     mesh: Mesh
     origin: FloatArray
     materials: Materials | None = None
+    quantization: Quantization | None = None
     _tangents: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
 
     def stream(
         self, faces: npt.NDArray[np.intp], material: int, *, compress: bool
-    ) -> tuple[dict[str, FloatColumns], npt.NDArray[np.int64]]:
+    ) -> tuple[Columns, npt.NDArray[np.int64]]:
         """Vertices of faces of one material, and the (3 F,) indices of their corners.
 
         Raises
@@ -66,18 +73,18 @@ class CornerVertices:
             kept = kept[order]
         return {attribute: values[kept] for attribute, values in corners.items()}, indices
 
-    def _columns(self, faces: npt.NDArray[np.intp], material: int) -> dict[str, FloatColumns]:
+    def _columns(self, faces: npt.NDArray[np.intp], material: int) -> Columns:
         """(3 F, width) values of each attribute at each corner of some faces."""
         mesh = self.mesh
         normals, normal_faces = self._normals
         vertices = mesh.faces[faces].ravel()
-        columns = {"POSITION": (mesh.positions[vertices] - self.origin).astype(np.float32)}
+        columns: Columns = {"POSITION": self._stored_positions(mesh.positions[vertices])}
         columns["NORMAL"] = normals[normal_faces[faces].ravel()].astype(np.float32)
         if mesh.uvs is not None and mesh.uv_faces is not None:
             rows = mesh.uv_faces[faces].ravel()
-            for number, uvs in enumerate(self._uv_sets):
+            for number, (uv_set, uvs) in enumerate(self._uv_sets.items()):
                 turned = np.stack([uvs[rows, 0], 1.0 - uvs[rows, 1]], axis=1)
-                columns[f"TEXCOORD_{number}"] = turned.astype(np.float32)
+                columns[f"TEXCOORD_{number}"] = self._stored_uvs(uv_set, turned)
             if self._has_normal_map:
                 tangents = self._tangents_for(self._normal_map_set(material))
                 columns["TANGENT"] = _sound_tangents(
@@ -86,7 +93,21 @@ class CornerVertices:
         has_colors = self.materials is None or self.materials.has_vertex_colors
         if mesh.colors is not None and mesh.colors.shape[1] in (3, 4) and has_colors:
             columns["COLOR_0"] = np.clip(mesh.colors[vertices], 0.0, 1.0)
+        if self.quantization is not None:
+            for name, codes in _CODES.items():
+                if name in columns:
+                    columns[name] = codes(columns[name])
         return columns
+
+    def _stored_positions(self, positions: FloatArray) -> npt.NDArray[Any]:
+        if self.quantization is not None:
+            return self.quantization.positions.codes(positions)
+        return (positions - self.origin).astype(np.float32)
+
+    def _stored_uvs(self, uv_set: int, turned: FloatArray) -> npt.NDArray[Any]:
+        if self.quantization is not None:
+            return self.quantization.uvs(uv_set, turned)
+        return turned.astype(np.float32)
 
     @cached_property
     def _normals(self) -> tuple[FloatArray, IntArray]:
@@ -94,12 +115,12 @@ class CornerVertices:
         return _unit(normals, np.array([[0.0, 0.0, 1.0]])), normal_faces
 
     @cached_property
-    def _uv_sets(self) -> list[FloatArray]:
+    def _uv_sets(self) -> dict[int, FloatArray]:
         assert self.mesh.uvs is not None
         if self.materials is None:
-            return [self.mesh.uvs]
+            return {0: self.mesh.uvs}
         known = {**self.materials.uv_sets, 0: self.mesh.uvs}
-        return [known[uv_set] for uv_set in uv_numbers(self.materials)]
+        return {uv_set: known[uv_set] for uv_set in uv_numbers(self.materials)}
 
     @cached_property
     def _has_normal_map(self) -> bool:

@@ -28,6 +28,7 @@ from texbake.files import PathLike
 from texbake.mesh.files.conversion import far_origin
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
+from texbake.mesh.files.gltf_quantization import EXTENSION, Quantization
 from texbake.mesh.files.gltf_vertices import CornerVertices
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
@@ -50,6 +51,7 @@ def write_glb(
     levels: Sequence[Mesh] | None = None,
     coverages: Sequence[float] | None = None,
     compress: bool | None = None,
+    quantize: bool | None = None,
 ) -> None:
     """Write a mesh as binary glTF, textures embedded as they are.
 
@@ -80,8 +82,13 @@ def write_glb(
         Least share of the picture's area at which each level is shown, falling, `mesh` first. By
         default a quarter, and a quarter of that for each further level; the last goes down to 0.
     compress
-        Compress vertices and triangles by EXT_meshopt_compression: no value changes, but triangles
-        are reordered. Programs without the extension cannot open such a file.
+        Compress vertices and triangles by EXT_meshopt_compression, which reorders the triangles.
+        Programs without the extension cannot open such a file.
+    quantize
+        Write vertices as integers (KHR_mesh_quantization): positions in 65535 steps over the
+        longest side of the mesh, texture coordinates in as many over the unit square, normals,
+        tangents and colors in 8 bits. By default if the file is compressed. Programs without the
+        extension cannot open such a file.
 
     Raises
     ------
@@ -112,18 +119,22 @@ def write_glb(
             _check_uvs(level)
     name = Path(path).stem if name is None else name
     asset = GltfAsset(compress=bool(compress))
+    quantization = None
+    if compress if quantize is None else quantize:
+        quantization = Quantization.of(meshes, materials)
+        asset.require(EXTENSION)
     if materials is None:
         asset.add_material(
             name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive
         )
     if len(meshes) == 1:
-        for node in _add_groups(asset, mesh, name, materials, compress=bool(compress)):
+        for node in _add_groups(asset, mesh, name, materials, quantization):
             asset.place(node)
     else:
         nodes = []
         for number, level in enumerate(meshes):
             label = f"{name}_LOD{number}"
-            children = _add_groups(asset, level, label, None, compress=bool(compress))
+            children = _add_groups(asset, level, label, None, quantization)
             nodes.append(asset.add_node(label, children=children))
         asset.place(nodes[0])
         asset.set_levels(nodes[0], nodes[1:], shares)
@@ -167,14 +178,21 @@ def _check_materials(mesh: Mesh, materials: Materials, *, alone: bool) -> None:
 
 
 def _add_groups(
-    asset: GltfAsset, mesh: Mesh, name: str, materials: Materials | None, *, compress: bool
+    asset: GltfAsset,
+    mesh: Mesh,
+    name: str,
+    materials: Materials | None,
+    quantization: Quantization | None,
 ) -> list[int]:
     """Add each group as a mesh and a node, with a primitive for each material; return the nodes."""
-    vertices = CornerVertices(mesh, far_origin(mesh), materials)
+    vertices = CornerVertices(mesh, far_origin(mesh), materials, quantization)
     place: dict[str, Any] = {}
-    if vertices.origin.any():
+    if quantization is not None:
+        place = quantization.place()
+    elif vertices.origin.any():
         place["translation"] = vertices.origin.tolist()
     numbers = {} if materials is None else uv_numbers(materials)
+    uv_matrices = {} if quantization is None else quantization.uv_matrices()
     written: dict[int, int] = {}
     nodes = []
     with np.errstate(over="ignore"):
@@ -185,8 +203,8 @@ def _add_groups(
                     written[of_faces] = 0
                     if materials is not None:
                         material = materials.materials[of_faces]
-                        written[of_faces] = add_material(asset, material, numbers)
-                columns, indices = vertices.stream(part, of_faces, compress=compress)
+                        written[of_faces] = add_material(asset, material, numbers, uv_matrices)
+                columns, indices = vertices.stream(part, of_faces, compress=asset.is_compressed)
                 primitives.append(asset.add_primitive(columns, indices, written[of_faces]))
             nodes.append(asset.add_node(group, mesh=asset.add_mesh(group, primitives), **place))
     return nodes

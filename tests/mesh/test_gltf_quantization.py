@@ -1,0 +1,155 @@
+"""GLB files whose vertices are 8- and 16-bit integers."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from texbake.errors import MeshError
+from texbake.mesh.files.gltf import read_gltf
+from texbake.mesh.files.gltf_document import read_document
+from texbake.mesh.files.gltf_materials import read_gltf_materials
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.shapes import plane, uv_sphere
+from texbake.texture.png_files import write_png
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "a.glb"
+
+
+@pytest.fixture
+def sphere():
+    """A sphere far from the origin, with normals, colors and tangents of its own coordinates."""
+    ball = uv_sphere(24, 40)
+    colors = np.linspace(0, 1, 3 * ball.n_vertices).reshape(-1, 3)
+    return ball.replace(positions=3.0 * ball.positions + (100.0, -20.0, 0.3), colors=colors)
+
+
+def placed_image(png, placing=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), uv_set=0):
+    image = ChannelImage(data=png, placing=placing, uv_set=uv_set)
+    return MeshMaterial(name="m", channels={"base-color": ChannelSource((1.0, 1.0, 1.0), image)})
+
+
+@pytest.fixture
+def png(tmp_path):
+    write_png(tmp_path / "i.png", np.full((4, 4, 3), 128, np.uint8))
+    return (tmp_path / "i.png").read_bytes()
+
+
+def step_of(mesh):
+    return np.ptp(mesh.bounds, axis=0).max() / 65535
+
+
+def test_every_attribute_is_within_half_a_step(path, sphere):
+    write_glb(sphere, path, quantize=True)
+    exact = path.with_name("exact.glb")
+    write_glb(sphere, exact)
+    back, plain = read_gltf(path), read_gltf(exact)
+    assert read_document(path).content["extensionsRequired"] == ["KHR_mesh_quantization"]
+    off = np.abs(back.positions[back.faces] - sphere.positions[sphere.faces])
+    # 1e-9: rounding of sums of float64 about 100.
+    assert off.max() <= 0.5 * step_of(sphere) + 1e-9
+    assert np.abs(back.corner_uvs() - sphere.corner_uvs()).max() <= 0.5 / 65535 + 1e-12
+    colors = back.colors[back.faces][..., :3] - sphere.colors[sphere.faces]
+    assert np.abs(colors).max() <= 0.5 / 255 + 1e-6  # float32
+    np.testing.assert_array_equal(back.tangents[..., 3], plain.tangents[..., 3])
+    # Half a step along each axis is sqrt(3) / 254 at most.
+    for directions in (lambda m: m.normals[m.normal_faces]), (lambda m: m.tangents[..., :3]):
+        a, b = (directions(mesh).astype(np.float64) for mesh in (back, plain))
+        assert np.linalg.norm(a / np.linalg.norm(a, axis=2)[..., None] - b, axis=2).max() < (
+            1.01 * np.sqrt(3) / 254
+        )
+
+
+def test_rows_are_a_multiple_of_four_bytes(path, sphere):
+    write_glb(sphere, path, quantize=True)
+    content = read_document(path).content
+    (primitive,) = content["meshes"][0]["primitives"]
+    widths = {
+        name: content["bufferViews"][content["accessors"][index]["bufferView"]].get("byteStride")
+        for name, index in primitive["attributes"].items()
+    }
+    assert widths == {"POSITION": 8, "NORMAL": 4, "TEXCOORD_0": None, "TANGENT": None, "COLOR_0": 4}
+
+
+def test_what_groups_share_stays_shared(path):
+    """A sphere in four groups, and a coarser level, lie on one grid."""
+    sphere = uv_sphere(16, 24)
+    grouped = sphere.replace(
+        face_groups=np.arange(sphere.n_faces) % 4, group_names=("a", "b", "c", "d")
+    )
+    write_glb(grouped, path, quantize=True)
+    back = read_gltf(path)
+    assert len(np.unique(back.positions, axis=0)) == sphere.n_vertices
+    write_glb(grouped, path, quantize=True, levels=[uv_sphere(4, 6)])
+    nodes = [node for node in read_document(path).content["nodes"] if "mesh" in node]
+    assert {str((node["scale"], node["translation"])) for node in nodes} == {
+        str((nodes[0]["scale"], nodes[0]["translation"]))
+    }
+
+
+def test_trimesh_reads_it(path, sphere):
+    write_glb(sphere, path, quantize=True)
+    read = trimesh.load_scene(path, process=False).to_mesh()
+    np.testing.assert_allclose(read.bounds, sphere.bounds, atol=step_of(sphere))
+    assert len(read.faces) == sphere.n_faces
+
+
+TURNED = ((0.0, -2.0, 0.5), (3.0, 0.0, -0.25))
+
+
+@pytest.mark.parametrize("placing", [((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), TURNED])
+def test_coordinates_beyond_the_square_are_put_back_by_the_texture(path, png, placing):
+    mesh = plane()
+    mesh = mesh.replace(uvs=mesh.uvs * (2.0, 0.5) - (0.7, 0.1))
+    material = placed_image(png, placing)
+    materials = Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(material,))
+    write_glb(mesh, path, materials=materials, quantize=True)
+    back = read_gltf(path)
+    assert back.uvs.min() >= 0.0
+    assert back.uvs.max() <= 1.0
+    image = read_gltf_materials(path, back).materials[0].channels["base-color"].image
+    found, given = (
+        uvs @ np.array(rows)[:, :2].T + np.array(rows)[:, 2]
+        for uvs, rows in ((back.corner_uvs(), image.placing), (mesh.corner_uvs(), placing))
+    )
+    # Half a step of a square of 2, scaled by 3 at most.
+    np.testing.assert_allclose(found, given, atol=3.0 / 65535)
+
+
+def test_coordinates_that_no_texture_can_put_back_stay_floats(path, png):
+    mesh = plane()
+    far = mesh.replace(uvs=mesh.uvs * 4.5)
+    near = mesh.replace(uvs=mesh.uvs * 2.5)
+    ids = np.zeros(mesh.n_faces, np.int32)
+    with_image = Materials(face_materials=ids, materials=(placed_image(png),))
+    without = Materials(face_materials=ids, materials=(MeshMaterial(name="m"),))
+    for given, materials in (far, with_image), (near, without), (near, None):
+        write_glb(given, path, materials=materials, quantize=True)
+        np.testing.assert_array_equal(read_gltf(path).corner_uvs(), given.corner_uvs())
+
+
+def test_a_mesh_without_size_is_one_point(path):
+    mesh = plane().replace(positions=np.full((plane().n_vertices, 3), 7.25))
+    write_glb(mesh, path, quantize=True)
+    np.testing.assert_array_equal(read_gltf(path).positions, [[7.25, 7.25, 7.25]])
+
+
+def test_what_float32_does_not_hold_is_refused(path):
+    mesh = plane().replace(positions=plane().positions * 1e39)
+    with pytest.raises(MeshError, match="beyond float32"):
+        write_glb(mesh, path, quantize=True)
+    assert not path.exists()
+
+
+@pytest.mark.usefixtures("meshoptimizer")
+def test_a_compressed_file_is_quantized_unless_told_otherwise(path, sphere):
+    sizes = []
+    for quantize in None, False:
+        write_glb(sphere, path, compress=True, quantize=quantize)
+        required = read_document(path).content["extensionsRequired"]
+        assert ("KHR_mesh_quantization" in required) == (quantize is None)
+        sizes.append(path.stat().st_size)
+    assert sizes[0] < 0.7 * sizes[1]
