@@ -113,6 +113,11 @@ def shape(layers=(), points=POINTS, polygons=POLYGONS):
     ]
 
 
+def _material_key(index):
+    """Number of a material: from 50 on, and beyond those of models from there on."""
+    return 50 + index if index < 50 else 100_000 + index
+
+
 def scene(version=7400, *, layers=(), models=None, settings=None, materials=(), geometry=None):
     """Nodes of a file with one geometry and models by name: (properties, parent or None)."""
     models = {"wall": ({}, None)} if models is None else models
@@ -130,12 +135,12 @@ def scene(version=7400, *, layers=(), models=None, settings=None, materials=(), 
             links.append((10, numbers[name]))
         links.append((numbers[name] if is_new else full, owner))
         for i, material in enumerate(materials):
-            key = 50 + i if is_new else f"{material}\0\1Material"
+            key = _material_key(i) if is_new else f"{material}\0\1Material"
             links.append((key, numbers[name] if is_new else full))
     if is_new:
         objects.append(("Geometry", [10, "wall mesh\0\1Geometry", "Mesh"], geometry))
     for i, material in enumerate(materials):
-        key = [50 + i] if is_new else []
+        key = [_material_key(i)] if is_new else []
         objects.append(("Material", [*key, f"{material}\0\1Material", ""], [("Version", [1], [])]))
     link = "C" if is_new else "Connect"
     return [

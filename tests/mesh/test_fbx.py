@@ -243,6 +243,12 @@ def test_instances_are_bounded_by_the_size_of_the_file(read):
         read(scene(models=models, geometry=shape(polygons=polygons)))
 
 
+def test_a_geometry_that_is_connected_to_a_model_many_times_is_there_once(read):
+    nodes = scene()
+    nodes[2][2].extend([("C", ["OO", 10, 100], [])] * 20_000)
+    np.testing.assert_array_equal(read(nodes).faces, FACES)
+
+
 def bomb(count, content):
     """A file whose Vertices say a count and pack the content."""
     packed = zlib.compress(content)

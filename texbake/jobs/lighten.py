@@ -53,6 +53,9 @@ from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import oriented
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
 
+# Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
+_MOST_PARTS = 1000
+
 
 @dataclass(frozen=True, kw_only=True)
 class LightenReport:
@@ -211,7 +214,13 @@ def lighten_file(
             quantize=options.quantize,
         )
     comparison = None
-    if options.views:
+    n_parts = max(len(materials.materials), len(source.group_names))
+    if options.views and html is None and n_parts > _MOST_PARTS:
+        warnings.append(
+            f"{Path(model).name}: it has more than {_MOST_PARTS:,} parts, so its pictures are not "
+            "compared with those of the result; `html` compares them all the same"
+        )
+    elif options.views:
         with stages.part("compare"):
             comparison = compare_models(
                 model, output, n_views=options.views, threads=options.threads, progress=progress

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -185,12 +186,18 @@ class Pass:
         """Name of the effect."""
         return self.effect.name
 
-    @property
+    @cached_property
     def targets(self) -> tuple[Target, ...]:
         """Distinct targets of the calls, in the order of the scene."""
-        return tuple(
-            sorted({call.target for call in self.calls}, key=lambda t: -1 if t is None else t)
-        )
+        return tuple(sorted(self._targets, key=lambda t: -1 if t is None else t))
+
+    @cached_property
+    def _targets(self) -> frozenset[Target]:
+        return frozenset(call.target for call in self.calls)
+
+    def is_for(self, target: Target) -> bool:
+        """Whether a target calls for the effect."""
+        return target in self._targets
 
 
 @dataclass(frozen=True)
@@ -212,7 +219,7 @@ class Plan:
     def has(self, name: str, target: Target = None) -> bool:
         """Whether an effect is called for by a target, or by any target if it is None."""
         return any(
-            item.name == name and (target is None or target in item.targets) for item in self.passes
+            item.name == name and (target is None or item.is_for(target)) for item in self.passes
         )
 
     def for_target(self, target: Target) -> tuple[Effect, ...]:
@@ -220,7 +227,7 @@ class Plan:
         return tuple(
             item.effect
             for item in self.passes
-            if item.effect.of == "object" and target in item.targets
+            if item.effect.of == "object" and item.is_for(target)
         )
 
 

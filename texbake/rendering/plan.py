@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from texbake.rendering.costs import Costs
-from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal
+from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal, Target
 from texbake.rendering.request import RenderRequest
 
 # Passes that every picture has, in the order in which they run.
@@ -44,12 +44,15 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
     places = {effect.name: place for place, effect in enumerate(effects)}
     calls: dict[str, list[Call]] = {effect.name: [] for effect in effects}
     refusals: dict[str, list[Refusal]] = {effect.name: [] for effect in effects}
+    known: set[tuple[str, Call]] = set()
+    targets: set[tuple[str, Target]] = set()
 
     def add(effect: Effect, call: Call) -> None:
-        known = call in calls[effect.name]
-        is_new = all(call.target != other.target for other in calls[effect.name])
-        if not known:
+        is_new = (effect.name, call.target) not in targets
+        if (effect.name, call) not in known:
             calls[effect.name].append(call)
+        known.add((effect.name, call))
+        targets.add((effect.name, call.target))
         if not is_new or effect.needs is None:
             return
         for name in effect.needs(request, call.target):

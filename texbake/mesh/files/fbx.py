@@ -103,6 +103,7 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
     most = max(_LEAST_CORNERS, _CORNERS_PER_BYTE * scene.n_bytes)
     uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
     for placed in placed_models(scene):
+        materials = scene.members_of(placed.model.key, "Material")
         for item in model_geometry(scene, placed.model):
             if item.key not in read:
                 name = item.name or placed.model.name
@@ -116,7 +117,6 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
                 raise FileFormatError(
                     f"{scene.path}: it places far more triangles than it holds; export it again"
                 )
-            materials = scene.members_of(placed.model.key, "Material")
             yield FbxPart(placed.model, placed.matrix, geometry, materials)
 
 

@@ -231,8 +231,8 @@ def _is_visible(properties: dict[str, Sequence[float]]) -> bool:
 
 
 def model_geometry(scene: FbxScene, model: FbxObject) -> list[FbxObject]:
-    """Objects that hold the polygons of a model: itself, before version 7."""
+    """Objects that hold the polygons of a model, each once: itself, before version 7."""
     if model.node.child("PolygonVertexIndex") is not None:
         return [model]
-    found = scene.members_of(model.key, "Geometry")
+    found = dict.fromkeys(scene.members_of(model.key, "Geometry"))
     return [item for item in found if item.node.child("PolygonVertexIndex") is not None]

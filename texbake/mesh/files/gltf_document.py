@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import base64
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn
@@ -67,6 +67,8 @@ class Document:
     path: Path
     content: dict[str, Any]
     binary: ByteArray
+    # Lists of objects that were checked; thousands of items are looked up in one.
+    _checked: set[int] = field(default_factory=set, repr=False, compare=False)
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError` that says what is wrong with the file."""
@@ -86,8 +88,12 @@ class Document:
     def objects(self, owner: dict[str, Any], key: str) -> list[dict[str, Any]]:
         """A list of objects that an object holds; empty where there is none."""
         values = owner.get(key, [])
+        if id(values) in self._checked:
+            return values  # type: ignore[no-any-return]
         if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
             self.fail(f"{key!r} is not a list of objects")
+        if key in owner:
+            self._checked.add(id(values))
         return values
 
     def mapping(self, owner: dict[str, Any], key: str) -> dict[str, Any]:

@@ -68,7 +68,8 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     if all(index is None for index in used) and mesh.colors is None:
         return None
     order = list(dict.fromkeys(used))
-    of_groups = np.array([order.index(index) for index in used], dtype=np.int32)
+    numbers = {index: i for i, index in enumerate(order)}
+    of_groups = np.array([numbers[index] for index in used], dtype=np.int32)
     reader = _MaterialReader(document)
     materials = tuple(reader.material(index) for index in order)
     uv_sets = reader.uv_sets(materials, primitives, mesh)

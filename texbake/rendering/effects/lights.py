@@ -159,7 +159,7 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
     assert fragments.normals is not None
     found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
     for item in state.plan.passes:
-        if item.effect.dim is not None and index in item.targets:
+        if item.effect.dim is not None and item.is_for(index):
             with state.costs.timed(item.name):
                 item.effect.dim(fragments, state, index, found)
     return found
