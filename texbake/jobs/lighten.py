@@ -216,10 +216,7 @@ def lighten_file(
     comparison = None
     n_parts = max(len(materials.materials), len(source.group_names))
     if options.views and html is None and n_parts > _MOST_PARTS:
-        warnings.append(
-            f"{Path(model).name}: it has more than {_MOST_PARTS:,} parts, so its pictures are not "
-            "compared with those of the result; `html` compares them all the same"
-        )
+        warnings.append(_too_many_parts(model))
     elif options.views:
         with stages.part("compare"):
             comparison = compare_models(
@@ -250,6 +247,13 @@ def lighten_file(
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done
+
+
+def _too_many_parts(model: PathLike) -> str:
+    return (
+        f"{Path(model).name}: it has more than {_MOST_PARTS:,} parts, so its pictures are not "
+        "compared with those of the result; `html` compares them all the same"
+    )
 
 
 def _write_page(
