@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.mesh.compose import join_meshes, transformed
+from texbake.mesh.compose import is_mirroring, join_meshes, transformed
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 
@@ -108,3 +108,8 @@ def test_size_does_not_matter(size):
     small = transformed(SPHERE, matrix(size * np.diag([-1, 1, 1])))
     np.testing.assert_allclose(small.normals, SPHERE.normals * (-1, 1, 1), atol=1e-12)
     np.testing.assert_array_equal(small.faces, SPHERE.faces[:, ::-1])
+
+
+def test_a_map_whose_determinant_vanishes_in_rounding_mirrors_nothing():
+    flat = np.array([[0.02, 0.0, 0.0], [0.0, 0.0, -0.02], [0.0, 5e-324, 1.2e-18]])
+    assert not is_mirroring(flat)  # and no warning

@@ -194,7 +194,8 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
 
 def is_mirroring(linear: FloatArray) -> bool:
     """Whether a (3, 3) map turns a right hand into a left one."""
-    return float(np.linalg.det(_moderate(linear))) < 0.0
+    with np.errstate(divide="ignore"):  # a pivot that rounds to 0 is that of a flat map
+        return float(np.linalg.det(_moderate(linear))) < 0.0
 
 
 def corner_order(linear: FloatArray) -> slice:
