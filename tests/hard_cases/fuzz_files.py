@@ -44,7 +44,6 @@ def _fault(read: Reader, path: Path) -> str | None:
 
     start = time.monotonic()
     signal.alarm(SECONDS)
-    _bound_time()
     try:
         read(path)
     except TexbakeError as error:
@@ -94,6 +93,7 @@ def fuzz(name: str, options: argparse.Namespace, home: Path, state: dict[str, An
         state["files"] += 1
         state["bytes"] += len(data)
         (home / STATE).write_text(json.dumps(state))
+        _bound_time()
         fault = _fault(read, candidate)
         if fault is not None:
             keep_fault(candidate, f"mutant {state['files'] - 1}: {fault}", faults)
@@ -106,7 +106,7 @@ def keep_fault(candidate: Path, fault: str, faults: list[str]) -> None:
 
 
 def _bound_time() -> None:
-    """End the process if it goes on in compiled code, which Python does not interrupt."""
+    """End this process if it goes on in compiled code, which Python does not interrupt."""
     limit = int(time.process_time()) + 2 * SECONDS + 1
     resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
 
