@@ -127,6 +127,60 @@ def test_channels_are_packed_as_each_program_reads_them(export, maps):
     np.testing.assert_array_equal(codes_of(mask), np.stack(expected, axis=2))
 
 
+@pytest.fixture
+def orm(tmp_path, maps):
+    """The three gray maps as channels of one image, and their codes."""
+    kinds = "ao", "roughness", "metalness"
+    codes = np.stack([codes_of(maps / f"rock_{kind}.png")[..., 0] for kind in kinds], axis=2)
+    (tmp_path / "maps").mkdir()
+    path = tmp_path / "maps" / "rock_occlusion_roughness_metallic.png"
+    write_image(codes.astype(np.uint8), path)
+    return path, codes
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_packed_map_is_what_its_channels_are(tmp_path, mesh, maps, orm, export, target):
+    """The files, the material and the text are those of three maps."""
+    path, _ = orm
+    parts = {kind: maps / f"rock_{kind}.png" for kind in ("ao", "roughness", "metalness")}
+    results = [
+        export_asset(mesh, given, tmp_path / folder, ExportOptions(to=target, layers=True))
+        for given, folder in ((find_maps(path.parent), "packed"), (parts, "parts"))
+    ]
+    names = [sorted(file.name for file in result.settings.parent.iterdir()) for result in results]
+    assert names[0] == names[1]
+    for name in names[0]:
+        one, other = (result.settings.with_name(name).read_bytes() for result in results)
+        assert one == other, name
+
+
+def test_a_packed_map_is_bound_in_the_material(tmp_path, mesh, orm):
+    path, codes = orm
+    result = export_asset(mesh, {"ORM": path}, tmp_path / "out", ExportOptions(to="threejs"))
+    document = read_document(result.mesh)
+    (material,) = document.content["materials"]
+    texture = {"index": 0}
+    assert material["pbrMetallicRoughness"]["metallicRoughnessTexture"] == texture
+    assert material["occlusionTexture"] == texture
+    image = tmp_path / "embedded.png"
+    image.write_bytes(document.view_bytes(document.content["images"][0]["bufferView"]).tobytes())
+    np.testing.assert_array_equal(codes_of(image), codes)
+    assert "Its material already has: ORM." in result.settings.read_text(encoding="utf-8")
+
+
+def test_a_map_of_its_own_takes_the_place_of_a_channel(tmp_path, mesh, maps, orm):
+    path, codes = orm
+    given = {"orm": path, "roughness": maps / "rock_ao.png"}
+    result = export_asset(mesh, given, tmp_path / "out", ExportOptions(to="unreal"))
+    np.testing.assert_array_equal(codes_of(result.maps[0].path), codes[..., [0, 0, 2]])
+
+
+def test_a_packed_map_of_one_channel_is_refused(tmp_path, mesh, maps):
+    with pytest.raises(OptionError, match="an ORM map has three channels, and this has 1"):
+        given = {"orm": maps / "rock_ao.png"}
+        export_asset(mesh, given, tmp_path / "out", ExportOptions(to="godot"))
+
+
 def test_missing_maps_are_constant_and_reported(tmp_path, mesh, maps):
     given = {"roughness": maps / "rock_roughness.png"}
     result = export_asset(mesh, given, tmp_path, ExportOptions(to="unreal"))
@@ -298,8 +352,9 @@ def settings_of(result):
 
 @pytest.mark.parametrize("target", ["threejs", "godot", "blender"])
 def test_only_a_glb_without_tiles_is_reported_to_hold_maps(target, export, mesh, maps, tmp_path):
-    held = {"threejs": "ORM maps are in it", "godot": "maps already", "blender": "already has all"}
-    assert held[target] in settings_of(export(target))
+    packed = "occlusion, roughness, metalness" if target == "blender" else "ORM"
+    held = f"Its material already has: base color, normal map, {packed}."
+    assert held in settings_of(export(target))
     tiled = {f"{kind}:{tile}": maps / f"rock_{kind}.png" for kind in ("normal", "ao")
              for tile in (1001, 1002)}  # fmt: skip
     options = ExportOptions(to=target)
@@ -308,7 +363,7 @@ def test_only_a_glb_without_tiles_is_reported_to_hold_maps(target, export, mesh,
     others += [export_asset(mesh, {}, tmp_path / "bare", options)]
     for result in others:
         text = settings_of(result)
-        assert held[target] not in text and "in the GLB" not in text
+        assert "already has" not in text and "in the GLB" not in text
 
 
 def test_rows_of_images_are_turned_where_the_mesh_is_no_gltf_file(export):

@@ -18,6 +18,7 @@ from texbake.jobs.export.programs import PROGRAMS, ExportedMap, Target
 from texbake.jobs.export.sources import (
     COLORS,
     KINDS,
+    PACKED,
     SourceMap,
     heights_of,
     normal_vectors,
@@ -37,7 +38,6 @@ PACKINGS: dict[str, tuple[tuple[str | None, float, bool], ...]] = {
         ("roughness", 0.5, True),
     ),
 }
-_PACKED = ("ao", "roughness", "metalness")
 
 
 @dataclass(eq=False)
@@ -67,13 +67,13 @@ class Converter:
     def write(self, sources: Sequence[SourceMap]) -> list[ExportedMap]:
         """Convert and write all maps, packed ones at the end."""
         packing = self.target.packing
-        packed = [source for source in sources if packing and source.kind in _PACKED]
+        packed = [source for source in sources if packing and source.kind in PACKED["orm"]]
         written = [self._write_one(source) for source in sources if source not in packed]
         for tile in sorted({source.tile for source in packed}):
             parts = {source.kind: source for source in packed if source.tile == tile}
             path = self._file(str(packing), tile, self._texture_suffix())
             self.write_packed(parts, str(packing), path)
-            missing = [kind for kind in _PACKED if kind not in parts]
+            missing = [kind for kind in PACKED["orm"] if kind not in parts]
             if missing:
                 words = " and no ".join(missing)
                 self.notes.append(f"{path.name}: no {words} was given; the channel is constant")
@@ -201,7 +201,7 @@ class Converter:
     def _data(self, source: SourceMap) -> npt.NDArray[np.float32]:
         """(H, W) values in [0, 1] of a map of one channel."""
         image = read_image(source.path, color=False, threads=self.options.threads)
-        return np.clip(image.pixels[..., 0], 0.0, 1.0)
+        return np.clip(source.of_channel(image).pixels[..., 0], 0.0, 1.0)
 
     def _texture_suffix(self) -> str:
         return f".{self.options.textures}"

@@ -23,7 +23,7 @@ from texbake.files import PathLike, check_folder, make_folder, replacing
 from texbake.jobs.export.converting import Converter
 from texbake.jobs.export.options import ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
-from texbake.jobs.export.sources import COLORS, SourceMap, find_maps, source_maps
+from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, find_maps, source_maps
 from texbake.mesh.compose import transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -35,7 +35,6 @@ from texbake.texture.image import read_image
 from texbake.texture.layers import write_layers
 
 SETTINGS = "SETTINGS.txt"
-_ORM_PARTS = ("ao", "roughness", "metalness")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,7 +279,7 @@ def _textures(
         if kind in embedded:
             files[option] = folder / f"{stem}_{kind}.png"
             converter.write_color_8(embedded[kind], files[option])
-    parts = {kind: embedded[kind] for kind in _ORM_PARTS if kind in embedded}
+    parts = {kind: embedded[kind] for kind in PACKED["orm"] if kind in embedded}
     if parts:
         files["orm"] = folder / f"{stem}_orm.png"
         converter.write_packed(parts, "orm", files["orm"])
@@ -305,5 +304,5 @@ def _write_layers(sources: Sequence[SourceMap], path: Path, options: ExportOptio
         image = read_image(source.path, color=is_color, threads=options.threads)
         # Half floats hold all 8-bit codes exactly, but not 16-bit codes.
         fits_half = image.bits == 8 or (image.is_float and image.bits == 16)
-        images[name] = replace(image, bits=16 if fits_half else 32)
+        images[name] = replace(source.of_channel(image), bits=16 if fits_half else 32)
     write_layers(images, path)

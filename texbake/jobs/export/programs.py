@@ -156,12 +156,10 @@ PROGRAMS = {
 # What to do with each map in each program. `{file}` is its name; for heights `{mid}` is the value
 # of the surface, `{m}` and `{cm}` are black to white in meters and centimeters, `{bias}` is
 # meters at black. `{held}` is filled in for maps that the mesh file contains; `{flip}` says
-# whether v points up, as in all files but glTF. `held` is the line for a mesh file that contains
-# maps.
+# whether v points up, as in all files but glTF.
 _STEPS: dict[str, dict[str, str]] = {
     "blender": {
         "mesh": "File > Import > glTF 2.0: {file}.",
-        "held": "Its material already has all 8-bit maps.",
         "usd": "File > Import > Universal Scene Description: {file}.",
         "obj": "File > Import > Wavefront: {file}, Forward Axis -Z, Up Axis Y. It has no material; "
         "make one from the maps below.",
@@ -219,7 +217,6 @@ _STEPS: dict[str, dict[str, str]] = {
     },
     "godot": {
         "mesh": "Put {file} into the project. Tangents are those of the file.",
-        "held": "Its material has normal, albedo and ORM maps already.",
         "usd": "Godot does not read USD; export again as glb.",
         "obj": "Put {file} into the project. It has no material; make one from the maps below.",
         "normal": "{file}: Import > Compress > Normal Map: Enable. StandardMaterial3D > Normal Map "
@@ -234,7 +231,6 @@ _STEPS: dict[str, dict[str, str]] = {
     },
     "threejs": {
         "mesh": "new GLTFLoader().loadAsync('{file}').",
-        "held": "Normal, color and ORM maps are in it.",
         "usd": "new USDLoader().loadAsync('{file}'); the .glb keeps more.",
         "obj": "new OBJLoader().loadAsync('{file}'). It has no material: assign the maps yourself.",
         "normal": "{file}: {held}texture.flipY = {flip}, colorSpace = "
@@ -251,6 +247,11 @@ _STEPS: dict[str, dict[str, str]] = {
     },
 }
 _MESHOPT = "It is compressed: loader.setMeshoptDecoder(MeshoptDecoder) before it is loaded."
+# Maps that the material in a mesh file has.
+_IN_MATERIAL = {
+    "base-color": "base color", "normal": "normal map", "orm": "ORM", "ao": "occlusion",
+    "roughness": "roughness", "metalness": "metalness", "emissive": "emissive",
+}  # fmt: skip
 _HELD = "in the GLB already. By hand: "
 _OTHER = "{file}: data, sRGB off; no place of its own in the material."
 
@@ -294,8 +295,10 @@ def settings_text(
         "Mesh",
         f"  {_mesh_step(steps, mesh_file)}",
     ]
-    if holds and maps and "held" in steps:
-        lines.append(f"  {steps['held']}")
+    kinds = {written.kind for written in maps}
+    held = [name for kind, name in _IN_MATERIAL.items() if kind in kinds]
+    if holds and held:
+        lines.append(f"  Its material already has: {', '.join(held)}.")
     if is_compressed:
         lines.append(f"  {_MESHOPT}")
     if n_levels > 1:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +20,15 @@ from texbake.texture.image import Image
 KINDS = ("normal", "displacement", "base-color", "ao", "roughness", "metalness", "emissive",
          "opacity", "bent-normal")  # fmt: skip
 COLORS = ("base-color", "emissive")
+# Maps of which each channel is a map of its own.
+PACKED = {"orm": ("ao", "roughness", "metalness")}
 _ALIASES = {
     "texture": "base-color", "albedo": "base-color", "basecolor": "base-color",
     "base_color": "base-color", "diffuse": "base-color", "color": "base-color",
     "height": "displacement", "occlusion": "ao", "ambient-occlusion": "ao",
     "metallic": "metalness", "metallness": "metalness", "emission": "emissive",
-    "rough": "roughness", "nor": "normal", "normals": "normal",
+    "rough": "roughness", "nor": "normal", "normals": "normal", "arm": "orm",
+    "occlusion_roughness_metallic": "orm", "occlusionroughnessmetallic": "orm",
 }  # fmt: skip
 SUFFIXES = (".exr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff")
 _NUMBER = re.compile(r"^(?P<name>.*?)(?:(?P<mark>[._:])(?P<number>[1-9]\d{2,3}))?$")
@@ -35,11 +38,32 @@ _SIZES = ("512", "1024", "2048", "4096", "8192")
 
 @dataclass(frozen=True, order=True)
 class SourceMap:
-    """A map file: its kind, its UDIM tile (empty without one), and its path."""
+    """A map: its kind, its UDIM tile (empty without one), its file, and which channel of that.
+
+    Without a number it is the whole file.
+    """
 
     kind: str
     tile: str
     path: Path
+    channel: int | None = None
+
+    def of_channel(self, image: Image) -> Image:
+        """Return what the map is of its file.
+
+        Raises
+        ------
+        OptionError
+            The file has no such channel.
+        """
+        if self.channel is None:
+            return image
+        n_channels = image.pixels.shape[2]
+        if n_channels < 3:
+            raise OptionError(
+                f"{self.path}: an ORM map has three channels, and this has {n_channels}"
+            )
+        return replace(image, pixels=image.pixels[..., [self.channel]])
 
 
 def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
@@ -82,6 +106,8 @@ def _is_tile(number: str) -> bool:
 def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
     """Return maps by their names, such as ``normal``, or ``normal:1002`` of a UDIM tile; sorted.
 
+    Each channel of an ORM map is a map, unless a file of its own is given for that.
+
     Raises
     ------
     OptionError
@@ -96,6 +122,10 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
             other = sources[kind, tile].path
             raise OptionError(f"{kind}: both {other} and {path} are this map; give one of them")
         sources[kind, tile] = SourceMap(kind, tile, Path(path))
+    for packed, tile in [key for key in sources if key[0] in PACKED]:
+        whole = sources.pop((packed, tile))
+        for channel, kind in enumerate(PACKED[packed]):
+            sources.setdefault((kind, tile), replace(whole, kind=kind, channel=channel))
     return sorted(sources.values())
 
 
@@ -121,7 +151,7 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
     folder = Path(folder)
     if not folder.is_dir():
         raise FileError(f"{folder}: there is no such folder; give one that bake has written")
-    known = (*KINDS, *MAP_NAMES, *_ALIASES)
+    known = (*KINDS, *PACKED, *MAP_NAMES, *_ALIASES)
     found: dict[str, Path] = {}
     taken = {kind_of(name, named or ()) for name in named or {}}
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
