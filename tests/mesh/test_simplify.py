@@ -279,17 +279,95 @@ def test_texture_coordinates_and_their_seam_are_kept(quality):
     low, report = simplify_with_report(mesh, 600, quality=quality)
     assert 570 < low.n_faces <= 600
     assert low.uvs is not None
-    assert report.notes == (() if quality == "fast" else ("only fast keeps texture coordinates",))
+    assert report.notes == ()
     corners = low.positions[low.faces]
     uvs = low.corner_uvs()
-    # Every corner has the longitude and latitude of its place; the pole has any longitude.
-    assert np.cos(np.pi * (1.0 - uvs[..., 1])) == pytest.approx(corners[..., 2], abs=1e-12)
-    off_pole = np.abs(corners[..., 2]) < 0.999
+    # Every corner has the longitude and latitude of its place; the pole has any longitude. What has
+    # moved is off by what a facet of the sphere, and later one of the result, differs from it.
+    close = 1e-12 if quality == "fast" else 0.02
+    heights = corners[..., 2] / np.linalg.norm(corners, axis=-1)
+    assert np.cos(np.pi * (1.0 - uvs[..., 1])) == pytest.approx(heights, abs=close)
+    off_pole = np.abs(heights) < (0.999 if quality == "fast" else 0.95)
     turns = np.arctan2(corners[..., 1], corners[..., 0]) / (2.0 * np.pi) - uvs[..., 0]
-    assert np.abs(turns - np.round(turns))[off_pole].max() < 1e-12
+    assert np.abs(turns - np.round(turns))[off_pole].max() < close
     # And no triangle runs backwards across the seam.
     a, b, c = np.moveaxis(uvs, 1, 0)
     assert (np.linalg.det(np.stack([b - a, c - a], axis=1)) > 0.0).mean() > 0.98
+
+
+def test_moved_vertices_come_closer_than_kept_ones_with_seams_as_well():
+    mesh = uv_sphere(40, 80)
+    errors = [
+        simplify_with_report(mesh, 600, quality=quality)[1].distance.rms for quality in QUALITIES
+    ]
+    assert errors[QUALITIES.index("best")] < 0.6 * errors[QUALITIES.index("fast")]
+
+
+def test_moved_vertices_turn_no_face_over_in_texture_space():
+    mesh = uv_sphere(40, 80)
+    a, b, c = np.moveaxis(mesh.corner_uvs(), 1, 0)
+    assert (np.linalg.det(np.stack([b - a, c - a], axis=1)) >= 0.0).all()
+    for n_faces in (1500, 300, 120):
+        low, report = simplify_with_report(mesh, n_faces, quality="best")
+        assert report.method == "moved vertices"
+        a, b, c = np.moveaxis(low.corner_uvs(), 1, 0)
+        assert (np.linalg.det(np.stack([b - a, c - a], axis=1)) > -1e-12).all()
+
+
+def test_moved_vertices_share_what_their_sides_shared():
+    """A barrel with a hard rim, where its texture goes on."""
+    n, rows_of = 48, 12
+    angles = 2.0 * np.pi * np.arange(n) / n
+    heights = np.linspace(-1.0, 1.0, rows_of)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    tops = [np.column_stack([scale * ring, np.full(n, 1.0)]) for scale in (0.75, 0.5, 0.25)]
+    sides = [
+        np.column_stack([(1.3 - 0.3 * height**2) * ring, np.full(n, height)]) for height in heights
+    ]
+    positions = np.concatenate([*sides, *tops])
+    row, column = np.divmod(np.arange(n * (rows_of + 2)), n)
+    here, right = row * n + column, row * n + (column + 1) % n
+    faces = np.concatenate(
+        [np.stack([here, right, right + n], 1), np.stack([here, right + n, here + n], 1)]
+    )
+    is_top = np.tile(row >= rows_of - 1, 2)
+    outward = positions / np.linalg.norm(positions[:, :2], axis=1, keepdims=True)
+    outward[:, 2] = 0.0
+    mesh = Mesh(
+        positions=positions,
+        faces=faces,
+        normals=np.concatenate([outward, [[0.0, 0.0, 1.0]]]),
+        normal_faces=np.where(is_top[:, None], len(positions), faces),
+        uvs=positions[:, :2] * (2.0 + positions[:, 2:]) / 6.0,
+        uv_faces=faces,
+    )
+    low, report = simplify_with_report(mesh, 300, quality="best")
+    assert report.method == "moved vertices"
+    assert report.notes == ()
+    # Without a seam in the texture there is one coordinate for a place; normals differ at the rim.
+    assert len(np.unique(np.stack([low.faces, low.uv_faces]).reshape(2, -1), axis=1).T) == len(
+        low.positions
+    )
+    assert len(np.unique(np.stack([low.faces, low.normal_faces]).reshape(2, -1), axis=1).T) > len(
+        low.positions
+    )
+    assert np.linalg.norm(low.normals, axis=1) == pytest.approx(1.0)
+    at_top = (low.normals[low.normal_faces] == [0.0, 0.0, 1.0]).all(axis=(1, 2))
+    assert 20 < at_top.sum() < low.n_faces
+    assert np.ptp(low.positions[low.faces[at_top]][..., 2]) == pytest.approx(0.0, abs=1e-3)
+
+
+@BOTH
+def test_the_rim_of_a_thin_plate_does_not_recede(quality):
+    size = np.array([10.0, 10.0, 0.01])
+    sphere = grid_sphere(120, 240)
+    # A sphere pressed flat: its rim is narrow, and what recedes there costs next to no area.
+    plate = sphere.replace(positions=sphere.positions * size)
+    low = simplify(plate, 400, quality=quality)
+    assert np.ptp(low.positions, axis=0)[:2] == pytest.approx(2.0 * size[:2], rel=0.01)
+    a, b, c = np.moveaxis(low.positions[low.faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
+    assert area == pytest.approx(2.0 * np.pi * 100.0, rel=0.02)
 
 
 def test_too_few_faces_for_the_seams_are_said_to_be():
@@ -397,10 +475,10 @@ def test_an_error_is_a_distance_that_no_point_exceeds(share, quality):
     assert report.distance.max == surface_distance(mesh, low).max <= limit
     assert measured_anew(mesh, low) <= 1.01 * limit  # between the points of one measurement
     assert report.notes == ()
-    # As few as fit: a tenth fewer faces lie further off.
+    # Close to as few as fit: the greatest distance goes up and down with the number of faces.
     assert low.n_faces < 0.9 * mesh.n_faces
-    fewer = simplify(mesh, int(0.9 * low.n_faces), quality=quality)
-    assert surface_distance(mesh, fewer).max > 0.9 * limit
+    fewer = simplify(mesh, int(0.7 * low.n_faces), quality=quality)
+    assert surface_distance(mesh, fewer).max > limit
 
 
 def test_of_a_count_and_an_error_the_first_stops():

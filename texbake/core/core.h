@@ -758,9 +758,11 @@ void pull_texels(
 
 /* quadric_simplification.c */
 int64_t collapse_edges(
-    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
-    double points[n_vertices][3], int32_t faces[n_faces][3], int64_t n_wanted, bool moves,
-    bool lock_boundary);
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, int64_t n_uvs, int64_t n_normals,
+    const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
+    OPTIONAL const int32_t uv_rows[n_wedges], OPTIONAL double uvs[n_uvs][2],
+    OPTIONAL const int32_t normal_rows[n_wedges], OPTIONAL double normals[n_normals][3],
+    int64_t n_wanted, bool moves, bool lock_boundary);
 
 /* quadtree.c */
 void write_cell_samples(

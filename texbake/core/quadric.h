@@ -50,6 +50,13 @@ static inline struct quadric add_quadrics(const struct quadric *a, const struct 
         a->zz + b->zz, a->bx + b->bx, a->by + b->by, a->bz + b->bz, a->c + b->c};
 }
 
+static inline struct quadric scaled_quadric(const struct quadric *q, double factor)
+{
+    return (struct quadric){
+        factor * q->xx, factor * q->xy, factor * q->xz, factor * q->yy, factor * q->yz,
+        factor * q->zz, factor * q->bx, factor * q->by, factor * q->bz, factor * q->c};
+}
+
 /* Half the gradient: A p + b. */
 static inline struct vector half_gradient(const struct quadric *q, struct vector p)
 {

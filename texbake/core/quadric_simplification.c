@@ -9,8 +9,8 @@
    looked at again only when its turn comes: errors hardly ever shrink, so that it cannot come too
    late.
 
-   Departs from Garland and Heckbert in forgetting the errors several times on the way, and measuring
-   from the surface as it then is, as Lindstrom and Turk do at every step.
+   Departs from Garland and Heckbert in beginning anew several times on the way, with the planes of the
+   surface as it then is, as Lindstrom and Turk do at every step, beside a share of the errors so far.
 
    Based on: Garland, Heckbert, "Surface simplification using quadric error metrics", 1997; Cohen,
    Manocha, Olano, "Simplifying polygonal models using successive mappings", 1997 (the lazy heap);
@@ -31,10 +31,12 @@
 static const double BOUNDARY_WEIGHT = 10.0, SEAM_WEIGHT = 10.0;
 static const double PLACE_WEIGHT = 1e-6;
 
-/* Multiples of the number of faces wanted at which the errors begin anew. A vertex's sum of errors
-   counts every face before more than once; measured, five new beginnings bring the result closer to
-   the surface by a fifth. */
+/* Multiples of the number of faces wanted at which the errors begin anew, and the share of those so
+   far that is kept. A vertex's sum of errors counts every face before more than once; measured, five
+   new beginnings bring the result closer to the surface by a fifth. Without any memory the rim of a
+   thin plate would recede at each of them: the surface as it then is does not know of that. */
 static const double RESTARTS[] = {4.0, 3.0, 2.0, 1.5, 1.2, 1.0};
+static const double REMEMBERED = 0.3;
 
 /* A face is not turned further than this cosine by one collapse. */
 static const double LEAST_COSINE = 0.2;
@@ -171,10 +173,11 @@ static inline bool may_leave(const struct simplification *s, int32_t u)
     return !s->mesh.is_fixed[u] && s->mesh.kinds[u] != COMPLEX;
 }
 
-/* Whether u and v may meet somewhere else. */
+/* Whether u and v may meet somewhere else: both inside, both at a boundary or both at a seam. */
 static inline bool may_meet(const struct simplification *s, int32_t u, int32_t v)
 {
-    return s->moves && !s->mesh.is_fixed[v] && s->mesh.kinds[v] == s->mesh.kinds[u];
+    return s->moves && !s->mesh.is_fixed[v] && s->mesh.kinds[v] == s->mesh.kinds[u]
+        && s->n_wedges[v] == s->n_wedges[u];
 }
 
 /* Whether a vertex that may leave may go to another, as far as their kinds tell. Where they meet,
@@ -287,6 +290,26 @@ static void fill_heap(struct simplification *s)
         sift_down(s, at);
 }
 
+/* Count the wedges of each vertex, up to three. */
+static void count_wedges(struct simplification *s)
+{
+    struct collapsible_mesh *mesh = &s->mesh;
+    for (int32_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
+        const int64_t n = list_corners(mesh, vertex, mesh->corners_u);
+        int32_t found[3];
+        int n_found = 0;
+        for (int64_t i = 0; i < n && n_found < 3; i++) {
+            const int32_t wedge = mesh->wedges[mesh->corners_u[i] / 3][mesh->corners_u[i] % 3];
+            bool is_new = true;
+            for (int j = 0; j < n_found; j++)
+                is_new = is_new && found[j] != wedge;
+            if (is_new)
+                found[n_found++] = wedge;
+        }
+        s->n_wedges[vertex] = (uint8_t)n_found;
+    }
+}
+
 /* The mesh has its points, faces, wedges, and which vertices are fixed and shared. */
 void begin_simplification(struct arena *arena, struct simplification *s, bool lock_boundary)
 {
@@ -296,7 +319,12 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
     prepare_mesh(arena, mesh);
     for (int64_t vertex = 0; lock_boundary && vertex < n; vertex++)
         mesh->is_fixed[vertex] |= mesh->kinds[vertex] == BOUNDARY;
+    s->n_wedges = TAKE_ZEROS(arena, uint8_t, n);
+    if (s->moves)
+        count_wedges(s);
     s->quadrics = take_zeros(arena, n, sizeof *s->quadrics);
+    for (int64_t vertex = 0; s->so_far && vertex < n; vertex++)
+        s->quadrics[vertex] = scaled_quadric(&s->so_far[vertex], REMEMBERED);
     s->errors = TAKE(arena, double, n);
     s->targets = TAKE(arena, int32_t, n);
     s->heap = TAKE(arena, struct waiting, n);
@@ -321,7 +349,8 @@ bool collapse_cheapest(
             const int32_t v = s->targets[*u];
             struct vector place;
             *cost = cost_of(s, *u, v, &place);
-            if (can_collapse(&s->mesh, *u, v, place, collapse)) {
+            if (can_collapse(&s->mesh, *u, v, place, collapse)
+                && carry_attributes(&s->mesh, &s->attributes, *u, v, place, collapse)) {
                 drop_first(s);
                 collapse_edge(&s->mesh, *u, v, place, collapse);
                 s->quadrics[v] = add_quadrics(&s->quadrics[*u], &s->quadrics[v]);
@@ -344,27 +373,25 @@ bool collapse_cheapest(
 /* Collapse edges until `n_wanted` faces are left or no edge can, with errors from the surface as it
    is now; return how many faces are left, in front of the others. */
 static int64_t simplify_from_here(
-    struct arena *arena, int64_t n_vertices, int64_t n_faces, const int32_t *vertex_of,
-    double (*points)[3], int32_t (*faces)[3], int64_t n_wanted, bool moves, bool lock_boundary)
+    struct arena *arena, struct simplification *s, int64_t n_faces, const int32_t *vertex_of,
+    int64_t n_wanted, bool lock_boundary)
 {
-    struct simplification s = {.moves = moves};
-    struct collapsible_mesh *mesh = &s.mesh;
-    mesh->n_vertices = n_vertices;
+    struct collapsible_mesh *mesh = &s->mesh;
+    int32_t(*faces)[3] = mesh->wedges;
     mesh->n_faces = n_faces;
-    mesh->points = points;
-    mesh->wedges = faces;
     mesh->faces = take(arena, n_faces, sizeof *mesh->faces);
-    mesh->is_fixed = TAKE_ZEROS(arena, bool, n_vertices);
-    mesh->is_shared = TAKE_ZEROS(arena, bool, n_vertices);
+    mesh->is_fixed = TAKE_ZEROS(arena, bool, mesh->n_vertices);
+    mesh->is_shared = TAKE_ZEROS(arena, bool, mesh->n_vertices);
     for (int64_t face = 0; face < n_faces; face++)
         for (int k = 0; k < 3; k++)
             mesh->faces[face][k] = vertex_of[faces[face][k]];
-    begin_simplification(arena, &s, lock_boundary);
+    begin_simplification(arena, s, lock_boundary);
     int32_t u;
     double cost;
     struct collapse collapse;
-    while (mesh->n_left > n_wanted && collapse_cheapest(&s, &u, &cost, &collapse))
+    while (mesh->n_left > n_wanted && collapse_cheapest(s, &u, &cost, &collapse))
         continue;
+    memcpy(s->so_far, s->quadrics, (size_t)mesh->n_vertices * sizeof *s->quadrics);
     int64_t n_left = 0;
     for (int64_t face = 0; face < n_faces; face++)
         if (mesh->faces[face][0] >= 0)
@@ -373,21 +400,31 @@ static int64_t simplify_from_here(
 }
 
 /* Collapse edges until `n_wanted` faces are left or no edge can. Faces are rows of wedges, each at a
-   vertex; points and faces are overwritten, the faces by those that are left. Returns how many. */
+   vertex; points and faces are overwritten, the faces by those that are left. Returns how many.
+
+   Where vertices move, `uvs` and `normals` are carried along: their rows, one for each wedge and not
+   shared by vertices, tell which wedges have a value in common. */
 int64_t collapse_edges(
-    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
-    double points[n_vertices][3], int32_t faces[n_faces][3], int64_t n_wanted, bool moves,
-    bool lock_boundary)
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, int64_t n_uvs, int64_t n_normals,
+    const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
+    const int32_t uv_rows[n_wedges], double uvs[n_uvs][2], const int32_t normal_rows[n_wedges],
+    double normals[n_normals][3], int64_t n_wanted, bool moves, bool lock_boundary)
 {
+    struct simplification s = {
+        .mesh = {.n_vertices = n_vertices, .points = points, .wedges = faces},
+        .moves = moves,
+        .attributes = {
+            .uvs = {uvs ? 2 : 0, uv_rows, (double *)uvs, false},
+            .normals = {normals ? 3 : 0, normal_rows, (double *)normals, true}}};
     OPEN_ARENA(arena);
+    s.so_far = take_zeros(arena, n_vertices, sizeof *s.so_far);
     int64_t n_left = n_faces;
     for (size_t i = 0; i < sizeof RESTARTS / sizeof *RESTARTS; i++) {
         const int64_t n_next = (int64_t)(RESTARTS[i] * (double)n_wanted);
         if (n_next >= n_left)
             continue;
         const arena_mark mark = mark_arena(arena);
-        n_left = simplify_from_here(
-            arena, n_vertices, n_left, vertex_of, points, faces, n_next, moves, lock_boundary);
+        n_left = simplify_from_here(arena, &s, n_left, vertex_of, n_next, lock_boundary);
         reset_arena(arena, mark);
     }
     close_arena(arena);

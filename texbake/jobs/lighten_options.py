@@ -37,7 +37,7 @@ class LightenOptions(CheckedOptions):
             default=f"a tenth, and {LEAST_FACES} at least",
         ),
     ] = None
-    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = "best"
     remesh: Annotated[str, REMESH_OPTION] = "never"
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
     size: Annotated[

@@ -10,13 +10,16 @@ complex scenes", Modeling in Computer Graphics 1993 (clusters).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.vertex_stream import VertexStream
+from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 
 # Larger meshes are first reduced in pieces to this many faces, or to this multiple of the requested
@@ -146,25 +149,73 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
     """
     vertex_of, points = stream.vertices
     faces = _with_three_places(stream, stream.faces).copy()
-    n_left = core.collapse_edges(vertex_of, points.copy(), faces, n_faces, False, lock_boundary)
+    n_left = core.collapse_edges(
+        vertex_of, points.copy(), faces, None, None, None, None, n_faces, False, lock_boundary
+    )
     return faces[:n_left]
 
 
-def move_and_collapse(
-    stream: VertexStream, n_faces: int, *, lock_boundary: bool = False
-) -> tuple[FloatArray, IntArray]:
-    """Collapse edges of a stream without seams, each to the place where the error is least.
+@dataclass(frozen=True, eq=False)
+class MovedStream:
+    """Vertices and attributes that are no longer those of the mesh that they come from.
 
-    Returns
-    -------
-    points : (S, 3) float64
+    Attributes
+    ----------
+    stream : VertexStream
+        Its ids are rows of the lists below.
+    points : (P, 3) float64
         In the mesh's local frame.
-    faces : (F, 3) int32
+    uvs : (T, 2) float64, optional
+    normals : (N, 3) float64, optional
+    """
+
+    stream: VertexStream
+    points: FloatArray
+    uvs: FloatArray | None
+    normals: FloatArray | None
+
+
+def move_and_collapse(
+    mesh: Mesh, stream: VertexStream, n_faces: int, *, lock_boundary: bool = False
+) -> MovedStream:
+    """Collapse edges, each to the place where the error is least.
+
+    Seams keep together. Texture coordinates and hard normals follow their vertices: each is that of
+    the closest point of the faces around the collapse, and no face turns over in texture space.
+    Kernels: `core/quadric_simplification.c`, `core/carried_attributes.c`.
+
+    Parameters
+    ----------
+    mesh
+        Whose attributes the stream's vertices have.
+    stream
+    n_faces
+        Number of faces wanted.
+    lock_boundary
+        Leave boundary vertices where they are.
     """
     vertex_of, points = stream.vertices
-    points, faces = points.copy(), stream.faces.copy()
-    n_left = core.collapse_edges(vertex_of, points, faces, n_faces, True, lock_boundary)
-    return points, faces[:n_left]
+    points = points.copy()
+    faces = _with_three_places(stream, stream.faces).copy()
+    uv_rows, uvs = _rows_of_vertices(vertex_of, stream.uv_ids, mesh.uvs)
+    normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, mesh.normals)
+    n_left = core.collapse_edges(
+        vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, n_faces, True, lock_boundary
+    )
+    moved = VertexStream(
+        faces[:n_left], points[vertex_of], vertex_of, uv_rows, normal_rows, stream.group_ids
+    )
+    return MovedStream(moved, points, uvs, normals)
+
+
+def _rows_of_vertices(
+    vertex_of: IntArray, ids: IntArray | None, values: FloatArray | None
+) -> tuple[IntArray | None, FloatArray | None]:
+    """A row for each value of each vertex, so that no two vertices share one, and the values."""
+    if ids is None or values is None:
+        return None, None
+    rows = weld_rows(np.stack([vertex_of, ids], axis=1))
+    return rows.astype(np.int32), np.ascontiguousarray(values[ids])
 
 
 def drop_parts(stream: VertexStream, faces: IntArray, n_faces: int) -> IntArray:

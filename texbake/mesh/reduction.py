@@ -168,19 +168,35 @@ def _seams(stream: VertexStream) -> str:
     return " and ".join(name for name, ids in names.items() if ids is not None)
 
 
+def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Mesh | None:
+    """The mesh with vertices moved to where the error is least."""
+    if start.uv_ids is None and start.normal_ids is None:
+        # Borders of groups do not hinder here: a face gets its group back from the nearest point.
+        welded = gather(mesh, start, start.faces)
+        if welded is None:
+            return None
+        mesh, start = welded, weld_positions(welded, threads=threads)
+    moved = move_and_collapse(mesh, start, n_faces, lock_boundary=boundary_fits(start, n_faces))
+    corners = Mesh(
+        positions=LocalFrame.around(mesh).to_model(moved.points),
+        faces=moved.stream.position_ids[moved.stream.faces],
+        uvs=moved.uvs,
+        uv_faces=None if moved.stream.uv_ids is None else moved.stream.uv_ids[moved.stream.faces],
+        normals=moved.normals,
+        normal_faces=None
+        if moved.stream.normal_ids is None
+        else moved.stream.normal_ids[moved.stream.faces],
+        group_names=mesh.group_names,
+        name=mesh.name,
+    )
+    return gather(corners, moved.stream, moved.stream.faces)
+
+
 def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Reduction:
     """Of both results the one that reaches the count, or else the closest."""
     start = fast.start
     assert start is not None
-    if start.uv_ids is not None or start.normal_ids is not None:
-        return replace(fast, notes=(*fast.notes, f"only fast keeps {_seams(start)}"))
-    welded = gather(mesh, start, start.faces)
-    if welded is None:
-        return fast
-    stream = weld_positions(welded, threads=threads)
-    points, faces = move_and_collapse(stream, n_faces, lock_boundary=boundary_fits(stream, n_faces))
-    moved = Mesh(positions=LocalFrame.around(welded).to_model(points), faces=faces, name=mesh.name)
-    low = gather(moved, replace(stream, position_ids=np.arange(len(points), dtype=np.int32)), faces)
+    low = _moved(mesh, start, n_faces, threads)
     if low is None:
         return fast
     given_up = tuple(note for note in fast.notes if note.startswith(_GIVEN_UP))

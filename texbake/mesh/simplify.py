@@ -122,9 +122,10 @@ def simplify(
         at its default number of samples. For an error alone, nothing is given up of what is kept.
     quality
         `fast`: a subset of the vertices, bit-equal, with their texture coordinates, hard normals,
-        groups and colors. `best`: moved vertices, closer to the surface, and slower; groups and
-        colors are those of the nearest point of the mesh given. A mesh that keeps texture
-        coordinates or hard edges gets `fast` in both.
+        groups and colors. `best`: moved vertices, closer to the surface, and slower. Texture
+        coordinates and hard normals follow their vertices, and no face turns over in texture
+        space; colors, and groups without other seams, are those of the nearest point of the mesh
+        given.
     progress
         Called with each stage.
     threads
