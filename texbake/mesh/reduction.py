@@ -15,8 +15,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
 from texbake.errors import MeshError
 from texbake.mesh.decimate import (
     boundary_fits,
