@@ -34,6 +34,8 @@ COMMANDS = {
     "remap": "Make other maps from the hits of an earlier bake.",
     "bake-texture": "Bake a procedure or photographs into a texture.",
     "pack-textures": "Pack several IMAGEs into one.",
+    "pack-channels": "Pack gray maps as the channels of one image.",
+    "split-channels": "Split IMAGE into a gray map for each channel.",
     "height-to-normal": "Make a normal map from the heights in HEIGHT.",
     "normal-to-height": "Make a height map from the normals in NORMAL.",
     "mipmap": "Write the mip levels of IMAGE, down to one texel.",

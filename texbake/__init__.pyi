@@ -66,6 +66,11 @@ from .errors import (
     UvError as UvError,
 )
 from .jobs.cages import cage_file as cage_file
+from .jobs.channels import (
+    ChannelsReport as ChannelsReport,
+    pack_channel_files as pack_channel_files,
+    split_channel_files as split_channel_files,
+)
 from .jobs.check_meshes import (
     check_mesh_files as check_mesh_files,
     render_findings as render_findings,

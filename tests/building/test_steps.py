@@ -134,6 +134,23 @@ def test_textures(do: Do, ball: Path, tmp_path: Path) -> None:
         do("pack-textures", {"meshes": 1}, images=(made["texture"],))
 
 
+def test_channels(do: Do, tmp_path: Path) -> None:
+    values = np.linspace(0.0, 1.0, 64).reshape(8, 8)
+    write_image(values, tmp_path / "rough.png", bits=16)
+    packed, figures = do("pack-channels", {"blue_value": 0.25}, green=tmp_path / "rough.png")
+    assert figures == {"width": 8, "height": 8}
+    pixels = read_image(packed["texture"], color=False).pixels
+    assert pixels[..., 1] == pytest.approx(values, abs=1e-5)
+    assert np.ptp(pixels[..., [0, 2]], axis=(0, 1)) == pytest.approx(0.0)
+    split, _ = do("split-channels", {"names": ("ao", "", "metal")}, image=packed["texture"])
+    assert list(split) == ["ao", "metal"]
+    assert read_image(split["metal"], color=False).pixels == pytest.approx(0.25, abs=1e-5)
+    with pytest.raises(OptionError, match="give a map for at least one"):
+        do("pack-channels", {})
+    with pytest.raises(OptionError, match="names: all are empty"):
+        do("split-channels", {"names": ("", "")}, image=packed["texture"])
+
+
 def test_a_picture(do: Do, ball: Path) -> None:
     files, _ = do("preview", {"width": 64, "height": 48}, mesh=ball)
     assert read_image(files["picture"], color=True).pixels.shape[:2] == (48, 64)

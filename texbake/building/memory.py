@@ -137,6 +137,12 @@ def pack_memory(settings: Settings, sizes: Sizes) -> int:
     return IDLE_WORKER + 64 * MB + 2 * pixels + READ_FACE * _faces(sizes, "mesh")
 
 
+def channels_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for packing channels into one image, or splitting one."""
+    pixels = _DECODED * _bytes(sizes, "image", "red", "green", "blue", "alpha")
+    return IDLE_WORKER + 64 * MB + 2 * pixels
+
+
 def mipmap_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for the mip levels of an image."""
     return IDLE_WORKER + 64 * MB + _WITH_LEVELS * _bytes(sizes, "image")

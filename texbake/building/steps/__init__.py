@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from texbake.building.step import StepKind
+from texbake.building.steps.channels import PACK_CHANNELS, SPLIT_CHANNELS
 from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
 from texbake.building.steps.meshes import MAKE, REMESH, REPAIR, SIMPLIFY, TRANSFORM, UNWRAP
 from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
@@ -21,6 +22,8 @@ STEP_KINDS: dict[str, StepKind] = {
         BAKE,
         BAKE_TEXTURE,
         PACK_TEXTURES,
+        PACK_CHANNELS,
+        SPLIT_CHANNELS,
         MIPMAP,
         PREVIEW,
         PAGE,
