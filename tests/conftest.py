@@ -4,6 +4,7 @@ import os
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -16,18 +17,33 @@ settings.load_profile("repeatable")
 sys.path[:0] = [str(Path(__file__).parent / room) for room in (".", "rendering")]
 
 
+# What looks at the session's `quick_study`, which takes a minute.
+_OF_ONE_STUDY = {f"tests/study/test_{name}.py" for name in ("knobs", "page", "result")}
+
 # Long ones first, so that no process works alone at the end.
 _FIRST = ("study", "docs", "goldens", "pages", "samples", "building", "cli")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep what shares a fixture in one process: the tests of a file, and those of one study."""
-    for item in items:
-        shared = "quick_study" if "quick_study" in item.fixturenames else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(shared))
+    """Put long ones first."""
     rooms = Path(__file__).parent
     order = dict(zip(_FIRST, range(len(_FIRST)), strict=True))
     items.sort(key=lambda item: order.get(item.path.relative_to(rooms).parts[0], len(order)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
+    """Keep what shares a fixture in one process: the tests of a file, and those of one study."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class FileScheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::")[0]
+            return "study" if file in _OF_ONE_STUDY else file
+
+    return FileScheduling(config, log)
 
 
 @pytest.fixture(scope="session")

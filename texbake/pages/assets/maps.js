@@ -81,6 +81,7 @@
   };
   const draw = function () {
     asked = false;
+    if (at.size === 0) return;  // the canvas is not laid out yet
     const image = images[current], [left, top] = corner();
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.fillStyle = "#26292d";
@@ -141,6 +142,7 @@
   const zoom = function (factor, px, py) {
     const x = px === undefined ? width / 2 : px, y = py === undefined ? height / 2 : py;
     const before = at.size;
+    if (before === 0) return;
     const least = Math.min(0.5 * whole(), maps[current].width / ratio), most = Math.max(64 * maps[current].width, whole());
     at.size = Math.max(least, Math.min(most, at.size * factor));
     // What lies below the pointer stays there.
