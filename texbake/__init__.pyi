@@ -68,6 +68,7 @@ from .errors import (
 from .jobs.cages import cage_file as cage_file
 from .jobs.channels import (
     ChannelsReport as ChannelsReport,
+    PackChannelsOptions as PackChannelsOptions,
     pack_channel_files as pack_channel_files,
     split_channel_files as split_channel_files,
 )

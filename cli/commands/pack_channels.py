@@ -8,8 +8,9 @@ from typing import Any
 import click
 
 import texbake
+from texbake import PackChannelsOptions
 
-from ..options import IMAGE_SUFFIXES, Decorator, bits_option, output_file, threads_option
+from ..options import IMAGE_SUFFIXES, Decorator, options_of, output_file, threads_option
 from ..terminal import Terminal, terminal_options
 
 
@@ -37,7 +38,7 @@ def _channel(name: str, **extra: Any) -> Decorator[Any]:
 @_channel("blue", required=True)
 @_channel("alpha")
 @output_file("The image with these channels.", IMAGE_SUFFIXES)
-@bits_option
+@options_of(PackChannelsOptions)
 @threads_option
 @terminal_options
 def pack_channels(
@@ -55,6 +56,7 @@ def pack_channels(
     glTF and Unreal take occlusion as red, roughness as green and metallic as blue. The maps are
     data: their codes are copied, with no conversion between sRGB and linear.
     """
-    done = texbake.pack_channel_files(output, red, green, blue, alpha, bits=bits, threads=threads)
+    options = PackChannelsOptions(bits=bits)
+    done = texbake.pack_channel_files(output, red, green, blue, alpha, options, threads=threads)
     terminal.summary(done.report.table())
     terminal.wrote(done.files)

@@ -7,20 +7,30 @@ occlusion, roughness and metallic as red, green and blue.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
+from texbake.baking.options import BITS_OPTION
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable
 from texbake.jobs.outputs import JobResult, check_distinct, given
+from texbake.schema import CheckedOptions
 from texbake.texture.image import FloatImage, Image, read_image, write_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
 from texbake.texture.image_formats import check_image_format, format_of
 
 COLORS = ("red", "green", "blue", "alpha")
 _LETTERS = "rgba"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PackChannelsOptions(CheckedOptions):
+    """How `pack_channel_files` writes its image."""
+
+    bits: Annotated[int | None, replace(BITS_OPTION, default="those of the images")] = None
 
 
 @dataclass(frozen=True)
@@ -51,8 +61,8 @@ def pack_channel_files(
     green: PathLike | float,
     blue: PathLike | float,
     alpha: PathLike | float | None = None,
+    options: PackChannelsOptions | None = None,
     *,
-    bits: int | None = None,
     threads: int | None = None,
 ) -> JobResult[ChannelsReport]:
     """Pack gray maps as the channels of one image file.
@@ -64,8 +74,8 @@ def pack_channel_files(
     red, green, blue, alpha
         For each channel an image file, or one value from 0 to 1 for all texels. Of an image whose
         channels differ, one is named at the end, by its letter: `orm.png:g`.
-    bits
-        Bits per channel of the file: 8, 16, or 32 for floats. None for those of the images.
+    options
+        None for the defaults.
     threads
         None for every processor.
 
@@ -74,6 +84,7 @@ def pack_channel_files(
     OptionError
         No channel is an image, the images differ in size, or a channel is not told apart.
     """
+    bits = (options or PackChannelsOptions()).bits
     given_channels = [red, green, blue] if alpha is None else [red, green, blue, alpha]
     sources = [_source(value) for value in given_channels]
     files = [file for file, _ in sources if isinstance(file, Path)]
