@@ -66,9 +66,9 @@ from .errors import (
     UvError as UvError,
 )
 from .jobs.cages import cage_file as cage_file
+from .jobs.channel_options import PackChannelsOptions as PackChannelsOptions
 from .jobs.channels import (
     ChannelsReport as ChannelsReport,
-    PackChannelsOptions as PackChannelsOptions,
     pack_channel_files as pack_channel_files,
     split_channel_files as split_channel_files,
 )

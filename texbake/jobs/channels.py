@@ -7,30 +7,21 @@ occlusion, roughness and metallic as red, green and blue.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
-from texbake.baking.options import BITS_OPTION
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable
+from texbake.jobs.channel_options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, given
-from texbake.schema import CheckedOptions
 from texbake.texture.image import FloatImage, Image, read_image, write_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
 from texbake.texture.image_formats import check_image_format, format_of
 
 COLORS = ("red", "green", "blue", "alpha")
 _LETTERS = "rgba"
-
-
-@dataclass(frozen=True, kw_only=True)
-class PackChannelsOptions(CheckedOptions):
-    """How `pack_channel_files` writes its image."""
-
-    bits: Annotated[int | None, replace(BITS_OPTION, default="those of the images")] = None
 
 
 @dataclass(frozen=True)
