@@ -13,6 +13,7 @@ from texbake.errors import OptionError
 # Inputs that each kind must be given.
 GIVEN: dict[str, dict[str, Any]] = {
     "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"to": "unity"},
+    "pack-channels": {"red": "occlusion"},
 }  # fmt: skip
 
 
