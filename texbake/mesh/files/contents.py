@@ -14,8 +14,9 @@ from texbake.errors import TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_materials import fbx_images
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
+from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_materials import image_bytes
+from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
 from texbake.mesh.files.mtl import library_paths, map_path
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import decode_name, is_file, map_file
@@ -81,17 +82,6 @@ def read_contents(path: PathLike) -> FileContents | None:
     return _of_obj(Path(path)) if suffix == ".obj" else None
 
 
-# Channels of glTF, by the object that holds them and the name of their texture and value.
-_GLTF_CHANNELS = {
-    "base-color": ("pbrMetallicRoughness", "baseColorTexture", "baseColorFactor"),
-    "metallic": ("pbrMetallicRoughness", "metallicRoughnessTexture", "metallicFactor"),
-    "roughness": ("pbrMetallicRoughness", "metallicRoughnessTexture", "roughnessFactor"),
-    "normal": ("", "normalTexture", ""),
-    "occlusion": ("", "occlusionTexture", ""),
-    "emissive": ("", "emissiveTexture", "emissiveFactor"),
-}
-
-
 def _of_gltf(document: Document) -> FileContents:
     names = [
         str(image.get("name") or image.get("uri", f"image {i}"))[:80]
@@ -129,16 +119,15 @@ def _gltf_channels(
     document: Document, material: dict[str, Any], names: list[str]
 ) -> dict[str, str | None]:
     channels: dict[str, str | None] = {}
-    for channel, (key, texture, value) in _GLTF_CHANNELS.items():
-        owner = document.mapping(material, key) if key else material
-        if texture in owner:
-            info = document.mapping(owner, texture)
-            source = document.item("textures", info.get("index")).get("source")
-            channels[channel] = (
-                names[source] if isinstance(source, int) and source in range(len(names)) else None
-            )
-        elif value in owner:
-            channels[channel] = None
+    for where in GLTF_CHANNELS:
+        if where.is_extension or where.name == "alpha":
+            continue
+        owner = document.mapping(material, where.owner) if where.owner else material
+        if where.texture in owner:
+            image = read_texture(document, document.mapping(owner, where.texture)).image
+            channels[where.name] = None if image is None else names[image]
+        elif where.factor in owner:
+            channels[where.name] = None
     if material.get("alphaMode", "OPAQUE") != "OPAQUE":
         channels["opacity"] = channels.get("base-color")
     for extension in document.mapping(material, "extensions"):

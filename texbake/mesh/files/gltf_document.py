@@ -110,6 +110,17 @@ class Document:
             self.fail(f"{key!r} is {value!r}, not a count")
         return value
 
+    def number(
+        self, owner: dict[str, Any], key: str, default: float, *, is_signed: bool = False
+    ) -> float:
+        """Return a number that an object holds: 0 or more, unless it may be signed."""
+        value = owner.get(key, default)
+        # Integers of JSON have any length, and those that no float holds are compared all the same.
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not abs(value) < 1e300 or (value < 0.0 and not is_signed):
+            self.fail(f"{key!r} is {value!r:.40}, which is not a valid number")
+        return float(value)
+
     def numbers(self, owner: dict[str, Any], key: str, n: int) -> npt.NDArray[np.float64] | None:
         """Return n numbers that an object holds, or None where it does not."""
         values = owner.get(key)

@@ -20,10 +20,11 @@ from texbake.errors import MeshError, OptionError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf import PrimitiveMesh, mesh_matrix, placed_nodes, read_primitive
 from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.progress import ProgressSink, Stages
-from texbake.rendering.scene.gltf_materials import MaterialReader, TextureReader
+from texbake.rendering.scene.gltf_materials import MaterialReader
 from texbake.rendering.scene.lights import Light, Lighting, Vector
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 
@@ -84,8 +85,7 @@ class _Reader:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.textures = TextureReader(document)
-        self.materials = MaterialReader(document, self.textures)
+        self.materials = MaterialReader(document)
         self.objects: list[SceneObject] = []
         self.lights: list[Light] = []
         self.view: CameraView | None = None
@@ -114,7 +114,7 @@ class _Reader:
             lighting=Lighting(lights=tuple(self.lights)),
             view=self.view,
             name=path.name,
-            notes=tuple(dict.fromkeys([*self.notes, *self.textures.notes])),
+            notes=tuple(dict.fromkeys([*self.notes, *self.materials.notes])),
             files=self._files(),
         )
 
@@ -144,7 +144,7 @@ class _Reader:
         for i, primitive in enumerate(primitives):
             attributes = self.document.mapping(primitive, "attributes")
             found = self.materials.material(
-                primitive.get("material"), vertex_colors="COLOR_0" in attributes
+                material_index(self.document, primitive), vertex_colors="COLOR_0" in attributes
             )
             if (index, i) not in self.meshes:
                 piece = read_primitive(
@@ -223,7 +223,7 @@ def light_of(document: Document, node: dict[str, Any], matrix: FloatArray) -> Li
         name=str(light.get("name") or node.get("name") or f"light {index}"),
         kind=kind,
         color=(red, green, blue),
-        intensity=_number(document, light, "intensity", 1.0) / math.pi,
+        intensity=document.number(light, "intensity", 1.0) / math.pi,
         position=_vector(matrix[:3, 3]),
         direction=_vector(-_unit(document, matrix[:3, 2])),
         up=_vector(_unit(document, matrix[:3, 1])),
@@ -233,8 +233,8 @@ def light_of(document: Document, node: dict[str, Any], matrix: FloatArray) -> Li
 
 def _cone(document: Document, light: dict[str, Any]) -> dict[str, Any]:
     spot = document.mapping(light, "spot")
-    outer = _number(document, spot, "outerConeAngle", math.pi / 4)
-    inner = _number(document, spot, "innerConeAngle", 0.0)
+    outer = document.number(spot, "outerConeAngle", math.pi / 4)
+    inner = document.number(spot, "innerConeAngle", 0.0)
     if not 0.0 <= inner < outer <= math.pi / 2 + 1e-6:
         document.fail(f"a cone from {inner:g} to {outer:g} radians is not valid")
     return {
@@ -257,8 +257,8 @@ def view_of(
     if camera.get("type") != "perspective":
         return f"the camera {name!r} is {camera.get('type')}; only perspective is supported"
     lens = document.mapping(camera, "perspective")
-    fov = math.degrees(_number(document, lens, "yfov", 0.0))
-    near = _number(document, lens, "znear", 0.0)
+    fov = math.degrees(document.number(lens, "yfov", 0.0))
+    near = document.number(lens, "znear", 0.0)
     if not (0.0 < fov < 180.0 and near > 0.0):
         document.fail(f"the camera {name!r} has no field of view, or no near plane")
     position = matrix[:3, 3]
@@ -270,13 +270,6 @@ def view_of(
         fov=fov,
         near=near,
     )
-
-
-def _number(document: Document, owner: dict[str, Any], key: str, default: float) -> float:
-    value = owner.get(key, default)
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value < math.inf:
-        document.fail(f"{key!r} is {value!r}, not a number of 0 or more")
-    return float(value)
 
 
 def _vector(values: FloatArray) -> Vector:

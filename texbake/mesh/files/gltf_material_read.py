@@ -1,0 +1,251 @@
+"""A material of a glTF file as data: what a mesh's materials and those of a scene are made from.
+
+Images are named by their index, and read by `image_bytes` only when something asks for them. What a
+texture's `KHR_texture_transform` says is kept as the file has it, for coordinates with v down.
+
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
+extensions KHR_materials_emissive_strength, KHR_materials_ior, KHR_materials_unlit,
+KHR_texture_transform and EXT_texture_webp.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
+from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.files.source import map_file
+
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_NEAREST = 9728
+_FILTERS_WITHOUT_MIPS = (9728, 9729)
+_ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
+# Channels whose textureInfo holds a number of their own, and its name.
+_OF_TEXTURE = {"normal": "scale", "occlusion": "strength"}
+
+
+@dataclass(frozen=True)
+class GltfTexture:
+    """What a textureInfo object says, with its texture and its sampler.
+
+    Attributes
+    ----------
+    image : int, optional
+        Index into `images`; None where the texture has none in a format that is read.
+    wraps : (str, str)
+        What lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`. A number
+        that is none of glTF's counts as `repeat`, its default.
+    is_nearest : bool
+        Whether a texel is one color up to its edges where it is magnified.
+    has_mip_levels : bool
+        Whether mip levels may be used where it is minified.
+    uv_set : int
+        Number of the set of texture coordinates.
+    scale, rotation, offset
+        Of the texture coordinates, in this order, v down; the rotation in radians.
+    """
+
+    image: int | None
+    wraps: tuple[str, str] = ("repeat", "repeat")
+    is_nearest: bool = False
+    has_mip_levels: bool = True
+    uv_set: int = 0
+    scale: tuple[float, float] = (1.0, 1.0)
+    rotation: float = 0.0
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class GltfSource:
+    """Where the values of a channel come from.
+
+    Attributes
+    ----------
+    factor : tuple of float
+        Linear. That of `normal` is its scale, and that of `occlusion` its strength, 1 at most;
+        that of `emissive` includes the emissive strength.
+    texture : GltfTexture, optional
+    """
+
+    factor: tuple[float, ...]
+    texture: GltfTexture | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GltfMaterial:
+    """A material.
+
+    Attributes
+    ----------
+    name : str
+        `material` and its index, where it has no name of its own.
+    channels : mapping of str to GltfSource
+        All of `GLTF_CHANNELS` but those of extensions that the material does not use.
+    alpha_mode : str
+        `opaque`, `mask` or `blend`.
+    alpha_cutoff : float
+    is_double_sided, is_unlit : bool
+    ior : float
+        Index of refraction.
+    """
+
+    name: str
+    channels: Mapping[str, GltfSource]
+    alpha_mode: str = "opaque"
+    alpha_cutoff: float = 0.5
+    is_double_sided: bool = False
+    is_unlit: bool = False
+    ior: float = 1.5
+
+
+def material_index(document: Document, primitive: dict[str, Any]) -> int | None:
+    """Index of a primitive's material, checked; None where it has glTF's default material.
+
+    Raises
+    ------
+    FileFormatError
+        There is no such material.
+    """
+    index: int | None = primitive.get("material")
+    if index is not None:
+        document.item("materials", index)
+    return index
+
+
+def read_material(document: Document, index: int | None) -> GltfMaterial:
+    """Read the material with an index; None means glTF's default material.
+
+    Raises
+    ------
+    FileFormatError
+        The document is damaged.
+    """
+    source = {} if index is None else document.item("materials", index)
+    name = str(source.get("name") or ("material" if index is None else f"material {index}"))
+    mode = source.get("alphaMode", "OPAQUE")
+    if not isinstance(mode, str) or mode not in _ALPHA_MODES:
+        document.fail(f"the alphaMode {mode!r} of {name!r} is not known")
+    extensions = document.mapping(source, "extensions")
+    ior = document.mapping(extensions, "KHR_materials_ior")
+    return GltfMaterial(
+        name=name,
+        channels={
+            where.name: _source(document, where, source, extensions)
+            for where in GLTF_CHANNELS
+            if not where.is_extension or where.owner in extensions
+        },
+        alpha_mode=_ALPHA_MODES[mode],
+        alpha_cutoff=document.number(source, "alphaCutoff", 0.5),
+        is_double_sided=bool(source.get("doubleSided", False)),
+        is_unlit="KHR_materials_unlit" in extensions,
+        ior=document.number(ior, "ior", 1.5),
+    )
+
+
+def _source(
+    document: Document, where: GltfChannel, source: dict[str, Any], extensions: dict[str, Any]
+) -> GltfSource:
+    """Read the factor and the texture of a channel."""
+    owner = extensions if where.is_extension else source
+    holder = document.mapping(owner, where.owner) if where.owner else owner
+    info = document.mapping(holder, where.texture)
+    texture = read_texture(document, info) if where.texture in holder else None
+    if where.name in _OF_TEXTURE:
+        is_signed = where.name == "normal"
+        number = document.number(info, _OF_TEXTURE[where.name], 1.0, is_signed=is_signed)
+        return GltfSource((number if is_signed else min(number, 1.0),), texture)
+    factor = _factor(document, where, holder)
+    if where.name == "emissive":
+        owner = document.mapping(extensions, EMISSIVE_STRENGTH)
+        strength = document.number(owner, "emissiveStrength", 1.0)
+        factor = tuple(value * strength for value in factor)
+    return GltfSource(factor, texture)
+
+
+def _factor(document: Document, where: GltfChannel, holder: dict[str, Any]) -> tuple[float, ...]:
+    """Those numbers of a factor that are the channel's."""
+    if len(where.defaults) == 1:
+        return (document.number(holder, where.factor, where.defaults[0]),)
+    numbers = document.numbers(holder, where.factor, len(where.defaults))
+    values = where.defaults if numbers is None else tuple(numbers.tolist())
+    if min(values) < 0.0:
+        document.fail(f"{where.factor!r} is below 0")
+    return tuple(values[i] for i in where.factor_components)
+
+
+def read_texture(document: Document, info: dict[str, Any]) -> GltfTexture:
+    """Read the texture of a textureInfo object.
+
+    Raises
+    ------
+    FileFormatError
+        The document is damaged.
+    """
+    texture = document.item("textures", info.get("index"))
+    sampler = {}
+    if "sampler" in texture:
+        sampler = document.item("samplers", texture["sampler"])
+    webp = document.mapping(document.mapping(texture, "extensions"), "EXT_texture_webp")
+    image = webp.get("source", texture.get("source"))
+    if image is not None:
+        document.item("images", image)
+    moved = document.mapping(document.mapping(info, "extensions"), "KHR_texture_transform")
+    scale, offset = (document.numbers(moved, key, 2) for key in ("scale", "offset"))
+    return GltfTexture(
+        image=image,
+        wraps=(_wrap(sampler.get("wrapS")), _wrap(sampler.get("wrapT"))),
+        is_nearest=sampler.get("magFilter") == _NEAREST,
+        has_mip_levels=sampler.get("minFilter") not in _FILTERS_WITHOUT_MIPS,
+        uv_set=document.integer(moved if "texCoord" in moved else info, "texCoord", 0),
+        scale=(1.0, 1.0) if scale is None else (float(scale[0]), float(scale[1])),
+        rotation=document.number(moved, "rotation", 0.0, is_signed=True),
+        offset=(0.0, 0.0) if offset is None else (float(offset[0]), float(offset[1])),
+    )
+
+
+def _wrap(code: Any) -> str:
+    return _WRAPS.get(code, "repeat") if isinstance(code, int) else "repeat"
+
+
+def image_path(document: Document, index: int) -> Path | None:
+    """Path of an image beside the file; None for one in it.
+
+    Raises
+    ------
+    FileFormatError
+        The document is damaged, or the image is not on this machine.
+    """
+    uri = document.item("images", index).get("uri")
+    if not isinstance(uri, str) or uri.startswith("data:"):
+        return None
+    if "://" in uri:
+        document.fail(f"images[{index}] is at {uri[:60]!r}; only local files are read")
+    return document.path.parent / unquote(uri)
+
+
+def image_bytes(document: Document, index: int) -> bytes:
+    """Content of an image file of a document, or in it.
+
+    Raises
+    ------
+    FileError
+        It is missing or cannot be read.
+    FileFormatError
+        The document is damaged.
+    """
+    path = image_path(document, index)
+    if path is not None:
+        return map_file(path).tobytes()
+    image = document.item("images", index)
+    uri = image.get("uri")
+    if not isinstance(uri, str):
+        return document.view_bytes(image.get("bufferView")).tobytes()
+    try:
+        return base64.b64decode(uri.partition(",")[2])
+    except ValueError:
+        document.fail(f"the data of images[{index}] is not base64")
