@@ -13,7 +13,8 @@ from tests.hard_cases.fbx_writer import (
     written,
 )
 from texbake.mesh.files import read_mesh
-from texbake.mesh.files.fbx_materials import has_alpha
+from texbake.mesh.files.contents import read_contents
+from texbake.mesh.files.fbx_textures import has_alpha
 from texbake.mesh.materials import read_materials
 from texbake.texture.image import write_image
 
@@ -98,13 +99,26 @@ def test_images_with_an_alpha_channel_are_known_by_their_headers(tmp_path):
         assert not has_alpha(b"RIFF" + bytes(4) + b"WEBP" + code + bytes(len(flags)))
 
 
-def textured_file(folder, textures, *, layers=(), version=7400, form="binary", content=RGB, **more):
-    """Path of a file whose material has a texture for each property, with properties of its own."""
-    nodes = scene(version, layers=layers, materials=("red",), **more)
+def textured_file(
+    folder, textures, *, form="binary", content=RGB, creator=b"", layered=False, **more
+):
+    """Path of a file whose material has a texture for each property, with properties of its own.
+
+    If they are layered, each is below another one without an image.
+    """
+    version = 7400
+    nodes = [("Creator", [creator], []), *scene(version, materials=("red",), **more)]
+    objects, connections = (node[2] for node in nodes if node[0] in ("Objects", "Connections"))
     for i, (name, values) in enumerate(textures.items()):
         children = [properties(version, values), ("Content", [content], [])]
-        nodes[1][2].append(("Texture", [60 + i, f"{name}\0\1Texture", ""], children))
-        nodes[2][2].append(("C", ["OP", 60 + i, 50, name], []))
+        objects.append(("Texture", [60 + i, f"{name}\0\1Texture", ""], children))
+        if layered:
+            objects.append(("LayeredTexture", [160 + i, "layers\0\1LayeredTexture", ""], []))
+            objects.append(("Texture", [260 + i, "over\0\1Texture", ""], []))
+            connections.append(("C", ["OO", 60 + i, 160 + i], []))
+            connections.append(("C", ["OO", 260 + i, 160 + i], []))
+        owned = 160 + i if layered else 60 + i
+        connections.append(("C", ["OP", owned, 50, name], []))
     path = folder / "a.fbx"
     path.write_bytes(written(nodes, version, form))
     return path
@@ -171,12 +185,79 @@ def test_models_that_show_a_set_twice_and_without_one(tmp_path):
     np.testing.assert_array_equal(np.sort(u[5:], axis=1), u[:5])
 
 
-def test_a_texture_transform_is_noted(tmp_path):
-    textures = {"DiffuseColor": {"Scaling": [2.0, 2.0, 1.0]}, "NormalMap": {"Scaling": [1.0] * 3}}
-    path = textured_file(tmp_path, textures)
+def moved(path):
+    """The matrix that takes texture coordinates to those of the image of the base color."""
+    (material,) = read_materials(path, read_mesh(path)).materials
+    return np.array(material.channels["base-color"].image.placing)
+
+
+@pytest.mark.parametrize("form", ["binary", "ascii"])
+def test_textures_scale_turn_and_move_coordinates(tmp_path, form):
+    values = {
+        "Translation": [0.1, 0.2, 0.0],
+        "Rotation": [0.0, 0.0, 90.0],
+        "Scaling": [2.0, 3.0, 1.0],
+        "TextureRotationPivot": [0.5, 0.25, 0.0],
+        "TextureScalingPivot": [1.0, 0.5, 0.0],
+    }
+    textures = {"DiffuseColor": values}
+    found = moved(textured_file(tmp_path, textures, form=form, content=b"image"))
+    for u, v in ((0.0, 0.0), (0.3, 0.9), (1.0, 1.0)):
+        x, y = 1.0 + 2.0 * (u - 1.0), 0.5 + 3.0 * (v - 0.5)
+        x, y = 0.5 - (y - 0.25), 0.25 + (x - 0.5)  # a quarter turn about the pivot
+        np.testing.assert_allclose(found @ [u, v, 1.0], [x + 0.1, y + 0.2], atol=1e-12)
+
+
+def test_textures_of_blender_move_coordinates_first(tmp_path):
+    """What Cycles looks up for this mapping, and what Blender 5.0 writes for it."""
+    values = {
+        "Translation": [0.1, 0.2, 0.0],
+        "Rotation": [0.0, 0.0, -0.3490658402442932],
+        "Scaling": [0.5, 0.25, 1.0],
+    }
+    path = textured_file(tmp_path, {"DiffuseColor": values}, creator=b"Blender (stable FBX IO)")
+    looked_up = {
+        (0.390625, 0.265625): (0.14779696, 0.99057889),
+        (0.171875, 0.640625): (0.10914689, 0.09737936),
+        (0.890625, 0.890625): (0.48960146, 0.09465341),
+        (0.953125, 0.109375): (0.38536519, 0.90577561),
+    }
+    for (u, v), expected in looked_up.items():
+        # The image was a ramp of 512 texels, interpolated linearly in float32.
+        x, y, *_ = np.array(moved(path)) @ [u, v, 1.0] % 1.0
+        np.testing.assert_allclose([x, y], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e308])
+def test_a_transform_that_is_not_finite_moves_nothing(tmp_path, value):
+    values = {"Scaling": [value, 10.0, 1.0], "Translation": [value, 0.0, 0.0]}
+    values["TextureScalingPivot"] = [value, 0.0, 0.0]
+    path = textured_file(tmp_path, {"DiffuseColor": {"Scaling": ["a", "b", "c"], **values}})
+    assert np.isfinite(moved(path)).all()
+
+
+@pytest.mark.parametrize("form", ["binary", "ascii"])
+def test_the_base_layer_of_a_layered_texture_is_read_and_noted(tmp_path, form):
+    textures = {"DiffuseColor": {}}
+    path = textured_file(tmp_path, textures, form=form, layered=True, content=b"image")
     found = read_materials(path, read_mesh(path))
-    assert [name for name, _ in found.missing] == ["base-color"]
-    assert "red: a texture transform is left out" in found.notes(["base-color"])[0]
+    assert found.sources("base-color")[0].image.data == b"image"
+    assert found.notes(["base-color"]) == ("of layered textures only the base layer is read",)
+    contents = read_contents(path)
+    name = contents.materials[0].channels["base-color"]
+    assert contents.images == {name: b"image"}
+
+
+def test_a_layered_texture_without_layers_has_no_image(tmp_path):
+    nodes = scene(7400, materials=("red",))
+    nodes[1][2].append(("LayeredTexture", [60, "layers\0\1LayeredTexture", ""], []))
+    nodes[2][2].append(("C", ["OP", 60, 50, "DiffuseColor"], []))
+    nodes[2][2].append(("C", ["OO", 60, 60], []))  # and it is in itself
+    path = tmp_path / "a.fbx"
+    path.write_bytes(binary(nodes))
+    found = read_materials(path, read_mesh(path))
+    assert "base-color" not in found.materials[0].channels
+    assert "red: an image of it is missing" in found.notes(["base-color"])[0]
 
 
 @pytest.mark.parametrize("name", ["b.png", r"C:\work\b.png", "../b.png", "textures/b.png"])

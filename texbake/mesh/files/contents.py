@@ -12,8 +12,8 @@ from typing import Any
 
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_materials import fbx_images
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
+from texbake.mesh.files.fbx_textures import base_layer, fbx_images
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
@@ -223,7 +223,8 @@ def _fbx_channels(
     channels: dict[str, str | None] = {
         channel: None for name, channel in _FBX_CHANNELS.items() if name in properties
     }
-    for name, texture in scene.property_members(material.key).items():
+    for name, member in scene.property_members(material.key).items():
+        texture = base_layer(scene, member)
         image = next(fbx_images(scene, texture), None)
         named = texture.node.child_text("RelativeFilename").replace("\\", "/")
         label = Path(named or texture.name if image is None else image[1]).name

@@ -1,8 +1,7 @@
-"""Materials of FBX files: base color, opacity, and images in the file or in its folder.
+"""Materials of FBX files: base color, opacity, and the images of their channels.
 
-Paths in such files are mostly those of the machine that wrote them. An image is looked for by its
-relative path, where that stays within the folder of the file, then by its name in that folder;
-where it is not there either, that is noted and the material keeps its factor.
+An image that is missing is noted, and the material keeps its factor. Of layered textures only the
+base layer is read, which is noted as well.
 
 An image of opacity is its alpha channel where it has one, else its red, white where the surface is
 opaque, as in other programs that read FBX. Textures name the set of texture coordinates that they
@@ -11,23 +10,19 @@ lie on; one whose name a geometry does not have lies on the first.
 
 from __future__ import annotations
 
-import base64
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from texbake.files import PathLike
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.fbx_textures import base_layer, fbx_images, has_alpha, placing, wraps
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import FloatArray, Mesh
 
 _COLORS = ("DiffuseColor", "Diffuse")
-_FILES = ("RelativeFilename", "FileName", "Filename")
 
 
 def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
@@ -100,8 +95,6 @@ _TEXTURED = {
     "Maya|TEX_emissive_map": "emissive", "Maya|TEX_ao_map": "occlusion",
 }  # fmt: skip
 _RED, _ALPHA = (0,), (3,)
-_CLAMP = 1
-_UNMOVED = {"Translation": (0.0, 0.0), "Rotation": (0.0, 0.0, 0.0), "Scaling": (1.0, 1.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,31 +137,24 @@ class _MaterialReader:
 
     def _image(self, material: FbxObject, channel: str, texture: FbxObject) -> ChannelImage | None:
         """Read the image of a texture; None, and a note, where it is missing."""
-        data, label = next(fbx_images(self.scene, texture), (b"", ""))
+        base = base_layer(self.scene, texture)
+        if base is not texture:
+            self.missing.append((channel, "of layered textures only the base layer is read"))
+        data, label = next(fbx_images(self.scene, base), (b"", ""))
         if not data:
             line = f"{material.name}: an image of it is missing; the material keeps its factors"
             self.missing.append((channel, line))
             return None
-        properties = texture.properties()
-        if any(
-            tuple(properties.get(name, default))[: len(default)] != default
-            for name, default in _UNMOVED.items()
-        ):
-            line = f"{material.name}: a texture transform is left out; texbake does not read it"
-            self.missing.append((channel, line))
         components = _RED if len(CHANNELS[channel].default) == 1 else (0, 1, 2)
         if channel == "alpha" and has_alpha(data):
             components = _ALPHA
-        u, v = (
-            "clamp" if properties.get(f"WrapMode{axis}", [0])[:1] == [_CLAMP] else "repeat"
-            for axis in "UV"
-        )
         return ChannelImage(
             data=data,
             name=label,
             components=components,
-            wraps=(u, v),
-            uv_set=self.uv_numbers.get(uv_set_name(texture), 0),
+            wraps=wraps(base),
+            placing=placing(self.scene, base),
+            uv_set=self.uv_numbers.get(uv_set_name(base), 0),
         )
 
 
@@ -194,17 +180,6 @@ def _opacity(material: FbxObject) -> float:
     return float(min(max(alpha, 0.0), 1.0))
 
 
-def has_alpha(data: bytes) -> bool:
-    """Whether an image file says in its header that it has an alpha channel: PNG, TGA or WebP."""
-    if data.startswith(b"\x89PNG"):
-        return data[25:26] in (b"\4", b"\6") or b"tRNS" in data[:4096]
-    if data.startswith(b"RIFF") and data[8:12] == b"WEBP":
-        flag = {b"VP8X": (20, 0x10), b"VP8L": (24, 0x10)}.get(data[12:16])
-        return flag is not None and bool(int.from_bytes(data[flag[0] : flag[0] + 1]) & flag[1])
-    is_tga = data[1:3] in (b"\0\2", b"\0\n", b"\0\3", b"\0\x0b") and len(data) > 18
-    return is_tga and bool(data[17] & 0x0F)
-
-
 def _color(material: FbxObject) -> tuple[float, float, float] | None:
     """Return the diffuse color of a material; None where it has none of three numbers."""
     properties = material.properties()
@@ -213,32 +188,3 @@ def _color(material: FbxObject) -> tuple[float, float, float] | None:
         return None
     red, green, blue = (float(value) for value in values[:3])
     return (red, green, blue) if all(map(math.isfinite, (red, green, blue))) else None
-
-
-def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
-    """Contents and names of the images of a texture, those in the file first."""
-    holders = [*scene.members_of(texture.key, "Video"), texture]
-    for holder in holders:
-        content = holder.node.child("Content")
-        value = content.values[0] if content is not None and content.values else None
-        if isinstance(value, bytes) and value:
-            yield _unwrapped(value), f"{scene.path}: {holder.name}"
-    folder = Path(scene.path).resolve().parent
-    for holder in holders:
-        for entry in _FILES:
-            words = PurePosixPath(holder.node.child_text(entry).replace("\\", "/"))
-            for place in (folder / words, folder / words.name):
-                try:
-                    is_there = place.resolve().is_relative_to(folder) and place.is_file()
-                except (OSError, ValueError):
-                    continue
-                if is_there:
-                    yield map_file(place).tobytes(), str(place)
-
-
-def _unwrapped(content: bytes) -> bytes:
-    """Return the bytes of an image, which text files hold in base64."""
-    try:
-        return base64.b64decode(content, validate=True)
-    except ValueError:  # no image is made of letters and digits alone
-        return content

@@ -55,6 +55,8 @@ class FbxScene:
         Properties of models by default.
     n_bytes : int
         Size of the file.
+    creator : str
+        What the file says of the program that wrote it.
     """
 
     path: PathLike
@@ -63,6 +65,7 @@ class FbxScene:
     settings: dict[str, list[Any]]
     defaults: dict[str, list[Any]]
     n_bytes: int
+    creator: str = ""
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError`."""
@@ -108,6 +111,7 @@ def read_scene(path: PathLike) -> FbxScene:
         settings=read_properties(settings),
         defaults=_model_defaults(root),
         n_bytes=len(data),
+        creator=root.child_text("Creator"),
     )
 
 
