@@ -22,6 +22,9 @@ from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.options import RenderOptions
 from texbake.texture.image import write_image
 
+# Degrees in the mean of all normals below which nobody sees which of two pictures is closer.
+VISIBLE_DEG = 0.1
+
 
 def compare_files(
     high: PathLike,
@@ -180,14 +183,14 @@ def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def comparison_warnings(comparison: Comparison) -> list[str]:
-    """Return a sentence for each use of the maps that is further off than the mesh without."""
+    """Return a sentence for each use of the maps that is seen to be further off than without."""
     bare = comparison.bare
     return [
         f"{label} the asset is further from the high-poly mesh than without maps: normals off by "
         f"{closeness.mean_deg:.2f}° and not {bare.mean_deg:.2f}°; see the picture, and `texbake "
         "check` for the reason"
         for label, closeness in _variants(comparison)[1:]
-        if closeness.mean_deg > bare.mean_deg
+        if closeness.mean_deg > bare.mean_deg + VISIBLE_DEG
     ]
 
 
