@@ -146,6 +146,11 @@ def extreme_size() -> Case:
     return Case(sphere.replace(positions=sphere.positions * 1e-7), None, 1, set())
 
 
+def unmeasurable_size() -> Case:
+    sphere = smooth(icosphere(1))
+    return Case(sphere.replace(positions=sphere.positions * 1e90), None, 1, set())
+
+
 def no_normals() -> Case:
     return Case(icosphere(1), None, 1, set())
 
@@ -324,6 +329,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "inside-out-shells": inside_out,
     "far-from-origin": far_from_origin,
     "extreme-size": extreme_size,
+    "unmeasurable-size": unmeasurable_size,
     "no-normals": no_normals,
     "zero-normals": zero_normals,
     "turned-normals": turned_normals,

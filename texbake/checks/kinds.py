@@ -6,6 +6,7 @@ One table, read by the checks, the command line and the documentation.
 from __future__ import annotations
 
 from texbake.checks.finding import CHARTS, EDGES, MESHES, VERTICES, Kind
+from texbake.checks.pair_kinds import PAIR_KINDS
 
 _FILES = (
     Kind(
@@ -157,6 +158,16 @@ _SURFACE = (
         "treat lengths below 1e-6 as zero or store distances in 16 bits do not.",
         remedy="Choose a unit of length in which it is about 1 across.",
     ),
+    Kind(
+        name="unmeasurable-size",
+        title="size that cannot be computed with",
+        unit=MESHES,
+        low="error",
+        high="error",
+        problem="It is {length:.3g} model units long and extends up to {farthest:.3g} from the "
+        "origin, so its areas cannot be computed.",
+        remedy="Scale it first: texbake transform --scale.",
+    ),
 )
 
 _SHADING = (
@@ -301,100 +312,7 @@ _TEXELS = (
     ),
 )
 
-_PAIR = (
-    Kind(
-        name="differing-scale",
-        title="meshes of different scale",
-        unit=MESHES,
-        low="error",
-        problem="The high-poly mesh is {ratio:.4g} times as large as the low-poly mesh: rays do "
-        "not reach it.",
-        remedy="Scale the low-poly mesh by {ratio:.4g}, or export both in the same unit.",
-    ),
-    Kind(
-        name="differing-place",
-        title="meshes in different places",
-        unit=MESHES,
-        low="error",
-        problem="The centers of the two meshes are {distance} apart: rays do not reach the "
-        "high-poly mesh.",
-        remedy="Move the low-poly mesh by {offset}, or export both from the same scene.",
-    ),
-    Kind(
-        name="differing-axes",
-        title="meshes with different axes",
-        unit=MESHES,
-        low="error",
-        problem="The meshes fit if in the low-poly mesh {axes}: one of them lies on its side or is "
-        "rotated.",
-        remedy="Export both with the same up axis.",
-    ),
-    Kind(
-        name="far-from-high",
-        title="low-poly faces far from the high-poly mesh",
-        low="warning",
-        problem="The high-poly surface is farther from them than {percent:g} % of the size of the "
-        "mesh, at most {most:.3g} model units. Rays miss there, or become so long that they hit "
-        "other parts.{part}",
-        remedy="Delete what the high-poly mesh does not have, or fit the low-poly mesh to it.",
-    ),
-    Kind(
-        name="far-from-low",
-        title="high-poly faces far from the low-poly mesh",
-        high="warning",
-        problem="The low-poly surface is farther from them than {percent:g} % of the size of the "
-        "mesh, at most {most:.3g} model units. This detail is lost, or rays must start beyond "
-        "neighboring parts to hit it.{part}",
-        remedy="Add faces to the low-poly mesh there, or leave these parts out of the high-poly "
-        "mesh.",
-    ),
-    Kind(
-        name="thin-walls",
-        title="walls thinner than the ray distance",
-        low="note",
-        problem="Rays end up to {reach:.3g} model units behind the surface; the thinnest of these "
-        "walls is {least:.3g} thick. A ray that misses its own side goes on through the other: it "
-        "hits that side where back faces are not culled, or else what lies beyond.{part}",
-        remedy="Bake with `back` below the thickness of the wall, or keep back-face culling on.",
-    ),
-    Kind(
-        name="other-parts",
-        title="rays that hit another part",
-        low="warning",
-        problem="The rays from the centers of these faces hit the high-poly surface only beyond "
-        "another part of the low-poly mesh, which is {least:.3g} model units away where it is "
-        "nearest; rays start up to {reach:.3g} outside. The wrong part is baked.{part}",
-        remedy="Bake with `front` below that distance, with a cage, or with the parts moved apart "
-        "in both meshes.",
-    ),
-    Kind(
-        name="opposite-sides",
-        title="meshes that face opposite ways",
-        low="error",
-        problem="Most of the low-poly mesh faces against the high-poly surface next to it: rays "
-        "pass through what they should hit.",
-        remedy="Flip the faces of the mesh that is inside out.",
-    ),
-    Kind(
-        name="high-is-coarser",
-        title="high-poly mesh coarser than the low-poly mesh",
-        unit=MESHES,
-        high="warning",
-        problem="It has {high:,} faces and the low-poly mesh has {low:,}: there is no detail to "
-        "bake.",
-        remedy="Name the high-poly mesh first: texbake check HIGH LOW.",
-    ),
-    Kind(
-        name="detail-below-texels",
-        title="detail finer than texels",
-        unit=MESHES,
-        high="warning",
-        problem="At this texture size there are {per_texel:.1f} high-poly faces per texel. With "
-        "one ray per texel, chance decides which of them is baked.",
-        remedy="Bake {size} x {size} texels, or 16 rays per texel (`samples=16`).",
-    ),
-)
-
 KINDS = {
-    kind.name: kind for kind in (*_FILES, *_COORDINATES, *_TEXELS, *_PAIR, *_SURFACE, *_SHADING)
+    kind.name: kind
+    for kind in (*_FILES, *_COORDINATES, *_TEXELS, *PAIR_KINDS, *_SURFACE, *_SHADING)
 }

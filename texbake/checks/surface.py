@@ -25,6 +25,7 @@ import numpy.typing as npt
 from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
 from texbake.checks.finding import Finding
 from texbake.core import core
+from texbake.mapping.areas import unmeasurable_size
 from texbake.mapping.seams import merged_labels, next_half_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
@@ -169,7 +170,17 @@ def extreme_size(checked: CheckedMesh) -> Finding | None:
     size = checked.diagonal / checked.scale
     least, most = _SIZES
     extreme = size > most or 0.0 < size < least
+    if unmeasurable_size(checked.mesh) is not None:
+        return None
     return make_finding("extreme-size", checked.role, int(extreme), size=size)
+
+
+def size_cannot_be_computed_with(checked: CheckedMesh) -> Finding | None:
+    """Whether the areas of the mesh would leave the range of float64."""
+    length, farthest = unmeasurable_size(checked.mesh) or (0.0, 0.0)
+    return make_finding(
+        "unmeasurable-size", checked.role, int(length > 0.0), length=length, farthest=farthest
+    )
 
 
 CHECKS = (
@@ -183,6 +194,7 @@ CHECKS = (
     cracks,
     far_from_origin,
     extreme_size,
+    size_cannot_be_computed_with,
 )
 
 

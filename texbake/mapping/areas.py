@@ -50,13 +50,25 @@ def surface_areas(corners: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(crosses, axis=1) / 2.0)
 
 
-def check_measurable(mesh: Mesh) -> None:
-    """Raise `MeshError` if areas, or their squares, would leave the range of float64."""
+def unmeasurable_size(mesh: Mesh) -> tuple[float, float] | None:
+    """Length and greatest coordinate of a mesh whose areas would leave the range of float64.
+
+    None if areas, and their squares, stay within it.
+    """
     with np.errstate(over="ignore"):
         low, high = mesh.bounds
         length = float((high - low).max())
         farthest = float(np.abs(mesh.bounds).max())
     if farthest > _LONGEST or 0.0 < length < 1.0 / _LONGEST:
+        return length, farthest
+    return None
+
+
+def check_measurable(mesh: Mesh) -> None:
+    """Raise `MeshError` if areas, or their squares, would leave the range of float64."""
+    size = unmeasurable_size(mesh)
+    if size is not None:
+        length, farthest = size
         raise MeshError(
             f"{mesh.name}: it is {length:.3g} model units long and extends up to {farthest:.3g} "
             "from the origin, so its areas cannot be computed; scale it first"
