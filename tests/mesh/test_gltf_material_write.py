@@ -196,3 +196,28 @@ def test_materials_must_be_those_of_the_mesh_and_alone(tmp_path):
     mesh, materials = sphere_of(with_image("base-color"))
     with pytest.raises(UvError, match="no texture coordinates"):
         write_glb(mesh.replace(uvs=None, uv_faces=None), tmp_path / "a.glb", materials=materials)
+
+
+@pytest.mark.parametrize(
+    ("placing", "turned_by"),
+    [
+        (((2.0, 0.0, 0.1), (0.0, 2.0, 0.2)), 0.0),
+        (((0.0, -1.0, 1.0), (1.0, 0.0, 0.0)), -90.0),
+        (((-1.0, 0.0, 1.0), (0.0, -1.0, 1.0)), 180.0),
+    ],
+)
+def test_tangents_are_those_of_the_image_as_it_lies(tmp_path, placing, turned_by):
+    mesh = plane()
+    material = with_image("normal", placing=placing)
+    ids = np.zeros(mesh.n_faces, np.int32)
+    write_glb(
+        mesh, tmp_path / "a.glb", materials=Materials(face_materials=ids, materials=(material,))
+    )
+    tangents = read_gltf(tmp_path / "a.glb").tangents
+    angle = np.radians(turned_by)
+    along_u, along_v = mesh.positions[[1, 2]] - mesh.positions[0]
+    along_v -= along_u * (along_u @ along_v) / (along_u @ along_u)
+    expected = np.cos(angle) * along_u / np.linalg.norm(along_u)
+    expected += np.sin(angle) * along_v / np.linalg.norm(along_v)
+    np.testing.assert_allclose(tangents[..., :3], np.broadcast_to(expected, (2, 3, 3)), atol=1e-6)
+    np.testing.assert_array_equal(tangents[..., 3], 1.0)

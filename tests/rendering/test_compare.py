@@ -3,11 +3,21 @@ import math
 import numpy as np
 import pytest
 
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
+from texbake.mesh.materials import (
+    UNPLACED,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+)
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.compare import compare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
+from texbake.texture.image import write_image
 
 SMALL = RenderOptions(width=120, height=90)
 FRONT = RenderOptions(width=100, height=100, view=(0.0, 0.0))
@@ -42,6 +52,33 @@ def test_a_tilted_normal_map_is_off_by_its_tilt(angle):
     seen = np.isfinite(comparison.angles_deg)
     np.testing.assert_array_equal(seen, comparison.high_frame.coverage > 0)
     np.testing.assert_allclose(comparison.angles_deg[seen], angle, atol=1e-5)
+
+
+# Columns: an image as it is; turned by a quarter, moved and smaller.
+@pytest.mark.parametrize(
+    "placing", [UNPLACED, ((0.0, -0.5, 0.7), (0.5, 0.0, 0.2))], ids=["plain", "turned"]
+)
+def test_the_high_poly_mesh_has_its_own_normal_maps(tmp_path, placing):
+    rng = np.random.default_rng(4)
+    normals = rng.normal((0, 0, 1), (0.2, 0.2, 0), (8, 8, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    write_image(0.5 + 0.5 * normals, tmp_path / "n.png", bits=8)
+    image = ChannelImage(data=(tmp_path / "n.png").read_bytes(), placing=placing)
+    source = ChannelSource((1.0, 1.0, 1.0), image)
+    materials = Materials(
+        face_materials=np.zeros(2, np.int32),
+        materials=(MeshMaterial(name="bumpy", channels={"normal": source}),),
+    )
+    baked = bake(plane(), plane(), BakeOptions(size=512, padding=8), materials=materials)
+    comparison = compare(
+        plane(), plane(), normal_map=baked.maps["normal"].values, high_materials=materials,
+        options=FRONT, views=[(0, 0)],
+    )  # fmt: skip
+    assert comparison.bare.median_deg > 5.0
+    # Codes of 8 bits are half a degree apart.
+    assert comparison.mapped.mean_deg < 0.3
+    other = compare(plane(), plane(), high_materials=materials.only(()), options=FRONT)
+    assert other.bare.mean_deg == 0.0
 
 
 def test_pixels_that_see_one_mesh_alone_are_counted_apart():

@@ -202,7 +202,7 @@ def run(
         else:
             _write_materials(baked, (high, low), materials, files, options)
     with stages.part("compare"):
-        comparison = _compared(high, low, files, options, progress)
+        comparison = _compared(high, low, materials, files, options, progress)
     result = RunResult(
         files=files,
         high=high,
@@ -277,6 +277,7 @@ def _write_materials(
 def _compared(
     high: Mesh,
     low: Mesh,
+    materials: Materials | None,
     files: dict[str, Path],
     options: RunOptions,
     progress: ProgressSink | None,
@@ -288,6 +289,7 @@ def _compared(
         low,
         normal_map=files["normal"],
         displacement=files["displacement"],
+        high_materials=materials,
         options=picture,
         threads=options.threads,
         progress=progress,

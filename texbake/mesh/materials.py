@@ -221,6 +221,14 @@ class Materials:
         materials = tuple(material.on_uv_sets(()) for material in self.materials)
         return replace(self, materials=materials, uv_sets={})
 
+    def only(self, channels: Collection[str]) -> Materials:
+        """Return the materials with some of their channels."""
+        kept = tuple(
+            replace(item, channels={k: v for k, v in item.channels.items() if k in channels})
+            for item in self.materials
+        )
+        return replace(self, materials=kept)
+
     def sources(self, channel: str) -> list[ChannelSource | None]:
         """Return where each material takes a channel from; None where it does not set it."""
         return [material.channels.get(channel) for material in self.materials]

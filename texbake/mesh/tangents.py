@@ -39,6 +39,33 @@ from texbake.mesh.weld import weld_rows
 _PARALLEL = 1.0 - 1e-6
 
 
+def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]:
+    """Directions of the axes of a normal map whose texture coordinates are transformed.
+
+    Tangents are those of the mesh's own coordinates. The relief turns with the image.
+
+    Parameters
+    ----------
+    linear : (2, 2) float
+        The linear part of the transform, from coordinates of the mesh to those of the image.
+
+    Returns
+    -------
+    (2, 2) float32
+        Unit vectors in coordinates of the mesh, one a row: multiply the first two components of a
+        normal by it, from the right. Those of the mesh if the transform flattens the image.
+
+    Examples
+    --------
+    >>> image_axes(np.array([[0.0, -2.0], [2.0, 0.0]])).tolist()
+    [[0.0, -1.0], [1.0, -0.0]]
+    """
+    if np.linalg.det(linear) == 0.0:
+        return np.eye(2, dtype=np.float32)
+    axes = np.linalg.inv(linear).T
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True), np.float32)
+
+
 def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
     """MikkTSpace tangent of each corner, for the mesh's texture coordinates and normals.
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
@@ -29,6 +30,7 @@ from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
 from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.from_materials import scene_from_materials
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
@@ -139,6 +141,7 @@ def compare(
     normal_map: MapSource | None = None,
     displacement: MapSource | None = None,
     albedo: MapSource | None = None,
+    high_materials: Materials | None = None,
     options: RenderOptions | None = None,
     views: Sequence[tuple[float, float]] | None = None,
     threads: int | None = None,
@@ -154,6 +157,8 @@ def compare(
         Maps of the low-poly mesh; see `texbake.rendering.render.render`. All three meshes are
         shaded with the base color of the options, except that the mapped mesh uses `albedo` if it
         is given.
+    high_materials
+        Materials of the high-poly mesh, whose normal maps bend its normals. None for none.
     options
         Size and view of the pictures. Angles are measured at the centers of as many pixels.
     views
@@ -181,7 +186,7 @@ def compare(
     most = min(options.max_triangles, _MOST_PIECES)
     options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)
     with stages.stage("prepare"):
-        scenes = _scenes(high, low, options, maps)
+        scenes = _scenes(high, low, high_materials, options, maps)
         # Pictures of two sizes share everything that does not depend on the size.
         models = [prepare(scene, options, threads=threads) for scene in scenes]
 
@@ -227,16 +232,35 @@ def compare(
     )
 
 
-def _scenes(high: Mesh, low: Mesh, options: RenderOptions, maps: dict[str, Any]) -> list[Scene]:
+def _scenes(
+    high: Mesh,
+    low: Mesh,
+    materials: Materials | None,
+    options: RenderOptions,
+    maps: dict[str, Any],
+) -> list[Scene]:
     """Scenes of the high-poly mesh, of the low-poly mesh without maps, and of each use of them."""
     scenes = [
-        studio_scene(high, options=options),
+        _with_normal_maps(studio_scene(high, options=options), materials),
         studio_scene(low, options=options),
         studio_scene(low, options=options, edge_px=None, **maps),
     ]
     if maps["normal_map"] is not None and maps["displacement"] is not None:
         scenes.append(studio_scene(low, options=options, **{**maps, "displacement": None}))
     return scenes
+
+
+def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:
+    """Return the scene of one mesh with the normal maps of its materials."""
+    if materials is None or not any(materials.sources("normal")):
+        return scene
+    (plain,) = scene.objects
+    parts = scene_from_materials(plain.mesh, materials.only(("normal",))).objects
+    objects = tuple(
+        replace(part, material=replace(plain.material, normal_map=part.material.normal_map))
+        for part in parts
+    )
+    return replace(scene, objects=objects)
 
 
 @dataclass(frozen=True, eq=False)

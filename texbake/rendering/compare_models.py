@@ -10,7 +10,6 @@ lattices", Mathematical Geosciences 42, 2010, for the views.
 from __future__ import annotations
 
 import math
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,19 +19,18 @@ import numpy.typing as npt
 from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.files import read_mesh
-from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import read_materials
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.from_materials import scene_from_materials
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.lights import Environment, Lighting
 from texbake.rendering.scene.scene import Scene, outline
 from texbake.rendering.studio import STUDIO_ROOM
 from texbake.texture.encoding import quantize_srgb
-from texbake.texture.gltf_images import gltf_images
 
 N_VIEWS = 12
 _PICTURE_PX = 512
@@ -192,14 +190,7 @@ def model_scene(path: PathLike) -> Scene:
     else:
         mesh = read_mesh(path)
         materials = read_materials(path, mesh)
-        if materials is not None:
-            materials = gltf_images(
-                materials if mesh.uvs is not None else materials.without_images()
-            )
-        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-            copy = Path(folder) / "model.glb"
-            write_glb(mesh, copy, materials=materials)
-            scene = replace(read_gltf_scene(copy), files=(Path(path),))
+        scene = replace(scene_from_materials(mesh, materials), files=(Path(path),))
     room = Environment(image=STUDIO_ROOM, background=False, lighting=True, size=_ROOM_PX)
     return replace(scene, lighting=Lighting(environment=room), view=None, name=Path(path).name)
 

@@ -20,7 +20,8 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
 from texbake.core import core
-from texbake.mesh.materials import ChannelImage, ChannelSource, Placing
+from texbake.mesh.materials import ChannelImage, ChannelSource
+from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
 
 _BAND = 1 << 15
@@ -67,7 +68,7 @@ def _mapped_normals(
     vectors = surface.images.values(image, points, is_color=False)
     vectors = (vectors * 2.0 - 1.0) * np.array(source.factor, np.float32)
     if inputs.high.tangents is None:
-        vectors[:, :2] = vectors[:, :2] @ _image_axes(image.placing)
+        vectors[:, :2] = vectors[:, :2] @ image_axes(np.array(image.placing)[:, :2])
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
@@ -77,16 +78,6 @@ def _mapped_normals(
 
     run_bands(work, len(points.faces), band=_BAND, threads=inputs.options.threads)
     return vectors
-
-
-def _image_axes(placing: Placing) -> Float32Array:
-    """(2, 2) float32: directions of the axes of an image in texture coordinates, one a row."""
-    linear = np.array(placing)[:, :2]
-    if np.linalg.det(linear) == 0.0:
-        return np.eye(2, dtype=np.float32)
-    axes = np.linalg.inv(linear).T
-    unit: Float32Array = (axes / np.linalg.norm(axes, axis=1, keepdims=True)).astype(np.float32)
-    return unit
 
 
 def to_tangent_space(

@@ -20,10 +20,10 @@ from texbake.errors import MeshError
 from texbake.mesh.files.gltf_compression import ordered_triangles
 from texbake.mesh.files.gltf_material_write import uv_numbers
 from texbake.mesh.files.gltf_quantization import Quantization, color_codes, unit_codes
-from texbake.mesh.materials import Materials
+from texbake.mesh.materials import UNPLACED, Materials, Placing
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import corner_tangents, image_axes
 from texbake.mesh.weld import weld_rows
 
 FloatColumns = npt.NDArray[np.float32]
@@ -50,7 +50,7 @@ class CornerVertices:
     origin: FloatArray
     materials: Materials | None = None
     quantization: Quantization | None = None
-    _tangents: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
+    _tangents: dict[tuple[int, Placing], npt.NDArray[np.float32]] = field(default_factory=dict)
 
     def stream(
         self, faces: npt.NDArray[np.intp], material: int, *, compress: bool
@@ -86,7 +86,7 @@ class CornerVertices:
                 turned = np.stack([uvs[rows, 0], 1.0 - uvs[rows, 1]], axis=1)
                 columns[f"TEXCOORD_{number}"] = self._stored_uvs(uv_set, turned)
             if self._has_normal_map:
-                tangents = self._tangents_for(self._normal_map_set(material))
+                tangents = self._tangents_for(*self._normal_map_place(material))
                 columns["TANGENT"] = _sound_tangents(
                     tangents[faces].reshape(-1, 4), columns["NORMAL"].astype(np.float64)
                 )
@@ -129,22 +129,34 @@ class CornerVertices:
             return True
         return any(self.materials.sources("normal"))
 
-    def _normal_map_set(self, material: int) -> int:
+    def _normal_map_place(self, material: int) -> tuple[int, Placing]:
+        """UV set of a normal map, and how it lies on that if it is turned or mirrored."""
         if self.materials is None:
-            return 0
+            return 0, UNPLACED
         source = self.materials.materials[material].channels.get("normal")
-        return 0 if source is None or source.image is None else source.image.uv_set
+        if source is None or source.image is None:
+            return 0, UNPLACED
+        image = source.image
+        axes = image_axes(np.array(image.placing)[:, :2])
+        return image.uv_set, UNPLACED if (axes == np.eye(2)).all() else image.placing
 
-    def _tangents_for(self, uv_set: int) -> npt.NDArray[np.float32]:
-        """(F, 3, 4) tangents for a normal map on a set of texture coordinates."""
+    def _tangents_for(self, uv_set: int, placing: Placing) -> npt.NDArray[np.float32]:
+        """(F, 3, 4) tangents for a normal map on a set of texture coordinates.
+
+        Programs take given tangents as those of the image, however it is placed.
+        """
         if self.mesh.tangents is not None:
             return self.mesh.tangents
-        if uv_set not in self._tangents:
+        key = uv_set, placing
+        if key not in self._tangents:
             mesh = self.mesh
             if uv_set and self.materials is not None:
                 mesh = mesh.replace(uvs=self.materials.uv_sets[uv_set])
-            self._tangents[uv_set] = corner_tangents(mesh)
-        return self._tangents[uv_set]
+            if placing != UNPLACED and mesh.uvs is not None:
+                matrix = np.array(placing)
+                mesh = mesh.replace(uvs=mesh.uvs @ matrix[:, :2].T + matrix[:, 2])
+            self._tangents[key] = corner_tangents(mesh)
+        return self._tangents[key]
 
 
 def _sound_tangents(tangents: npt.NDArray[np.float32], normals: FloatArray) -> FloatColumns:

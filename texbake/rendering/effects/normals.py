@@ -8,7 +8,8 @@ camera.
 In tangent space the normal is x T + y B + z N. Tangent T and normal N are interpolated over the
 triangle without renormalization, B = w cross(N, T), and the result is normalized once at the end;
 this is the inverse of what baking does. Tangents are read from the file, or else computed by
-MikkTSpace, and only for a tangent-space map.
+MikkTSpace, and only for a tangent-space map. Those of MikkTSpace are turned with an image whose
+texture coordinates are turned or mirrored.
 
 Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008.
 
@@ -25,7 +26,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import corner_tangents, image_axes
 from texbake.rendering.effect import (
     Call,
     Effect,
@@ -121,10 +122,13 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     target = fragments.target
     texels = look_up(fragments, state, "normal_map.texture")
     fragments.normals = np.empty((len(fragments), 3), np.float32)
-    space = image_of(state, target, "normal_map.texture").space
+    image = image_of(state, target, "normal_map.texture")
+    space = image.space
     holder = fragments.drawn.material.normal_map
     assert holder is not None
     if space == "tangent":
+        if image.turn is not None and fragments.drawn.mesh.tangents is None:
+            texels[:, :2] = texels[:, :2] @ image_axes(image.turn)
         normals, corners = state.of(MESH_NORMALS, target)
         core.bend_normals(
             normals, corners, state.of(MESH_TANGENTS, target), fragments.faces,
