@@ -125,7 +125,10 @@ def test_a_surface_stays_one_where_it_cannot_come_down(quality):
     mesh = noise_surface(24, 0)
     low, report = simplify_with_report(mesh, 10, quality=quality)
     assert not report.reached
-    assert report.notes[-1] == f"its topology does not allow fewer than {low.n_faces} faces"
+    assert report.notes[-1] == (
+        f"its topology does not allow fewer than {low.n_faces} faces: its holes and tunnels stay; "
+        "remesh closes them"
+    )
     assert 10 < low.n_faces < 0.2 * mesh.n_faces
     assert_clean(low)
     assert topology(low)[1] > 0
@@ -434,6 +437,69 @@ def test_many_separate_parts_come_down_by_losing_the_small_ones(quality):
     low, report = simplify_with_report(mesh, 120, quality=quality)
     assert 0 < low.n_faces <= 120
     assert report.reached
+
+
+@BOTH
+def test_where_parts_must_go_most_faces_are_left_to_the_large_ones(quality):
+    ball, crumb = icosphere(4), icosphere(1)
+    places = np.random.default_rng(5).uniform(-2.0, 2.0, size=(200, 3))
+    mesh = Mesh(
+        positions=np.concatenate([ball.positions, *(0.01 * crumb.positions + p for p in places)]),
+        faces=np.concatenate(
+            [ball.faces]
+            + [crumb.faces + ball.n_vertices + crumb.n_vertices * i for i in range(200)]
+        ),
+    )
+    low, report = simplify_with_report(mesh, 400, quality=quality)
+    assert report.notes == ("small separate parts were dropped",)
+    assert 396 <= low.n_faces <= 400
+    parts, _ = face_components(low.faces, low.n_vertices)
+    # The crumbs could take up all faces, as tetrahedra.
+    assert np.bincount(parts).max() >= 300
+
+
+@BOTH
+@pytest.mark.parametrize("mesh", [icosphere(4), plane(30, 30), orange(70_000)])
+def test_the_winding_of_faces_changes_nothing_and_goes_with_them(mesh, quality):
+    mesh = mesh.replace(uvs=None, uv_faces=None)
+    turned = np.random.default_rng(3).uniform(size=mesh.n_faces) < 0.5
+    mixed = mesh.replace(faces=np.where(turned[:, None], mesh.faces[:, [0, 2, 1]], mesh.faces))
+    low, report = simplify_with_report(mixed, 300, quality=quality)
+    assert report.notes == ()
+    alike = simplify(mesh, 300, quality=quality)
+    corners = [m.positions[m.faces].tolist() for m in (low, alike)]
+    triangles = [{frozenset(map(tuple, face)) for face in faces} for faces in corners]
+    assert triangles[0] == triangles[1]
+    assert find_edges(low.faces).misoriented.any()
+
+
+@BOTH
+def test_texture_coordinates_without_any_area_are_left_out(quality):
+    mesh = icosphere(4)
+    uv_faces = np.random.default_rng(6).integers(0, 2, size=mesh.faces.shape)
+    low, report = simplify_with_report(
+        mesh.replace(uvs=[[0.0, 0.0], [0.1, 0.1]], uv_faces=uv_faces), 300, quality=quality
+    )
+    assert_same(low, simplify(mesh, 300, quality=quality))
+    assert report.notes == ("its texture coordinates, where no face has an area, were left out",)
+
+
+def test_fewer_faces_than_requested_are_explained():
+    # The walls between small cubes: every edge has four faces, and none collapses.
+    cell = cube()
+    places = np.stack(np.meshgrid(*3 * [np.arange(8.0)]), axis=-1).reshape(-1, 3)
+    size = np.ptp(cell.positions, axis=0)
+    mesh = Mesh(
+        positions=(cell.positions + size * places[:, None]).reshape(-1, 3),
+        faces=(cell.faces + cell.n_vertices * np.arange(512)[:, None, None]).reshape(-1, 3),
+    )
+    low, report = simplify_with_report(mesh, 1000)
+    assert 0 < low.n_faces < 990
+    assert report.notes == (
+        "its topology was given up: vertices were joined in clusters",
+        f"{low.n_faces} of the 1000 requested faces are left: a finer grid of clusters would leave "
+        "too many",
+    )
 
 
 @BOTH

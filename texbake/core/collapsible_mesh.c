@@ -33,37 +33,51 @@ int64_t list_corners(struct collapsible_mesh *mesh, int32_t vertex, int32_t *cor
     return n;
 }
 
-/* Whether the faces at these corners follow one another around their vertex, once. */
+/* Whether the faces at these corners follow one another around their vertex, once, whichever way each
+   of them is wound; `is_mixed` becomes true where two run along an edge the same way. */
 static enum vertex_kind kind_of(
-    const struct collapsible_mesh *mesh, int64_t n, const int32_t *corners)
+    const struct collapsible_mesh *mesh, int64_t n, const int32_t *corners, bool *is_mixed)
 {
     if (n == 0 || n > MOST_CORNERS)
         return COMPLEX;
-    int64_t start = 0, n_open = 0;
+    int32_t sides[2][MOST_CORNERS]; /* the neighbors that the face of each corner has */
+    for (int64_t i = 0; i < n; i++)
+        for (int side = 0; side < 2; side++)
+            sides[side][i] = vertex_after(mesh, corners[i], side + 1);
+    int64_t at = 0, n_open = 0;
+    int from = 0; /* the side that the walk around the vertex comes from */
+    bool runs_alike = false;
     for (int64_t i = 0; i < n; i++) {
-        int64_t n_before = 0;
-        for (int64_t j = 0; j < n; j++) {
-            n_before += vertex_after(mesh, corners[j], 2) == vertex_after(mesh, corners[i], 1);
-            if (j != i && vertex_after(mesh, corners[j], 1) == vertex_after(mesh, corners[i], 1))
+        for (int side = 0; side < 2; side++) {
+            int64_t n_alike = 0, n_against = 0;
+            for (int64_t j = 0; j < n; j++) {
+                n_alike += sides[side][j] == sides[side][i];
+                n_against += sides[!side][j] == sides[side][i];
+            }
+            if (n_alike + n_against > 2)
                 return COMPLEX;
-        }
-        if (n_before > 1)
-            return COMPLEX;
-        if (n_before == 0) {
-            start = i;
-            n_open++;
+            runs_alike = runs_alike || n_alike > 1;
+            if (n_alike + n_against == 1) {
+                at = i;
+                from = side;
+                n_open++;
+            }
         }
     }
-    int64_t at = start, n_steps = 0;
+    const int64_t start = at;
+    int64_t n_steps = 0;
     do {
-        const int32_t across = vertex_after(mesh, corners[at], 2);
-        at = 0;
-        while (at < n && vertex_after(mesh, corners[at], 1) != across)
-            at++;
+        const int32_t across = sides[!from][at];
+        int64_t next = 0;
+        while (next < n && (next == at || (sides[0][next] != across && sides[1][next] != across)))
+            next++;
         n_steps++;
+        at = next;
+        from = at < n && sides[0][at] != across;
     } while (at < n && at != start && n_steps <= n);
-    if (n_steps != n || n_open > 1)
+    if (n_steps != n || n_open > 2)
         return COMPLEX;
+    *is_mixed = *is_mixed || runs_alike;
     return n_open ? BOUNDARY : INTERIOR;
 }
 
@@ -76,6 +90,7 @@ void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh)
     mesh->kinds = TAKE(arena, uint8_t, n);
     mesh->marks = TAKE_ZEROS(arena, int32_t, n);
     mesh->mark = 0;
+    mesh->is_mixed = false;
     mesh->corners_u = TAKE(arena, int32_t, mesh->n_faces);
     mesh->corners_v = TAKE(arena, int32_t, mesh->n_faces);
     memset(mesh->first_corners, 0xFF, (size_t)n * sizeof(int32_t)); /* -1 */
@@ -86,7 +101,8 @@ void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh)
     }
     for (int32_t vertex = 0; vertex < n; vertex++) {
         const int64_t n_around = list_corners(mesh, vertex, mesh->corners_u);
-        mesh->kinds[vertex] = (uint8_t)kind_of(mesh, n_around, mesh->corners_u);
+        mesh->kinds[vertex] = (uint8_t)kind_of(
+            mesh, n_around, mesh->corners_u, &mesh->is_mixed);
     }
 }
 

@@ -26,6 +26,7 @@ struct collapsible_mesh {
     int32_t *next_corners; /* of the same vertex, -1 behind the last */
     int32_t *first_corners;
     uint8_t *kinds;
+    bool is_mixed; /* some neighboring faces face opposite sides */
     bool *is_fixed;  /* stays, and where it is */
     bool *is_shared; /* used by faces beyond this mesh; such vertices get no new edge between them */
     double least_cosine; /* between the normals of a face before and after */

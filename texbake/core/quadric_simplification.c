@@ -105,10 +105,11 @@ static double edge_weight(const struct collapsible_mesh *mesh, int32_t corner, i
     const int32_t head = face[(k + 1) % 3];
     for (int64_t i = 0; i < n; i++) {
         const int32_t other = mesh->corners_u[i], *wedges_across = mesh->wedges[other / 3];
-        if (mesh->faces[other / 3][(other % 3 + 2) % 3] != head)
+        const int step = vertex_after(mesh, other, 2) == head ? 2 : 1;
+        if (other == corner || vertex_after(mesh, other, step) != head)
             continue;
         const bool is_seam = wedges_across[other % 3] != wedges[k]
-            || wedges_across[(other % 3 + 2) % 3] != wedges[(k + 1) % 3];
+            || wedges_across[(other % 3 + step) % 3] != wedges[(k + 1) % 3];
         return is_seam ? SEAM_WEIGHT : 0.0;
     }
     return BOUNDARY_WEIGHT;
@@ -219,6 +220,12 @@ static inline double cost_of(
     return quadric_at(&s->quadrics[u], *place) + s->errors[v];
 }
 
+/* How many corners on from those of a vertex each of its neighbors is met. */
+static inline int steps_to_neighbors(const struct collapsible_mesh *mesh, int32_t vertex)
+{
+    return mesh->kinds[vertex] == INTERIOR && !mesh->is_mixed ? 1 : 2;
+}
+
 /* Set a vertex's cheapest collapse, of those that come after one that is not possible: of a higher
    cost, or of the same and a higher target. Returns its cost. */
 static double choose_target(struct simplification *s, int32_t u, double cost_before, int32_t before)
@@ -227,7 +234,7 @@ static double choose_target(struct simplification *s, int32_t u, double cost_bef
     double least = INFINITY;
     int32_t target = -1;
     const int64_t n = may_leave(s, u) ? list_corners(mesh, u, s->around) : 0;
-    const int n_steps = mesh->kinds[u] == INTERIOR ? 1 : 2; /* to reach each neighbor */
+    const int n_steps = steps_to_neighbors(mesh, u);
     for (int64_t i = 0; i < n; i++) {
         for (int step = 1; step <= n_steps; step++) {
             const int32_t v = vertex_after(mesh, s->around[i], step);
@@ -269,7 +276,7 @@ static void update_around(struct simplification *s, int32_t v)
 {
     struct collapsible_mesh *mesh = &s->mesh;
     const int64_t n = list_corners(mesh, v, mesh->corners_v);
-    const int n_steps = mesh->kinds[v] == INTERIOR ? 1 : 2;
+    const int n_steps = steps_to_neighbors(mesh, v);
     wait_again(s, v);
     for (int64_t i = 0; i < n; i++)
         for (int step = 1; step <= n_steps; step++)

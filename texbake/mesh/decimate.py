@@ -1,4 +1,4 @@
-"""Fewer faces of a vertex stream: collapsed edges, dropped shells, and clustered vertices.
+"""Fewer faces of a vertex stream: collapsed edges, dropped parts, and clustered vertices.
 
 Kernels: `core/quadric_simplification.c`, and for millions of faces
 `core/piecewise_simplification.c`.
@@ -10,6 +10,7 @@ complex scenes", Modeling in Computer Graphics 1993 (clusters).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,9 @@ _ERROR_SHIFT = 15  # bits of a float32 that two errors may differ in and count a
 
 # A boundary that would take up more than this part of the faces is simplified like the rest.
 _BOUNDARY_SHARE = 0.25
+
+# Parts that cannot all stay may take up these parts of the faces.
+_PARTS_SHARES = (0.25, 0.5, 1.0)
 
 _MOST_CELLS = 1 << 20  # a side of the grid that clusters vertices
 
@@ -218,20 +222,33 @@ def _rows_of_vertices(
     return rows.astype(np.int32), np.ascontiguousarray(values[ids])
 
 
-def drop_parts(stream: VertexStream, faces: IntArray, n_faces: int) -> IntArray:
-    """Drop shells, the smallest first, until at most `n_faces` are left; perhaps all."""
-    if len(faces) == 0:
-        return faces
-    corners = stream.position_ids[faces]
+def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
+    """Yield the stream without its smallest parts, with ever more of them.
+
+    Those that stay, each at the fewest faces that its topology allows, take up at most one of
+    `_PARTS_SHARES` of `n_faces`, so that the rest is left for their shapes.
+    """
+    corners = stream.vertices[0][stream.faces]
     parts, n_parts = face_components(corners, int(corners.max()) + 1)
+    if n_parts == 1:
+        return
+    part_of = np.zeros(len(stream.points), dtype=np.intp)
+    part_of[stream.faces] = parts[:, None]
+    fewest = np.bincount(part_of[collapse_stream(stream, 0)[:, 0]], minlength=n_parts)
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     for corner in range(3):
-        np.minimum.at(low, parts, stream.points[faces[:, corner]])
-        np.maximum.at(high, parts, stream.points[faces[:, corner]])
+        np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])
+        np.maximum.at(high, parts, stream.points[stream.faces[:, corner]])
     order = np.argsort(-(high - low).max(axis=1), kind="stable")
-    kept = np.zeros(n_parts, dtype=bool)
-    kept[order] = np.cumsum(np.bincount(parts, minlength=n_parts)[order]) <= n_faces
-    return faces[kept[parts]]
+    sums = np.cumsum(fewest[order])
+    n_before = 0
+    for share in _PARTS_SHARES:
+        n_kept = int(np.searchsorted(sums, share * n_faces, side="right"))
+        if n_before < n_kept < n_parts:
+            kept = np.zeros(n_parts, dtype=bool)
+            kept[order[:n_kept]] = True
+            yield stream.restricted(stream.faces[kept[parts]])
+        n_before = n_kept
 
 
 def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:

@@ -15,14 +15,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from texbake.errors import MeshError
 from texbake.mesh.decimate import (
     boundary_fits,
     bring_down,
     cluster_stream,
     collapse_stream,
-    drop_parts,
     move_and_collapse,
+    without_small_parts,
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.flat_shading import is_flat_shaded
@@ -39,14 +41,22 @@ from texbake.mesh.vertex_stream import (
 
 _GIVEN_UP = "too few faces to keep its"
 
+_DROPPED = "small separate parts were dropped"
+
 # A result this much under the count is tried again, this often at most.
-_SLACK = 0.02
+_SLACK = 0.01
 _TRIES = 6
 
 _COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
 
 # Share of the requested faces that an attempt must leave, or else further attempts are made.
 _ENOUGH = 0.75
+
+# An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
+_ABOUT_AS_CLOSE = 1.5
+
+_COLLAPSES, _CLUSTERS = "collapsed edges", "clustered vertices"
+_JOINED = "its topology was given up: vertices were joined in clusters"
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,9 @@ def reduced(mesh: Mesh, n_faces: int, quality: str, threads: int | None) -> Redu
     if is_flat_shaded(mesh, threads=threads):
         low = reduced(mesh.replace(normals=None, normal_faces=None), n_faces, quality, threads)
         return noted(low, "its normals are those of its facets: none of its edges counts as hard")
+    if _is_without_charts(mesh):
+        low = reduced(mesh.replace(uvs=None, uv_faces=None), n_faces, quality, threads)
+        return noted(low, "its texture coordinates, where no face has an area, were left out")
     start = bring_down(weld_corners(mesh, threads=threads), n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
         raise MeshError(
@@ -74,32 +87,70 @@ def reduced(mesh: Mesh, n_faces: int, quality: str, threads: int | None) -> Redu
     result = _fast(mesh, start, n_faces, threads)
     if quality == "best":
         result = _best(mesh, result, n_faces, threads)
-    least = result.mesh.n_faces
-    if least > n_faces:
-        result = noted(result, f"its topology does not allow fewer than {least} faces")
+    note = _why_not(result, n_faces)
+    if note is not None:
+        result = noted(result, note)
     return replace(result, mesh=with_nearest_attributes(result.mesh, mesh, threads))
 
 
-def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Reduction:
-    """The first attempt that comes close to the count from below, else the one nearest to it.
+def _is_without_charts(mesh: Mesh) -> bool:
+    """Whether no face has an area in texture space, so that there is nothing to keep apart."""
+    if mesh.uvs is None or mesh.uv_faces is None:
+        return False
+    uvs = mesh.uvs / (np.abs(mesh.uvs).max() or 1.0)  # whatever their size, no area overflows
+    a, b, c = (uvs[mesh.uv_faces[:, corner]] for corner in range(3))
+    areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return not areas.any()
 
-    Dropping separate parts can leave next to nothing of a mesh of many parts; clustering vertices
-    then keeps more of it.
+
+def _why_not(result: Reduction, n_faces: int) -> str | None:
+    """Why a result has more faces than requested, or fewer; None where it has as many."""
+    n_left = result.mesh.n_faces
+    if n_left > n_faces:
+        return (
+            f"its topology does not allow fewer than {n_left} faces: its holes and tunnels stay; "
+            "remesh closes them"
+        )
+    if n_left >= (1.0 - _SLACK) * n_faces:
+        return None
+    reason = "faces that came to lie on one another were dropped"
+    if result.method == _CLUSTERS:
+        reason = "a finer grid of clusters would leave too many"
+    return f"{n_left} of the {n_faces} requested faces are left: {reason}"
+
+
+def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Reduction:
+    """The first attempt that reaches the count and lies about as close as any that does.
+
+    What gives up nothing is taken at once. Else measuring decides, because none of the sacrifices
+    is always the lesser one: of a mesh of many parts, dropping parts can leave next to nothing.
     """
     results: list[Reduction] = []
     for stream, reduce, method, notes in _attempts(mesh, start, n_faces, threads):
-        low = _reduce_to(mesh, stream, reduce, n_faces)
+        low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
         if low is None:
             continue
         results.append(Reduction(low, stream, method, notes, gave_up=bool(notes)))
-        if _ENOUGH * n_faces <= low.n_faces <= n_faces:
+        if not notes and _ENOUGH * n_faces <= low.n_faces <= n_faces:
             return results[-1]
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
-    if reached:
-        result = max(reached, key=lambda result: result.mesh.n_faces)
-        few = f"only {result.mesh.n_faces} of the {n_faces} requested faces are left"
-        return result if 2 * result.mesh.n_faces > n_faces else noted(result, few)
-    return min(results, key=lambda result: result.mesh.n_faces)
+    if len(reached) < 2:
+        return min(results, key=lambda result: result.mesh.n_faces)
+    distances = [_compared_distance(mesh, result.mesh, threads) for result in reached]
+    good = _ABOUT_AS_CLOSE * min(distances)
+    return next(
+        result for result, distance in zip(reached, distances, strict=True) if distance <= good
+    )
+
+
+def _gathered(
+    mesh: Mesh, stream: VertexStream, reduce: Callable[[int], IntArray], n_faces: int
+) -> Mesh | None:
+    return gather(mesh, stream, reduce(n_faces))
+
+
+def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> float:
+    return surface_distance(mesh, low, n_samples=_COMPARED, threads=threads).rms
 
 
 def noted(result: Reduction, note: str) -> Reduction:
@@ -112,42 +163,33 @@ def _attempts(
 ) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
     """Yield attempts to reach the count, each giving up more than the one before, with notes.
 
-    Clusters of vertices are the last one. They are not for an oriented surface, because they seldom
-    leave one.
+    Clusters of vertices are the last one, and not for a surface: they seldom leave one.
     """
     notes: tuple[str, ...] = ()
     while True:
         collapse = partial(collapse_stream, stream)
         if boundary_fits(stream, n_faces):
-            yield stream, partial(collapse, lock_boundary=True), "collapsed edges", notes
-        yield stream, collapse, "collapsed edges", notes
-        pruned = (*notes, "small separate parts were dropped")
-        yield stream, partial(_pruned, stream), "collapsed edges, dropped parts", pruned
+            yield stream, partial(collapse, lock_boundary=True), _COLLAPSES, notes
+        yield stream, collapse, _COLLAPSES, notes
+        for large in without_small_parts(stream, n_faces):
+            yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
         if not stream.has_seams:
             break
         notes = (f"{_GIVEN_UP} {_seams(stream)}",)
         welded = weld_positions(mesh, threads=threads)
         stream = bring_down(welded, n_faces, threads=threads)
     edges = find_edges(stream.position_ids[stream.faces])
-    if edges.non_manifold.any() or edges.misoriented.any():
-        clustered = (*notes, "its topology was given up: vertices were joined in clusters")
-        yield stream, partial(cluster_stream, stream), "clustered vertices", clustered
-    yield stream, lambda _: stream.faces, "unchanged", notes
+    if edges.non_manifold.any():
+        yield stream, partial(cluster_stream, stream), _CLUSTERS, (*notes, _JOINED)
+    yield stream, lambda _: stream.faces, _COLLAPSES, notes
 
 
-def _pruned(stream: VertexStream, n_faces: int) -> IntArray:
-    """Collapse, and drop parts of what cannot come down to the count."""
-    return drop_parts(stream, collapse_stream(stream, n_faces), n_faces)
-
-
-def _reduce_to(
-    mesh: Mesh, stream: VertexStream, reduce: Callable[[int], IntArray], n_faces: int
-) -> Mesh | None:
-    """Reduce to the count, asking for more where degenerate faces or clusters leave fewer."""
+def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:
+    """Return what `make` makes of the count, or of more where that leaves fewer."""
     nearest: Mesh | None = None
     n_asked = n_faces
     for _ in range(_TRIES):
-        low = gather(mesh, stream, reduce(n_asked))
+        low = make(n_asked)
         n_left = 0 if low is None else low.n_faces
         if low is not None and (nearest is None or nearest.n_faces < n_left <= n_faces):
             nearest = low
@@ -174,20 +216,24 @@ def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -
         if welded is None:
             return None
         mesh, start = welded, weld_positions(welded, threads=threads)
-    moved = move_and_collapse(mesh, start, n_faces, lock_boundary=boundary_fits(start, n_faces))
-    corners = Mesh(
-        positions=LocalFrame.around(mesh).to_model(moved.points),
-        faces=moved.stream.position_ids[moved.stream.faces],
-        uvs=moved.uvs,
-        uv_faces=None if moved.stream.uv_ids is None else moved.stream.uv_ids[moved.stream.faces],
-        normals=moved.normals,
-        normal_faces=None
-        if moved.stream.normal_ids is None
-        else moved.stream.normal_ids[moved.stream.faces],
-        group_names=mesh.group_names,
-        name=mesh.name,
-    )
-    return gather(corners, moved.stream, moved.stream.faces)
+    locks = boundary_fits(start, n_faces)
+
+    def make(n_asked: int) -> Mesh | None:
+        moved = move_and_collapse(mesh, start, n_asked, lock_boundary=locks)
+        ids, faces = moved.stream, moved.stream.faces
+        corners = Mesh(
+            positions=LocalFrame.around(mesh).to_model(moved.points),
+            faces=ids.position_ids[faces],
+            uvs=moved.uvs,
+            uv_faces=None if ids.uv_ids is None else ids.uv_ids[faces],
+            normals=moved.normals,
+            normal_faces=None if ids.normal_ids is None else ids.normal_ids[faces],
+            group_names=mesh.group_names,
+            name=mesh.name,
+        )
+        return gather(corners, ids, faces)
+
+    return _brought_to(n_faces, make)
 
 
 def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Reduction:
@@ -197,13 +243,12 @@ def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Red
     low = _moved(mesh, start, n_faces, threads)
     if low is None:
         return fast
-    given_up = tuple(note for note in fast.notes if note.startswith(_GIVEN_UP))
+    given_up = tuple(note for note in fast.notes if note != _JOINED)
     moved_result = Reduction(low, start, "moved vertices", given_up, gave_up=bool(given_up))
     results = [fast, moved_result]
 
     def order(result: Reduction) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)
-        distance = surface_distance(mesh, result.mesh, n_samples=_COMPARED, threads=threads)
-        return beyond, distance.rms
+        return beyond, _compared_distance(mesh, result.mesh, threads)
 
     return min(results, key=order)

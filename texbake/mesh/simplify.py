@@ -104,9 +104,11 @@ def simplify(
     Boundaries, seams of texture coordinates, hard edges (where the mesh's own normals differ at one
     position) and borders between groups are kept, as long as the count can be reached with them.
     Where it cannot, they are given up in this order: a locked boundary, small separate parts, seams
-    and hard edges with their attributes, and, of a mesh with non-manifold or misoriented edges, the
-    topology; the report of `simplify_with_report` says which. An oriented surface stays one: where
-    its tunnels need more faces than `n_faces`, it keeps more.
+    and hard edges with their attributes, and, of a mesh with non-manifold edges, the topology;
+    whichever comes first of those that bring the result about as close to the mesh as any does. The
+    report of `simplify_with_report` says which. A surface stays one, however its faces are wound:
+    where its tunnels need more faces than `n_faces`, it keeps more. Texture coordinates where no
+    face has an area are left out.
 
     Parameters
     ----------
