@@ -32,8 +32,8 @@ def convert(source: Path, target: Path, terminal: Terminal, **options: Any) -> N
     """Write the mesh in SOURCE in the format of TARGET.
 
     Keeps texture coordinates, normals, groups and vertex colors where the format has them. A GLB
-    file keeps the materials of a glTF, OBJ or FBX file with their images. An OBJ file keeps those
-    channels that .mtl files have; that file and the images stand beside it. A warning names what is
-    lost.
+    file keeps the materials of a glTF, OBJ, FBX or USD file with their images. An OBJ file keeps
+    those channels that .mtl files have; that file and the images stand beside it. A warning names
+    what is lost.
     """
     moved(source, target, texbake.TransformOptions(**options), terminal)

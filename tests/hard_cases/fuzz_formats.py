@@ -135,7 +135,7 @@ def _mtl_seed(path: Path) -> None:
 
 
 def _materials_seed(suffix: str) -> Maker:
-    """GLB with a texture of its own for each channel."""
+    """A mesh with a texture for each channel."""
 
     def make(path: Path) -> None:
         from texbake import write_image, write_mesh
@@ -143,7 +143,7 @@ def _materials_seed(suffix: str) -> Maker:
 
         image = path.with_name("image.png")
         write_image(np.full((2, 2, 3), 0.5, np.float32), image)
-        whole = path.with_suffix(".glb")
+        whole = path.with_suffix(".glb") if suffix == ".gltf" else path
         write_mesh(uv_sphere(3, 4), whole, normal_map=image, base_color=image, orm=image)
         if suffix == ".gltf":
             _unpacked(whole, path)
@@ -346,6 +346,7 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "gltf materials": (".gltf", _materials_seed(".gltf"), _read_all),
     "glb scene": (".glb", _mesh_seed, _read_scene),
     "gltf scene": (".gltf", _gltf_seed, _read_scene),
+    "gltf materials scene": (".gltf", _materials_seed(".gltf"), _read_scene),
     "png 8": (".png", _image_seed(3, 8), _read_image),
     "png 16": (".png", _image_seed(1, 16), _read_image),
     "exr": (".exr", _image_seed(3, 16), _read_image),
@@ -369,6 +370,7 @@ FORMATS |= {
 if find_spec("pxr") is not None:
     FORMATS |= {
         "usda": (".usda", _mesh_seed, _read_mesh),
+        "usda materials": (".usda", _materials_seed(".usda"), _read_all),
         "usdc": (".usdc", _mesh_seed, _read_mesh),
         "usd": (".usd", _mesh_seed, _read_mesh),
         "usdz": (".usdz", _mesh_seed, _read_mesh),

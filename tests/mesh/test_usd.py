@@ -346,6 +346,14 @@ def test_more_values_than_corners_are_one_clear_line(stage_file):
         read_usd(stage_file(body))
 
 
+def test_a_complaint_that_quotes_the_file_is_cut(stage_file):
+    """There is one for each byte of the file, as long as the file; all of them took seconds."""
+    path = stage_file("float3[] x = [(" + "3, " * 40 + "[" * 40 + ": '" * 100_000)
+    with pytest.raises(FileFormatError) as caught:
+        read_usd(path)
+    assert len(str(caught.value)) < 400 + len(str(path))
+
+
 def test_text_that_is_not_utf8_is_one_clear_line(stage_file):
     path = stage_file()
     path.write_bytes(path.read_bytes().replace(b"faceVertexCounts", b"face\xffCounts"))

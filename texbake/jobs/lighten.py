@@ -164,7 +164,7 @@ def lighten_file(
     Parameters
     ----------
     model
-        A model with materials: glTF, FBX or OBJ. One without any gets a normal map alone.
+        A model with materials: glTF, FBX, OBJ or USD. One without any gets a normal map alone.
     output
         A .glb file.
     options

@@ -277,11 +277,12 @@ _READERS = {
     ".glb": ("gltf_materials", "read_gltf_materials"),
     ".gltf": ("gltf_materials", "read_gltf_materials"),
     ".fbx": ("fbx_materials", "read_fbx_materials"),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), ("usd_materials", "read_usd_materials")),
 }
 
 
 def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
-    """Read the materials of a mesh file: of OBJ with its .mtl files, glTF and FBX.
+    """Read the materials of a mesh file: of OBJ with its .mtl files, glTF, FBX and USD.
 
     Parameters
     ----------

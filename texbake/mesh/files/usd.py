@@ -18,6 +18,7 @@ Based on: Pixar, "Universal Scene Description", UsdGeom, release 26.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -62,27 +63,46 @@ def read_usd(path: PathLike) -> Mesh:
     """
     stage = open_stage(path)
     with reporting_damage(path):
-        parts = _read_parts(path, stage)
+        parts = read_parts(path, stage)
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    return join_parts(parts, Path(path).name)
+    return join_parts([part.mesh for part in parts], Path(path).name)
 
 
-def _read_parts(path: PathLike, stage: Any) -> list[Mesh]:
-    """Meshes of a stage, in world space."""
+@dataclass(frozen=True, eq=False)
+class UsdPart:
+    """A mesh of a stage.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        In world space.
+    prim
+        That of the mesh.
+    holders : tuple
+        Prim of each group: a subset, or that of the mesh.
+    """
+
+    mesh: Mesh
+    prim: Any
+    holders: tuple[Any, ...]
+
+
+def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
+    """Meshes of a stage that have faces."""
     to_world = _world_matrix(stage)
     parts = []
     n_corners = 0
     placed = list(_placed_meshes(stage))
     for prim, matrix in placed:
-        mesh = _read_mesh(path, prim, is_alone=len(placed) == 1)
-        if mesh is None:
+        part = _read_mesh(path, prim, is_alone=len(placed) == 1)
+        if part is None:
             continue
-        n_corners += max(mesh.faces.size, mesh.n_vertices)
+        n_corners += max(part.mesh.faces.size, part.mesh.n_vertices)
         if n_corners > _MAX_CORNERS:
             raise FileFormatError(f"{path}: it places more triangles than 32-bit indices can count")
         with np.errstate(over="ignore", invalid="ignore"):
-            parts.append(transformed(mesh, to_world @ matrix))
+            parts.append(replace(part, mesh=transformed(part.mesh, to_world @ matrix)))
     return parts
 
 
@@ -125,7 +145,7 @@ def _is_hidden(prim: Any) -> bool:
     return visibility == "invisible" or purpose in ("guide", "proxy")
 
 
-def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
+def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
     """One mesh in its own space, or None where it has no face."""
     from pxr import Usd, UsdGeom
 
@@ -157,38 +177,41 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> Mesh | None:
         slots=slots,
         n_points=len(points),
     )
-    groups, names = _groups(path, prim, len(counts), "" if is_alone else f"{_name(prim)}/")
-    return Mesh(
+    groups, holders = _groups(path, prim, len(counts))
+    prefix = "" if is_alone else f"{_name(prim)}/"
+    names = [_name(prim) if holder == prim else f"{prefix}{_name(holder)}" for holder in holders]
+    mesh = Mesh(
         positions=points,
         faces=point_of[slots].astype(np.int32),
         face_groups=groups[polygons].astype(np.int32),
-        group_names=names,
+        group_names=tuple(names),
         name=Path(path).name,
         **read_primvars(prim, corners),
         **read_colors(prim, corners),
     )
+    return UsdPart(mesh, prim, holders)
 
 
 def _groups(
-    path: PathLike, prim: Any, n_polygons: int, prefix: str
-) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
-    """Group of each polygon: its subset, else the mesh itself; and the names of those."""
+    path: PathLike, prim: Any, n_polygons: int
+) -> tuple[npt.NDArray[np.int64], tuple[Any, ...]]:
+    """Group of each polygon, and the prims of the groups: subsets, else the mesh itself."""
     from pxr import Usd, UsdGeom
 
     time = Usd.TimeCode.EarliestTime()
     groups = np.full(n_polygons, -1)
-    names: list[str] = []
+    holders: list[Any] = []
     for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)):
         if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
             continue
         faces = _integers(path, subset.GetIndicesAttr().Get(time))
         faces = faces[(faces >= 0) & (faces < n_polygons)]
-        groups[faces] = len(names)
-        names.append(f"{prefix}{_name(subset.GetPrim())}")
+        groups[faces] = len(holders)
+        holders.append(subset.GetPrim())
     if (groups < 0).any():
-        groups[groups < 0] = len(names)
-        names.append(_name(prim))
-    return groups, tuple(names)
+        groups[groups < 0] = len(holders)
+        holders.append(prim)
+    return groups, tuple(holders)
 
 
 def _name(prim: Any) -> str:

@@ -5,7 +5,6 @@ usd-core, Pixar's own wheel, is optional: `pip install 'texbake[usd]'`.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -95,16 +94,19 @@ def numbers_of(path: PathLike, values: Any, kind: type[np.generic]) -> npt.NDArr
         ) from None
 
 
+_LONGEST = 200  # characters of a reason
+
+
 def _reason(error: Exception) -> str:
-    """Return what the library complained of first, without its own places in its sources."""
+    """Return what the library complained of first, and of that the beginning.
+
+    There may be a complaint for each byte of the file, each as long as the file.
+    """
     try:
-        complaint = str(error).strip()
+        complaint = str(getattr(error.args[0], "commentary", error))
     except UnicodeDecodeError:  # it repeats what it could not read
         complaint = "it holds text that is not UTF-8"
-    said = re.search(r" : '(.*?)'\s*$", complaint, re.DOTALL)
-    words = said[1] if said else complaint
-    first = words.split("Error in '")[0]
-    return " ".join(first.split()).strip("'") or "no reason was given"
+    return " ".join(complaint[:_LONGEST].split()) or "no reason was given"
 
 
 # Types of texture coordinates; the dedicated types come first.
@@ -148,7 +150,7 @@ class UsdCorners:
 def read_primvars(prim: Any, corners: UsdCorners) -> dict[str, Any]:
     """Fields of `Mesh` for texture coordinates, normals and tangents, those that there are."""
     fields: dict[str, Any] = {}
-    uvs = _values(prim, _texture_coordinates(prim), corners, 2)
+    uvs = _values(prim, texture_coordinates(prim), corners, 2)
     if uvs is not None:
         fields["uvs"], fields["uv_faces"] = uvs
     normals = _values(prim, _normals(prim), corners, 3)
@@ -185,7 +187,7 @@ def _primvar(prim: Any, name: str) -> Any:
     return primvar if primvar and primvar.HasValue() else None
 
 
-def _texture_coordinates(prim: Any) -> Any:
+def texture_coordinates(prim: Any) -> Any:
     """Return the primvar `st`, else the first that has two floats a corner; None where none."""
     from pxr import UsdGeom
 

@@ -1,0 +1,295 @@
+"""Materials of USD files: UsdPreviewSurface, with the images that its inputs read.
+
+A material of another shader is read as one without channels, which is noted; so is an image that is
+missing, or lies on other texture coordinates than those of the mesh. Diffuse colors are read as
+base colors. Specular colors, and what is added to images, are left out.
+
+Based on: Pixar, "UsdPreviewSurface Specification", version 2.6.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from texbake.errors import FileError
+from texbake.files import PathLike
+from texbake.mesh.files.source import map_file
+from texbake.mesh.files.usd import UsdPart, read_parts
+from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
+from texbake.mesh.materials import (
+    CHANNELS,
+    UNPLACED,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+    Placing,
+)
+from texbake.mesh.mesh import Mesh
+
+# Inputs of the surface by channels, and their defaults.
+_INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
+    "base-color": ("diffuseColor", (0.18, 0.18, 0.18)),
+    "alpha": ("opacity", (1.0,)),
+    "metallic": ("metallic", (0.0,)),
+    "roughness": ("roughness", (0.5,)),
+    "occlusion": ("occlusion", (1.0,)),
+    "emissive": ("emissiveColor", (0.0, 0.0, 0.0)),
+    "normal": ("normal", (0.0, 0.0, 1.0)),
+    "clearcoat": ("clearcoat", (0.0,)),
+    "clearcoat-roughness": ("clearcoatRoughness", (0.01,)),
+}
+# Channels that another default of a mesh's material makes necessary.
+_ALWAYS = ("base-color", "metallic", "roughness")
+_COMPONENTS = {"r": (0,), "g": (1,), "b": (2,), "a": (3,), "rgb": (0, 1, 2)}
+# Black is the edge of most images that are meant to end there.
+_WRAPS = {"clamp": "clamp", "black": "clamp", "mirror": "mirror"}
+_BEYOND = 1e30  # what no number of a material is
+
+
+def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+    """Read the materials of a USD file; None where no face has one.
+
+    Raises
+    ------
+    DependencyError
+        usd-core is not installed.
+    FileError
+        The file is missing.
+    FileFormatError
+        It is not USD, or it is damaged.
+    """
+    from pxr import UsdGeom
+
+    stage = open_stage(path)
+    with reporting_damage(path):
+        parts = read_parts(path, stage)
+        # The groups of the mesh are those of its parts, in this order.
+        holders = [holder for part in parts for holder in part.holders]
+        if mesh.face_groups is None or len(holders) != len(mesh.group_names):
+            return None
+        bound = [_bound_material(stage, holder) for holder in holders]
+        paths = [str(material.GetPath()) if material else "" for material in bound]
+        if not any(paths):
+            return None
+        reader = _MaterialReader(path, _coordinates(parts))
+        found = dict(zip(paths, bound, strict=True))
+        sides = [UsdGeom.Mesh(part.prim).GetDoubleSidedAttr().Get() for part in parts]
+        owners = [both for part, both in zip(parts, sides, strict=True) for _ in part.holders]
+        double_sided = {name for name, both in zip(paths, owners, strict=True) if both}
+        materials = tuple(
+            replace(reader.material(material), is_double_sided=name in double_sided)
+            for name, material in found.items()
+        )
+    numbers = {name: i for i, name in enumerate(found)}
+    of_groups = np.array([numbers[name] for name in paths], dtype=np.int32)
+    return Materials(
+        face_materials=of_groups[mesh.face_groups],
+        materials=materials,
+        missing=tuple(reader.missing),
+    )
+
+
+def _bound_material(stage: Any, prim: Any) -> Any:
+    """Material of a prim: its own, or that of the prim above it that is nearest or says it is.
+
+    Not by the library's own search, which prints a warning for each prim of older files.
+    """
+    from pxr import UsdShade
+
+    found = None
+    while prim and not prim.IsPseudoRoot():
+        binding = prim.GetRelationship("material:binding")
+        targets = binding.GetTargets() if binding else ()
+        material = UsdShade.Material(stage.GetPrimAtPath(targets[0])) if targets else None
+        if material and (found is None or _is_stronger(binding)):
+            found = material
+        prim = prim.GetParent()
+    return found
+
+
+def _is_stronger(binding: Any) -> bool:
+    """Whether a binding stands above those of the prims below it."""
+    from pxr import UsdShade
+
+    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(binding)
+    return bool(strength == UsdShade.Tokens.strongerThanDescendants)
+
+
+def _coordinates(parts: list[UsdPart]) -> set[str]:
+    """Names of the primvars that are the texture coordinates of the mesh."""
+    primvars = [texture_coordinates(part.prim) for part in parts]
+    return {str(primvar.GetPrimvarName()) for primvar in primvars if primvar is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class _MaterialReader:
+    """Reads the materials of a stage.
+
+    Attributes
+    ----------
+    path : path-like
+    coordinates : set of str
+        Primvars of the texture coordinates of the mesh.
+    missing : list of (str, str)
+        What could not be read, as in `Materials`; appended to.
+    """
+
+    path: PathLike
+    coordinates: set[str]
+    missing: list[tuple[str, str]] = field(default_factory=list)
+
+    def material(self, material: Any) -> MeshMaterial:
+        """Read a material; one without channels where there is none, or no preview surface."""
+        if not material:
+            return MeshMaterial(name="default")
+        prim = material.GetPrim()
+        name = str(prim.GetDisplayName() or prim.GetName())
+        surface = material.ComputeSurfaceSource()[0]
+        kind = surface.GetIdAttr().Get() if surface else None
+        if kind != "UsdPreviewSurface":
+            shader = f"its shader {kind} is not" if kind else "it has no shader that is"
+            self.missing.append(("", f"{name}: {shader} read"))
+            return MeshMaterial(name=name)
+        channels = {}
+        for channel, (input_name, default) in _INPUTS.items():
+            source = self._source(name, channel, surface.GetInput(input_name), default)
+            is_set = source.image is not None or source.factor != CHANNELS[channel].default
+            if channel in _ALWAYS or is_set:
+                channels[channel] = source
+        if "clearcoat" not in channels:
+            channels.pop("clearcoat-roughness", None)
+        if "normal" in channels and channels["normal"].image is None:
+            del channels["normal"]
+        cutoff = _numbers(_value(surface.GetInput("opacityThreshold")), (0.0,))[0]
+        mode = "blend" if "alpha" in channels else "opaque"
+        return MeshMaterial(
+            name=name,
+            channels=channels,
+            alpha_mode="mask" if cutoff > 0.0 and mode == "blend" else mode,
+            alpha_cutoff=min(cutoff, 1.0) if cutoff > 0.0 else 0.5,
+        )
+
+    def _source(
+        self, material: str, channel: str, source: Any, default: tuple[float, ...]
+    ) -> ChannelSource:
+        """Return where a channel comes from: a value, or an image."""
+        shader, output = _producer(source)
+        if shader is None:
+            values = _numbers(_value(source), default)
+            bound = 1.0 if CHANNELS[channel].is_bounded else _BEYOND
+            if channel == "normal":
+                return ChannelSource(values)
+            return ChannelSource(tuple(min(max(value, 0.0), bound) for value in values))
+        image = self._image(channel, shader, output)
+        if isinstance(image, str):
+            fallback = _numbers(_value(shader.GetInput("fallback")), (*default, 1.0, 1.0, 1.0)[:4])
+            self.missing.append((channel, f"{material}: {image}"))
+            return ChannelSource(fallback[: len(default)])
+        scale = _numbers(_value(shader.GetInput("scale")), (1.0,) * 4)
+        factor = tuple(scale[i] for i in image.components)
+        bias = _numbers(_value(shader.GetInput("bias")), (0.0,) * 4)
+        added = tuple(bias[i] for i in image.components)
+        if channel == "normal":
+            # texel scale + bias is (2 texel - 1) scale / 2, as the images of normals are coded.
+            is_coded = added == tuple(-0.5 * value for value in factor)
+            factor = tuple(0.5 * value for value in factor) if is_coded else (1.0, 1.0, 1.0)
+        elif any(added):
+            line = f"{material}: what is added to the image of its {channel} is left out"
+            self.missing.append((channel, line))
+        return ChannelSource(factor, image)
+
+    def _image(self, channel: str, shader: Any, output: str) -> ChannelImage | str:
+        """Read the image of a texture, or say why there is none."""
+        kind = shader.GetIdAttr().Get()
+        components = _COMPONENTS.get(output)
+        if kind != "UsdUVTexture" or components is None:
+            return f"its shader {kind} is not read"
+        n = len(CHANNELS[channel].default)
+        components = components if len(components) == n else components[:1] * n
+        placing, primvar = _placed(shader.GetInput("st"))
+        if primvar is not None and primvar not in self.coordinates:
+            return f"its image lies on {primvar!r}, and the mesh has other texture coordinates"
+        asset = _value(shader.GetInput("file"))
+        resolved = str(getattr(asset, "resolvedPath", ""))
+        named = str(getattr(asset, "path", ""))
+        data = _asset_bytes(resolved) if resolved else b""
+        if not data:
+            return f"its image {named!r} is missing"
+        u, v = (
+            _WRAPS.get(str(_value(shader.GetInput(axis))), "repeat") for axis in ("wrapS", "wrapT")
+        )
+        return ChannelImage(
+            data=data, name=resolved, components=components, wraps=(u, v), placing=placing
+        )
+
+
+def _producer(source: Any) -> tuple[Any, str]:
+    """Shader whose output an input is connected to, and the output's name; None where none."""
+    from pxr import UsdShade
+
+    attributes = source.GetValueProducingAttributes() if source else ()
+    for attribute in attributes:
+        name, kind = UsdShade.Utils.GetBaseNameAndType(attribute.GetName())
+        if kind == UsdShade.AttributeType.Output:
+            return UsdShade.Shader(attribute.GetPrim()), str(name)
+    return None, ""
+
+
+def _value(source: Any) -> Any:
+    """Value of an input, also of one that an input of the material sets; None where none."""
+    from pxr import Usd
+
+    attributes = source.GetValueProducingAttributes() if source else ()
+    return attributes[0].Get(Usd.TimeCode.EarliestTime()) if attributes else None
+
+
+def _numbers(value: Any, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Return as many numbers as the default has; the default where they are no such numbers."""
+    values = (value,) if isinstance(value, int | float) else value
+    try:
+        numbers = tuple(float(number) for number in values)
+    except (TypeError, ValueError):
+        return default
+    is_sound = len(numbers) == len(default) and all(abs(number) < _BEYOND for number in numbers)
+    return numbers if is_sound else default
+
+
+def _placed(source: Any) -> tuple[Placing, str | None]:
+    """Transform of the coordinates that a texture reads, and the primvar that they come from."""
+    placing, primvar = UNPLACED, None
+    shader, _ = _producer(source)
+    if shader is not None and shader.GetIdAttr().Get() == "UsdTransform2d":
+        scale = _numbers(_value(shader.GetInput("scale")), (1.0, 1.0))
+        (angle,) = _numbers(_value(shader.GetInput("rotation")), (0.0,))
+        x, y = _numbers(_value(shader.GetInput("translation")), (0.0, 0.0))
+        sin, cos = math.sin(math.radians(angle)), math.cos(math.radians(angle))
+        placing = (
+            (cos * scale[0], -sin * scale[1], x),
+            (sin * scale[0], cos * scale[1], y),
+        )
+        shader, _ = _producer(shader.GetInput("in"))
+    if shader is not None and shader.GetIdAttr().Get() == "UsdPrimvarReader_float2":
+        name = _value(shader.GetInput("varname"))
+        primvar = str(name) if name else None
+    return placing, primvar
+
+
+def _asset_bytes(resolved: str) -> bytes:
+    """Content of an image beside the file, or in a package; empty where there is none."""
+    from pxr import Ar
+
+    try:
+        if not Ar.IsPackageRelativePath(resolved):
+            return map_file(resolved).tobytes()
+        asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
+        if not asset:
+            return b""
+        with asset:
+            return bytes(asset.GetBuffer())
+    except FileError:
+        return b""
