@@ -385,6 +385,39 @@ def test_too_few_faces_for_the_seams_are_said_to_be():
 
 
 @BOTH
+def test_seams_are_kept_or_dropped_as_asked(quality):
+    # Every face its own island in texture space: no edge is free to collapse.
+    mesh = icosphere(4)
+    uvs = np.random.default_rng(1).uniform(size=(3 * mesh.n_faces, 2))
+    mesh = mesh.replace(uvs=uvs, uv_faces=np.arange(3 * mesh.n_faces).reshape(-1, 3))
+    auto, of_auto = simplify_with_report(mesh, 100, quality=quality)
+    assert auto.n_faces == 100 and auto.uvs is None
+    assert of_auto.notes == ("too few faces to keep its texture coordinates",)
+    kept, of_kept = simplify_with_report(mesh, 100, quality=quality, seams="keep")
+    assert kept.uvs is not None and kept.n_faces > 100 and not of_kept.reached
+    assert of_kept.notes == (
+        f"its texture coordinates and topology do not allow fewer than {kept.n_faces} faces",
+    )
+    dropped, of_dropped = simplify_with_report(mesh, 2000, quality=quality, seams="drop")
+    assert dropped.n_faces == 2000 and dropped.uvs is None and of_dropped.notes == ()
+    with pytest.raises(OptionError, match="auto, keep, drop"):
+        simplify(mesh, 100, seams="none")
+
+
+def test_kept_texture_coordinates_outlive_hard_edges():
+    mesh = icosphere(3)
+    # A flat normal for every other face, on a surface that is not flat-shaded as a whole.
+    corners = np.where((np.arange(mesh.n_faces) % 2 == 0)[:, None], mesh.faces[:, :1], mesh.faces)
+    mesh = mesh.replace(
+        normals=mesh.positions, normal_faces=corners, uvs=mesh.positions[:, :2], uv_faces=mesh.faces
+    )
+    low, report = simplify_with_report(mesh, 100, seams="keep")
+    assert (low.n_faces, low.normals) == (100, None)
+    assert low.uvs is not None
+    assert report.notes == ("too few faces to keep its hard edges",)
+
+
+@BOTH
 def test_groups_and_colors_follow(quality):
     mesh = icosphere(4)
     centers = mesh.positions[mesh.faces].mean(axis=1)

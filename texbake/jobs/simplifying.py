@@ -18,7 +18,7 @@ from texbake.jobs.outputs import (
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, check_target
+from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
 from texbake.progress import ProgressSink
 
 
@@ -29,6 +29,7 @@ def simplify_file(
     *,
     error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
+    seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
     report: PathLike | None = None,
     threads: int | None = None,
@@ -41,7 +42,7 @@ def simplify_file(
     mesh
     output
         The low-poly mesh; it may replace `mesh`.
-    n_faces, error, quality, threads, progress
+    n_faces, error, quality, seams, threads, progress
         As for `simplify`.
     orientation
         `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
@@ -56,6 +57,7 @@ def simplify_file(
         [(n_faces, output)],
         error=error,
         quality=quality,
+        seams=seams,
         orientation=orientation,
         threads=threads,
         progress=progress,
@@ -72,18 +74,22 @@ def simplify_levels(
     *,
     error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
+    seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> list[JobResult[SimplifyReport]]:
     """Write several levels of detail of a mesh file.
 
+    Levels of an unwrapped mesh share its texture coordinates, so that the maps baked for it fit
+    all of them; `seams="keep"` lets no level lose them.
+
     Parameters
     ----------
     mesh
     levels
         Number of triangles and file of each level; without a number, as few as `error` allows.
-    error, quality, orientation, threads, progress
+    error, quality, seams, orientation, threads, progress
         As for `simplify_file`.
     """
     from texbake.raycast.orient import oriented
@@ -96,7 +102,13 @@ def simplify_levels(
     for n_faces, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
         low, figures = simplify_with_report(
-            high, n_faces, error=error, quality=quality, threads=threads, progress=progress
+            high,
+            n_faces,
+            error=error,
+            quality=quality,
+            seams=seams,
+            threads=threads,
+            progress=progress,
         )
         write_mesh(low, output)
         figures = replace(figures, notes=(*turned.notes, *figures.notes))

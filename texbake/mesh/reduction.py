@@ -30,6 +30,7 @@ from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.flat_shading import is_flat_shaded
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.simplify_options import DEFAULT_SEAMS
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes
 from texbake.mesh.vertex_stream import (
@@ -71,10 +72,16 @@ class Reduction:
     distance: SurfaceDistance | None = None  # where it was measured
 
 
-def reduced(mesh: Mesh, n_faces: int, quality: str, threads: int | None) -> Reduction:
+def reduced(
+    mesh: Mesh, n_faces: int, quality: str, threads: int | None, seams: str = DEFAULT_SEAMS
+) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible."""
+    if seams == "drop" and mesh.uvs is not None:
+        mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
-        low = reduced(mesh.replace(normals=None, normal_faces=None), n_faces, quality, threads)
+        low = reduced(
+            mesh.replace(normals=None, normal_faces=None), n_faces, quality, threads, seams
+        )
         return noted(low, "its normals are those of its facets: none of its edges counts as hard")
     if _is_without_charts(mesh):
         low = reduced(mesh.replace(uvs=None, uv_faces=None), n_faces, quality, threads)
@@ -84,7 +91,7 @@ def reduced(mesh: Mesh, n_faces: int, quality: str, threads: int | None) -> Redu
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"
         )
-    result = _fast(mesh, start, n_faces, threads)
+    result = _fast(mesh, start, n_faces, seams, threads)
     if quality == "best":
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
@@ -106,6 +113,8 @@ def _is_without_charts(mesh: Mesh) -> bool:
 def _why_not(result: Reduction, n_faces: int) -> str | None:
     """Why a result has more faces than requested, or fewer; None where it has as many."""
     n_left = result.mesh.n_faces
+    if n_left > n_faces and result.mesh.uvs is not None:
+        return f"its texture coordinates and topology do not allow fewer than {n_left} faces"
     if n_left > n_faces:
         return (
             f"its topology does not allow fewer than {n_left} faces: its holes and tunnels stay; "
@@ -119,14 +128,16 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
     return f"{n_left} of the {n_faces} requested faces are left: {reason}"
 
 
-def _fast(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Reduction:
+def _fast(
+    mesh: Mesh, start: VertexStream, n_faces: int, seams: str, threads: int | None
+) -> Reduction:
     """The first attempt that reaches the count and lies about as close as any that does.
 
     What gives up nothing is taken at once. Else measuring decides, because none of the sacrifices
     is always the lesser one: of a mesh of many parts, dropping parts can leave next to nothing.
     """
     results: list[Reduction] = []
-    for stream, reduce, method, notes in _attempts(mesh, start, n_faces, threads):
+    for stream, reduce, method, notes in _attempts(mesh, start, n_faces, seams, threads):
         low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
         if low is None:
             continue
@@ -159,7 +170,7 @@ def noted(result: Reduction, note: str) -> Reduction:
 
 
 def _attempts(
-    mesh: Mesh, stream: VertexStream, n_faces: int, threads: int | None
+    mesh: Mesh, stream: VertexStream, n_faces: int, seams: str, threads: int | None
 ) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
     """Yield attempts to reach the count, each giving up more than the one before, with notes.
 
@@ -173,13 +184,16 @@ def _attempts(
         yield stream, collapse, _COLLAPSES, notes
         for large in without_small_parts(stream, n_faces):
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
-        if not stream.has_seams:
+        given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
+        if not given_up.has_seams:
             break
-        notes = (f"{_GIVEN_UP} {_seams(stream)}",)
-        welded = weld_positions(mesh, threads=threads)
-        stream = bring_down(welded, n_faces, threads=threads)
+        notes = (f"{_GIVEN_UP} {_seams(given_up)}",)
+        smooth = mesh.replace(normals=None, normal_faces=None, face_groups=None, group_names=())
+        if seams != "keep":
+            smooth = smooth.replace(uvs=None, uv_faces=None)
+        stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)
     edges = find_edges(stream.position_ids[stream.faces])
-    if edges.non_manifold.any():
+    if edges.non_manifold.any() and not stream.has_seams:
         yield stream, partial(cluster_stream, stream), _CLUSTERS, (*notes, _JOINED)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
 

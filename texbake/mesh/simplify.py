@@ -24,8 +24,10 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.reduction import Reduction, noted, reduced
 from texbake.mesh.simplify_options import (
     DEFAULT_QUALITY,
+    DEFAULT_SEAMS,
     MIN_FACES,
     QUALITIES,
+    SEAMS,
     check_target,
     error_limit,
 )
@@ -93,6 +95,7 @@ def simplify(
     *,
     error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
+    seams: str = DEFAULT_SEAMS,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> Mesh:
@@ -128,6 +131,10 @@ def simplify(
         coordinates and hard normals follow their vertices, and no face turns over in texture
         space; colors, and groups without other seams, are those of the nearest point of the mesh
         given.
+    seams
+        Of texture coordinates: `auto` keeps them while the count can be reached with them, `keep`
+        keeps them and more faces if need be, so that the result fits the same maps, and `drop`
+        leaves texture coordinates out, so that no seam is in the way; unwrap the result anew.
     progress
         Called with each stage.
     threads
@@ -142,7 +149,8 @@ def simplify(
     Raises
     ------
     OptionError
-        `n_faces`, `error` or `quality` is not possible, or neither of the first two is given.
+        `n_faces`, `error`, `quality` or `seams` is not possible, or neither of the first two is
+        given.
     MeshError
         The mesh has no face with three distinct positions.
 
@@ -153,7 +161,7 @@ def simplify(
     500
     """
     mesh = as_mesh(mesh)
-    return _simplified(mesh, n_faces, error, quality, Stages(progress), threads).mesh
+    return _simplified(mesh, n_faces, error, quality, seams, Stages(progress), threads).mesh
 
 
 def simplify_with_report(
@@ -162,6 +170,7 @@ def simplify_with_report(
     *,
     error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
+    seams: str = DEFAULT_SEAMS,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
@@ -169,7 +178,7 @@ def simplify_with_report(
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
-    result = _simplified(mesh, n_faces, error, quality, stages, threads)
+    result = _simplified(mesh, n_faces, error, quality, seams, stages, threads)
     seconds = time.perf_counter() - start
     low, distance = result.mesh, result.distance
     if distance is None:
@@ -195,6 +204,7 @@ def _simplified(
     n_faces: int | None,
     error: str | float | None,
     quality: str,
+    seams: str,
     stages: Stages,
     threads: int | None,
 ) -> Reduction:
@@ -204,15 +214,17 @@ def _simplified(
         raise OptionError(f"n_faces: {n_faces} is too few; it must be at least {MIN_FACES}")
     if quality not in QUALITIES:
         raise OptionError(f"quality: {quality} is not one of {', '.join(QUALITIES)}")
+    if seams not in SEAMS:
+        raise OptionError(f"seams: {seams} is not one of {', '.join(SEAMS)}")
     limit = error_limit(error, mesh.diagonal)
     if limit is not None:
         with stages.stage("simplify"):
-            return _within(mesh, n_faces, limit, quality, threads)
+            return _within(mesh, n_faces, limit, quality, seams, threads)
     assert n_faces is not None
     if n_faces >= mesh.n_faces:
         return _unchanged(mesh, "it has no more faces than requested")
     with stages.stage("simplify"):
-        return reduced(mesh, n_faces, quality, threads)
+        return reduced(mesh, n_faces, quality, threads, seams)
 
 
 def _unchanged(mesh: Mesh, note: str) -> Reduction:
@@ -220,7 +232,7 @@ def _unchanged(mesh: Mesh, note: str) -> Reduction:
 
 
 def _within(
-    mesh: Mesh, n_faces: int | None, limit: float, quality: str, threads: int | None
+    mesh: Mesh, n_faces: int | None, limit: float, quality: str, seams: str, threads: int | None
 ) -> Reduction:
     """The result of fewest faces found, not below a number, that lies within a distance."""
     if mesh.n_faces <= (n_faces or MIN_FACES):
@@ -229,7 +241,7 @@ def _within(
 
     def attempt(n_asked: int) -> Trial:
         nonlocal fitting
-        result = reduced(mesh, n_asked, quality, threads)
+        result = reduced(mesh, n_asked, quality, threads, seams)
         distance = surface_distance(mesh, result.mesh, threads=threads)
         n_left = result.mesh.n_faces
         if result.gave_up and n_asked != n_faces:

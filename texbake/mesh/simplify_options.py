@@ -14,6 +14,10 @@ Quality = Literal["fast", "best"]
 
 QUALITIES: Final[tuple[Quality, ...]] = get_args(Quality)
 DEFAULT_QUALITY: Final[Quality] = "fast"
+Seams = Literal["auto", "keep", "drop"]
+
+SEAMS: Final[tuple[Seams, ...]] = get_args(Seams)
+DEFAULT_SEAMS: Final[Seams] = "auto"
 
 MIN_FACES: Final = 4
 """The faces of a tetrahedron: fewer enclose nothing."""
@@ -59,6 +63,16 @@ class SimplifyOptions(CheckedOptions):
             choices=QUALITIES,
         ),
     ] = DEFAULT_QUALITY
+    seams: Annotated[
+        str,
+        Option(
+            "Seams of texture coordinates: keep them while the number of triangles can be reached "
+            "with them (auto), keep them and more triangles if need be (keep), or leave texture "
+            "coordinates out (drop), which brings the result closer to the surface; unwrap then "
+            "makes new charts.",
+            choices=SEAMS,
+        ),
+    ] = DEFAULT_SEAMS
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
 
     def __post_init__(self) -> None:

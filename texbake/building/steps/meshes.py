@@ -30,6 +30,7 @@ from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.simplify_options import (
     DEFAULT_QUALITY,
+    DEFAULT_SEAMS,
     ERROR_OPTION,
     MIN_FACES,
     SimplifyOptions,
@@ -221,6 +222,7 @@ class SimplifyStep(CheckedOptions):
     ] = None
     error: Annotated[str | float | None, ERROR_OPTION] = None
     quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
+    seams: Annotated[str, option(SimplifyOptions, "seams")] = DEFAULT_SEAMS
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
@@ -252,6 +254,7 @@ def _simplify(job: Job) -> dict[str, Any]:
         levels,
         error=options.error,
         quality=options.quality,
+        seams=options.seams,
         orientation=options.orientation,
         threads=job.threads,
     )

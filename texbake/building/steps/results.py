@@ -244,7 +244,7 @@ EXPORT = StepKind(
     ),
     outputs=lambda settings: {"folder": "export"},
     run=_export,
-    revision=2,
+    revision=3,
     memory=export_memory,
     names_asset=True,
 )

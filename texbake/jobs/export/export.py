@@ -21,6 +21,7 @@ import numpy as np
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, check_folder, make_folder, replacing
 from texbake.jobs.export.converting import Converter
+from texbake.jobs.export.levels import check_levels
 from texbake.jobs.export.options import ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
 from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, find_maps, source_maps
@@ -159,8 +160,9 @@ def export_asset(
         The target does not support an option, a normal map is not in tangent space, maps that are
         packed into one differ in size, or a file would overwrite an input.
     UvError
-        There are maps, and the mesh has no texture coordinates; or some levels have and others do
-        not, so that the maps of the ones would not fit the others.
+        There are maps, and the mesh has no texture coordinates; or the maps of one level would not
+        fit another: some have texture coordinates and others do not, or they are laid out
+        differently.
     DependencyError
         A format needs a library that is not installed.
     FileError
@@ -189,7 +191,7 @@ def export_asset(
             f"{mesh.name}: it has no texture coordinates for its maps; make some with: "
             f"texbake unwrap {mesh.name} -o OUT"
         )
-    _check_levels((mesh, *levels))
+    check_levels((mesh, *levels), threads=options.threads)
     read = frozenset(os.path.realpath(path) for path in (*inputs, *maps.values()))
     folder = make_folder(folder)
     converter = Converter(folder=folder, asset=asset, options=options, inputs=read)
@@ -223,17 +225,6 @@ def export_asset(
         layers=layers,
         notes=tuple(converter.notes),
     )
-
-
-def _check_levels(levels: Sequence[Mesh]) -> None:
-    """Raise where some levels of detail have texture coordinates and others do not."""
-    mapped = next((level for level in levels if level.uvs is not None), None)
-    bare = next((level for level in levels if level.uvs is None), None)
-    if mapped is not None and bare is not None:
-        raise UvError(
-            f"{bare.name}: it has no texture coordinates, and {mapped.name} has; levels of detail "
-            "share one set: unwrap the finest and simplify that"
-        )
 
 
 def _write_mesh(

@@ -1,0 +1,77 @@
+"""Levels of detail share one set of texture coordinates, so that one set of maps fits them all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from texbake.errors import UvError
+from texbake.mesh.distance import sample_surface
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.triangle_tree import TriangleTree
+
+_SAMPLES = 2_000  # points on a level
+# A level made from the finest takes nearly all its points to the same place of the texture. Another
+# atlas takes next to none within a tenth of its width.
+_FAR, _MOST_FAR = 0.1, 0.5
+
+
+def check_levels(levels: Sequence[Mesh], *, threads: int | None = None) -> None:
+    """Check that one set of maps fits all levels of detail.
+
+    Parameters
+    ----------
+    levels
+        The finest first.
+
+    Raises
+    ------
+    UvError
+        Some have texture coordinates and others do not, or a level is laid out differently from
+        the finest.
+    """
+    mapped = next((level for level in levels if level.uvs is not None), None)
+    bare = next((level for level in levels if level.uvs is None), None)
+    if mapped is None:
+        return
+    if bare is not None:
+        raise UvError(
+            f"{bare.name}: it has no texture coordinates, and {mapped.name} has; levels of detail "
+            "share one set: unwrap the finest, and simplify that with seams kept"
+        )
+    for level in levels[1:]:
+        share = share_elsewhere(level, levels[0], threads=threads)
+        if share > _MOST_FAR:
+            raise UvError(
+                f"{level.name}: its texture coordinates are laid out differently from those of "
+                f"{levels[0].name}, at {100 * share:.0f} % of its surface; levels of detail share "
+                "one set: unwrap the finest, and simplify that with seams kept"
+            )
+
+
+def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) -> float:
+    """Share of a level's surface that has another place in the texture than the finest level.
+
+    Parameters
+    ----------
+    level, finest
+        With texture coordinates, in one space.
+
+    Returns
+    -------
+    float
+        Of sampled points, those whose place is more than a tenth of the layout's width away from
+        that of the closest point of the finest level.
+    """
+    assert level.uvs is not None and level.uv_faces is not None
+    assert finest.uvs is not None and finest.uv_faces is not None
+    frame = LocalFrame.around(finest)
+    tree = TriangleTree.build(frame.to_local(finest.positions), finest.faces, threads=threads)
+    points, face_ids, weights = sample_surface(level, _SAMPLES, threads=threads)
+    _, nearest, nearest_weights = tree.closest_points(frame.to_local(points), threads=threads)
+    here = np.einsum("nc,ncx->nx", weights, level.uvs[level.uv_faces[face_ids]])
+    there = np.einsum("nc,ncx->nx", nearest_weights, finest.uvs[finest.uv_faces[nearest]])
+    width = np.ptp(finest.uvs[finest.uv_faces.ravel()], axis=0).max()
+    return float((np.linalg.norm(here - there, axis=1) > _FAR * width).mean())
