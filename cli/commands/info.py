@@ -52,8 +52,8 @@ def info(
     """Print what is in MESH.
 
     Prints counts, bounds, texture coordinates, normals, components, boundary and non-manifold
-    edges, and degenerate faces; of glTF, FBX and OBJ files also materials, images, UV sets, the
-    unit and the up axis. With --uv it also measures how the texture coordinates stretch,
+    edges, and degenerate faces; of glTF, FBX, OBJ and USD files also materials, images, UV sets,
+    the unit and the up axis. With --uv it also measures how the texture coordinates stretch,
     mirror, overlap and cut the mesh, and lists the charts and faces with the most stretch.
     """
     if size is not None and not uv:

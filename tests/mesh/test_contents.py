@@ -58,6 +58,51 @@ def test_obj(tmp_path):
     assert (found.meters_per_unit, found.up) == (None, None)
 
 
+def test_usd(tmp_path):
+    (tmp_path / "c.png").write_bytes(b"picture")
+    (tmp_path / "a.usda").write_text(
+        """#usda 1.0
+        (
+            metersPerUnit = 0.01
+            upAxis = "Z"
+        )
+        def Mesh "wall" {
+            texCoord2f[] primvars:light = [(0, 0)]
+        }
+        def Material "plain" {
+        }
+        def Material "skin" {
+            token outputs:surface.connect = </skin/s.outputs:surface>
+            def Shader "s" {
+                uniform token info:id = "UsdPreviewSurface"
+                color3f inputs:diffuseColor.connect = </skin/c.outputs:rgb>
+                normal3f inputs:normal.connect = </skin/n.outputs:rgb>
+                float inputs:metallic = 0
+                token outputs:surface
+            }
+            def Shader "c" {
+                uniform token info:id = "UsdUVTexture"
+                asset inputs:file = @./c.png@
+                float3 outputs:rgb
+            }
+            def Shader "n" {
+                uniform token info:id = "UsdUVTexture"
+                asset inputs:file = @images/none.png@
+                float3 outputs:rgb
+            }
+        }
+        """
+    )
+    found = read_contents(tmp_path / "a.usda")
+    assert {material.name: material.channels for material in found.materials} == {
+        "plain": {},
+        "skin": {"base-color": "c.png", "normal": "none.png", "metallic": None},
+    }
+    assert found.images == {"c.png": b"picture", "none.png": None}
+    assert found.uv_sets == ("light",)
+    assert (found.meters_per_unit, found.up) == (0.01, "+Z")
+
+
 def test_fbx(tmp_path):
     nodes = rich_scene(7400)
     _, _, objects = nodes[1]

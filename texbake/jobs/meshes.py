@@ -47,7 +47,7 @@ class MeshFileInfo:
     distortion : Distortion, optional
         Of the texture coordinates, where it was to be measured.
     contents : FileContents, optional
-        What a glTF, FBX or OBJ file says besides its surface.
+        What a glTF, FBX, OBJ or USD file says besides its surface.
     image_shapes : dict
         Width, height and channels of its images by name; None for one that cannot be read.
     """

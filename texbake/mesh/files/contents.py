@@ -5,6 +5,7 @@ Nothing is decoded, and what is missing is only noted.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +21,8 @@ from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
 from texbake.mesh.files.mtl import library_paths, map_path
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import decode_name, is_file, map_file
+from texbake.mesh.files.usd_materials import usd_channels
+from texbake.mesh.files.usd_stage import open_stage, reporting_damage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +68,7 @@ class FileContents:
 
 
 def read_contents(path: PathLike) -> FileContents | None:
-    """Read what a glTF, FBX or OBJ file says besides its surface; None for other formats.
+    """Read what a glTF, FBX, OBJ or USD file says besides its surface; None for other formats.
 
     Raises
     ------
@@ -79,6 +82,8 @@ def read_contents(path: PathLike) -> FileContents | None:
         return replace(_of_gltf(read_document(path)), passed_over=passed_over(path))
     if suffix == ".fbx":
         return replace(_of_fbx(read_scene(path)), passed_over=passed_over(path))
+    if suffix in (".usd", ".usda", ".usdc", ".usdz"):
+        return _of_usd(path)
     return _of_obj(Path(path)) if suffix == ".obj" else None
 
 
@@ -231,3 +236,39 @@ def _fbx_channels(
         images[label] = None if image is None else image[0]
         channels[_FBX_CHANNELS.get(name, name)] = label
     return channels
+
+
+def _of_usd(path: PathLike) -> FileContents:
+    from pxr import UsdGeom, UsdShade
+
+    stage = open_stage(path)
+    materials = []
+    images: dict[str, bytes | None] = {}
+    uv_sets: dict[str, None] = {}
+    with reporting_damage(path):
+        for prim in stage.Traverse():
+            if prim.IsA(UsdShade.Material):
+                channels: dict[str, str | None] = {}
+                for channel, image in usd_channels(UsdShade.Material(prim)).items():
+                    channels[channel] = None if image is None else Path(image[0]).name
+                    if image is not None:
+                        images[Path(image[0]).name] = image[1]
+                name = str(prim.GetDisplayName() or prim.GetName())
+                materials.append(MaterialContent(name=name, channels=channels))
+            elif prim.IsA(UsdGeom.Mesh):
+                primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+                uv_sets |= {
+                    str(primvar.GetPrimvarName()): None
+                    for primvar in primvars
+                    if str(primvar.GetTypeName()).startswith("texCoord2")
+                }
+        has_unit = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
+        meters = float(UsdGeom.GetStageMetersPerUnit(stage)) if has_unit else 0.0
+        up = str(UsdGeom.GetStageUpAxis(stage))
+    return FileContents(
+        materials=tuple(materials),
+        images=images,
+        uv_sets=tuple(uv_sets),
+        meters_per_unit=meters if 0.0 < meters < math.inf else None,
+        up=f"+{up}",
+    )

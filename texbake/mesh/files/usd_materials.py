@@ -214,11 +214,8 @@ class _MaterialReader:
         placing, primvar = _placed(shader.GetInput("st"))
         if primvar is not None and primvar not in self.coordinates:
             return f"its image lies on {primvar!r}, and the mesh has other texture coordinates"
-        asset = _value(shader.GetInput("file"))
-        resolved = str(getattr(asset, "resolvedPath", ""))
-        named = str(getattr(asset, "path", ""))
-        data = _asset_bytes(resolved) if resolved else b""
-        if not data:
+        named, resolved, data = _image_file(shader)
+        if data is None:
             return f"its image {named!r} is missing"
         u, v = (
             _WRAPS.get(str(_value(shader.GetInput(axis))), "repeat") for axis in ("wrapS", "wrapT")
@@ -279,8 +276,16 @@ def _placed(source: Any) -> tuple[Placing, str | None]:
     return placing, primvar
 
 
-def _asset_bytes(resolved: str) -> bytes:
-    """Content of an image beside the file, or in a package; empty where there is none."""
+def _image_file(shader: Any) -> tuple[str, str, bytes | None]:
+    """Path of an image as the file has it and as it was found, and its content; None without it."""
+    asset = _value(shader.GetInput("file"))
+    resolved = str(getattr(asset, "resolvedPath", ""))
+    data = _asset_bytes(resolved) if resolved else None
+    return str(getattr(asset, "path", "")), resolved, data
+
+
+def _asset_bytes(resolved: str) -> bytes | None:
+    """Content of an image beside the file, or in a package; None where there is none."""
     from pxr import Ar
 
     try:
@@ -288,8 +293,26 @@ def _asset_bytes(resolved: str) -> bytes:
             return map_file(resolved).tobytes()
         asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
         if not asset:
-            return b""
+            return None
         with asset:
-            return bytes(asset.GetBuffer())
+            return bytes(asset.GetBuffer()) or None
     except FileError:
-        return b""
+        return None
+
+
+def usd_channels(material: Any) -> dict[str, tuple[str, bytes | None] | None]:
+    """Channels that a material sets, each with the path and content of its image; None for values.
+
+    The content is None where the image is missing.
+    """
+    surface = material.ComputeSurfaceSource()[0]
+    channels: dict[str, tuple[str, bytes | None] | None] = {}
+    for channel, (name, _) in _INPUTS.items():
+        source = surface.GetInput(name) if surface else None
+        shader, _ = _producer(source)
+        if shader is not None:
+            path, _, data = _image_file(shader)
+            channels[channel] = (path, data)
+        elif _value(source) is not None:
+            channels[channel] = None
+    return channels
