@@ -12,10 +12,10 @@ from tests.hard_cases.fbx_writer import (
     scene,
     written,
 )
-from texbake.mesh.files import read_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_textures import has_alpha
-from texbake.mesh.materials import read_materials
+from texbake.mesh.materials import UNPLACED, read_materials
 from texbake.texture.image import write_image
 
 
@@ -215,17 +215,30 @@ def test_textures_of_blender_move_coordinates_first(tmp_path):
         "Rotation": [0.0, 0.0, -0.3490658402442932],
         "Scaling": [0.5, 0.25, 1.0],
     }
-    path = textured_file(tmp_path, {"DiffuseColor": values}, creator=b"Blender (stable FBX IO)")
     looked_up = {
         (0.390625, 0.265625): (0.14779696, 0.99057889),
         (0.171875, 0.640625): (0.10914689, 0.09737936),
         (0.890625, 0.890625): (0.48960146, 0.09465341),
         (0.953125, 0.109375): (0.38536519, 0.90577561),
     }
-    for (u, v), expected in looked_up.items():
+    corners = np.array([list(looked_up)[i % 4] for i in range(11)])
+    path = textured_file(
+        tmp_path,
+        {"DiffuseColor": values, "EmissiveColor": values},
+        layers=[uv_layer(0, "map1", corners)],
+        creator=b"Blender (stable FBX IO)",
+    )
+    mesh = read_mesh(path)
+    found = read_materials(path, mesh)
+    # The image is sheared, which glTF cannot do: it has coordinates of its own.
+    assert list(found.uv_sets) == [1]
+    for (u, v), coordinates in zip(mesh.uvs.tolist(), found.uv_sets[1] % 1.0, strict=True):
         # The image was a ramp of 512 texels, interpolated linearly in float32.
-        x, y, *_ = np.array(moved(path)) @ [u, v, 1.0] % 1.0
-        np.testing.assert_allclose([x, y], expected, atol=1e-4)
+        np.testing.assert_allclose(coordinates, looked_up[u, v], atol=1e-4)
+    for channel in "base-color", "emissive":
+        image = found.sources(channel)[0].image
+        assert (image.uv_set, image.placing) == (1, UNPLACED)
+    write_mesh(mesh, tmp_path / "a.glb", materials=found)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e308])

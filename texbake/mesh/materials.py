@@ -11,6 +11,7 @@ KHR_materials_specular and KHR_materials_transmission.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -28,6 +29,14 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 # Rows of a matrix that takes (u, v, 1) to (u, v) of an image.
 Placing = tuple[tuple[float, float, float], tuple[float, float, float]]
 UNPLACED: Placing = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+# What rounding leaves of axes that are perpendicular, as a cosine.
+_SQUARE = 1e-6
+
+
+def is_sheared(placing: Placing) -> bool:
+    """Whether a matrix does more than scale along u and v, turn and move."""
+    (a, b, _), (c, d, _) = placing
+    return abs(a * b + c * d) > _SQUARE * math.hypot(a, c) * math.hypot(b, d)
 
 
 @dataclass(frozen=True)

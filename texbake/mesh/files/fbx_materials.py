@@ -11,7 +11,7 @@ lie on; one whose name a geometry does not have lies on the first.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,16 @@ from texbake.files import PathLike
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
 from texbake.mesh.files.fbx_textures import base_layer, fbx_images, has_alpha, placing, wraps
-from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.materials import (
+    CHANNELS,
+    UNPLACED,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+    Placing,
+    is_sheared,
+)
 from texbake.mesh.mesh import FloatArray, Mesh
 
 _COLORS = ("DiffuseColor", "Diffuse")
@@ -57,9 +66,10 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     reader = _MaterialReader(scene, _uv_numbers(parts))
     materials = tuple(reader.material(item) for item in found)
     uv_sets = _uv_sets(parts, mesh, reader.uv_numbers)
+    materials = tuple(material.on_uv_sets({0, *uv_sets}) for material in materials)
     return Materials(
         face_materials=np.concatenate(of_faces),
-        materials=tuple(material.on_uv_sets({0, *uv_sets}) for material in materials),
+        materials=_without_shear(materials, mesh, uv_sets),
         uv_sets=uv_sets,
         missing=tuple(reader.missing),
     )
@@ -83,6 +93,36 @@ def _uv_sets(parts: list[FbxPart], mesh: Mesh, numbers: dict[str, int]) -> dict[
         if mesh.uvs is not None and sum(map(len, rows)) == len(mesh.uvs):
             sets[number] = np.concatenate(rows)
     return sets
+
+
+def _without_shear(
+    materials: tuple[MeshMaterial, ...], mesh: Mesh, uv_sets: dict[int, FloatArray]
+) -> tuple[MeshMaterial, ...]:
+    """Place sheared images by coordinates of their own, which are added to the sets.
+
+    Blender's files may shear an image, by scaling it after turning it. glTF cannot do that.
+    """
+    numbers: dict[tuple[int, Placing], int] = {}
+
+    def placed(source: ChannelSource) -> ChannelSource:
+        image = source.image
+        if image is None or mesh.uvs is None or not is_sheared(image.placing):
+            return source
+        key = (image.uv_set, image.placing)
+        if key not in numbers:
+            matrix = np.array(image.placing)
+            numbers[key] = max(uv_sets, default=0) + 1
+            coordinates = uv_sets.get(image.uv_set, mesh.uvs)
+            uv_sets[numbers[key]] = coordinates @ matrix[:, :2].T + matrix[:, 2]
+        return replace(source, image=replace(image, placing=UNPLACED, uv_set=numbers[key]))
+
+    return tuple(
+        replace(
+            material,
+            channels={name: placed(source) for name, source in material.channels.items()},
+        )
+        for material in materials
+    )
 
 
 # Channels by the properties that textures are connected to.

@@ -28,13 +28,12 @@ from texbake.mesh.materials import (
     Materials,
     MeshMaterial,
     Placing,
+    is_sheared,
 )
 from texbake.mesh.mesh import FloatArray
 
 _UNLIT = "KHR_materials_unlit"
 _TRANSFORM = "KHR_texture_transform"
-# What rounding leaves of axes that are perpendicular, as a cosine.
-_SQUARE = 1e-6
 
 
 def uv_numbers(materials: Materials) -> dict[int, int]:
@@ -159,7 +158,7 @@ def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> 
     (a, b, x), (c, d, y), _ = matrix.tolist()
     # [a b; c d] = [cos sin; -sin cos] diag(scale)
     angle = math.atan2(-c, a) if (a, c) != (0.0, 0.0) else math.atan2(b, d)
-    if abs(a * b + c * d) > _SQUARE * math.hypot(a, c) * math.hypot(b, d):
+    if is_sheared(((a, b, x), (c, d, y))):
         raise OptionError(f"{material.name}: an image is sheared, which glTF cannot do")
     cos, sin = math.cos(angle), math.sin(angle)
     found: dict[str, Any] = {"offset": [x, y], "scale": [a * cos - c * sin, b * sin + d * cos]}
