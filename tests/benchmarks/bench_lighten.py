@@ -94,7 +94,7 @@ def measure_models(folder, models, faces, size):
         "|---|---|---|---|---|---|---|---|---|"
     )
     for model in models:
-        chosen = LightenOptions(faces=faces, size=size, compress=True)
+        chosen = LightenOptions(n_faces=faces, size=size, compress=True)
         report = lighten_file(model, folder / f"{Path(model).stem}.glb", chosen).report
         share = report.n_bytes / report.n_bytes_before
         print(

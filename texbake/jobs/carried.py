@@ -32,6 +32,9 @@ from texbake.texture.encoding import encode_normals, quantize_srgb, quantize_uns
 
 Float32Array = npt.NDArray[np.float32]
 
+# Pieces of a map that are looked at one after the other for a value that differs.
+_PIECES = 64
+
 
 @dataclass(frozen=True)
 class ImageLayout:
@@ -216,12 +219,16 @@ def _present(layout: ImageLayout, values: Mapping[str, Float32Array]) -> list[tu
 
 def _constant_of(baked: BakedMap) -> tuple[float, ...] | None:
     """Return the value of a map that is the same wherever it has data, to half an 8-bit level."""
-    values = baked.values[baked.has_data]
-    if not len(values):
+    if not baked.has_data.any():
         return CHANNELS[baked.kind.name].default
-    least, most = values.min(axis=0), values.max(axis=0)
-    if (most - least > 0.5 / 255.0).any():
-        return None
+    least, most = np.array([np.inf]), np.array([-np.inf])
+    for rows in np.array_split(np.arange(len(baked.values)), _PIECES):
+        values = baked.values[rows][baked.has_data[rows]]
+        if len(values):
+            least = np.minimum(least, values.min(axis=0))
+            most = np.maximum(most, values.max(axis=0))
+        if (most - least > 0.5 / 255.0).any():
+            return None
     return tuple(float(value) for value in (least + most) / 2.0)
 
 

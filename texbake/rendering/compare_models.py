@@ -22,7 +22,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import read_materials
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import Prepared, draw, prepare
+from texbake.rendering.draw import Prepared, draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.from_materials import scene_from_materials
@@ -133,7 +133,10 @@ def compare_models(
         for view in views:
             seen = replace(options, view=(*view, None))
             camera = Camera.framing(*shapes, options=seen)
-            frames = [draw(replace(model, options=seen), camera) for model in models]
+            frames = []
+            for model in models:
+                frames.append(draw(replace(model, options=seen), camera))
+                share_environment(model, models[-1])
             codes = [_codes(frame) for frame in frames]
             for found, picture in zip(pictures, codes, strict=True):
                 found.append(picture)

@@ -24,6 +24,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState, Results, Target
 from texbake.rendering.effects import EFFECTS
+from texbake.rendering.effects.environment import OF_ENVIRONMENT
 from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
 from texbake.rendering.effects.transparency import PEELED_LAYERS
 from texbake.rendering.options import RenderOptions
@@ -87,6 +88,12 @@ def prepare(
     return Prepared(
         scene=scene, options=options or RenderOptions(), effects=effects, threads=threads
     )
+
+
+def share_environment(drawn: Prepared, other: Prepared) -> None:
+    """Let a scene use what another with the same environment has computed of it."""
+    cache = other.loaded
+    cache.results = cache.results.or_those_of(drawn.loaded.results.only(OF_ENVIRONMENT))
 
 
 def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:

@@ -109,6 +109,10 @@ class Results:
         dropped = set(left_out)
         return Results({key: values for key, values in self._values.items() if key not in dropped})
 
+    def only(self, kept: Iterable[Result[Any]]) -> Results:
+        """Return a copy with some of the results alone, for all targets."""
+        return Results({key: self._values[key] for key in kept if key in self._values})
+
     def or_those_of(self, others: Results) -> Results:
         """Return a copy completed with the values of `others` that are missing here."""
         values = dict(self._values)

@@ -66,12 +66,17 @@ def _mapped_normals(
     normals, corners = surface.normals
     tangents = surface.tangents
     vectors = surface.images.values(image, points, is_color=False)
-    vectors = (vectors * 2.0 - 1.0) * np.array(source.factor, np.float32)
+    factor = np.array(source.factor, np.float32)
+    axes = np.eye(2, dtype=np.float32)
     if inputs.high.tangents is None:
-        vectors[:, :2] = vectors[:, :2] @ image_axes(np.array(image.placing)[:, :2])
+        axes = image_axes(np.array(image.placing)[:, :2])
+    is_turned = (axes != np.eye(2)).any()
 
     def work(start: int, stop: int) -> None:
         band = slice(start, stop)
+        vectors[band] = (vectors[band] * 2.0 - 1.0) * factor
+        if is_turned:
+            vectors[band, :2] = vectors[band, :2] @ axes
         core.from_tangent_space(
             points.faces[band], points.barycentrics[band], normals, corners, tangents, vectors[band]
         )

@@ -256,6 +256,9 @@ PREFILTERED_ENVIRONMENT = Effect(
     load=PREFILTERED_MAP,
 )
 
+# Results of scenes with an environment in common that are the same in all of them.
+OF_ENVIRONMENT = (ENVIRONMENT_MAP, IRRADIANCE_MAP, PREFILTERED_MAP)
+
 ENVIRONMENT_LIGHT = Effect(
     name="environment light",
     does="adds the light of the environment",
