@@ -78,8 +78,8 @@ source_options = all_of(
     [
         image_option(
             "--high-texture",
-            "Image on the high-poly mesh's texture coordinates, for the map base-color.  "
-            "[default: the one that its file names]",
+            "Image on the high-poly mesh's texture coordinates, for one map of its materials, such "
+            "as base-color, or roughness, which is data.  [default: those that its file names]",
         ),
         options_of(BakeOptions, "vertex_colors", "curvature_scale"),
         name_pattern_option,

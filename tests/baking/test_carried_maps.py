@@ -5,8 +5,9 @@ import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.errors import MeshError
-from texbake.mesh.files import read_mesh
+from texbake.errors import MeshError, OptionError
+from texbake.jobs.maps import bake_files
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -186,3 +187,28 @@ def test_a_channel_that_no_material_sets_is_one_clear_error():
     materials = material_of(mesh, roughness=ChannelSource((0.5,)))
     with pytest.raises(MeshError, match="names no clearcoat roughness to bake"):
         baked(mesh, materials, "clearcoat-roughness")
+
+
+@pytest.mark.parametrize(("channel", "is_color"), [("roughness", False), ("emissive", True)])
+def test_an_image_that_the_file_does_not_name_is_baked_for_any_channel(tmp_path, channel, is_color):
+    codes = np.random.default_rng(3).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+    write_image(codes, tmp_path / "a.png")
+    write_mesh(plane(), tmp_path / "a.obj")
+    done = bake_files(
+        tmp_path / "a.obj", tmp_path / "a.obj", {channel: tmp_path / "b.png"},
+        BakeOptions(size=16, padding=0, bits=8), high_texture=tmp_path / "a.png",
+    )  # fmt: skip
+    assert done.files == (tmp_path / "b.png",)
+    found = read_image(tmp_path / "b.png", color=False)
+    assert found.pixels.shape[2] == (3 if is_color else 1)
+    expected = codes if is_color else codes[:, :, :1]
+    np.testing.assert_allclose(255.0 * found.pixels, expected, atol=0.51)
+
+
+def test_one_image_is_for_one_channel(tmp_path):
+    write_image(np.zeros((2, 2, 3), np.uint8), tmp_path / "a.png")
+    write_mesh(plane(), tmp_path / "a.obj")
+    files = {name: tmp_path / f"{name}.png" for name in ("normal", "base-color", "roughness")}
+    with pytest.raises(OptionError, match="is the image of one map, and base-color, rough"):
+        bake_files(tmp_path / "a.obj", tmp_path / "a.obj", files, high_texture=tmp_path / "a.png")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.obj", "a.png"]

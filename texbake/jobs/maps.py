@@ -31,7 +31,7 @@ from texbake.jobs.outputs import (
     write_report,
 )
 from texbake.mesh.files import read_mesh
-from texbake.mesh.materials import Materials, read_materials
+from texbake.mesh.materials import CHANNELS, Materials, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
@@ -99,7 +99,8 @@ def bake_files(
     cage
         A mesh file with the faces of the low-poly mesh, on which rays start.
     high_texture
-        Image of the high-poly mesh, in place of those that its file names.
+        Image of the high-poly mesh for the one channel of materials among the maps, such as
+        base-color or roughness, in place of those that its file names.
     skew_mask, offset_map
         Images over the low-poly mesh that change its rays; see `texbake.bake`.
     miss_map, hits, report, html
@@ -143,7 +144,7 @@ def bake_files(
         if isinstance(high_mesh, StreamedMesh):
             _check_streamed(high_mesh, high_texture, html)
         elif hits is not None or needs_materials(files, options):
-            materials = materials_of(high, high_mesh, high_texture)
+            materials = materials_of(high, high_mesh, high_texture, files)
     baked = bake(
         high_mesh,
         low_mesh,
@@ -357,9 +358,25 @@ def needs_materials(maps: Iterable[str], options: BakeOptions) -> bool:
     return not of_materials.isdisjoint(maps)
 
 
-def materials_of(path: PathLike, mesh: Mesh, image: PathLike | None) -> Materials | None:
-    """Return the materials of a mesh file if it has any, or one whose color is an image."""
-    return read_materials(path, mesh) if image is None else Materials.of_image(mesh, image)
+def materials_of(
+    path: PathLike, mesh: Mesh, image: PathLike | None, maps: Iterable[str] = ()
+) -> Materials | None:
+    """Return the materials of a mesh file if it has any, or one with an image for one of `maps`.
+
+    Raises
+    ------
+    OptionError
+        `maps` are several channels of materials, and one image is given for them.
+    """
+    if image is None:
+        return read_materials(path, mesh)
+    channels = [name for name in maps if name in CHANNELS and name != "normal"]
+    if len(channels) > 1:
+        raise OptionError(
+            f"high_texture, maps: {Path(image).name} is the image of one map, and "
+            f"{', '.join(channels)} are asked for; bake them one after the other"
+        )
+    return Materials.of_image(mesh, image, *channels)
 
 
 def read_ray_image(path: PathLike | None) -> Any:

@@ -278,7 +278,10 @@ def _high_materials(
 ) -> list[Materials | None] | None:
     if not needs_materials(options.maps, options):
         return None
-    return [materials_of(path, mesh, image) for path, mesh in zip(files, meshes, strict=True)]
+    return [
+        materials_of(path, mesh, image, options.maps)
+        for path, mesh in zip(files, meshes, strict=True)
+    ]
 
 
 def _low_materials(

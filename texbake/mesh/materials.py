@@ -262,8 +262,10 @@ class Materials:
         return replace(self, face_materials=self.face_materials[chosen], uv_sets=sets)
 
     @classmethod
-    def of_image(cls, mesh: Mesh, path: PathLike) -> Materials:
-        """One material for all faces of a mesh, colored by an image file.
+    def of_image(cls, mesh: Mesh, path: PathLike, channel: str = "base-color") -> Materials:
+        """One material for all faces of a mesh, with an image file for one of its channels.
+
+        A channel of one number is the first of the image's.
 
         Raises
         ------
@@ -272,9 +274,11 @@ class Materials:
         """
         from texbake.mesh.files.source import map_file
 
-        image = ChannelImage(data=map_file(path).tobytes(), name=str(path))
-        color = ChannelSource(factor=CHANNELS["base-color"].default, image=image)
-        material = MeshMaterial(name=Path(path).name, channels={"base-color": color})
+        width = len(CHANNELS[channel].default)
+        components = tuple(range(width))
+        image = ChannelImage(map_file(path).tobytes(), name=str(path), components=components)
+        source = ChannelSource(factor=(1.0,) * width, image=image)
+        material = MeshMaterial(name=Path(path).name, channels={channel: source})
         return cls(
             face_materials=np.zeros(mesh.n_faces, dtype=np.int32),
             materials=(material,),

@@ -73,11 +73,10 @@ def _require(channel: Channel, inputs: BakeInputs) -> None:
         materials is not None and materials.has_vertex_colors and channel.name in _OF_VERTEX_COLORS
     )
     if not known and not of_vertices:
-        remedy = "give its image as `high_texture`, or " if channel.name == "base-color" else ""
         noun = channel.name.replace("-", " ")
         raise MeshError(
-            f"{high.name}: its file names no {noun} to bake; {remedy}leave {channel.name} out of "
-            "`maps`"
+            f"{high.name}: its file names no {noun} to bake; give its image as `high_texture`, or "
+            f"leave {channel.name} out of `maps`"
         )
     known_sets = {0, *(() if materials is None else materials.uv_sets)}
     images = [source.image for source in known if source.image is not None]
