@@ -20,10 +20,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 import texbake
 from texbake.errors import TexbakeError
+from texbake.rendering.compare_models import compare_models
 
 DATA = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PATTERNS = ("meshes/*", "pairs/*/high.obj", "pairs/*/LeePerrySmith.obj", "broken/*", "gltf/*.glb")
@@ -31,7 +32,8 @@ MESHES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 COLUMNS = 5
 TILE = (210, 168)  # pixels of one of the two pictures
 LINE = 16  # pixels of a line of text
-MODEL, ASSET = 0, 2  # panels of a comparison that the sheet shows
+MODEL, ASSET = 0, 2  # panels of the preview that the sheet shows
+BACKGROUND = (24, 26, 30)
 
 
 def models(names: list[str]) -> list[Path]:
@@ -101,25 +103,43 @@ def row(entry: dict) -> str:
 
 
 def panel(picture: Image.Image, index: int) -> Image.Image:
-    """One of the four panels of a comparison, cut to its picture and narrowed."""
+    """One of the four panels of a file of pictures, without its caption."""
     width = picture.width // 4
-    height = round(width * TILE[1] / TILE[0])
-    cut = picture.crop((index * width, 0, (index + 1) * width, min(height, picture.height)))
-    return cut.resize(TILE, Image.Resampling.LANCZOS)
+    strip = picture.crop((index * width, 0, (index + 1) * width, picture.height))
+    # The page shows at the rim of the strip, and again where the caption begins.
+    middle = np.asarray(strip)[:, width // 2]
+    inside = (middle != middle[0]).any(axis=1)
+    top = int(inside.argmax())
+    below = np.flatnonzero(~inside[top:])
+    bottom = top + int(below[0]) if len(below) else strip.height
+    return strip.crop((0, top, width, bottom))
 
 
-def sheet(entries: list[tuple[dict, Path]]) -> Image.Image:
+def pictures_of(path: Path, folder: Path) -> list[Image.Image]:
+    """The model and its asset: with their materials if it has images, else as run drew them."""
+    mesh = texbake.read_mesh(path)
+    materials = texbake.read_materials(path, mesh)
+    if materials is not None and materials.has_images:
+        (asset,) = folder.glob("*_low.glb")
+        options = texbake.RenderOptions(width=2 * TILE[0], height=2 * TILE[1])
+        seen = compare_models(path, asset, n_views=1, options=options)
+        return [Image.fromarray(seen.before[0]), Image.fromarray(seen.after[0])]
+    (preview,) = folder.glob("*_preview.png")
+    with Image.open(preview) as picture:
+        return [panel(picture, which).copy() for which in (MODEL, ASSET)]
+
+
+def sheet(entries: list[tuple[dict, Path, Path]]) -> Image.Image:
     """All models in rows of COLUMNS, each beside its asset."""
     cell = (2 * TILE[0] + 8, TILE[1] + 2 * LINE + 8)
     rows = -(-len(entries) // COLUMNS)
-    canvas = Image.new("RGB", (COLUMNS * cell[0], rows * cell[1]), (24, 26, 30))
+    canvas = Image.new("RGB", (COLUMNS * cell[0], rows * cell[1]), BACKGROUND)
     draw, font = ImageDraw.Draw(canvas), ImageFont.load_default(13)
-    for index, (entry, folder) in enumerate(entries):
+    for index, (entry, path, folder) in enumerate(entries):
         x, y = index % COLUMNS * cell[0], index // COLUMNS * cell[1]
-        for compare in folder.glob("*_compare.png"):
-            with Image.open(compare) as picture:
-                for place, which in enumerate((MODEL, ASSET)):
-                    canvas.paste(panel(picture, which), (x + place * TILE[0] + 4, y + 4))
+        for place, picture in enumerate(pictures_of(path, folder) if "faces" in entry else []):
+            fitted = ImageOps.pad(picture.convert("RGB"), TILE, color=BACKGROUND)
+            canvas.paste(fitted, (x + place * TILE[0] + 4, y + 4))
         made = entry.get("faces")
         below = f"{entry['triangles']:,} to {made:,} triangles" if made else "no asset: an error"
         draw.text((x + 6, y + TILE[1] + 4), entry["name"][:36], fill=(235, 235, 235), font=font)
@@ -140,9 +160,9 @@ def main() -> None:
     entries = []
     for path in models(arguments.names):
         folder = arguments.out / name_of(path)
-        entries.append((make_asset(path, folder), folder))
+        entries.append((make_asset(path, folder), path, folder))
         print(row(entries[-1][0]), flush=True)
-    figures = [entry for entry, _ in entries if "compare" in entry]
+    figures = [entry for entry, *_ in entries if "compare" in entry]
     better = [
         normals["psnr_db"] - bare["psnr_db"]
         for normals, bare in (
