@@ -220,6 +220,18 @@ def test_a_mesh_that_faces_inwards_is_kept_on_request(high: Mesh, tmp_path: Path
     np.testing.assert_array_equal(result.high.faces, inwards.faces)
 
 
+def test_seams_of_the_high_poly_mesh_do_not_hinder(
+    high: Mesh, result: RunResult, tmp_path: Path
+) -> None:
+    cut = high.replace(
+        uvs=np.random.default_rng(0).uniform(size=(3 * high.n_faces, 2)),
+        uv_faces=np.arange(3 * high.n_faces).reshape(-1, 3),
+    )
+    found = run(cut, tmp_path, replace(OPTIONS, size=64))
+    np.testing.assert_array_equal(found.low.positions, result.low.positions)
+    assert not any("too few faces" in note for note in found.warnings)
+
+
 def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path: Path) -> None:
     ball = icosphere(4)
     doubled = Mesh(

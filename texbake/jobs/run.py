@@ -183,6 +183,7 @@ def run(
             options.n_faces,
             error=options.error,
             quality=options.quality,
+            seams="drop",  # its charts are made anew
             threads=options.threads,
             progress=progress,
         )
