@@ -31,6 +31,7 @@ if TYPE_CHECKING:
       texbake remesh scan.ply -o closed.ply
       texbake remesh generated.glb -o closed.ply --resolution 512 --components largest
       texbake remesh holes.ply -o low.obj --close 5% --faces 5000
+      texbake remesh bottle.ply -o hollow.ply --keep-interior
     """
 )
 @mesh_argument("mesh")
@@ -70,6 +71,10 @@ def _rows(report: RemeshReport) -> list[tuple[str, str]]:
     return [
         ("faces", f"{report.n_faces_before:,} to {report.n_faces:,}"),
         ("separate parts", f"{report.n_components:,}"),
+        (
+            "cavities",
+            f"{report.n_cavities_kept:,} kept, {report.n_cavities_filled:,} filled",
+        ),
         ("voxel", f"{report.voxel:.4g}"),
         ("gaps closed up to", f"{report.gap:.4g}"),
         (

@@ -11,6 +11,7 @@ from texbake.building.step import Job, steady
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.image import read_image, write_image
@@ -75,6 +76,19 @@ def test_a_mesh_is_wrapped(do: Do, ball: Path) -> None:
     files, figures = do("remesh", {"resolution": 16}, mesh=ball)
     mesh = read_mesh(files["mesh"])
     assert figures == {"faces": mesh.n_faces, "components": 1, "notes": []}
+
+
+def test_a_wrapped_mesh_keeps_its_cavities(do: Do, ball: Path, tmp_path: Path) -> None:
+    solid = read_mesh(ball)
+    wall = solid.faces[:, ::-1] + solid.n_vertices
+    hollow = tmp_path / "hollow.ply"
+    positions = np.concatenate([solid.positions, 0.5 * solid.positions])
+    write_mesh(Mesh(positions=positions, faces=np.concatenate([solid.faces, wall])), hollow)
+    n_faces = [
+        do("remesh", {"resolution": 16, "keep_interior": keep}, mesh=hollow)[1]["faces"]
+        for keep in (False, True)
+    ]
+    assert 1.1 * n_faces[0] < n_faces[1] < 1.4 * n_faces[0]  # a quarter of the area more
 
 
 def test_levels_of_detail(do: Do, ball: Path) -> None:

@@ -22,6 +22,7 @@ LINES = {
         "light.glb",
         "r.json",
     ],
+    "remesh high.ply -o hollow.ply --resolution 32 --keep-interior": ["hollow.ply"],
     "remesh high.ply -o closed.ply --resolution 32 --report r.json": ["closed.ply", "r.json"],
     "simplify high.ply -o low_1.obj --faces 200 --report r.json": ["low_1.obj", "r.json"],
     "unwrap low.obj -o out.glb --size 256x128 --padding 2 --layout l.png --report r.json": [

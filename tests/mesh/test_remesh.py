@@ -116,6 +116,134 @@ def test_holes_are_closed_up_to_their_width():
     assert genus(opened.faces, find_edges(opened.faces), opened.n_vertices) == 5
 
 
+def rotated(mesh, *angles):
+    """The mesh turned about x, y and z, in turn."""
+    positions = mesh.positions
+    for axis, angle in enumerate(angles):
+        turn = np.eye(3)
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn[[i, i, j, j], [i, j, i, j]] = (
+            np.cos(angle),
+            -np.sin(angle),
+            np.sin(angle),
+            np.cos(angle),
+        )
+        positions = positions @ turn.T
+    return mesh.replace(positions=positions)
+
+
+BOX = rotated(cube(), 0.3, 0.5, 0.2)
+SIDES = np.ptp(cube().bounds, axis=0)
+CAVITY = flipped(moved(BOX, scale=0.5))
+CYLINDER = make("cylinder", resolution=(64, 8), caps=True)
+
+
+def by_volume(mesh):
+    """Volumes of the separate parts, the largest first; those of cavities are negative."""
+    parts, n_parts = face_components(mesh.faces, mesh.n_vertices)
+    dets = np.linalg.det(mesh.positions[mesh.faces])
+    return np.sort(np.bincount(parts, dets, n_parts) / 6.0)[::-1]
+
+
+# A mesh, and the volumes of its solid parts and of their cavities.
+HOLLOW = {
+    "ball": (joined(BALL, flipped(moved(BALL, scale=0.5))), [1.0, -0.125], 4.0 / 3.0 * np.pi),
+    "box": (joined(BOX, CAVITY), [1.0, -0.125], np.prod(SIDES)),
+    "inside out": (flipped(joined(BOX, CAVITY)), [1.0, -0.125], np.prod(SIDES)),
+    "solid in a cavity": (
+        joined(BOX, flipped(moved(BOX, scale=0.8)), moved(BOX, scale=0.4)),
+        [1.0, 0.064, -0.512],
+        np.prod(SIDES),
+    ),
+    "solid in a solid": (joined(BOX, moved(BOX, scale=0.5)), [1.0], np.prod(SIDES)),
+    "solid box": (BOX, [1.0], np.prod(SIDES)),
+}
+
+
+@pytest.mark.parametrize("name", HOLLOW)
+def test_cavities_are_kept_on_request_and_filled_otherwise(name):
+    mesh, volumes, unit = HOLLOW[name]
+    n_cavities = sum(volume < 0.0 for volume in volumes)
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=64, keep_interior=True))
+    assert by_volume(wrapped(mesh, resolution=64, keep_interior=True)) == pytest.approx(
+        unit * np.array(volumes),
+        rel=0.02,  # edges are cut by less than a voxel
+    )
+    assert (report.n_cavities_kept, report.n_cavities_filled) == (n_cavities, 0)
+    assert report.n_components == len(volumes) - n_cavities
+    assert surface_distance(result, mesh).a_to_b.max < report.voxel  # at edges
+    filled, report = remesh_with_report(mesh, RemeshOptions(resolution=64))
+    assert by_volume(filled) == pytest.approx([unit], rel=0.02)
+    assert (report.n_cavities_kept, report.n_cavities_filled) == (0, n_cavities)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [BALL, CYLINDER, joined(BOX, moved(BOX, by=(0.5, 0.3, 0.2))), holed(BALL, 6, 0.1), plane(3, 3)],
+    ids=["ball", "cylinder", "intersecting boxes", "torn ball", "plane"],
+)
+def test_without_cavities_there_is_nothing_to_keep(mesh):
+    plain, kept = wrapped(mesh), wrapped(mesh, keep_interior=True)
+    assert plain.positions.tobytes() == kept.positions.tobytes()
+    assert plain.faces.tobytes() == kept.faces.tobytes()
+
+
+def test_a_cavity_of_a_torn_mesh_is_kept():
+    inner = flipped(moved(holed(icosphere(5), 3, 0.2), scale=0.5))
+    torn = joined(holed(icosphere(5), 6, 0.2), inner)
+    result = wrapped(torn, resolution=64, close=0.3, keep_interior=True)
+    assert by_volume(result) == pytest.approx(4.0 / 3.0 * np.pi * np.array([1.0, -0.125]), rel=0.05)
+
+
+def test_the_walls_of_a_thin_shell_are_kept():
+    shell = joined(BALL, flipped(moved(BALL, scale=0.95)))  # 1.2 voxels
+    result, report = remesh_with_report(shell, RemeshOptions(resolution=48, keep_interior=True))
+    wrapped(shell, keep_interior=True)
+    assert report.n_cavities_kept == 1 and report.n_components == 1
+    assert surface_distance(result, shell).max < 0.25 * report.voxel
+
+
+def test_a_cavity_narrower_than_the_closed_gaps_is_filled():
+    mesh, _, _ = HOLLOW["ball"]
+    _, report = remesh_with_report(
+        mesh, RemeshOptions(resolution=48, keep_interior=True, close=1.1)
+    )
+    assert (report.n_components, report.n_cavities_kept) == (1, 0)
+
+
+def test_cavities_stay_with_their_parts():
+    hollow, _, unit = HOLLOW["ball"]
+    small = moved(hollow, scale=0.6, by=(2, 0, 0))
+    inner = moved(BALL, scale=0.3)
+    both = joined(small, hollow, inner)
+    for components, shares in (
+        ("largest", [1.0, -0.125]),
+        (2, [1.0, 0.216, -0.027, -0.125]),
+        ("all", [1.0, 0.216, 0.027, -0.027, -0.125]),
+    ):
+        result = wrapped(both, resolution=96, components=components, keep_interior=True)
+        assert by_volume(result) == pytest.approx(unit * np.array(shares), rel=0.02)
+
+
+def test_cavities_survive_simplification():
+    mesh, volumes, unit = HOLLOW["ball"]
+    result = wrapped(mesh, keep_interior=True, n_faces=600)
+    assert 580 <= result.n_faces <= 600
+    # Of the 600 faces, the cavity has about 120, and a ball of so few loses 8 % of its volume.
+    assert by_volume(result) == pytest.approx(unit * np.array(volumes), rel=0.1)
+
+
+@pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
+def test_cavities_do_not_depend_on_size_and_threads(scale):
+    mesh, _, _ = HOLLOW["solid in a cavity"]
+    options = RemeshOptions(resolution=48, keep_interior=True)
+    here = remesh(mesh, options, threads=1)
+    for threads in (2, 3, 4):
+        there = remesh(moved(mesh, scale=scale), options, threads=threads)
+        assert np.array_equal(here.faces, there.faces)
+        assert np.array_equal(here.positions * scale, there.positions)
+
+
 def test_overlapping_boxes_become_one():
     boxes = joined(cube(), moved(cube(), by=(0.5, 0.3, 0.2)))
     result = wrapped(boxes, resolution=64)

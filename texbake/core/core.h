@@ -418,8 +418,12 @@ void reach_planes(
     bool reached[nx][ny][nz], int64_t radius, int64_t radius_squared, int64_t start, int64_t stop);
 
 /* grid_flood.c */
-int64_t flood_outside(
-    int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz], uint8_t labels[nx][ny][nz]);
+int64_t flood_room(
+    int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz], uint8_t labels[nx][ny][nz],
+    int64_t start, int64_t label);
+int64_t next_room(
+    int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz],
+    const uint8_t labels[nx][ny][nz], int64_t start);
 
 /* guided_local_search.c */
 int64_t separate_charts(
@@ -1241,6 +1245,17 @@ int64_t compose_well(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], bool solid[width][height][depth],
     float field[n_slots][512]);
+
+/* winding_numbers.c */
+void gather_clusters(
+    int64_t n_vertices, int64_t n_faces, int64_t n_clusters, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], const int64_t starts[n_clusters + 1],
+    double clusters[n_clusters][7], int64_t start, int64_t stop);
+void measure_winding(
+    int64_t n_vertices, int64_t n_faces, int64_t n_clusters, int64_t n,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int64_t starts[n_clusters + 1], const double clusters[n_clusters][7],
+    const double points[n][3], double windings[n], int64_t start, int64_t stop);
 
 /* worley_noise.c */
 void fill_cells(

@@ -9,8 +9,8 @@
 enum { BLOCK_SIDE = 8, BLOCK_POINTS = BLOCK_SIDE * BLOCK_SIDE * BLOCK_SIDE };
 
 /* What the points of a grid are, as in texbake/mesh/remeshing/band.py: in the solid or not looked at
-   yet; near the surface; outside. */
-enum { CORE = 0, SHELL = 1, OUTSIDE = 2 };
+   yet; near the surface; outside; in a room that may be solid or a cavity. */
+enum { CORE = 0, SHELL = 1, OUTSIDE = 2, ROOM = 3 };
 
 struct blocks {
     int64_t ny, nz;       /* blocks along the second and third axis */

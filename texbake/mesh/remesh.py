@@ -3,7 +3,8 @@
 The mesh is put into a grid of voxels. What a ball cannot reach from outside, because all gaps are
 too narrow for it, is solid: inner walls vanish, overlapping parts become one, and holes are closed.
 The surface of the solid is then moved onto the mesh wherever no face folds. A sheet without
-thickness is wrapped on both sides.
+thickness is wrapped on both sides. Cavities, which the mesh winds around less than half a time, can
+be kept.
 
 Based on: Cédric Portaneri, Mael Rouxel-Labbé, Michael Hemmer, David Cohen-Steiner, Pierre Alliez,
 "Alpha Wrapping with an Offset", ACM Transactions on Graphics 41(4), 2022 (what a ball can reach).
@@ -17,19 +18,21 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import OneSidedDistance, surface_distance
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.remeshing.band import BLOCK_SIDE, SHELL_DEPTH, Band
 from texbake.mesh.remeshing.flood import MAX_RADIUS, flood_outside
 from texbake.mesh.remeshing.nets import build_nets
+from texbake.mesh.remeshing.parts import Parts, largest_parts
 from texbake.mesh.remeshing.projection import project
+from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.simplify import simplify
-from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import ProgressSink, Stages
 
@@ -48,6 +51,8 @@ class RemeshReport:
         Faces of the given mesh, and of the result.
     n_components, n_dropped : int
         Separate parts of the result, and those that `components` left out.
+    n_cavities_kept, n_cavities_filled : int
+        Closed rooms in the solid that are wider than the gaps that are closed.
     voxel : float
         Side of a voxel, in model units.
     gap : float
@@ -67,6 +72,8 @@ class RemeshReport:
     n_vertices: int
     n_components: int
     n_dropped: int
+    n_cavities_kept: int
+    n_cavities_filled: int
     voxel: float
     gap: float
     thin_share: float
@@ -109,8 +116,9 @@ def remesh(
     Returns
     -------
     Mesh
-        Closed, manifold and facing outwards, with the groups and colors of the nearest points of
-        the given mesh. It has no texture coordinates and no normals of its own.
+        Closed, manifold and facing outwards, or into the cavities that are kept, with the groups
+        and colors of the nearest points of the given mesh. It has no texture coordinates and no
+        normals of its own.
 
     Raises
     ------
@@ -139,19 +147,22 @@ def remesh_with_report(
     """Wrap a mesh in a closed surface, and report how far that lies from the mesh."""
     mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
     start = time.perf_counter()
-    wrapped, grid, n_dropped, thin_share = _remeshed(mesh, options, stages, threads)
+    wrapped, grid, counts = _remeshed(mesh, options, stages, threads)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
         distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
+    parts = Parts.of(wrapped.positions, wrapped.faces)
     report = RemeshReport(
         n_faces_before=mesh.n_faces,
         n_faces=wrapped.n_faces,
         n_vertices=wrapped.n_vertices,
-        n_components=face_components(wrapped.faces, wrapped.n_vertices)[1],
-        n_dropped=n_dropped,
+        n_components=int(np.count_nonzero(~parts.is_wall)),
+        n_dropped=counts.n_dropped,
+        n_cavities_kept=counts.n_cavities if options.keep_interior else 0,
+        n_cavities_filled=0 if options.keep_interior else counts.n_cavities,
         voxel=grid.voxel,
         gap=grid.gap * grid.voxel,
-        thin_share=thin_share,
+        thin_share=counts.thin_share,
         distance=distance,
         diagonal=mesh.diagonal,
         seconds=seconds,
@@ -200,44 +211,46 @@ class _Grid:
         return self.frame.to_model(positions * self.side + self.low)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Counts:
+    """Figures of the report that only the work itself knows, as in `RemeshReport`."""
+
+    n_dropped: int
+    n_cavities: int
+    thin_share: float
+
+
 def _remeshed(
     mesh: Mesh, options: RemeshOptions, stages: Stages, threads: int | None
-) -> tuple[Mesh, _Grid, int, float]:
-    """The wrapped mesh, its grid, how many parts were left out, and the share of sheets."""
+) -> tuple[Mesh, _Grid, _Counts]:
     grid = _Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
+
+    def is_cavity(rooms: FloatArray) -> npt.NDArray[np.bool_]:
+        return np.abs(winding_numbers(points, mesh.faces, rooms, threads=threads)) < 0.5
+
     with stages.stage("measure voxels"):
         band = Band.around(points, mesh.faces, grid.shape, threads=threads)
         labels = band.labels(threads=threads)
     with stages.stage("find outside"):
-        flood_outside(labels, grid.gap / 2.0 - SHELL_DEPTH, threads=threads)
+        n_cavities = flood_outside(
+            labels,
+            grid.gap / 2.0 - SHELL_DEPTH,
+            is_cavity,
+            keep_cavities=options.keep_interior,
+            threads=threads,
+        )
     with stages.stage("build surface"):
         nets = build_nets(band, labels, threads=threads)
     del band, labels
     thin_share = float(np.mean(nets.thin))
     with stages.stage("project"):
         tree = TriangleTree.build(points, mesh.faces, threads=threads)
-        points = project(nets, tree, threads=threads)
-        faces = nets.triangles(points, threads=threads)
-    points, faces, n_dropped = _largest(points, faces, options.n_components)
-    wrapped = Mesh(positions=grid.to_model(points), faces=faces, name=mesh.name)
+        moved = project(nets, tree, threads=threads)
+        faces = nets.triangles(moved, threads=threads)
+    moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
+    wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
-    return with_nearest_attributes(wrapped, mesh, threads), grid, n_dropped, thin_share
-
-
-def _largest(
-    points: FloatArray, faces: IntArray, n_kept: int | None
-) -> tuple[FloatArray, IntArray, int]:
-    """Keep the parts of most volume; also return how many are left out."""
-    if n_kept is None:
-        return points, faces, 0
-    parts, n_parts = face_components(faces, len(points))
-    if n_parts <= n_kept:
-        return points, faces, 0
-    a, b, c = (points[faces[:, corner]] for corner in range(3))
-    volumes = np.bincount(parts, np.einsum("ij,ij->i", a, np.cross(b, c)), n_parts)
-    kept = np.zeros(n_parts, dtype=np.bool_)
-    kept[np.argsort(-volumes, kind="stable")[:n_kept]] = True
-    used, compact = np.unique(faces[kept[parts]], return_inverse=True)
-    return points[used], compact.reshape(-1, 3).astype(np.int32), n_parts - n_kept
+    counts = _Counts(n_dropped=n_dropped, n_cavities=n_cavities, thin_share=thin_share)
+    return with_nearest_attributes(wrapped, mesh, threads), grid, counts

@@ -45,6 +45,13 @@ class RemeshOptions(CheckedOptions):
             metavar="D",
         ),
     ] = "1%"
+    keep_interior: Annotated[
+        bool,
+        Option(
+            "Keep cavities that are wider than the gaps that are closed, instead of filling them. "
+            "The faces of the mesh must agree about which side is out."
+        ),
+    ] = False
     components: Annotated[
         int | str,
         Option(

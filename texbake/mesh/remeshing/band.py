@@ -16,7 +16,7 @@ from texbake.parallel import run_bands
 
 # As in `core/voxel_grid.h`.
 BLOCK_SIDE, BLOCK_POINTS = 8, 512
-CORE, SHELL, OUTSIDE = 0, 1, 2
+CORE, SHELL, OUTSIDE, ROOM = 0, 1, 2, 3
 
 # Distances are measured this far, in voxels: more than `SHELL_DEPTH` plus the diagonal of a cell.
 BAND_WIDTH = 2.75

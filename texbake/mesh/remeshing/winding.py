@@ -1,0 +1,60 @@
+"""How often a surface winds around points: 1 in a closed surface that faces outwards, 0 outside.
+
+Kernel: `core/winding_numbers.c`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
+
+# Side of the cells whose faces are one cluster, in voxels.
+_CELL = 8.0
+_CLUSTERS, _POINTS = 1024, 1
+
+
+def winding_numbers(
+    positions: FloatArray, faces: IntArray, points: FloatArray, *, threads: int | None = None
+) -> FloatArray:
+    """Measure winding numbers, of torn surfaces as well.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+        In units of a voxel.
+    faces : (F, 3) int32
+    points : (n, 3) float64
+        None of them on the surface.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    (n,) float64
+        Whole numbers around a closed surface, to 0.1; fractions near its holes.
+    """
+    windings = np.zeros(len(points))
+    if len(points) == 0 or len(faces) == 0:
+        return windings
+    key = np.zeros(len(faces), dtype=np.int64)
+    for axis in range(3):
+        cells = np.floor(positions[:, axis] / _CELL).astype(np.int64)
+        cells -= cells.min()
+        key = key * (cells.max() + 1) + cells[faces[:, 0]]
+    order = np.argsort(key, kind="stable")
+    starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(key[order])), [len(faces)]])
+    clusters = np.empty((len(starts) - 1, 7))
+    surface = (positions, faces[order], starts)
+
+    def gather(start: int, stop: int) -> None:
+        core.gather_clusters(*surface, clusters, start, stop)
+
+    def measure(start: int, stop: int) -> None:
+        core.measure_winding(*surface, clusters, points, windings, start, stop)
+
+    run_bands(gather, len(clusters), band=_CLUSTERS, threads=threads)
+    run_bands(measure, len(points), band=_POINTS, threads=threads)
+    return windings
