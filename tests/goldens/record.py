@@ -49,6 +49,7 @@ make plane -o plane.stl --resolution 4x4
 simplify high.obj -o low.obj --faces 300
 simplify high.obj -o best.ply --faces 300 --quality best
 unwrap low.obj -o low_uv.obj --size 256 --padding 2 --layout layout.png --heat --checker checker.png
+simplify low_uv.obj -o level.glb --faces 150 --seams keep
 unwrap low.obj -o fast.glb --size 256 --quality fast --layout layout.svg
 unwrap prism.obj sphere.obj -o tiles --tiles 2 --size 256 --by-group
 unwrap sphere.obj -o planar.obj --method planar --fit pca --sides
@@ -104,7 +105,7 @@ export low_uv.obj --to unreal --maps plain -o unreal
 export low_uv.obj --to blender --maps plain -o blender --layers
 export low_uv.obj --to unity --maps plain -o unity --mesh-format usda
 export low_uv.obj --to godot --maps plain -o godot --textures dds
-export low_uv.obj --to threejs --maps plain --level fast.glb -o threejs
+export low_uv.obj --to threejs --maps plain --level level.glb -o threejs
 run high.obj -o whole --faces 300 --size 256
 run colored.ply -o painted --faces 300 --size 128
 lighten colored.ply -o light.glb --faces 300 --size 128 --images png --views 0
