@@ -87,6 +87,20 @@ def test_one_of_several_parts_is_turned_over():
     assert (report.n_parts, report.n_faces) == (1, chosen.sum())
 
 
+def test_open_shells_stay_where_that_is_asked_for():
+    closed = flipped(ball())
+    card = flipped(plane(), np.ones(2, dtype=bool))
+    behind = card.positions * 0.5 + (0.0, 0.0, 3.0)
+    mesh = Mesh(
+        positions=np.concatenate([closed.positions, behind]),
+        faces=np.concatenate([closed.faces, card.faces + closed.n_vertices]),
+    )
+    turned, report = oriented(mesh, "auto", keep_open=True)
+    np.testing.assert_array_equal(cyclic(turned.faces[:-2]), cyclic(ball().faces))
+    np.testing.assert_array_equal(turned.faces[-2:], mesh.faces[-2:])
+    assert (report.n_faces, report.n_unclear) == (closed.n_faces, 0)
+
+
 def test_faces_wound_against_their_part_are_turned_over():
     right = ball()
     chosen = np.random.default_rng(0).random(right.n_faces) < 0.3

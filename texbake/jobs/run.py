@@ -174,7 +174,13 @@ def run(
     files = _files_in(folder, high, channels)
     stages = Stages()
     with stages.part("simplify"):
-        high, orientation = oriented(high, options.orientation, threads=options.threads)
+        # Who gave a model images has looked at it: cards that are drawn from one side are meant so.
+        high, orientation = oriented(
+            high,
+            options.orientation,
+            keep_open=materials is not None and materials.has_images,
+            threads=options.threads,
+        )
         closed, why_closed = wrapped_if(
             high, options.remesh, options.n_faces, threads=options.threads, progress=progress
         )

@@ -48,7 +48,7 @@ class OrientationReport:
 
 
 def oriented(
-    mesh: Mesh, orientation: str, *, threads: int | None = None
+    mesh: Mesh, orientation: str, *, keep_open: bool = False, threads: int | None = None
 ) -> tuple[Mesh, OrientationReport]:
     """Turn over the parts of a mesh that face inwards.
 
@@ -58,6 +58,9 @@ def oriented(
     ----------
     mesh
     orientation : {"auto", "keep"}
+    keep_open
+        Whether shells with a boundary are left as they are, such as cards that are drawn from one
+        side alone.
     threads
         None for every processor.
     """
@@ -66,10 +69,12 @@ def oriented(
     scene = RayScene.build(mesh, LocalFrame.around(mesh), threads=threads)
     if share_seen_from_behind(scene) == 0.0:
         return mesh, OrientationReport(mesh=mesh.name)
-    return oriented_in(mesh, scene)
+    return oriented_in(mesh, scene, keep_open=keep_open)
 
 
-def oriented_in(mesh: Mesh, scene: RayScene) -> tuple[Mesh, OrientationReport]:
+def oriented_in(
+    mesh: Mesh, scene: RayScene, *, keep_open: bool = False
+) -> tuple[Mesh, OrientationReport]:
     """Turn over the parts of a mesh that face inwards, using a scene of it that was built before.
 
     Parameters
@@ -77,8 +82,10 @@ def oriented_in(mesh: Mesh, scene: RayScene) -> tuple[Mesh, OrientationReport]:
     mesh
     scene
         Made of this mesh.
+    keep_open
+        As for `oriented`.
     """
-    found = find_orientation(mesh, scene)
+    found = find_orientation(mesh, scene, keep_open=keep_open)
     report = OrientationReport(
         mesh=mesh.name,
         n_parts=found.n_turned,

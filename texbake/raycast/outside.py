@@ -22,7 +22,12 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.topology import edge_neighbors, two_sided_faces
+from texbake.mesh.topology import (
+    edge_neighbors,
+    face_components,
+    find_edges,
+    two_sided_faces,
+)
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
@@ -80,7 +85,7 @@ def share_seen_from_behind(scene: RayScene) -> float:
     return float(np.count_nonzero(hits.passed_back & (hits.faces != NO_HIT))) / max(n_hits, 1)
 
 
-def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
+def find_orientation(mesh: Mesh, scene: RayScene, *, keep_open: bool = False) -> Orientation:
     """Find the faces that face inwards; those that occur in both windings are right.
 
     Parameters
@@ -88,12 +93,16 @@ def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
     mesh
     scene
         Made of this mesh.
+    keep_open
+        Whether shells with a boundary are right as they are.
     """
     welded = weld_rows(mesh.positions)[mesh.faces]
     parts, turned = _parts_wound_alike(mesh, welded)
     n_parts = int(parts.max(initial=-1)) + 1
     votes = _Votes.of(_points(mesh, parts, turned, n_parts), parts, n_parts, scene)
     one_sided = ~two_sided_faces(welded)
+    if keep_open:
+        one_sided &= ~_open_faces(welded, mesh.n_vertices)
     matters = np.bincount(parts, one_sided, n_parts) > 0.0
     inwards = votes.inwards() & matters
     firsts = np.unique(parts, return_index=True)[1]
@@ -102,6 +111,16 @@ def find_orientation(mesh: Mesh, scene: RayScene) -> Orientation:
     return Orientation(
         turned, n_parts, int(np.count_nonzero(inwards)), tuple(firsts[unclear].tolist())
     )
+
+
+def _open_faces(welded: IntArray, n_vertices: int) -> BoolArray:
+    """(F,) bool: faces of shells that have a boundary."""
+    shells, n_shells = face_components(welded, n_vertices)
+    edges = find_edges(welded)
+    at_boundary = np.zeros(n_vertices, dtype=np.bool_)
+    at_boundary[edges.vertices[edges.boundary]] = True
+    is_open = np.bincount(shells, at_boundary[welded].any(axis=1), n_shells) > 0.0
+    return np.asarray(is_open[shells])
 
 
 def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArray]:
