@@ -139,11 +139,12 @@ void label_shell(
     uint8_t labels[width][height][depth], double greatest, int64_t start, int64_t stop)
 {
     const struct blocks blocks = {ny, nz, &slots[0][0][0]};
+    const float *values = &distances[0][0];
     for (int64_t x = BLOCK_SIDE * start; x < BLOCK_SIDE * stop; x++)
         for (int64_t y = 0; y < height; y++)
             for (int64_t z = 0; z < depth; z += BLOCK_SIDE) {
                 const int64_t place = place_in_blocks(&blocks, x, y, z);
                 for (int64_t k = 0; place >= 0 && k < BLOCK_SIDE; k++)
-                    labels[x][y][z + k] = distances[0][place + k] <= greatest ? SHELL : CORE;
+                    labels[x][y][z + k] = values[place + k] <= greatest ? SHELL : CORE;
             }
 }

@@ -24,13 +24,14 @@ void mark_solid(
     int64_t stop)
 {
     const struct blocks blocks = {ny, nz, &slots[0][0][0]};
+    const float *values = &field[0][0];
     for (int64_t x = start; x < stop; x++)
         for (int64_t y = 0; y < height; y++)
             for (int64_t z = 0; z < depth; z += BLOCK_SIDE) {
                 const int64_t place = place_in_blocks(&blocks, x, y, z);
                 for (int64_t k = 0; k < BLOCK_SIDE; k++)
                     solid[x][y][z + k] =
-                        place < 0 ? labels[x][y][z + k] != OUTSIDE : field[0][place + k] <= 0.0f;
+                        place < 0 ? labels[x][y][z + k] != OUTSIDE : values[place + k] <= 0.0f;
             }
 }
 

@@ -77,6 +77,7 @@ int64_t compose_well(
     OPEN_ARENA(arena);
     const struct solid_grid grid = {width, height, depth, &solid[0][0][0]};
     const struct blocks blocks = {ny, nz, &slots[0][0][0]};
+    float *values = &field[0][0];
     struct cells cells = {arena, TAKE(arena, int64_t, 1 << 12), 0, 1 << 12};
     int64_t n_filled = 0;
     add_bad_cells(&cells, &grid);
@@ -91,7 +92,7 @@ int64_t compose_well(
         for (unsigned corner = 0; corner < 8; corner++) {
             const int64_t in_blocks = place_in_blocks(
                 &blocks, x + (corner >> 2), y + (corner >> 1 & 1), z + (corner & 1));
-            const float value = in_blocks < 0 ? 1.0f : field[0][in_blocks];
+            const float value = in_blocks < 0 ? 1.0f : values[in_blocks];
             if ((choices >> corner & 1) && value < least) {
                 least = value;
                 best = corner;
@@ -101,7 +102,7 @@ int64_t compose_well(
         const int64_t fx = x + (best >> 2), fy = y + (best >> 1 & 1), fz = z + (best & 1);
         solid[fx][fy][fz] = true;
         if (best_place >= 0)
-            field[0][best_place] = JUST_SOLID;
+            values[best_place] = JUST_SOLID;
         n_filled++;
         for (int64_t corner = 0; corner < 8; corner++)
             add_cell(&cells, grid_place(&grid, fx - (corner >> 2), fy - (corner >> 1 & 1), fz - (corner & 1)));
