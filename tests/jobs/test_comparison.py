@@ -1,23 +1,61 @@
 """When a comparison warns that maps make an asset worse."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from texbake import Mesh, RenderOptions, compare
-from texbake.jobs.comparison import VISIBLE_DEG, comparison_warnings
-
-
-@pytest.mark.parametrize(
-    ("farther_deg", "warnings"), [(-1, 0), (0, 0), (VISIBLE_DEG / 2, 0), (2 * VISIBLE_DEG, 1)]
+from texbake.jobs.comparison import (
+    SAME_DB,
+    VISIBLE_DB,
+    VISIBLE_DEG,
+    VISIBLE_OUTLINE,
+    comparison_warnings,
 )
-def test_warning_where_maps_are_seen_to_be_worse(farther_deg: float, warnings: int) -> None:
+
+BARE = {"mean_deg": 5.0, "psnr_db": 30.0, "silhouette_mismatch": 0.02}
+
+
+def warnings_for(bare: dict, **changes: float) -> list[str]:
     mesh = Mesh(positions=np.eye(3), faces=np.array([[0, 1, 2]]))
     same = compare(mesh, mesh, options=RenderOptions(width=16, height=16))
     assert comparison_warnings(same) == []
-    bare = replace(same.bare, mean_deg=5.0)
-    mapped = replace(same.mapped, mean_deg=5.0 + farther_deg)
-    found = comparison_warnings(replace(same, bare=bare, mapped=mapped))
-    assert len(found) == warnings
-    assert all("further from the high-poly mesh than without maps" in line for line in found)
+    maps = replace(same.mapped, **{**bare, **changes})
+    return comparison_warnings(replace(same, bare=replace(same.bare, **bare), mapped=maps))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"mean_deg": 4.0, "psnr_db": 33.0, "silhouette_mismatch": 0.0},
+        {"mean_deg": 5.0 + VISIBLE_DEG / 2},
+        {"psnr_db": 30.0 - VISIBLE_DB / 2},
+        {"silhouette_mismatch": 0.02 + VISIBLE_OUTLINE / 2},
+    ],
+)
+def test_no_warning_where_nobody_sees_a_difference(changes: dict[str, float]) -> None:
+    assert warnings_for(BARE, **changes) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mean_deg": 5.5}, "normals off by 5.50° and not 5.00°;"),
+        ({"psnr_db": 28.0}, "PSNR 28.0 dB and not 30.0 dB;"),
+        ({"silhouette_mismatch": 0.122}, "outline off by 12.2 % and not 2.0 %;"),
+        ({"mean_deg": 9.0, "psnr_db": 9.0}, "normals off by 9.00° and not 5.00°, PSNR 9.0 dB"),
+    ],
+)
+def test_what_is_worse_is_named(changes: dict[str, float], words: str) -> None:
+    (line,) = warnings_for(BARE, **changes)
+    assert "further from the high-poly mesh than without maps: " + words in line
+
+
+@pytest.mark.parametrize(("decibels", "n"), [(SAME_DB + 1.0, 0), (SAME_DB - 1.0, 1)])
+def test_equal_pictures_stay_equal_where_the_rest_is_rounding(decibels: float, n: int) -> None:
+    lines = warnings_for({**BARE, "psnr_db": math.inf}, psnr_db=decibels)
+    assert len(lines) == n
+    assert all("and not infinite" in line for line in lines)

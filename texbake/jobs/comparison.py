@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,12 @@ from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.options import RenderOptions
 from texbake.texture.image import write_image
 
-# Degrees in the mean of all normals below which nobody sees which of two pictures is closer.
+# Differences below which nobody sees which of two pictures is closer: in degrees of the mean of all
+# normals, in dB of PSNR, where that is below SAME_DB, and as a share of the pixels of the mesh.
 VISIBLE_DEG = 0.1
+VISIBLE_DB = 0.5
+SAME_DB = 40.0
+VISIBLE_OUTLINE = 0.01
 
 
 def compare_files(
@@ -184,14 +189,26 @@ def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
 
 def comparison_warnings(comparison: Comparison) -> list[str]:
     """Return a sentence for each use of the maps that is seen to be further off than without."""
-    bare = comparison.bare
     return [
-        f"{label} the asset is further from the high-poly mesh than without maps: normals off by "
-        f"{closeness.mean_deg:.2f}° and not {bare.mean_deg:.2f}°; see the picture, and `texbake "
-        "check` for the reason"
+        f"{label} the asset is further from the high-poly mesh than without maps: "
+        f"{', '.join(worse)}; see the picture, and `texbake check` for the reason"
         for label, closeness in _variants(comparison)[1:]
-        if closeness.mean_deg > bare.mean_deg + VISIBLE_DEG
+        if (worse := _worse(closeness, comparison.bare))
     ]
+
+
+def _worse(closeness: Closeness, bare: Closeness) -> list[str]:
+    """Return the figures that are seen to be worse than those of the mesh without maps."""
+    found = []
+    if closeness.mean_deg > bare.mean_deg + VISIBLE_DEG:
+        found.append(f"normals off by {closeness.mean_deg:.2f}° and not {bare.mean_deg:.2f}°")
+    if closeness.psnr_db < min(bare.psnr_db, SAME_DB) - VISIBLE_DB:
+        without = "infinite" if math.isinf(bare.psnr_db) else f"{bare.psnr_db:.1f} dB"
+        found.append(f"PSNR {closeness.psnr_db:.1f} dB and not {without}")
+    if closeness.silhouette_mismatch > bare.silhouette_mismatch + VISIBLE_OUTLINE:
+        outlines = closeness.silhouette_mismatch, bare.silhouette_mismatch
+        found.append("outline off by {:.1%} and not {:.1%}".format(*outlines).replace("%", " %"))
+    return found
 
 
 def _variants(comparison: Comparison) -> list[tuple[str, Closeness]]:
