@@ -31,6 +31,7 @@ from texbake.mesh.remeshing.flood import MAX_RADIUS, flood_outside
 from texbake.mesh.remeshing.nets import build_nets
 from texbake.mesh.remeshing.parts import Parts, largest_parts
 from texbake.mesh.remeshing.projection import project
+from texbake.mesh.remeshing.sharp_edges import with_hard_edges
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.simplify import simplify
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
@@ -151,7 +152,7 @@ def remesh_with_report(
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
         distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
-    parts = Parts.of(wrapped.positions, wrapped.faces)
+    parts = Parts.of(grid.to_voxels(wrapped.positions), wrapped.faces)
     report = RemeshReport(
         n_faces_before=mesh.n_faces,
         n_faces=wrapped.n_faces,
@@ -246,10 +247,11 @@ def _remeshed(
     thin_share = float(np.mean(nets.thin))
     with stages.stage("project"):
         tree = TriangleTree.build(points, mesh.faces, threads=threads)
-        moved = project(nets, tree, threads=threads)
-        faces = nets.triangles(moved, threads=threads)
+        moved, faces = project(nets, tree, sharp_edges=options.sharp_edges, threads=threads)
     moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
     wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
+    if options.sharp_edges:
+        wrapped = with_hard_edges(wrapped)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
     counts = _Counts(n_dropped=n_dropped, n_cavities=n_cavities, thin_share=thin_share)

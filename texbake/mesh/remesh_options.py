@@ -52,6 +52,13 @@ class RemeshOptions(CheckedOptions):
             "The faces of the mesh must agree about which side is out."
         ),
     ] = False
+    sharp_edges: Annotated[
+        bool,
+        Option(
+            "Keep edges where the faces of the mesh meet at more than 30 degrees, and corners, "
+            "sharp. They are rounded by up to a voxel without it."
+        ),
+    ] = False
     components: Annotated[
         int | str,
         Option(

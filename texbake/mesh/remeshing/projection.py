@@ -11,6 +11,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.nets import Nets
+from texbake.mesh.remeshing.sharp_edges import divided_along, flipped_along, sharp_targets
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
@@ -24,7 +25,9 @@ _HALVINGS = 4
 _FACES = 1 << 16
 
 
-def project(nets: Nets, tree: TriangleTree, *, threads: int | None = None) -> FloatArray:
+def project(
+    nets: Nets, tree: TriangleTree, *, sharp_edges: bool = False, threads: int | None = None
+) -> tuple[FloatArray, IntArray]:
     """Move vertices to the closest points of triangles, as far as no face folds.
 
     Vertices with no triangle near them, which close gaps, are smoothed instead.
@@ -34,12 +37,16 @@ def project(nets: Nets, tree: TriangleTree, *, threads: int | None = None) -> Fl
     nets
     tree
         In the same units, voxels.
+    sharp_edges
+        Whether vertices beside a sharp edge of the triangles go onto it.
     threads
         None for every processor.
 
     Returns
     -------
-    (V, 3) float64
+    positions : (V, 3) float64
+    faces : (2 n, 3) int32
+        The quads, divided.
     """
     before = nets.positions
     distances, face_ids, weights = tree.closest_points(
@@ -53,8 +60,21 @@ def project(nets: Nets, tree: TriangleTree, *, threads: int | None = None) -> Fl
     targets += np.nan_to_num(back)[:, None] * (before - targets)
     targets[free] = before[free]
     targets = _smoothed(targets, nets.quads, free)
-    faces = nets.triangles(before, threads=threads)
-    return _without_folds(before, targets, faces, threads)
+    is_sharp = np.zeros(len(before), dtype=np.bool_)
+    if sharp_edges:
+        ids = np.where(nets.thin, -1, face_ids)
+        is_sharp, targets = sharp_targets(before, targets, ids, nets.quads, tree, threads=threads)
+    checked = nets.triangles(before, threads=threads)
+    if is_sharp.any():
+        checked = divided_along(checked, nets.quads, is_sharp, before, targets)
+    moved = _without_folds(before, targets, checked, is_sharp, threads)
+    faces = nets.triangles(moved, threads=threads)
+    if is_sharp.any():
+        at_edges = np.repeat(is_sharp[nets.quads].any(axis=1), 2)
+        faces[at_edges] = checked[at_edges]
+        is_sharp &= (moved == targets).all(axis=1)
+        faces = flipped_along(faces, is_sharp, moved)
+    return moved, faces
 
 
 def _smoothed(positions: FloatArray, quads: IntArray, free: npt.NDArray[np.bool_]) -> FloatArray:
@@ -74,9 +94,16 @@ def _smoothed(positions: FloatArray, quads: IntArray, free: npt.NDArray[np.bool_
 
 
 def _without_folds(
-    before: FloatArray, targets: FloatArray, faces: IntArray, threads: int | None
+    before: FloatArray,
+    targets: FloatArray,
+    faces: IntArray,
+    is_sharp: npt.NDArray[np.bool_],
+    threads: int | None,
 ) -> FloatArray:
-    """Take back the steps of vertices of faces that fold, first by halves, then wholly."""
+    """Take back the steps of vertices of faces that fold, first by halves, then wholly.
+
+    Those of vertices that go onto sharp edges are taken back last.
+    """
     after, shares = targets.copy(), np.ones(len(before))
     folded = np.empty(len(faces), dtype=np.bool_)
 
@@ -90,5 +117,7 @@ def _without_folds(
         if len(ids) == 0:
             return after
         halvings += 1
+        if halvings <= _HALVINGS + 1 and not is_sharp[ids].all():
+            ids = ids[~is_sharp[ids]]
         shares[ids] *= 0.5 if halvings <= _HALVINGS else 0.0
         after[ids] = before[ids] + shares[ids, None] * (targets[ids] - before[ids])

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -64,14 +63,10 @@ class PlacedEnvironment:
         """Memory of its texels."""
         return self.chain.texels.nbytes
 
-    @cached_property
-    def _is_unturned(self) -> bool:
-        return bool((self.turn == np.eye(3)).all())
-
     def look(self, directions: Floats, levels: Floats | None = None) -> Floats:
         """(n, 3) float32: light from directions (n, 3) in world space."""
         turned = directions
-        if not self._is_unturned:
+        if not np.array_equal(self.turn, np.eye(3)):
             turned = directions @ self.turn.T.astype(np.float32)
         turned = np.ascontiguousarray(turned)
         kind = "bilinear" if levels is None else "trilinear"

@@ -1,0 +1,315 @@
+"""Vertices of a surface put onto the sharp edges and corners of the mesh that it wraps.
+
+A vertex whose neighbors lie on faces of the mesh at an angle moves to the point that is closest to
+the planes of all those faces, if that is on the mesh and in the vertex's own cell. Where opposite
+corners of a quad lie on a sharp edge, the quad is divided along it.
+
+Based on: Tao Ju, Frank Losasso, Scott Schaefer, Joe Warren, "Dual contouring of Hermite data",
+SIGGRAPH 2002; Leif Kobbelt et al., "Feature sensitive surface extraction from volume data",
+SIGGRAPH 2001, for the test by angles between normals.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals, weighted_normals
+from texbake.mesh.triangle_tree import TriangleTree
+
+BoolArray = npt.NDArray[np.bool_]
+Ids = npt.NDArray[np.int64]
+
+# Faces of the mesh at a greater angle make a sharp edge.
+_SHARP = math.cos(math.radians(30.0))
+# Planes whose normals span a direction by less than this share, as eigenvalues, leave it open.
+_LEAST_SPAN = 0.05
+# In voxels: how far outside its cell a vertex may go, and how far off the mesh the planes may meet.
+_BEYOND_CELL, _OFF_MESH = 0.6, 0.1
+# In voxels: how far vertices on an edge are apart, and others from it.
+_APART, _BESIDE = 0.5, 0.35
+# Corners come before edges, by more than a vertex moves.
+_CORNERS_FIRST = 10.0
+# Doubled area of a triangle, in voxels, whose corners count as being on one line.
+_SLIVER = 0.1
+# A divided quad's triangles turn away from it by no more than this (a cosine).
+_UPRIGHT = 0.1
+
+
+def sharp_targets(
+    before: FloatArray,
+    on_mesh: FloatArray,
+    face_ids: IntArray,
+    quads: IntArray,
+    tree: TriangleTree,
+    *,
+    threads: int | None = None,
+) -> tuple[BoolArray, FloatArray]:
+    """Find vertices that belong onto a sharp edge, and their places there.
+
+    Parameters
+    ----------
+    before : (V, 3) float64
+        The vertices, each in a cell of its own, in voxels.
+    on_mesh : (V, 3) float64
+        Their closest points on the mesh.
+    face_ids : (V,) int32
+        The faces of those; below 0 for a vertex that takes no part.
+    quads : (n, 4) int32
+    tree
+        Of the mesh.
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    is_sharp : (V,) bool
+    targets : (V, 3) float64
+        Where all vertices go, on the mesh.
+    """
+    normals = _normals_of(tree, face_ids)
+    is_candidate = _candidates(quads, normals, face_ids)
+    around = quads[is_candidate[quads].any(axis=1)]
+    vertices = np.repeat(around, 4, axis=0).reshape(-1, 4, 4).transpose(0, 2, 1).reshape(-1)
+    planes = np.repeat(around, 4, axis=0).reshape(-1)
+    used = is_candidate[vertices] & (face_ids[planes] >= 0)
+    vertices, planes = vertices[used], planes[used]
+    ids, rows = np.unique(vertices, return_inverse=True)
+    moments, pulls = _sums(normals[planes], on_mesh[planes] - before[vertices], rows, len(ids))
+    steps, n_directions = _meetings(moments, pulls)
+    found = before[ids] + steps
+    in_cell = (n_directions > 1) & (
+        np.abs(found - (np.floor(before[ids]) + 0.5)) <= 0.5 + _BEYOND_CELL
+    ).all(axis=1)
+    ids, found, is_corner = ids[in_cell], found[in_cell], n_directions[in_cell] == 3
+    met, places = _on_mesh(found, tree, threads)
+    ids = ids[met]
+    costs = np.linalg.norm(places - before[ids], axis=1) - _CORNERS_FIRST * is_corner[met]
+    chosen = _apart(ids, places, costs, around, len(before))
+    is_sharp = np.zeros(len(before), dtype=np.bool_)
+    is_sharp[ids[chosen]] = True
+    targets = on_mesh.copy()
+    targets[ids[chosen]] = places[chosen]
+    beside, from_edge = ids[~chosen], places[~chosen]
+    away = before[beside] - from_edge
+    away -= normals[beside] * np.einsum("nx,nx->n", normals[beside], away)[:, None]
+    lengths = np.linalg.norm(away, axis=1, keepdims=True)
+    away *= np.maximum(_BESIDE / np.maximum(lengths, 1e-9), 1.0)
+    met, places = _on_mesh(from_edge + away, tree, threads)
+    targets[beside[met]] = places
+    return is_sharp, targets
+
+
+def _on_mesh(
+    points: FloatArray, tree: TriangleTree, threads: int | None
+) -> tuple[BoolArray, FloatArray]:
+    """Which points are almost on the mesh, (n,) bool, and the closest points of those."""
+    _, face_ids, weights = tree.closest_points(points, max_distance=_OFF_MESH, threads=threads)
+    met = face_ids >= 0
+    corners = tree.positions[tree.faces[face_ids[met]]]
+    return np.asarray(met), np.einsum("nc,ncx->nx", weights[met], corners)
+
+
+def _apart(
+    ids: IntArray, places: FloatArray, costs: FloatArray, quads: IntArray, n_vertices: int
+) -> BoolArray:
+    """(m,) bool: which vertices go onto an edge, those that move least first, none too close."""
+    rows = np.full(n_vertices, -1)
+    rows[ids] = np.arange(len(ids))
+    corners = rows[quads]
+    pairs = np.concatenate([corners[:, [i, j]] for i in range(4) for j in range(i)])
+    pairs = np.unique(np.sort(pairs[(pairs >= 0).all(axis=1)], axis=1), axis=0)
+    close = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1) < _APART
+    pairs = pairs[close]
+    ranks = np.empty(len(ids), dtype=np.int64)
+    ranks[np.argsort(costs, kind="stable")] = np.arange(len(ids))
+    chosen, open_ = np.zeros(len(ids), dtype=np.bool_), np.ones(len(ids), dtype=np.bool_)
+    while open_.any():
+        least = np.full(len(ids), len(ids))
+        live = pairs[open_[pairs].all(axis=1)]
+        np.minimum.at(least, live[:, 0], ranks[live[:, 1]])
+        np.minimum.at(least, live[:, 1], ranks[live[:, 0]])
+        now = open_ & (ranks < least)
+        chosen |= now
+        open_ &= ~now
+        open_[live[now[live[:, 0]], 1]] = False
+        open_[live[now[live[:, 1]], 0]] = False
+    return _without_slivers(chosen, places, costs, corners)
+
+
+def _without_slivers(
+    chosen: BoolArray, places: FloatArray, costs: FloatArray, corners: IntArray
+) -> BoolArray:
+    """Leave out the costliest of three vertices on one line, of quads that lie on edges wholly."""
+    full = corners[(corners >= 0).all(axis=1)]
+    full = full[chosen[full].all(axis=1)]
+    triples = np.concatenate([np.delete(full, k, axis=1) for k in range(4)])
+    sides = places[triples[:, 1:]] - places[triples[:, :1]]
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    triples = triples[areas < _SLIVER]
+    chosen = chosen.copy()
+    while True:
+        left = triples[chosen[triples].all(axis=1)]
+        if len(left) == 0:
+            return chosen
+        chosen[left[np.arange(len(left)), costs[left].argmax(axis=1)]] = False
+
+
+def divided_along(
+    faces: IntArray, quads: IntArray, is_sharp: BoolArray, before: FloatArray, after: FloatArray
+) -> IntArray:
+    """Divide quads between two opposite corners on a sharp edge along that edge.
+
+    Parameters
+    ----------
+    faces : (2 n, 3) int32
+        The quads as they are divided so far, two faces each.
+    quads : (n, 4) int32
+    is_sharp : (V,) bool
+    before, after : (V, 3) float64
+        The vertices, before they moved and now.
+    """
+    sharp = is_sharp[quads]
+    n_sharp = sharp.sum(axis=1)
+    opposite = (n_sharp == 2) & (sharp[:, 0] == sharp[:, 2])
+    # Of three vertices on an edge the one in the middle lies opposite to the fourth.
+    rows = np.flatnonzero(opposite | (n_sharp == 3))
+    first = np.where(n_sharp == 3, (~sharp).argmax(axis=1), sharp.argmax(axis=1))[rows]
+    turned = np.take_along_axis(quads[rows], (first[:, None] + np.arange(4)) % 4, axis=1)
+    halves = np.stack([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]], axis=1)
+    diagonals = (
+        before[turned[:, 2]] - before[turned[:, 0]],
+        before[turned[:, 3]] - before[turned[:, 1]],
+    )
+    upright = np.cross(*diagonals)
+    crosses = np.cross(
+        after[halves[..., 1]] - after[halves[..., 0]], after[halves[..., 2]] - after[halves[..., 0]]
+    )
+    lengths = np.linalg.norm(crosses, axis=2) * np.linalg.norm(upright, axis=1)[:, None]
+    fits = (np.einsum("nkx,nx->nk", crosses, upright) > _UPRIGHT * lengths).all(axis=1)
+    divided = faces.reshape(-1, 2, 3).copy()
+    divided[rows[fits]] = halves[fits]
+    return divided.reshape(-1, 3)
+
+
+def _normals_of(tree: TriangleTree, face_ids: IntArray) -> FloatArray:
+    """(V, 3): unit normals of faces of the mesh; 0 for those without area, or for none."""
+    normals = _crosses(tree.positions, tree.faces[np.maximum(face_ids, 0)])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    unit = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    unit[face_ids < 0] = 0.0
+    return np.asarray(unit)
+
+
+def _candidates(quads: IntArray, normals: FloatArray, face_ids: IntArray) -> BoolArray:
+    """(V,) bool: vertices of quads whose corners lie on faces at an angle."""
+    bends = np.zeros(len(quads), dtype=np.bool_)
+    for i in range(4):
+        for j in range(i):
+            one, other = quads[:, i], quads[:, j]
+            # Either side of a face may be the outer one: the mesh may be wound in any way.
+            cosines = np.abs(np.einsum("nx,nx->n", normals[one], normals[other]))
+            bends |= (cosines < _SHARP) & (face_ids[one] >= 0) & (face_ids[other] >= 0)
+    found = np.zeros(len(normals), dtype=np.bool_)
+    found[quads[bends]] = True
+    return found & (face_ids >= 0)
+
+
+def _sums(
+    normals: FloatArray, offsets: FloatArray, rows: npt.NDArray[np.intp], n: int
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 3, 3) and (n, 3): of planes, the sums of products of normals, and of their pulls."""
+    moments, pulls = np.empty((n, 3, 3)), np.empty((n, 3))
+    distances = np.einsum("nx,nx->n", normals, offsets)
+    for i in range(3):
+        pulls[:, i] = np.bincount(rows, normals[:, i] * distances, n)
+        for j in range(3):
+            moments[:, i, j] = np.bincount(rows, normals[:, i] * normals[:, j], n)
+    return moments, pulls
+
+
+def _meetings(moments: FloatArray, pulls: FloatArray) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    """(n, 3): where planes meet, as near as possible to 0 along what they leave open.
+
+    And (n,) int: how many directions their normals span, 1 for a plane and 3 for a corner.
+    """
+    values, axes = np.linalg.eigh(moments)
+    kept = values > _LEAST_SPAN * values[:, 2:]
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
+    along = np.einsum("nxk,nx->nk", axes, pulls) * inverse
+    return np.asarray(np.einsum("nxk,nk->nx", axes, along)), kept.sum(axis=1)
+
+
+def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
+    """Flip edges between two faces whose opposite corners lie on a sharp edge, one flip a face."""
+    tails, heads, keys, twins = _half_edges(faces, len(positions))
+    half = np.flatnonzero(np.arange(len(keys)) < twins)
+    one, other = half, twins[half]
+    across = [faces[e // 3, (e % 3 + 2) % 3] for e in (one, other)]
+    wanted = is_sharp[across[0]] & is_sharp[across[1]]
+    wanted &= ~(is_sharp[tails[one]] & is_sharp[heads[one]])
+    a, b = (ids[wanted] for ids in across)
+    c, d = tails[one[wanted]], heads[one[wanted]]
+    known = np.sort(keys)
+    joined = a.astype(np.int64) * len(positions) + b
+    at = np.minimum(np.searchsorted(known, joined), len(known) - 1)
+    halves = np.stack([np.stack([a, b, d], 1), np.stack([b, a, c], 1)], axis=1)
+    sides = one[wanted] // 3, other[wanted] // 3
+    upright = _crosses(positions, faces[sides[0]]) + _crosses(positions, faces[sides[1]])
+    crosses = _crosses(positions, halves)
+    lengths = np.linalg.norm(crosses, axis=2) * np.linalg.norm(upright, axis=1)[:, None]
+    fits = (np.einsum("nkx,nx->nk", crosses, upright) > _UPRIGHT * lengths).all(axis=1)
+    fits &= (np.linalg.norm(crosses, axis=2) > _SLIVER).all(axis=1)
+    fits &= known[at] != joined
+    flipped = faces.copy()
+    taken: set[int | tuple[int, int]] = set()
+    for k in np.flatnonzero(fits):
+        pair = int(sides[0][k]), int(sides[1][k])
+        link = int(min(a[k], b[k])), int(max(a[k], b[k]))
+        if taken.isdisjoint((*pair, link)):
+            taken.update((*pair, link))
+            flipped[list(pair)] = halves[k]
+    return flipped
+
+
+def _crosses(positions: FloatArray, faces: IntArray) -> FloatArray:
+    corners = positions[faces]
+    sides = corners[..., 1:, :] - corners[..., :1, :]
+    return np.asarray(np.cross(sides[..., 0, :], sides[..., 1, :]))
+
+
+def with_hard_edges(mesh: Mesh) -> Mesh:
+    """Return a closed mesh with normals that jump at its sharp edges, and are smooth elsewhere."""
+    faces = mesh.faces
+    twins = _half_edges(faces, mesh.n_vertices)[3]
+    normals = face_normals(mesh)
+    here = np.arange(len(twins))
+    smooth = np.einsum("nx,nx->n", normals[here // 3], normals[twins // 3]) >= _SHARP
+    one, other = here[smooth], twins[smooth]
+    labels = np.arange(len(twins), dtype=np.int32)
+    # A half edge starts where its twin ends, at the corner after that in which the twin starts.
+    core.merge_labels(labels, one.astype(np.int32), _next_corner(other).astype(np.int32))
+    used, rows = np.unique(labels, return_inverse=True)
+    normal_faces = np.asarray(rows.reshape(faces.shape), np.int32)
+    values = weighted_normals(mesh.positions, faces, normal_faces, len(used))
+    return mesh.replace(normals=values, normal_faces=normal_faces)
+
+
+def _half_edges(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray, Ids, Ids]:
+    """Both ends of the edge that starts at each corner, a key of them, and the other half's corner.
+
+    Faces are those of a closed and oriented surface.
+    """
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    keys = tails.astype(np.int64) * n_vertices + heads
+    order = np.argsort(keys)
+    back = heads.astype(np.int64) * n_vertices + tails
+    return tails, heads, keys, order[np.searchsorted(keys[order], back)]
+
+
+def _next_corner(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    return np.where(corners % 3 == 2, corners - 2, corners + 1)
