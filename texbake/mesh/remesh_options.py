@@ -55,8 +55,8 @@ class RemeshOptions(CheckedOptions):
     sharp_edges: Annotated[
         bool,
         Option(
-            "Keep edges where the faces of the mesh meet at more than 30 degrees, and corners, "
-            "sharp. They are rounded by up to a voxel without it."
+            "Keep corners and edges sharp where the faces of the mesh meet at more than 30 "
+            "degrees. Without it, they are rounded by up to a voxel."
         ),
     ] = False
     components: Annotated[
