@@ -183,3 +183,17 @@ def test_a_process_does_the_same(script, folder, tmp_path):
         capture_output=True, text=True, check=True, timeout=60,
     )  # fmt: skip
     assert "arm_low  from arm_high" in done.stdout
+
+
+def test_an_asset_in_other_units_is_refused(run, tmp_path):
+    for side, scale in (("low", 1.0), ("high", 100.0)):
+        (tmp_path / side).mkdir()
+        for name, x, u in (("arm", 0, 0.0), ("leg", 2, 0.5)):
+            mesh = square(f"{name}_{side}", x, z=1.0, u=u)
+            mesh = mesh.replace(positions=scale * mesh.positions)
+            write_mesh(mesh, tmp_path / side / f"{mesh.name}.obj")
+    result = run(tmp_path / "high", tmp_path / "low", "--match-by-name")
+    assert result.exit_code == 1
+    assert "arm_low.obj and 1 more: The high-poly mesh is 100" in result.stderr
+    assert "times as large" in result.stderr
+    assert not (tmp_path / "maps").exists()

@@ -25,6 +25,7 @@ from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
+from texbake.jobs.fit import check_fit
 from texbake.jobs.maps import (
     DEFAULT_FORMAT,
     check_map_files,
@@ -41,6 +42,7 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
@@ -149,6 +151,7 @@ def bake_parts_files(
         with stages.part("read meshes"):
             highs, lows = _read(high, progress), _read(low, progress)
             cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+            check_fit(_whole(highs), _whole(lows), threads=options.threads)
         materials = _high_materials(high, highs, options, high_texture)
         result = bake_parts(
             highs,
@@ -225,6 +228,13 @@ def match_parts_files(
 
 def _read(paths: Iterable[PathLike], progress: ProgressSink | None) -> list[Mesh]:
     return [read_mesh(path, progress=progress) for path in paths]
+
+
+def _whole(meshes: Sequence[Mesh]) -> Mesh:
+    """Return the shape of all meshes as one."""
+    name = meshes[0].name if len(meshes) == 1 else f"{meshes[0].name} and {len(meshes) - 1} more"
+    shapes = [Mesh(positions=mesh.positions, faces=mesh.faces) for mesh in meshes]
+    return join_meshes(shapes).replace(name=name)
 
 
 def _pattern_of_sets(pattern: str, parts: PartsOptions) -> str:
