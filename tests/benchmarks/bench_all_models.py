@@ -1,6 +1,6 @@
 """`texbake run` on every model of the data folder: figures of each asset, and a sheet of all.
 
-    python tests/benchmarks/bench_all_models.py OUT [NAME ...] [--picture SHEET.png]
+    python tests/benchmarks/bench_all_models.py OUT [NAME ...] [--picture SHEET.jpg]
 
 The models are those of TEXBAKE_DATA, or of ../shared/data beside the project: single meshes,
 dense meshes of pairs, broken meshes and glTF models. Each gets a tenth of its triangles, 500 at
@@ -175,7 +175,7 @@ def main() -> None:
         f"changes PSNR by {np.median(better):+.1f} dB in the median."
     )
     if arguments.picture:
-        sheet(entries).save(arguments.picture, optimize=True)
+        sheet(entries).save(arguments.picture, optimize=True, quality=85)
 
 
 if __name__ == "__main__":
