@@ -22,7 +22,7 @@ from texbake.jobs.lighten_options import LightenOptions
 from texbake.texture.image import write_image
 
 SIZE = 2048
-RUNS = 1
+RUNS = 5
 MAPS = {"map_Kd": "color", "map_Ke": "glow", "map_Pr": "rough", "map_Pm": "metal", "norm": "bumps"}
 
 
