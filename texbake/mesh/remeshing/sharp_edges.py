@@ -117,7 +117,7 @@ def _on_mesh(
 def _apart(
     ids: IntArray, places: FloatArray, costs: FloatArray, quads: IntArray, n_vertices: int
 ) -> BoolArray:
-    """(m,) bool: which vertices go onto an edge, those that move least first, none too close."""
+    """(m,) bool: which vertices go onto an edge: those that move least, none close to another."""
     rows = np.full(n_vertices, -1)
     rows[ids] = np.arange(len(ids))
     corners = rows[quads]
@@ -144,7 +144,7 @@ def _apart(
 def _without_slivers(
     chosen: BoolArray, places: FloatArray, costs: FloatArray, corners: IntArray
 ) -> BoolArray:
-    """Leave out the costliest of three vertices on one line, of quads that lie on edges wholly."""
+    """Leave out the costliest of three vertices on one line, in quads with all corners on edges."""
     full = corners[(corners >= 0).all(axis=1)]
     full = full[chosen[full].all(axis=1)]
     triples = np.concatenate([np.delete(full, k, axis=1) for k in range(4)])
@@ -162,7 +162,9 @@ def _without_slivers(
 def divided_along(
     faces: IntArray, quads: IntArray, is_sharp: BoolArray, before: FloatArray, after: FloatArray
 ) -> IntArray:
-    """Divide quads between two opposite corners on a sharp edge along that edge.
+    """Divide quads along the sharp edge that two opposite corners lie on.
+
+    Where three corners lie on it, the quad is divided through the one in the middle instead.
 
     Parameters
     ----------
@@ -186,11 +188,7 @@ def divided_along(
         before[turned[:, 3]] - before[turned[:, 1]],
     )
     upright = np.cross(*diagonals)
-    crosses = np.cross(
-        after[halves[..., 1]] - after[halves[..., 0]], after[halves[..., 2]] - after[halves[..., 0]]
-    )
-    lengths = np.linalg.norm(crosses, axis=2) * np.linalg.norm(upright, axis=1)[:, None]
-    fits = (np.einsum("nkx,nx->nk", crosses, upright) > _UPRIGHT * lengths).all(axis=1)
+    fits = _face_along(upright, _crosses(after, halves))
     divided = faces.reshape(-1, 2, 3).copy()
     divided[rows[fits]] = halves[fits]
     return divided.reshape(-1, 3)
@@ -245,7 +243,7 @@ def _meetings(moments: FloatArray, pulls: FloatArray) -> tuple[FloatArray, npt.N
 
 
 def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
-    """Flip edges between two faces whose opposite corners lie on a sharp edge, one flip a face."""
+    """Flip edges between two faces whose opposite corners lie on a sharp edge, once per face."""
     tails, heads, keys, twins = _half_edges(faces, len(positions))
     half = np.flatnonzero(np.arange(len(keys)) < twins)
     one, other = half, twins[half]
@@ -261,8 +259,7 @@ def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -
     sides = one[wanted] // 3, other[wanted] // 3
     upright = _crosses(positions, faces[sides[0]]) + _crosses(positions, faces[sides[1]])
     crosses = _crosses(positions, halves)
-    lengths = np.linalg.norm(crosses, axis=2) * np.linalg.norm(upright, axis=1)[:, None]
-    fits = (np.einsum("nkx,nx->nk", crosses, upright) > _UPRIGHT * lengths).all(axis=1)
+    fits = _face_along(upright, crosses)
     fits &= (np.linalg.norm(crosses, axis=2) > _SLIVER).all(axis=1)
     fits &= known[at] != joined
     flipped = faces.copy()
@@ -276,7 +273,15 @@ def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -
     return flipped
 
 
+def _face_along(upright: FloatArray, crosses: FloatArray) -> BoolArray:
+    """(n,) bool: whether both of two faces, by their normals (n, 2, 3), face along a vector."""
+    lengths = np.linalg.norm(crosses, axis=2) * np.linalg.norm(upright, axis=1)[:, None]
+    cosines = np.einsum("nkx,nx->nk", crosses, upright)
+    return np.asarray((cosines > _UPRIGHT * lengths).all(axis=1))
+
+
 def _crosses(positions: FloatArray, faces: IntArray) -> FloatArray:
+    """Normals of faces, twice as long as their areas."""
     corners = positions[faces]
     sides = corners[..., 1:, :] - corners[..., :1, :]
     return np.asarray(np.cross(sides[..., 0, :], sides[..., 1, :]))
