@@ -221,11 +221,6 @@ def opposite_half_edges(
     return opposite
 
 
-def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    """The next half-edge of the same face; its number is also that of the corner it starts at."""
-    return half_edges + np.where(half_edges % 3 == 2, -2, 1)
-
-
 def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray:
     """Number the connected groups of items.
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, weighted_normals
+from texbake.mesh.topology import next_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
 BoolArray = npt.NDArray[np.bool_]
@@ -297,7 +298,7 @@ def with_hard_edges(mesh: Mesh) -> Mesh:
     one, other = here[smooth], twins[smooth]
     labels = np.arange(len(twins), dtype=np.int32)
     # A half edge starts where its twin ends, at the corner after that in which the twin starts.
-    core.merge_labels(labels, one.astype(np.int32), _next_corner(other).astype(np.int32))
+    core.merge_labels(labels, one.astype(np.int32), next_half_edges(other).astype(np.int32))
     used, rows = np.unique(labels, return_inverse=True)
     normal_faces = np.asarray(rows.reshape(faces.shape), np.int32)
     values = weighted_normals(mesh.positions, faces, normal_faces, len(used))
@@ -314,7 +315,3 @@ def _half_edges(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray, I
     order = np.argsort(keys)
     back = heads.astype(np.int64) * n_vertices + tails
     return tails, heads, keys, order[np.searchsorted(keys[order], back)]
-
-
-def _next_corner(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    return np.where(corners % 3 == 2, corners - 2, corners + 1)
