@@ -142,11 +142,6 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     return EdgeNeighbors(first // 3, second // 3, tails[first] == heads[second], others // 3)
 
 
-def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    """The next half-edge of the same face; its number is also that of the corner it starts at."""
-    return half_edges + np.where(half_edges % 3 == 2, -2, 1)
-
-
 def repeated_vertices(faces: IntArray) -> BoolArray:
     """(F,) bool: faces that have one vertex at two corners or three."""
     a, b, c = faces.T

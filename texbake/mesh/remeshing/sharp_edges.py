@@ -16,14 +16,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, weighted_normals
-from texbake.mesh.topology import next_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
 BoolArray = npt.NDArray[np.bool_]
-Ids = npt.NDArray[np.int64]
 
 # Faces of the mesh at a greater angle make a sharp edge.
 _SHARP = math.cos(math.radians(30.0))
@@ -245,15 +244,16 @@ def _meetings(moments: FloatArray, pulls: FloatArray) -> tuple[FloatArray, npt.N
 
 def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
     """Flip edges between two faces whose opposite corners lie on a sharp edge, once per face."""
-    tails, heads, keys, twins = _half_edges(faces, len(positions))
-    half = np.flatnonzero(np.arange(len(keys)) < twins)
-    one, other = half, twins[half]
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    opposite = _opposite_half_edges(faces)
+    one = np.flatnonzero(np.arange(len(opposite)) < opposite)
+    other = opposite[one]
     across = [faces[e // 3, (e % 3 + 2) % 3] for e in (one, other)]
     wanted = is_sharp[across[0]] & is_sharp[across[1]]
     wanted &= ~(is_sharp[tails[one]] & is_sharp[heads[one]])
     a, b = (ids[wanted] for ids in across)
     c, d = tails[one[wanted]], heads[one[wanted]]
-    known = np.sort(keys)
+    known = np.sort(tails.astype(np.int64) * len(positions) + heads)
     joined = a.astype(np.int64) * len(positions) + b
     at = np.minimum(np.searchsorted(known, joined), len(known) - 1)
     halves = np.stack([np.stack([a, b, d], 1), np.stack([b, a, c], 1)], axis=1)
@@ -291,13 +291,14 @@ def _crosses(positions: FloatArray, faces: IntArray) -> FloatArray:
 def with_hard_edges(mesh: Mesh) -> Mesh:
     """Return a closed mesh with normals that jump at its sharp edges, and are smooth elsewhere."""
     faces = mesh.faces
-    twins = _half_edges(faces, mesh.n_vertices)[3]
+    opposite = _opposite_half_edges(faces)
     normals = face_normals(mesh)
-    here = np.arange(len(twins))
-    smooth = np.einsum("nx,nx->n", normals[here // 3], normals[twins // 3]) >= _SHARP
-    one, other = here[smooth], twins[smooth]
-    labels = np.arange(len(twins), dtype=np.int32)
-    # A half edge starts where its twin ends, at the corner after that in which the twin starts.
+    here = np.arange(len(opposite))
+    smooth = np.einsum("nx,nx->n", normals[here // 3], normals[opposite // 3]) >= _SHARP
+    smooth &= opposite >= 0
+    one, other = here[smooth], opposite[smooth]
+    labels = np.arange(len(opposite), dtype=np.int32)
+    # A half-edge starts where the opposite one ends: at the corner after that one's.
     core.merge_labels(labels, one.astype(np.int32), next_half_edges(other).astype(np.int32))
     used, rows = np.unique(labels, return_inverse=True)
     normal_faces = np.asarray(rows.reshape(faces.shape), np.int32)
@@ -305,13 +306,5 @@ def with_hard_edges(mesh: Mesh) -> Mesh:
     return mesh.replace(normals=values, normal_faces=normal_faces)
 
 
-def _half_edges(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray, Ids, Ids]:
-    """Both ends of the edge that starts at each corner, a key of them, and the other half's corner.
-
-    Faces are those of a closed and oriented surface.
-    """
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    keys = tails.astype(np.int64) * n_vertices + heads
-    order = np.argsort(keys)
-    back = heads.astype(np.int64) * n_vertices + tails
-    return tails, heads, keys, order[np.searchsorted(keys[order], back)]
+def _opposite_half_edges(faces: IntArray) -> IntArray:
+    return opposite_half_edges(faces, solid=np.ones(len(faces), dtype=np.bool_))

@@ -1,0 +1,80 @@
+"""Half-edges of triangles, numbered like the corners that they start at, and undirected edges."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.mesh import IntArray
+from texbake.mesh.weld import weld_rows
+
+
+def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
+    """Number the undirected edges between corners.
+
+    Parameters
+    ----------
+    corners : (F, 3) int
+        Equal for corners that are the same; below 2^31.
+
+    Returns
+    -------
+    (F, 3) int64
+        Number of the edge from each corner to the next; from 0 without gaps.
+    """
+    tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
+    ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
+    firsts = weld_rows(ends.reshape(-1, 2))
+    numbers = np.cumsum(firsts == np.arange(len(firsts))) - 1
+    return np.asarray(numbers[firsts].reshape(-1, 3), dtype=np.int64)
+
+
+def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
+    """The next half-edge of the same face; its number is also that of the corner it starts at."""
+    return half_edges + np.where(half_edges % 3 == 2, -2, 1)
+
+
+def opposite_half_edges(
+    corners: IntArray, *, solid: npt.NDArray[np.bool_], regions: IntArray | None = None
+) -> IntArray:
+    """The half-edge opposite to each, across which the surface continues.
+
+    Parameters
+    ----------
+    corners : (F, 3) int32
+        Equal for corners at one place.
+    solid : (F,) bool
+        Faces to consider, as if there were no others.
+    regions : (F,) int32, optional
+        Faces of different regions are not neighbors.
+
+    Returns
+    -------
+    (3 F,) int32
+        -1 where there is none: at the boundary, between regions, where more than two faces meet,
+        and where two faces of opposite winding meet.
+
+    Examples
+    --------
+    >>> square = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    >>> opposite_half_edges(square, solid=np.array([True, True])).tolist()
+    [-1, -1, 3, 2, -1, -1]
+    """
+    opposite = np.full(3 * len(corners), -1, dtype=np.int32)
+    if not solid.any():
+        return opposite
+    half_edges = (3 * np.flatnonzero(solid)[:, None] + np.arange(3)).ravel()
+    edges = edge_ids(corners[solid]).ravel()
+    order = np.argsort(edges, kind="stable")
+    counts = np.bincount(edges)
+    first = (np.cumsum(counts) - counts)[counts == 2]
+    one, other = half_edges[order[first]], half_edges[order[first + 1]]
+    starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    glued = (starts[one] == ends[other]) & (ends[one] == starts[other]) & (one // 3 != other // 3)
+    glued &= starts[one] != ends[one]
+    if regions is not None:
+        glued &= regions[one // 3] == regions[other // 3]
+    opposite[one[glued]], opposite[other[glued]] = other[glued], one[glued]
+    return opposite
